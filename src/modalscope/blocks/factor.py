@@ -1,0 +1,135 @@
+"""Factorizations H = P diag(d) Q': two routes behind one door, and one function that chooses.
+
+The dense thin singular value decomposition serves small matrices. Where structure gives the Gram matrix of the shorter side
+cheaply, its eigenvectors give the same factors without the matrix; singular values below about 1e-3 of the largest then
+lose digits to the square, and one refinement pass (a product with the leading vectors, an orthogonalization, a small
+decomposition) brings them back.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as sla
+
+from modalscope.blocks.operators import Operator
+from modalscope.model.checks import DataError, RealArray
+
+__all__ = ["Factors", "factorize"]
+
+#: Up to this many entries, and while the shorter side stays below `_DENSE_SIDE`, the dense route takes a fraction of a second.
+_DENSE_ENTRIES = 250_000
+_DENSE_SIDE = 400
+
+#: Extra columns carried through the refinement pass, so that the last wanted direction is as good as the first.
+_EXTRA = 20
+
+#: Ratio of singular values below which the Gram route alone loses more digits than noise-free work may.
+_PASS_BELOW = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Factors:
+    """H = P diag(d) Q', the leading part, with how it was found.
+
+    Parameters
+    ----------
+    P : array, (rows, k)
+        Orthonormal left vectors.
+    d : array, (k,)
+        Singular values, decreasing.
+    Q : array, (columns, k)
+        Orthonormal right vectors.
+    spectrum : array
+        All singular values that the route gives (the Gram route's smallest ones are uncertain).
+    rank : int
+        Number of singular values above rounding.
+    how : str
+        The route, in words.
+    """
+
+    P: RealArray
+    d: RealArray
+    Q: RealArray
+    spectrum: RealArray
+    rank: int
+    how: str
+
+    def transposed(self) -> Factors:
+        """Return the factors of H'."""
+        return Factors(self.Q, self.d, self.P, self.spectrum, self.rank, self.how)
+
+    def check_order(self, order: int) -> None:
+        """Raise when `order` states cannot be told from rounding."""
+        if order > self.rank:
+            raise DataError(
+                f"order={order} was asked",
+                f"the data matrix has rank {self.rank}",
+                f"Lower the order to at most {self.rank}, or give more block rows and columns.",
+            )
+
+
+def factorize(matrix: Operator, rank: int | None = None, route: str = "auto") -> Factors:
+    """Return the leading `rank` singular triplets of a matrix (all when None), by the cheaper exact enough route.
+
+    Parameters
+    ----------
+    matrix : Operator
+    rank : int, optional
+        How many triplets will be used.
+    route : {"auto", "dense", "gram"}
+        "auto" takes the dense decomposition for small matrices and where there is no structure.
+
+    Raises
+    ------
+    DataError
+        A matrix of zeros, or the Gram route without structure.
+    """
+    rows, columns = matrix.shape
+    if rows < columns:
+        return factorize(matrix.transposed(), rank, route).transposed()
+    wanted = columns if rank is None else min(rank, columns)
+    small = rows * columns <= _DENSE_ENTRIES and columns <= _DENSE_SIDE
+    if route == "dense" or (route == "auto" and (small or wanted + _EXTRA >= columns)):
+        return _dense(matrix, wanted)
+    gram = matrix.gram()
+    if gram is not None:
+        return _by_gram(matrix, gram, wanted)
+    if route == "gram":
+        raise DataError("route='gram' was asked", "this data matrix has no structure that gives its Gram matrix", "Use route='auto'.")
+    return _dense(matrix, wanted)
+
+
+def _finish(P: RealArray, d: RealArray, Q: RealArray, spectrum: RealArray, floor: float, how: str) -> Factors:
+    if d.size == 0 or d[0] <= 0:
+        raise DataError("a data matrix with content was asked", "it is zero", "Give data with a response in them.")
+    return Factors(P, d, Q, spectrum, int(np.count_nonzero(d > floor * d[0])), how)
+
+
+def _dense(matrix: Operator, wanted: int) -> Factors:
+    H = matrix.dense()
+    try:
+        P, d, Qt = sla.svd(H, full_matrices=False, lapack_driver="gesdd", check_finite=False)
+    except sla.LinAlgError:  # gesdd rarely fails where the slower gesvd converges
+        P, d, Qt = sla.svd(H, full_matrices=False, lapack_driver="gesvd", check_finite=False)
+    floor = max(H.shape) * np.finfo(float).eps
+    return _finish(P[:, :wanted], d[:wanted], Qt[:wanted].T, d, floor, f"dense singular value decomposition, {H.shape[0]} x {H.shape[1]}")
+
+
+def _by_gram(matrix: Operator, gram: RealArray, wanted: int) -> Factors:
+    columns = gram.shape[0]
+    eps = np.finfo(float).eps
+    carried = min(wanted + _EXTRA, columns)
+    weights, Q = sla.eigh(gram, subset_by_index=(columns - carried, columns - 1), check_finite=False)
+    weights, Q = np.clip(weights[::-1], 0, None), Q[:, ::-1]
+    d = np.sqrt(weights)
+    size = f"{matrix.shape[0]} x {columns}"
+    if d[0] > 0 and d[wanted - 1] > _PASS_BELOW * d[0]:
+        P = matrix.times(np.ascontiguousarray(Q[:, :wanted])) / d[:wanted]
+        return _finish(P, d[:wanted], Q[:, :wanted], d, columns * eps, f"structured Gram matrix of {size}")
+    left, _ = np.linalg.qr(matrix.times(np.ascontiguousarray(Q)))
+    U, d, Vt = np.linalg.svd(matrix.transposed_times(left).T, full_matrices=False)
+    how = f"structured Gram matrix of {size} with a refinement pass"
+    # directions below the Gram matrix' resolution are not separated by it: what the pass finds there is not rank
+    return _finish(left @ U[:, :wanted], d[:wanted], Vt[:wanted].T, d, max(matrix.shape) * eps, how)

@@ -1,0 +1,109 @@
+"""What a block data matrix offers to the realizations, whatever its domain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from modalscope.blocks.operators import Operator
+from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
+
+__all__ = ["DataMatrix", "Evolution", "RowShift"]
+
+Evolution = ComplexArray
+
+
+@dataclass(frozen=True, eq=False)
+class RowShift:
+    """E0 and E1 with (E1 V) = (E0 V) A for the row factor V = [C g_0; C g_1; ...] of the matrix with one block row more.
+
+    In the time domain both select rows. On a polynomial basis E1 combines the block rows by the basis' recurrence
+    x p_k = sum_j h_jk p_j, so that E1 = h' (x) I.
+
+    Parameters
+    ----------
+    before, after : array of int, optional
+        Rows that E0 and E1 select.
+    recurrence : array, (degree + 1, degree), optional
+        h, when E1 combines.
+    block : int
+        Rows in a block.
+    weight : array, optional
+        Row weights that the factor still carries; they are removed first.
+    """
+
+    block: int
+    before: IntArray | None = None
+    after: IntArray | None = None
+    recurrence: RealArray | None = None
+    weight: RealArray | None = None
+
+    @classmethod
+    def selection(cls, before: IntArray, after: IntArray, weight: RealArray | None, *, block: int) -> RowShift:
+        """Return the shift of a Hankel matrix' rows; as slices in effect when the blocks are whole."""
+        return cls(block=block, before=before, after=after, weight=weight)
+
+    def unweighted(self, V: Array) -> RealArray:
+        """Return V without the row weights."""
+        return V if self.weight is None else V / self.weight[:, None]
+
+    def split(self, V: Array) -> tuple[RealArray, RealArray]:
+        """Return E0 V and E1 V."""
+        V = self.unweighted(V)
+        if self.recurrence is None:
+            assert self.before is not None and self.after is not None
+            return _rows(V, self.before), _rows(V, self.after)
+        h = self.recurrence
+        blocks = V.reshape(h.shape[0], self.block, -1)
+        combined = np.tensordot(h.T, blocks, axes=1).reshape(h.shape[1] * self.block, -1)
+        return V[: h.shape[1] * self.block], combined
+
+
+def _rows(V: Array, index: IntArray) -> RealArray:
+    """Select rows: a view when they are consecutive, as they are for whole blocks."""
+    first, last = int(index[0]), int(index[-1])
+    if last - first + 1 == index.size and np.array_equal(index, np.arange(first, last + 1)):
+        return V[first : last + 1]
+    return np.asarray(V[index])
+
+
+class DataMatrix(Protocol):
+    """The object between the data and the factorizations.
+
+    `tall()` holds the rows of H(0) and of H(1) together; `row_shift` belongs to its factors. What the structure does not
+    allow is a DataError that says so.
+    """
+
+    @property
+    def block_rows(self) -> int:
+        """Blocks in a column of H(0)."""
+
+    def shifted(self, k: int) -> Operator:
+        """H(k), k = 0 or 1."""
+
+    def tall(self) -> Operator:
+        """H with one block row more than H(0)."""
+
+    @property
+    def row_shift(self) -> RowShift:
+        """E0 and E1."""
+
+    def first_rows(self, right: Array) -> RealArray:
+        """The first block row of H(0), times X, such that C = first_rows(Q d^-1/2)."""
+
+    def first_columns(self, left: Array) -> RealArray | None:
+        """Z' times the first block column, such that B = first_columns(P d^-1/2); None where columns are lines."""
+
+    def to_s(self, poles: Array) -> ComplexArray:
+        """Continuous poles, rad/s."""
+
+    def from_s(self, poles: Array) -> ComplexArray:
+        """The matrix' own poles from continuous ones."""
+
+    def evolution(self, poles: Array, blocks: int) -> Evolution:
+        """How a mode runs down the block rows: (blocks, n) factors of its first block."""
+
+    def describe(self) -> str:
+        """What the matrix is, in words."""

@@ -1,0 +1,74 @@
+"""Polynomials orthogonal on the lines of a band, built by the Arnoldi process (Vandermonde with Arnoldi).
+
+Powers of j w are useless beyond degree five or so: their Gram matrix is singular to rounding. The basis here satisfies
+x p_k = sum_j h_jk p_j with a real Hessenberg matrix h when the points come in conjugate pairs, and is orthonormal in the
+weighted sum over the points and their conjugates.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from modalscope.model.checks import ComplexArray, DataError, RealArray
+
+__all__ = ["evaluate", "orthogonal_basis"]
+
+
+def orthogonal_basis(points: ArrayLike, degree: int, weights: ArrayLike | None = None) -> tuple[ComplexArray, RealArray]:
+    """Return p_0 ... p_degree at the points and their recurrence.
+
+    Parameters
+    ----------
+    points : array of complex, (F,)
+        Points in the upper half of the plane; their conjugates are understood.
+    degree : int
+    weights : array, (F,), optional
+        Positive weights w of the inner product sum w^2 Re(conj(p) q).
+
+    Returns
+    -------
+    basis : array of complex, (F, degree + 1)
+        p_k at the points, without weights.
+    recurrence : array, (degree + 1, degree)
+        h with x p_k = sum_j h[j, k] p_j, real.
+
+    Raises
+    ------
+    DataError
+        More polynomials than the points can carry.
+
+    Notes
+    -----
+    Brubeck, Nakatsukasa and Trefethen, Vandermonde with Arnoldi, SIAM Review 63 (2021).
+    """
+    x = np.asarray(points, dtype=complex)
+    w = np.ones(x.size) if weights is None else np.asarray(weights, dtype=float)
+    independent = 2 * np.unique(x).size
+    if degree + 1 > independent:
+        raise DataError(f"polynomials to degree {degree} were asked", f"{np.unique(x).size} lines carry {independent} of them", "Use more lines or fewer block rows.")
+    basis = np.zeros((x.size, degree + 1), dtype=complex)
+    h = np.zeros((degree + 1, degree))
+    w2 = w**2
+    basis[:, 0] = 1 / np.sqrt(w2.sum())
+    for k in range(degree):
+        v = x * basis[:, k]
+        for _ in range(2):  # a second orthogonalization makes the basis orthogonal to rounding
+            c = (basis[:, : k + 1].conj().T @ (w2 * v)).real
+            h[: k + 1, k] += c
+            v -= basis[:, : k + 1] @ c
+        h[k + 1, k] = np.sqrt(np.sum(w2 * np.abs(v) ** 2))
+        basis[:, k + 1] = v / h[k + 1, k]
+    return basis, h
+
+
+def evaluate(recurrence: RealArray, first: float, points: ArrayLike) -> ComplexArray:
+    """Return p_0 ... p_q at any points (poles, say) by the recurrence, (q + 1, points); p_0 = `first`."""
+    x = np.asarray(points, dtype=complex)
+    degree = recurrence.shape[1]
+    values = np.empty((degree + 1, x.size), dtype=complex)
+    values[0] = first
+    with np.errstate(over="ignore", invalid="ignore"):
+        for k in range(degree):
+            values[k + 1] = (x * values[k] - recurrence[: k + 1, k] @ values[: k + 1]) / recurrence[k + 1, k]
+    return values

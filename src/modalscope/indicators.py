@@ -1,0 +1,185 @@
+"""Accuracy of modes: correlation of shapes, complexity, and coherence of what was identified with how a mode must evolve.
+
+A modal coordinate's rows of the observability factor are c_j g_0, c_j g_1, ... and its columns of the controllability factor
+b_j h_0, b_j h_1, ...: in the time domain g_k = h_k = z_j^k, in the frequency domain the basis polynomials and 1 / (x_i - s_j).
+How well the identified factors obey that is the amplitude coherence and the extended modal amplitude coherence (EMAC).
+All are invariant under a change of coordinates of the model and lie between 0 and 1 (MSV up to its scale).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
+
+__all__ = [
+    "amplitude_coherence",
+    "cluster_mpc",
+    "clusters",
+    "cmif",
+    "decay_step",
+    "emac_channels",
+    "mac",
+    "modal_singular_values",
+    "mpc",
+    "mpd",
+    "weighted_mean",
+]
+
+
+def mac(shapes_a: ArrayLike, shapes_b: ArrayLike | None = None) -> RealArray:
+    """Modal assurance criterion |a* b|^2 / (a* a)(b* b) between the columns of two sets of shapes.
+
+    Parameters
+    ----------
+    shapes_a : array, (l, na)
+    shapes_b : array, (l, nb), optional
+        `shapes_a` itself by default.
+
+    Returns
+    -------
+    array, (na, nb)
+        1 for shapes equal but for a complex factor, 0 for orthogonal ones (and for a shape of zeros).
+
+    Raises
+    ------
+    DataError
+        A different number of channels.
+
+    Examples
+    --------
+    >>> mac([[1, 1], [1, -1]]).round(3)
+    array([[1., 0.],
+           [0., 1.]])
+    """
+    a = np.asarray(shapes_a)
+    b = a if shapes_b is None else np.asarray(shapes_b)
+    a, b = (x[:, None] if x.ndim == 1 else x for x in (a, b))
+    if a.shape[0] != b.shape[0]:
+        raise DataError("the MAC of two sets of shapes was asked", f"they have {a.shape[0]} and {b.shape[0]} channels", "Select the same channels in both.")
+    cross = np.abs(a.conj().T @ b) ** 2
+    norms = np.sum(np.abs(a) ** 2, axis=0)[:, None] * np.sum(np.abs(b) ** 2, axis=0)
+    return np.asarray(np.divide(cross, norms, out=np.zeros_like(cross, dtype=float), where=norms > 0))
+
+
+def mpc(shapes: ArrayLike) -> RealArray:
+    """Modal phase collinearity ((Sxx - Syy)^2 + 4 Sxy^2) / (Sxx + Syy)^2 of each column, x and y its real and imaginary parts.
+
+    1 for a shape whose components are in phase or in opposition, 0 for a travelling wave. The mean is not removed: that
+    would destroy nearly uniform shapes. For repeated modes use `cluster_mpc`.
+    """
+    phi = np.asarray(shapes, dtype=np.complex128)
+    xx, yy = np.sum(phi.real**2, axis=0), np.sum(phi.imag**2, axis=0)
+    xy = np.sum(phi.real * phi.imag, axis=0)
+    total = (xx + yy) ** 2
+    return np.asarray(np.divide((xx - yy) ** 2 + 4 * xy**2, total, out=np.zeros_like(total), where=total > 0))
+
+
+def mpd(shapes: ArrayLike) -> RealArray:
+    """Mean phase deviation of each column, degrees: amplitude-weighted mean angle between components and the best straight line.
+
+    The line is the leading singular direction of [Re phi, Im phi]. 0 for a shape of one phase.
+    """
+    phi = np.asarray(shapes, dtype=np.complex128)
+    weight = np.abs(phi)
+    # the best line's direction theta: phi^2 summed has twice its angle
+    theta = np.angle(np.sum(phi**2, axis=0)) / 2
+    rotated = phi * np.exp(-1j * theta)
+    off = np.arctan2(np.abs(rotated.imag), np.abs(rotated.real))
+    total = weight.sum(axis=0)
+    return np.asarray(np.degrees(np.divide((weight * off).sum(axis=0), total, out=np.zeros_like(total), where=total > 0)))
+
+
+def cluster_mpc(shapes: ArrayLike) -> float:
+    """Phase collinearity of k repeated modes together: 1 - (s_{k+1} / s_k)^2 of [Re F, Im F], F an orthonormal basis of their span.
+
+    The shapes of repeated modes are any basis of their space, so that single ones may look complex where the space is
+    real; this value does not depend on the basis. For k = 1 it is 1 - (s_2 / s_1)^2.
+    """
+    phi = np.asarray(shapes, dtype=np.complex128)
+    k = phi.shape[1]
+    basis = np.linalg.qr(phi)[0]
+    s = np.linalg.svd(np.hstack([basis.real, basis.imag]), compute_uv=False)
+    return float(1 - (s[k] / s[k - 1]) ** 2) if s.size > k and s[k - 1] > 0 else 1.0
+
+
+def clusters(poles: ArrayLike, width: float = 2e-3) -> list[Array]:
+    """Group poles that lie within `width` (relative) of a neighbour: modes that may be repeated."""
+    s = np.asarray(poles, dtype=np.complex128)
+    near = np.abs(s[:, None] - s) <= width * np.maximum(np.abs(s[:, None]), np.abs(s))
+    left, groups = set(range(s.size)), []
+    while left:
+        group, edge = set(), {min(left)}
+        while edge:
+            group |= edge
+            edge = {int(j) for i in edge for j in np.flatnonzero(near[i])} - group
+        groups.append(np.array(sorted(group)))
+        left -= group
+    return groups
+
+
+def cmif(values: ArrayLike) -> RealArray:
+    """Complex mode indicator function: the singular values of H at every line, (F, min(l, m)), largest first."""
+    return np.asarray(np.linalg.svd(np.asarray(values), compute_uv=False))
+
+
+def amplitude_coherence(identified: Array, first: Array, evolution: Array) -> RealArray:
+    """Modal amplitude coherence |q* qbar| / (|q| |qbar|) of each mode (Juang and Pappa 1985).
+
+    Parameters
+    ----------
+    identified : array, (K, c, n)
+        What was identified: K blocks of c channels for n modes.
+    first : array, (c, n)
+        The block that starts the evolution.
+    evolution : array, (K, n)
+        The factor by which a mode's block k must follow from the first.
+    """
+    inner = np.abs(np.einsum("kcn,cn,kn->n", identified.conj(), first, evolution, optimize=True))
+    size = np.sqrt(np.sum(np.abs(identified) ** 2, axis=(0, 1)))
+    ideal = np.sqrt(np.sum(np.abs(first) ** 2, axis=0) * np.sum(np.abs(evolution) ** 2, axis=0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        value = inner / (size * ideal)
+    return np.where(np.isfinite(value), np.minimum(value, 1.0), 0.0)
+
+
+def decay_step(evolution: Array, least: float = 0.1) -> Array:
+    """Return for each mode the last block whose evolution (K, n) is at least `least` of the first block's.
+
+    At the very last block a heavily damped mode has decayed below rounding and its EMAC would be zero even without
+    noise. The comparison is therefore made where a tenth of the amplitude is left.
+    """
+    size = np.abs(evolution)
+    alive = size >= least * size[0]
+    # the last block of the unbroken run from the start, so that a growing tail of polynomials does not count
+    return np.asarray(np.maximum(np.argmin(np.vstack([alive, np.zeros((1, alive.shape[1]), bool)]), axis=0) - 1, 0))
+
+
+def emac_channels(identified: Array, expected: Array) -> RealArray:
+    """Agreement of identified and expected amplitude in each channel and mode (Pappa, Elliott and Schenk 1993).
+
+    min(|a| / |e|, |e| / |a|) times the phase weight 1 - 4 |arg(a / e)| / pi, not below 0.
+    """
+    a, e = np.abs(identified), np.abs(expected)
+    largest = np.maximum(a, e)
+    ratio = np.divide(np.minimum(a, e), largest, out=np.zeros_like(largest), where=largest > 0)
+    phase = np.abs(np.angle(identified * np.conj(expected)))
+    return np.asarray(ratio * np.clip(1 - 4 * phase / np.pi, 0, None))
+
+
+def weighted_mean(values: Array, amplitude: Array) -> RealArray:
+    """Mean over channels, weighted by the squared amplitude: (c, n), (c, n) -> (n,)."""
+    weight = np.abs(amplitude) ** 2
+    total = weight.sum(axis=0)
+    return np.asarray(np.divide((values * weight).sum(axis=0), total, out=np.zeros_like(total), where=total > 0))
+
+
+def modal_singular_values(shapes: Array, participation: Array, z: ComplexArray, samples: int) -> RealArray:
+    """Return MSV = sqrt(|c| |b| (1 + |z| + ... + |z|^(samples-1))), the share of a mode in the pulse response, unscaled (OKID)."""
+    size = np.linalg.norm(shapes, axis=0) * np.linalg.norm(participation, axis=1)
+    modulus = np.abs(z)
+    gap = 1 - modulus
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        total = np.where(np.abs(gap) < 1e-12, float(samples), (1 - modulus**samples) / gap)
+    return np.asarray(np.sqrt(size * np.abs(total)))

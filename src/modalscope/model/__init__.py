@@ -1,0 +1,24 @@
+"""Floor 0: the nouns, validated at the door, with their own conversions."""
+
+from modalscope.model.checks import DataError
+from modalscope.model.diagram import StabilizationDiagram
+from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.geometry import Geometry
+from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.labels import Dof, parse_dof
+from modalscope.model.modes import ModalModel
+from modalscope.model.signals import Signals
+from modalscope.model.statespace import StateSpace
+
+__all__ = [
+    "DataError",
+    "Dof",
+    "FrequencyResponse",
+    "Geometry",
+    "ImpulseResponse",
+    "ModalModel",
+    "Signals",
+    "StabilizationDiagram",
+    "StateSpace",
+    "parse_dof",
+]

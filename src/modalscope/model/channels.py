@@ -1,0 +1,133 @@
+"""What records and responses share: labels, units and geometry of their channels, and the processing done so far."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+from modalscope.model.checks import Array, DataError, check_choice, freeze
+from modalscope.model.geometry import Geometry
+from modalscope.model.labels import DofLike, check_labels, indices_of
+
+__all__ = ["KINDS", "QUANTITIES", "Channels", "check_quantity", "derivatives_between"]
+
+#: Derivatives of the displacement that each quantity is.
+QUANTITIES = {"displacement": 0, "velocity": 1, "acceleration": 2}
+
+#: Where a Markov sequence came from (see `ImpulseResponse`).
+KINDS = ("pulse", "dirac", "correlation", "free decay")
+
+Units = tuple[tuple[str, ...], tuple[str, ...]]
+
+
+def check_quantity(quantity: str | None) -> str | None:
+    """Return the quantity, or raise when it is not one of displacement, velocity, acceleration or None."""
+    return None if quantity is None else check_choice("quantity", quantity, QUANTITIES)
+
+
+def derivatives_between(quantity: str | None, wanted: str) -> int:
+    """Return how often `quantity` is differentiated to give `wanted`; an unknown quantity is an error."""
+    check_choice("quantity", wanted, QUANTITIES)
+    if quantity is None:
+        raise DataError(
+            f"the response as {wanted} was asked",
+            "its own quantity is not known",
+            'Give quantity="displacement", "velocity" or "acceleration" with the data.',
+        )
+    return QUANTITIES[wanted] - QUANTITIES[quantity]
+
+
+def _one_side(name: str, unit: str | Sequence[str] | None, count: int) -> tuple[str, ...]:
+    if unit is None:
+        return ("",) * count
+    if isinstance(unit, str):
+        return (unit,) * count
+    if len(unit) != count:
+        raise DataError(f"{name} needs {count} units, one a channel", f"{len(unit)} are given", "Give one a channel, or one for all.")
+    return tuple(str(u) for u in unit)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Channels:
+    """Labels, units, geometry and history, common to `Signals`, `ImpulseResponse` and `FrequencyResponse`.
+
+    Parameters
+    ----------
+    output_dofs, input_dofs : sequence of labels, optional
+        Strings such as `3:+Z`, or pairs (node, direction). Without them the channels are called y1, y2, ... and u1, u2, ...
+    units : str or (outputs, inputs), optional
+        One unit for all outputs, or a pair; each of its sides is one unit or one a channel.
+    geometry : Geometry, optional
+        Where the channels are.
+    processing : sequence of str, optional
+        What was done to the data so far, in words.
+    """
+
+    output_dofs: tuple[str, ...] = None  # type: ignore[assignment]
+    input_dofs: tuple[str, ...] = None  # type: ignore[assignment]
+    units: Units = None  # type: ignore[assignment]
+    geometry: Geometry | None = None
+    processing: tuple[str, ...] = ()
+
+    def _label(self, outputs: int, inputs: int) -> None:
+        units: Any = self.units
+        pair = (units, None) if units is None or isinstance(units, str) else tuple(units)
+        if len(pair) != 2:
+            raise DataError("units needs one unit or a pair (outputs, inputs)", f"{len(pair)} are given", 'Give units=("m/s2", "N").')
+        freeze(
+            self,
+            output_dofs=check_labels("output_dofs", self.output_dofs, outputs, "y"),
+            input_dofs=check_labels("input_dofs", self.input_dofs, inputs, "u"),
+            units=(_one_side("outputs", pair[0], outputs), _one_side("inputs", pair[1], inputs)),
+            processing=(self.processing,) if isinstance(self.processing, str) else tuple(self.processing),
+        )
+
+    def _cut(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
+        """Return the changed fields for a choice of channels; the nouns add their own arrays."""
+        return {
+            "output_dofs": tuple(self.output_dofs[i] for i in outputs),
+            "input_dofs": tuple(self.input_dofs[i] for i in inputs),
+            "units": (tuple(self.units[0][i] for i in outputs), tuple(self.units[1][i] for i in inputs)),
+        }
+
+    def noted(self, step: str) -> Self:
+        """Return the same data with one more step of processing written down."""
+        return replace(self, processing=(*self.processing, step))
+
+    def select(
+        self,
+        outputs: Iterable[DofLike] | DofLike | None = None,
+        inputs: Iterable[DofLike] | DofLike | None = None,
+        exclude: Iterable[DofLike] | DofLike | None = None,
+    ) -> Self:
+        """Return some of the channels, named by label or counted from zero.
+
+        Parameters
+        ----------
+        outputs, inputs : labels or indices, optional
+            Channels to keep; all by default.
+        exclude : labels, optional
+            Channels to leave out, on whichever side they stand.
+
+        Raises
+        ------
+        DataError
+            A channel that is not there, or none left.
+        """
+        rows = list(range(len(self.output_dofs))) if outputs is None else indices_of("output", outputs, self.output_dofs)
+        columns = list(range(len(self.input_dofs))) if inputs is None else indices_of("input", inputs, self.input_dofs)
+        if exclude is not None:
+            both = (*self.output_dofs, *(dof for dof in self.input_dofs if dof not in self.output_dofs))
+            out = {both[i] for i in indices_of("channel to exclude", exclude, both)}
+            rows = [i for i in rows if self.output_dofs[i] not in out]
+            kept = [i for i in columns if self.input_dofs[i] not in out]
+            if columns and not kept:
+                raise DataError(f"excluding {', '.join(sorted(out))} was asked", "that leaves no input", "Exclude fewer channels.")
+            columns = kept
+        if not rows:
+            raise DataError("a choice of channels needs at least one output", "none is left", "Exclude fewer channels.")
+        return replace(self, **self._cut(rows, columns), **self._arrays(rows, columns))
+
+    def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Array | None]:
+        raise NotImplementedError

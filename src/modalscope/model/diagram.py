@@ -1,0 +1,98 @@
+"""The stabilization diagram: the poles of every order, side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, freeze, locked
+from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.poles import frequencies_and_damping, pole_kinds
+
+__all__ = ["StabilizationDiagram"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class StabilizationDiagram:
+    """Poles of all orders, flat, with what is stable against the order before.
+
+    Parameters
+    ----------
+    response : ImpulseResponse or FrequencyResponse
+        The data that were identified, cut to the band.
+    method, domain : str
+        The row and the column of the table of methods.
+    orders : tuple of int
+        The orders that were reached, increasing.
+    order_of_pole : array of int, (p,)
+        The order that each pole belongs to.
+    poles : array of complex, (p,)
+        rad/s; one of each conjugate pair, and real ones.
+    shapes : array of complex, (p, l)
+    participation : array of complex, (p, m)
+    stable_frequency, stable_damping, stable_shape : array of bool, (p,)
+        Whether a pole of the order before agrees within the tolerances.
+    indicators : mapping of name to array (p,)
+    singular_values : array, (k,)
+        Of the data matrix that all orders were cut from.
+    tolerances : mapping
+        The limits of stability: frequency and damping (relative), shape (1 - MAC).
+    settings : mapping
+        Block sizes and options that were used.
+    notes : tuple of str
+        What was left out, and why.
+    dt : float or None
+        Sampling interval of the identified system.
+    """
+
+    response: ImpulseResponse | FrequencyResponse
+    method: str
+    domain: str
+    orders: tuple[int, ...]
+    order_of_pole: IntArray
+    poles: ComplexArray
+    shapes: ComplexArray
+    participation: ComplexArray
+    stable_frequency: Array
+    stable_damping: Array
+    stable_shape: Array
+    indicators: Mapping[str, RealArray] = field(default_factory=dict)
+    singular_values: RealArray
+    tolerances: Mapping[str, float] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    dt: float | None = None
+
+    def __post_init__(self) -> None:
+        count = np.shape(self.poles)[0]
+        flat = ("order_of_pole", "poles", "shapes", "participation", "stable_frequency", "stable_damping", "stable_shape")
+        for name in flat:
+            array = np.asarray(getattr(self, name))
+            if array.shape[0] != count:
+                raise DataError(f"a diagram of {count} poles needs as many rows of {name}", f"there are {array.shape[0]}", "Give one a pole.")
+            freeze(self, **{name: locked(array)})
+        freeze(self, indicators={k: locked(np.asarray(v)) for k, v in self.indicators.items()}, singular_values=locked(np.asarray(self.singular_values)))
+
+    @property
+    def frequencies(self) -> RealArray:
+        """Frequencies of all poles, Hz."""
+        return frequencies_and_damping(self.poles)[0]
+
+    @property
+    def damping_ratios(self) -> RealArray:
+        """Damping ratios of all poles."""
+        return frequencies_and_damping(self.poles)[1]
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """What each pole is: mode, real, unstable, nyquist or zero."""
+        return pole_kinds(self.poles, self.dt)
+
+    @property
+    def stable(self) -> Array:
+        """True where frequency, damping and shape all agree with the order before."""
+        return np.asarray(self.stable_frequency & self.stable_damping & self.stable_shape)

@@ -1,0 +1,236 @@
+"""Frequency responses: measured transfer functions on the lines of a band."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from modalscope.model.channels import Channels, check_quantity, derivatives_between
+from modalscope.model.checks import (
+    Array,
+    ComplexArray,
+    DataError,
+    RealArray,
+    check_count,
+    check_positive,
+    complex_array,
+    freeze,
+    real_array,
+)
+from modalscope.model.impulse import ImpulseResponse
+
+__all__ = ["FrequencyResponse"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class FrequencyResponse(Channels):
+    """Complex frequency responses H(f) = output / input on increasing lines.
+
+    Parameters
+    ----------
+    values : array of complex, (F, l, m)
+        F lines, l outputs, m inputs.
+    frequencies : array, (F,)
+        The lines in Hz, increasing, from any band.
+    quantity : str, optional
+        Displacement, velocity or acceleration of the outputs.
+    sampling_rate : float, optional
+        Samples per second when the response is that of a sampled system, H(exp(j 2 pi f / fs)); None when it is that
+        of the continuous structure.
+    coherence : array, (F, l) or (F, l, m), optional
+        Ordinary or multiple coherence of the estimates.
+    variance : array, (F, l, m), optional
+        Variance of the complex estimates, E|H - E H|^2.
+    averages : int, optional
+        Number of averages behind the estimates.
+    added_damping : float
+        Decay rate in 1/s that an exponential window added to every pole: identified poles are shifted back by it.
+
+    Raises
+    ------
+    DataError
+        Wrong axes, no lines, NaN or infinite values, lines that do not increase, magnitudes instead of complex values.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> f = np.linspace(0.5, 2, 4)
+    >>> h = 1 / (4 - f**2 + 0.04j * f)
+    >>> frf = FrequencyResponse(values=h[:, None, None], frequencies=f, quantity="displacement")
+    >>> frf.band(0.9, 1.6).frequencies
+    array([1. , 1.5])
+    """
+
+    values: ComplexArray
+    frequencies: RealArray
+    quantity: str | None = None
+    sampling_rate: float | None = None
+    coherence: RealArray | None = None
+    variance: RealArray | None = None
+    averages: int | None = None
+    added_damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        values = complex_array("values", self.values, "(lines, outputs, inputs)", 3)
+        lines = real_array("frequencies", self.frequencies, "(lines,)", 1)
+        _check_lines(lines, values.shape)
+        _check_complex(values, lines)
+        rate = None if self.sampling_rate is None else check_positive("sampling_rate", self.sampling_rate)
+        if rate is not None and lines[-1] > rate / 2 * (1 + 1e-9):
+            raise DataError(
+                f"lines up to half the sampling rate, {rate / 2:g} Hz, were asked",
+                f"there are lines up to {lines[-1]:g} Hz",
+                "Correct the sampling rate, or leave it out for the response of a continuous structure.",
+            )
+        freeze(
+            self,
+            values=values,
+            frequencies=lines,
+            quantity=check_quantity(self.quantity),
+            sampling_rate=rate,
+            coherence=_beside("coherence", self.coherence, values.shape),
+            variance=_beside("variance", self.variance, values.shape),
+            averages=None if self.averages is None else check_count("averages", self.averages),
+            added_damping=float(self.added_damping),
+        )
+        self._label(values.shape[1], values.shape[2])
+
+    @property
+    def lines(self) -> int:
+        """Number of lines."""
+        return int(self.frequencies.size)
+
+    def band(self, lowest: float, highest: float) -> FrequencyResponse:
+        """Return the lines from `lowest` to `highest` Hz, both included."""
+        if not lowest < highest:
+            raise DataError(f"the band {lowest:g} to {highest:g} Hz was asked", "its ends do not increase", "Give the lower end first.")
+        inside = np.flatnonzero((self.frequencies >= lowest) & (self.frequencies <= highest))
+        if inside.size == 0:
+            raise DataError(
+                f"the band {lowest:g} to {highest:g} Hz was asked",
+                f"the {self.lines} lines lie from {self.frequencies[0]:g} to {self.frequencies[-1]:g} Hz, none of them inside",
+                "Choose a band that holds measured lines.",
+            )
+        return self.at_lines(slice(int(inside[0]), int(inside[-1]) + 1))
+
+    def at_lines(self, lines: slice | Array) -> FrequencyResponse:
+        """Return the response at some of its lines, given by index."""
+        cut = {name: None if (a := getattr(self, name)) is None else a[lines] for name in ("values", "frequencies", "coherence", "variance")}
+        return replace(self, **cut)
+
+    def as_quantity(self, wanted: str) -> FrequencyResponse:
+        """Return the response in another quantity: multiplied by (j 2 pi f)^p, the caller's data untouched.
+
+        Raises
+        ------
+        DataError
+            The quantity is not known, or a line at 0 Hz would be divided by zero.
+        """
+        power = derivatives_between(self.quantity, wanted)
+        if power < 0 and self.frequencies[0] == 0:
+            raise DataError(
+                f"the {self.quantity} as {wanted} was asked", "its first line lies at 0 Hz, where that divides by zero", "Leave that line out with band()."
+            )
+        factor = (2j * np.pi * self.frequencies) ** power
+        variance = None if self.variance is None else self.variance * np.abs(factor[:, None, None]) ** 2
+        note = f"{self.quantity} turned into {wanted} in the frequency domain"
+        units = self.units if power == 0 else (("",) * len(self.output_dofs), self.units[1])
+        return replace(
+            self, values=self.values * factor[:, None, None], variance=variance, quantity=wanted, units=units, processing=(*self.processing, note)
+        )
+
+    def to_impulse_response(self) -> ImpulseResponse:
+        """Return the inverse Fourier transform of the lines: samples at twice the highest frequency.
+
+        Lines below the band are taken as zero, and nothing is known above it: for a response that was measured on a band
+        only, damping read off the result is biased. Sample 0 holds the direct term and is kept apart as `feedthrough`.
+        A sampled system's response on its full DFT grid gives exactly the periodised sum over p of Y(k + p M).
+
+        Raises
+        ------
+        DataError
+            Lines that are not equally spaced, or that do not lie on multiples of their spacing.
+        """
+        if self.lines < 2:
+            raise DataError("an inverse transform needs a band of lines", "there is one line", "Measure more lines.")
+        step = (self.frequencies[-1] - self.frequencies[0]) / (self.lines - 1)
+        bins = self.frequencies / step
+        whole = np.rint(bins).astype(int)
+        if np.max(np.abs(bins - whole)) > 1e-3 or np.any(np.diff(whole) != 1):
+            raise DataError(
+                "an inverse transform needs equally spaced lines on multiples of their spacing",
+                f"they start at {self.frequencies[0]:g} Hz with steps from {np.diff(self.frequencies).min():g} to {np.diff(self.frequencies).max():g} Hz",
+                "Use a frequency-domain method (domain='s' or 'z'), which takes any lines.",
+            )
+        spectrum = np.zeros((whole[-1] + 1, *self.values.shape[1:]), dtype=complex)
+        spectrum[whole] = self.values
+        held = self.sampling_rate is not None
+        length = 2 * (spectrum.shape[0] - 1)
+        if held and self.sampling_rate is not None:
+            length = round(self.sampling_rate / step)
+        samples = np.fft.irfft(spectrum, n=length, axis=0)
+        rate = length * step
+        return ImpulseResponse(
+            values=samples[1:] if held else samples[1:] * rate,
+            feedthrough=samples[0],
+            sampling_rate=rate,
+            kind="pulse" if held else "dirac",
+            first_sample=0 if held else 1,
+            quantity=self.quantity,
+            output_dofs=self.output_dofs,
+            input_dofs=self.input_dofs,
+            units=self.units,
+            geometry=self.geometry,
+            processing=(*self.processing, f"inverse transform of {self.lines} lines, {self.frequencies[0]:g} to {self.frequencies[-1]:g} Hz"),
+        )
+
+    def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Array | None]:
+        def cut(array: Array | None) -> Any:
+            if array is None:
+                return None
+            return array[:, outputs] if array.ndim == 2 else array[(slice(None), *np.ix_(outputs, inputs))]
+
+        return {"values": cut(self.values), "coherence": cut(self.coherence), "variance": cut(self.variance)}
+
+
+def _check_lines(lines: RealArray, shape: tuple[int, ...]) -> None:
+    if 0 in shape or lines.size == 0:
+        raise DataError("a frequency response needs at least one line and channel", f"its shape is {shape}", "Measure at least one line.")
+    if lines.size != shape[0]:
+        raise DataError(
+            f"frequencies needs one entry for each of the {shape[0]} lines of values, shape {shape}",
+            f"it has {lines.size}",
+            "Lines come first in values: (lines, outputs, inputs); transpose it if they stand elsewhere.",
+        )
+    if lines[0] < 0:
+        raise DataError("frequencies needs lines at or above 0 Hz", f"the first is {lines[0]:g} Hz", "Leave the negative half of the spectrum out.")
+    falling = np.flatnonzero(np.diff(lines) <= 0)
+    if falling.size:
+        k = int(falling[0])
+        raise DataError(
+            "frequencies needs increasing lines",
+            f"line {k + 1} ({lines[k + 1]:g} Hz) does not lie above line {k} ({lines[k]:g} Hz)",
+            "Sort the lines together with their values and drop the repeated ones.",
+        )
+
+
+def _check_complex(values: ComplexArray, lines: RealArray) -> None:
+    """Refuse magnitudes; a single line may be real by chance, and an undamped model's real response changes sign."""
+    if lines.size > 1 and not values.imag.any() and values.real.any() and values.real.min() >= 0:
+        raise DataError(
+            "values needs complex frequency responses", "they have no imaginary part and are never negative: magnitudes", "Give real and imaginary parts."
+        )
+
+
+def _beside(name: str, array: Array | None, shape: tuple[int, ...]) -> RealArray | None:
+    if array is None:
+        return None
+    checked = real_array(name, array, "(lines, outputs) or (lines, outputs, inputs)", (2, 3))
+    if checked.shape not in (shape, shape[:2]) or (name == "variance" and checked.ndim != 3):
+        raise DataError(f"{name} needs the shape of values, {shape}", f"it has {checked.shape}", "Give one entry for each line and channel.")
+    low, high = float(checked.min()), float(checked.max())
+    if low < -1e-9 or (name == "coherence" and high > 1 + 1e-6):
+        raise DataError(f"{name} needs values of at least 0" + (" and at most 1" if name == "coherence" else ""), f"they lie between {low:g} and {high:g}", f"Correct the {name}, or leave it out.")
+    return checked

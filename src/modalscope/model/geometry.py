@@ -1,0 +1,106 @@
+"""Where the sensors are: nodes, lines, faces, and how a channel maps onto them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from modalscope.model.checks import Array, DataError, IntArray, RealArray, freeze, locked, real_array
+from modalscope.model.labels import parse_dof
+
+__all__ = ["Geometry"]
+
+Motion = tuple[str, tuple[float, float, float]]
+
+
+def _elements(name: str, elements: ArrayLike | None, width: tuple[int, ...], nodes: tuple[str, ...]) -> IntArray:
+    """Return elements as indices into the nodes."""
+    if elements is None:
+        return locked(np.zeros((0, width[0]), dtype=np.int64))
+    array = np.asarray(elements)
+    if array.size == 0:
+        return locked(np.zeros((0, width[0]), dtype=np.int64))
+    if array.ndim != 2 or array.shape[1] not in width:
+        raise DataError(f"{name} need rows of {' or '.join(map(str, width))} node names", f"the shape is {array.shape}", "Give one row an element.")
+    position = {node: i for i, node in enumerate(nodes)}
+    unknown = sorted({str(node) for node in array.ravel()} - set(position))
+    if unknown:
+        raise DataError(f"{name} join nodes of the geometry", f"there is no node {', '.join(unknown[:5])}", "Add the nodes or drop the element.")
+    return locked(np.array([[position[str(node)] for node in row] for row in array], dtype=np.int64))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Geometry:
+    """Nodes of a structure, the lines and faces between them, and the motion that each channel measures.
+
+    Parameters
+    ----------
+    nodes : sequence of str or int, (n,)
+        Names of the nodes.
+    coordinates : array, (n, 3)
+        Their positions, in one unit of length.
+    lines : array, (k, 2), optional
+        Pairs of node names to join.
+    faces : array, (k, 3) or (k, 4), optional
+        Node names around each face.
+    motions : mapping, optional
+        Channel label -> sequence of (node, (dx, dy, dz)): the nodes that move with the channel and in which direction.
+        A label made of node and direction, `3:+Z`, needs no entry.
+
+    Examples
+    --------
+    >>> g = Geometry(nodes=[1, 2], coordinates=[[0, 0, 0], [1, 0, 0]], lines=[[1, 2]])
+    >>> g.motion_of("2:-Z")
+    (('2', (-0.0, -0.0, -1.0)),)
+    """
+
+    nodes: tuple[str, ...]
+    coordinates: RealArray
+    lines: IntArray = field(default=None)  # type: ignore[assignment]
+    faces: IntArray = field(default=None)  # type: ignore[assignment]
+    motions: Mapping[str, tuple[Motion, ...]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        nodes = tuple(str(node) for node in self.nodes)
+        if len(set(nodes)) != len(nodes):
+            raise DataError("geometry needs different node names", "some stand there twice", "Rename the repeated nodes.")
+        xyz = real_array("geometry coordinates", self.coordinates, "(nodes, 3)", 2)
+        if xyz.shape != (len(nodes), 3):
+            raise DataError(
+                f"geometry of {len(nodes)} nodes needs coordinates of shape ({len(nodes)}, 3)", f"the shape is {xyz.shape}", "Give x, y, z a node."
+            )
+        freeze(
+            self,
+            nodes=nodes,
+            coordinates=xyz,
+            lines=_elements("geometry lines", self.lines, (2,), nodes),
+            faces=_elements("geometry faces", self.faces, (3, 4), nodes),
+            motions={str(k): tuple((str(n), _vector(v)) for n, v in rows) for k, rows in self.motions.items()},
+        )
+
+    def motion_of(self, label: str) -> tuple[Motion, ...]:
+        """Return the (node, direction) pairs that a channel moves; empty when the geometry does not know it."""
+        if label in self.motions:
+            return self.motions[label]
+        dof = parse_dof(label)
+        if dof is None or dof.vector is None or dof.node not in self.nodes:
+            return ()
+        return ((dof.node, dof.vector),)
+
+    def displaced(self, labels: tuple[str, ...], shape: Array) -> Array:
+        """Return the displacement (nodes, 3) of every node for one shape (values a label), zero where nothing was measured."""
+        moved = np.zeros((len(self.nodes), 3), dtype=np.asarray(shape).dtype)
+        position = {node: i for i, node in enumerate(self.nodes)}
+        for label, value in zip(labels, shape, strict=True):
+            for node, direction in self.motion_of(label):
+                if node in position:
+                    moved[position[node]] += value * np.asarray(direction)
+        return moved
+
+
+def _vector(direction: ArrayLike) -> tuple[float, float, float]:
+    x, y, z = (float(v) for v in np.asarray(direction, dtype=float).ravel())
+    return (x, y, z)

@@ -1,0 +1,120 @@
+"""Impulse responses: sequences of Markov parameters Y(k) = C A^k B."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from modalscope.model.channels import KINDS, Channels, check_quantity
+from modalscope.model.checks import Array, DataError, RealArray, check_choice, check_count, check_positive, freeze, real_array
+
+if TYPE_CHECKING:
+    from modalscope.model.frequency import FrequencyResponse
+
+__all__ = ["ImpulseResponse"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class ImpulseResponse(Channels):
+    """A Markov sequence: `values[k]` is the l x m matrix Y(k) = C A^k B (Eq. 11); the direct term is kept apart.
+
+    Parameters
+    ----------
+    values : array, (N, l, m)
+        N samples, l outputs, m inputs (or initial conditions, or references).
+    sampling_rate : float
+        Samples per second.
+    feedthrough : array, (l, m), optional
+        The direct term D.
+    kind : str
+        `"pulse"` (response to a held input: H(z) = D + sum Y(k) z^-(k+1)), `"dirac"` (samples of a continuous impulse
+        response), `"correlation"` (values[k] = R(k+1)) or `"free decay"`.
+    first_sample : int
+        Sampling intervals from the impulse to values[0]; 0 unless earlier samples were left out. Kept so that
+        participation can be referred to the impulse itself. A pulse response counts from the sample after the pulse.
+    quantity : str, optional
+        Displacement, velocity or acceleration.
+
+    Raises
+    ------
+    DataError
+        Wrong axes, fewer than two samples, NaN or infinite samples, repeated labels.
+    """
+
+    values: RealArray
+    sampling_rate: float
+    feedthrough: RealArray | None = None
+    kind: str = "pulse"
+    first_sample: int = 0
+    quantity: str | None = None
+
+    def __post_init__(self) -> None:
+        values = real_array("values", self.values, "(samples, outputs, inputs)", 3)
+        if values.shape[0] < 2 or 0 in values.shape:
+            raise DataError("an impulse response needs at least two samples of one channel", f"its shape is {values.shape}", "Measure a longer response.")
+        feedthrough = None
+        if self.feedthrough is not None:
+            feedthrough = real_array("feedthrough", self.feedthrough, "(outputs, inputs)", 2)
+            if feedthrough.shape != values.shape[1:]:
+                raise DataError(f"feedthrough needs shape {values.shape[1:]}", f"it has {feedthrough.shape}", "Give one value an output and input.")
+        freeze(
+            self,
+            values=values,
+            feedthrough=feedthrough,
+            sampling_rate=check_positive("sampling_rate", self.sampling_rate),
+            kind=check_choice("kind", self.kind, KINDS),
+            first_sample=check_count("first_sample", self.first_sample, least=0),
+            quantity=check_quantity(self.quantity),
+        )
+        self._label(values.shape[1], values.shape[2])
+
+    @property
+    def samples(self) -> int:
+        """Number of samples."""
+        return int(self.values.shape[0])
+
+    @property
+    def times(self) -> RealArray:
+        """Time of every sample after the impulse, seconds (a pulse response is one step later than its index)."""
+        step = 1 if self.kind in ("pulse", "correlation") else 0
+        return np.asarray((np.arange(self.samples) + self.first_sample + step) / self.sampling_rate)
+
+    def to_frequency_response(self, frequencies: ArrayLike | None = None) -> FrequencyResponse:
+        """Return the transform of the sequence on the given lines (Hz), by default on its own DFT lines.
+
+        For a pulse response H(z) = D + sum_k Y(k) z^-(k+1) with z = exp(j 2 pi f / fs); for samples of a continuous
+        impulse response dt * sum_k Y(k) z^-(k + first_sample), an approximation of the integral whose direct term is D.
+        What lies beyond the last sample is taken as zero.
+        """
+        from modalscope.model.frequency import FrequencyResponse
+
+        lines = np.fft.rfftfreq(self.samples + 1, 1 / self.sampling_rate) if frequencies is None else np.asarray(frequencies, dtype=float)
+        held = self.kind == "pulse"
+        delay = self.first_sample + (1 if held else 0)
+        steps = np.arange(self.samples) + delay
+        transform = np.exp(-2j * np.pi * np.outer(lines, steps) / self.sampling_rate)
+        scale = 1.0 if held else 1 / self.sampling_rate
+        values = scale * np.tensordot(transform, self.values, axes=1)
+        if self.feedthrough is not None:
+            values = values + self.feedthrough
+        return FrequencyResponse(
+            values=values,
+            frequencies=lines,
+            sampling_rate=self.sampling_rate if held else None,
+            quantity=self.quantity,
+            output_dofs=self.output_dofs,
+            input_dofs=self.input_dofs,
+            units=self.units,
+            geometry=self.geometry,
+            processing=(*self.processing, f"transformed from {self.samples} samples of a {self.kind} response"),
+        )
+
+    def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Array | None]:
+        cut = np.ix_(outputs, inputs)
+        return {
+            "values": np.ascontiguousarray(self.values[(slice(None), *cut)]),
+            "feedthrough": None if self.feedthrough is None else self.feedthrough[cut],
+        }

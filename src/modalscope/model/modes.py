@@ -1,0 +1,301 @@
+"""Modes: poles, shapes and participation, and what they say about a structure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from modalscope.model.channels import Channels, check_quantity, derivatives_between
+from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_choice, check_count, complex_array, freeze, real_array
+from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.poles import frequencies_and_damping, pole_kinds, to_discrete
+
+__all__ = ["NORMALIZATIONS", "ModalModel"]
+
+NORMALIZATIONS = ("unit", "max", "mass", "none")
+
+_PER_MODE = ("frequencies_spread", "damping_ratios_spread", "frequencies_std", "damping_ratios_std")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class ModalModel(Channels):
+    """Modes of a structure: one pole of each conjugate pair, and real poles.
+
+    The impulse response is h(t) = sum_j phi_j exp(s_j t) l_j' over the poles and, for each pole off the real axis, its
+    conjugate; the frequency response is sum_j phi_j l_j' / (j w - s_j) + conjugates + `feedthrough` + residuals.
+
+    Parameters
+    ----------
+    poles : array of complex, (n,)
+        rad/s.
+    shapes : array of complex, (l, n)
+        Mode shapes phi_j as columns.
+    participation : array of complex, (n, m), optional
+        Modal participation l_j as rows: inputs, initial conditions or reference directions.
+    feedthrough : array, (l, m), optional
+        Direct term.
+    lower_residual, upper_residual : array, (l, m), optional
+        Contributions of the modes below and above the band: real factors of (j w)^(p-2) and (j w)^p, where p = 0, 1, 2 for
+        displacement, velocity and acceleration.
+    quantity : str, optional
+        Displacement, velocity or acceleration.
+    dt : float, optional
+        Sampling interval of the system that was identified; None for a continuous one.
+    held_input : bool
+        The sampled system's participation is that of a held input: H(z) = D + sum phi l' / (z - exp(s dt)).
+    frequencies_spread, damping_ratios_spread : array, (n,), optional
+        Standard deviation over the orders of a stabilization diagram (Hz, ratio).
+    frequencies_std, damping_ratios_std : array, (n,), optional
+        Statistical standard deviation (Hz, ratio); None until uncertainty is computed.
+    indicators : mapping of name to array (n,)
+        Accuracy indicators.
+    reasons : tuple of mapping
+        For every mode why it is reported.
+    scaling : str
+        What the shapes are scaled to, in words.
+    """
+
+    poles: ComplexArray
+    shapes: ComplexArray
+    participation: ComplexArray | None = None
+    feedthrough: RealArray | None = None
+    lower_residual: RealArray | None = None
+    upper_residual: RealArray | None = None
+    quantity: str | None = None
+    dt: float | None = None
+    held_input: bool = False
+    frequencies_spread: RealArray | None = None
+    damping_ratios_spread: RealArray | None = None
+    frequencies_std: RealArray | None = None
+    damping_ratios_std: RealArray | None = None
+    indicators: Mapping[str, RealArray] = field(default_factory=dict)
+    reasons: tuple[Mapping[str, Any], ...] = ()
+    scaling: str = "as identified"
+
+    def __post_init__(self) -> None:
+        poles = complex_array("poles", self.poles, "(modes,)", 1)
+        shapes = complex_array("shapes", self.shapes, "(outputs, modes)", 2)
+        n = poles.size
+        if shapes.shape[1] != n:
+            raise DataError(f"{n} poles need {n} shapes as columns", f"shapes has shape {shapes.shape}", "Transpose or complete the shapes.")
+        part = None if self.participation is None else complex_array("participation", self.participation, "(modes, inputs)", 2)
+        if part is not None and part.shape[0] != n:
+            raise DataError(f"{n} poles need {n} rows of participation", f"participation has shape {part.shape}", "Transpose or complete it.")
+        direct = {
+            name: None if (a := getattr(self, name)) is None else real_array(name, a, "(outputs, inputs)", 2)
+            for name in ("feedthrough", "lower_residual", "upper_residual")
+        }
+        if len(self.reasons) not in (0, n):
+            raise DataError(f"{n} modes need {n} reasons or none", f"there are {len(self.reasons)}", "Give one a mode.")
+        freeze(
+            self,
+            poles=poles,
+            shapes=shapes,
+            participation=part,
+            **direct,
+            **{name: self._a_mode(name, getattr(self, name)) for name in _PER_MODE},
+            indicators={name: self._a_mode(name, values) for name, values in self.indicators.items()},
+            reasons=tuple(dict(reason) for reason in self.reasons),
+            quantity=check_quantity(self.quantity),
+        )
+        self._label(shapes.shape[0], 0 if part is None else part.shape[1])
+
+    def _a_mode(self, name: str, values: ArrayLike | None) -> RealArray | None:
+        if values is None:
+            return None
+        array = real_array(name, values, "(modes,)", 1, finite=False)
+        if array.size != len(self.poles):
+            raise DataError(f"{name} needs {len(self.poles)} entries, one a mode", f"it has {array.size}", "Give one a mode.")
+        return array
+
+    def __len__(self) -> int:
+        return int(self.poles.size)
+
+    @property
+    def frequencies(self) -> RealArray:
+        """Undamped natural frequencies, Hz."""
+        return frequencies_and_damping(self.poles)[0]
+
+    @property
+    def damping_ratios(self) -> RealArray:
+        """Damping ratios (0.01 is 1 %)."""
+        return frequencies_and_damping(self.poles)[1]
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """What each pole is: mode, real, unstable, nyquist or zero."""
+        return pole_kinds(self.poles, self.dt)
+
+    @property
+    def residues(self) -> ComplexArray:
+        """Residue matrices phi_j l_j', (n, l, m)."""
+        part = self._need_participation("residues")
+        return np.asarray(self.shapes.T[:, :, None] * part[:, None, :])
+
+    def take(self, modes: ArrayLike) -> ModalModel:
+        """Return some of the modes, by index."""
+        index = np.atleast_1d(np.asarray(modes))
+        index = np.flatnonzero(index) if index.dtype == bool else index.astype(int)
+        return replace(
+            self,
+            poles=self.poles[index],
+            shapes=self.shapes[:, index],
+            participation=None if self.participation is None else self.participation[index],
+            **{name: None if (a := getattr(self, name)) is None else a[index] for name in _PER_MODE},
+            indicators={name: values[index] for name, values in self.indicators.items()},
+            reasons=tuple(self.reasons[i] for i in index) if self.reasons else (),
+        )
+
+    def normalized(self, scale: str = "unit") -> ModalModel:
+        """Return the modes with shapes scaled as asked; participation takes the inverse, so that residues stay.
+
+        Parameters
+        ----------
+        scale : {"unit", "max", "mass", "none"}
+            Length one with the largest component real and positive; largest component one; unit modal mass, from a
+            driving point (an output and an input with the same label): phi_d^2 = 2 j w_d R_dd for the displacement's
+            residue R_dd.
+
+        Raises
+        ------
+        DataError
+            "mass" without participation, without a driving point, or without a known quantity.
+        """
+        check_choice("scale", scale, NORMALIZATIONS)
+        if scale == "none" or not len(self):
+            return self
+        largest = self.shapes[np.argmax(np.abs(self.shapes), axis=0), np.arange(len(self))]
+        factor = np.where(largest == 0, 1, largest)
+        words = "largest component 1"
+        if scale == "unit":
+            norm = np.linalg.norm(self.shapes, axis=0)
+            factor = np.where(largest == 0, 1, largest / np.where(largest == 0, 1, np.abs(largest))) * np.where(norm == 0, 1, norm)
+            words = "length 1, largest component real"
+        elif scale == "mass":
+            factor, words = self._mass_factor()
+        part = None if self.participation is None else self.participation * factor[:, None]
+        return replace(self, shapes=self.shapes / factor, participation=part, scaling=words)
+
+    def _mass_factor(self) -> tuple[ComplexArray, str]:
+        """Return the factor that shapes are divided by to have unit modal mass."""
+        part = self._need_participation("unit modal mass")
+        common = [dof for dof in self.output_dofs if dof in self.input_dofs]
+        if not common:
+            raise DataError("shapes of unit modal mass were asked", "no output has the label of an input: no driving point", "Measure one, or give it the same label on both sides.")
+        power = derivatives_between(self.quantity, "displacement")
+        rows = [self.output_dofs.index(dof) for dof in common]
+        columns = [self.input_dofs.index(dof) for dof in common]
+        driving = np.abs(self.shapes[rows] * part.T[columns])
+        best = np.argmax(driving, axis=0)
+        modes = np.arange(len(self))
+        shape, weight = self.shapes[rows][best, modes], part.T[columns][best, modes]
+        residue = shape * weight * self.poles**power
+        target = np.sqrt(2j * np.abs(self.poles.imag) * residue)
+        # of the two roots the one that leaves the mode nearest to its own phase
+        with np.errstate(divide="ignore", invalid="ignore"):
+            factor = np.where(target == 0, 1, shape / np.where(target == 0, 1, target))
+        return np.asarray(factor), f"unit modal mass, driving point {', '.join(common)}"
+
+    def impulse_response(self, samples: int, sampling_rate: float | None = None, *, first_sample: int = 0) -> ImpulseResponse:
+        """Return sum_j phi_j exp(s_j (k + first_sample) dt) l_j' and conjugates, k = 0 ... samples - 1."""
+        part = self._need_participation("an impulse response")
+        rate = sampling_rate or (None if self.dt is None else 1 / self.dt)
+        if rate is None:
+            raise DataError("an impulse response was asked", "the modes are of a continuous system", "Give sampling_rate.")
+        steps = np.arange(check_count("samples", samples)) + first_sample
+        decay = np.exp(np.outer(steps / rate, self.poles)) * self._weights()
+        values = np.einsum("kj,aj,jb->kab", decay, self.shapes, part).real
+        return ImpulseResponse(
+            values=values,
+            sampling_rate=rate,
+            feedthrough=self.feedthrough,
+            kind="pulse" if self.held_input else "dirac",
+            first_sample=first_sample,
+            quantity=self.quantity,
+            **self._named(),
+        )
+
+    def frequency_response(self, frequencies: ArrayLike, *, residuals: bool = True) -> FrequencyResponse:
+        """Return the response of the modes, the direct term and (unless left out) the residuals, on lines in Hz."""
+        f = np.asarray(frequencies, dtype=float)
+        values = self._modal_sum(f)
+        if self.feedthrough is not None:
+            values = values + self.feedthrough
+        if residuals and (self.lower_residual is not None or self.upper_residual is not None):
+            p = 0 if self.quantity is None else -derivatives_between(self.quantity, "displacement")
+            s = (2j * np.pi * f)[:, None, None]
+            for residual, power in ((self.lower_residual, p - 2), (self.upper_residual, p)):
+                if residual is not None:
+                    values = values + residual * s**power
+        rate = 1 / self.dt if self.dt is not None and self.held_input else None
+        return FrequencyResponse(values=values, frequencies=f, quantity=self.quantity, sampling_rate=rate, **self._named())
+
+    def _modal_sum(self, f: RealArray) -> ComplexArray:
+        part = self._need_participation("a frequency response")
+        sampled = self.dt is not None and self.held_input
+        x = np.exp(2j * np.pi * f * self.dt) if sampled and self.dt is not None else 2j * np.pi * f
+        poles = to_discrete(self.poles, self.dt) if sampled and self.dt is not None else self.poles
+        own = 1 / (x[:, None] - poles)
+        pair = np.where(self._weights() == 2, 1.0, 0.0) / (x[:, None] - poles.conj())
+        first = np.einsum("fj,aj,jb->fab", own, self.shapes, part, optimize=True)
+        return np.asarray(first + np.einsum("fj,aj,jb->fab", pair, self.shapes.conj(), part.conj(), optimize=True))
+
+    def _weights(self) -> RealArray:
+        """2 for a pole that stands for a conjugate pair, 1 for one that stands alone."""
+        alone = np.array([kind in ("real", "nyquist", "zero") for kind in self.kinds], dtype=bool)
+        real = self.poles.imag == 0
+        return np.where(alone | real, 1.0, 2.0)
+
+    def _named(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in ("output_dofs", "input_dofs", "units", "geometry", "processing")}
+
+    def _need_participation(self, asked: str) -> ComplexArray:
+        if self.participation is None:
+            raise DataError(f"{asked} was asked", "the participation of the modes is not known", "Identify from data with inputs or references.")
+        return self.participation
+
+    def table(self) -> str:
+        """Return the modes as a text table: frequency, damping, spread over orders, indicators."""
+        columns: dict[str, list[str]] = {
+            "mode": [str(i + 1) for i in range(len(self))],
+            "f [Hz]": [f"{v:.4f}" for v in self.frequencies],
+            "zeta [%]": [f"{100 * v:.3f}" for v in self.damping_ratios],
+        }
+        if any(kind != "mode" for kind in self.kinds):
+            columns["kind"] = list(self.kinds)
+        scales = (("frequencies", "f", 1.0, ".4f"), ("damping_ratios", "zeta", 100.0, ".3f"))
+        for suffix, word in (("spread", "spread"), ("std", "std")):
+            for name, letter, factor, digits in scales:
+                values = getattr(self, f"{name}_{suffix}")
+                if values is not None:
+                    columns[f"{letter} {word}"] = [f"{factor * v:{digits}}" for v in values]
+        for name, values in self.indicators.items():
+            columns[name] = [f"{v:.3f}" for v in values]
+        widths = [max(len(head), *(len(v) for v in column), 0) if column else len(head) for head, column in columns.items()]
+        lines = ["  ".join(head.rjust(w) for head, w in zip(columns, widths, strict=True))]
+        lines += ["  ".join(cell.rjust(w) for cell, w in zip(row, widths, strict=True)) for row in zip(*columns.values(), strict=True)]
+        return "\n".join(lines)
+
+    def to_dataframe(self) -> Any:
+        """Return the table as a pandas DataFrame (the extra `pandas`)."""
+        try:
+            import pandas as pd
+        except ImportError:
+            raise DataError("to_dataframe was asked", "pandas is not installed", "Run: pip install 'modalscope[pandas]'") from None
+        named = {name: getattr(self, name) for name in _PER_MODE if getattr(self, name) is not None}
+        return pd.DataFrame({"frequency_hz": self.frequencies, "damping_ratio": self.damping_ratios, "kind": self.kinds, **named, **self.indicators})
+
+    def _cut(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
+        direct = {
+            name: None if (a := getattr(self, name)) is None else a[np.ix_(outputs, inputs)]
+            for name in ("feedthrough", "lower_residual", "upper_residual")
+        }
+        return {**Channels._cut(self, outputs, inputs), **direct}
+
+    def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Array | None]:
+        return {"shapes": self.shapes[outputs], "participation": None if self.participation is None else self.participation[:, inputs]}

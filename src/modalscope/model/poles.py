@@ -1,0 +1,100 @@
+"""Poles, frequencies and damping ratios, and the words for poles that are not oscillations.
+
+A pole `s` (rad/s) of a continuous system has the undamped frequency `|s| / 2 pi` (Hz) and the damping ratio `-Re s / |s|`;
+a pole `z` of the system sampled every `dt` seconds is `exp(s dt)`. Nothing is dropped here: poles that have no frequency
+in the usual sense are kept and labelled.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from modalscope.model.checks import Array, ComplexArray, RealArray
+
+__all__ = [
+    "frequencies_and_damping",
+    "one_of_each_pair",
+    "pole_kinds",
+    "poles_from",
+    "to_continuous",
+    "to_discrete",
+]
+
+#: A pole whose imaginary part is below this fraction of its modulus is called real: eigenvalues of a real matrix carry
+#: imaginary parts of rounding size only when they are exactly paired, so the limit needs to cover conversions, no more.
+_REAL = 1e-13
+
+
+def frequencies_and_damping(poles: ArrayLike) -> tuple[RealArray, RealArray]:
+    """Return undamped frequencies `|s| / 2 pi` in Hz and damping ratios `-Re s / |s|` of continuous poles (rad/s).
+
+    A pole at the origin has frequency and damping ratio 0.
+
+    Examples
+    --------
+    >>> f, zeta = frequencies_and_damping([-0.1 + 6.2j, -3.0])
+    >>> f.round(4), zeta.round(4)
+    (array([0.9869, 0.4775]), array([0.0161, 1.    ]))
+    """
+    s = np.asarray(poles, dtype=np.complex128)
+    modulus = np.abs(s)
+    zeta = np.divide(-s.real, modulus, out=np.zeros_like(modulus), where=modulus > 0)
+    return modulus / (2 * np.pi), zeta
+
+
+def poles_from(frequencies: ArrayLike, damping_ratios: ArrayLike) -> ComplexArray:
+    """Return the poles `2 pi f (-zeta + j sqrt(1 - zeta^2))` in rad/s with non-negative imaginary part, |zeta| <= 1."""
+    w = 2 * np.pi * np.asarray(frequencies, dtype=np.float64)
+    zeta = np.asarray(damping_ratios, dtype=np.float64)
+    return np.asarray(w * (-zeta + 1j * np.sqrt(np.clip(1 - zeta**2, 0, None))), dtype=np.complex128)
+
+
+def to_continuous(poles: ArrayLike, dt: float) -> ComplexArray:
+    """Return `ln(z) / dt`. A negative real z lands on the Nyquist frequency, z = 0 at minus infinity."""
+    z = np.asarray(poles, dtype=np.complex128)
+    with np.errstate(divide="ignore"):
+        return np.asarray((np.log(np.abs(z)) + 1j * np.angle(z)) / dt, dtype=np.complex128)
+
+
+def to_discrete(poles: ArrayLike, dt: float) -> ComplexArray:
+    """Return `exp(s dt)`."""
+    return np.exp(np.asarray(poles, dtype=np.complex128) * dt)
+
+
+def one_of_each_pair(poles: ArrayLike) -> Array:
+    """Return the indices of one pole of each conjugate pair (the one above the axis) and of all real ones, by frequency."""
+    s = np.asarray(poles, dtype=np.complex128)
+    keep = np.flatnonzero((s.imag > 0) | _is_real(s))
+    return keep[np.lexsort((s[keep].imag, np.abs(s[keep])))]
+
+
+def _is_real(s: ComplexArray) -> Array:
+    with np.errstate(invalid="ignore"):
+        return (np.abs(s.imag) <= _REAL * np.abs(s)) | ~np.isfinite(s.real)
+
+
+def pole_kinds(poles: ArrayLike, dt: float | None = None) -> tuple[str, ...]:
+    """Name each continuous pole: `mode`, `real`, `unstable`, `nyquist` or `zero`.
+
+    Parameters
+    ----------
+    poles : array of complex
+        Continuous poles, rad/s.
+    dt : float, optional
+        Sampling interval of the identified system, seconds. A pole at half the sampling rate (a negative real pole of the
+        sampled system) cannot be told from its alias and is called `nyquist`.
+
+    Returns
+    -------
+    tuple of str
+        `zero`: the sampled system forgets it within one sample; `unstable`: it grows.
+    """
+    s = np.atleast_1d(np.asarray(poles, dtype=np.complex128))
+    at_nyquist = np.zeros(s.shape, bool) if dt is None else np.isclose(np.abs(s.imag) * dt, np.pi, rtol=1e-9, atol=0)
+    names = np.select(
+        [~np.isfinite(s.real), at_nyquist, s.real > 0, _is_real(s)],
+        ["zero", "nyquist", "unstable", "real"],
+        default="mode",
+    )
+    return tuple(str(name) for name in names)
