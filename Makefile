@@ -1,0 +1,74 @@
+# From nothing but python3 and make:  make demo   (or: make test)
+PYTHON ?= python3
+WORKERS ?= 2
+BIN := .venv/bin
+STAMP := .venv/.installed
+BENCH_STAMP := .venv/.installed-bench
+
+# uv when it can be had (seconds), pip when not (a minute or so).
+define install
+	@if [ -x $(BIN)/uv ] && UV_LINK_MODE=copy $(BIN)/uv pip install --quiet --python $(BIN)/python -e '.[$(1)]'; \
+	then :; \
+	else echo "uv could not install; using pip, which takes longer"; $(BIN)/python -m pip install --quiet -e '.[$(1)]'; \
+	fi
+endef
+
+# Small matrices: threads of the linear algebra library only get in each other's way.
+SINGLE := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
+QUIET_PLOTS := MPLBACKEND=Agg
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test lint format bench study clean
+
+help:
+	@echo "make setup   .venv with everything in it"
+	@echo "make demo    modes of a measured beam, next to the published ones"
+	@echo "make test    lint, then every test and every example in a docstring"
+	@echo "make lint    ruff, mypy, floors"
+	@echo "make format  let ruff write what it can"
+	@echo "make bench   time and memory, against other programs"
+	@echo "make study   statistics over many seeds (long)"
+	@echo "make clean   remove what make made"
+
+setup: $(STAMP)
+
+$(STAMP): pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "modalscope needs Python 3.11 or later; say PYTHON=..."; exit 2; }
+	@[ -x $(BIN)/python ] || $(PYTHON) -m venv .venv
+	@[ -x $(BIN)/uv ] || $(BIN)/python -m pip install --quiet uv || true
+	$(call install,dev)
+	@touch $@
+
+$(BENCH_STAMP): $(STAMP)
+	$(call install,dev$(comma)bench)
+	@touch $@
+comma := ,
+
+demo: setup
+	@$(QUIET_PLOTS) $(BIN)/python examples/demo.py
+
+lint: setup
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/mypy
+	@$(BIN)/lint-imports --no-logo
+
+format: setup
+	@$(BIN)/ruff check --fix-only .
+	@$(BIN)/ruff format .
+
+test: lint
+	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m pytest -q -n $(WORKERS)
+
+bench: $(BENCH_STAMP)
+	@found=; for script in benchmarks/[!_]*.py; do \
+		[ -e "$$script" ] || continue; found=1; name=$$(basename "$$script" .py); echo "== $$name"; \
+		$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m benchmarks.$$name || exit 1; \
+	done; [ -n "$$found" ] || echo "no scripts in benchmarks/ yet"
+
+study: setup
+	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m pytest -m study -s -v
+
+clean:
+	rm -rf .venv build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	find src tests examples benchmarks -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true
