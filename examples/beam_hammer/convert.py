@@ -3,7 +3,7 @@
     python convert.py beam_mimo_frf.npz beam_hammer.uff
 
 The archive holds `freq` (lines,) in Hz and `H` (hammer points, accelerometers, lines), complex. The universal file
-holds the units (dataset 164) and one function (dataset 58, binary) for each pair of an accelerometer and a hammer point.
+holds the units (dataset 164) and a function (dataset 58, binary) for each pair of an accelerometer and a hammer point.
 The bytes are written here because the header of a binary dataset 58 counts the bytes of its payload, and a reader that
 takes the count at its word must find it true.
 """
