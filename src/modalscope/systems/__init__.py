@@ -1,0 +1,27 @@
+"""Structures to simulate: with exact modes, exact sampling and records that can be repeated."""
+
+from modalscope.systems.catalog import build, catalog, names
+from modalscope.systems.chains import chain, chain5, heavy4, over4, spring_chain, spring_chain_modes
+from modalscope.systems.examples import close4, ring5, three_masses, three_masses_record
+from modalscope.systems.modal import modal_damping
+from modalscope.systems.noise import add_noise
+from modalscope.systems.structure import Structure
+
+__all__ = [
+    "Structure",
+    "add_noise",
+    "build",
+    "catalog",
+    "chain",
+    "chain5",
+    "close4",
+    "heavy4",
+    "modal_damping",
+    "names",
+    "over4",
+    "ring5",
+    "spring_chain",
+    "spring_chain_modes",
+    "three_masses",
+    "three_masses_record",
+]

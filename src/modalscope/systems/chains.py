@@ -1,0 +1,187 @@
+"""Spring chains: masses in a row, and the five-storey chain whose modes are known for any number of masses."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from modalscope.model.checks import DataError, RealArray, check_count, check_positive, real_array
+from modalscope.model.geometry import Geometry
+from modalscope.model.modes import ModalModel
+from modalscope.model.poles import poles_from
+from modalscope.systems.modal import modal_damping
+from modalscope.systems.structure import Dofs, Structure
+
+__all__ = ["chain", "chain5", "heavy4", "over4", "row_geometry", "spring_chain", "spring_chain_modes"]
+
+
+def chain(
+    masses: ArrayLike,
+    stiffnesses: ArrayLike,
+    dampings: ArrayLike | None = None,
+    *,
+    damping_ratios: ArrayLike | None = None,
+    outputs: Dofs = None,
+    inputs: Dofs = None,
+    dt: float | None = None,
+    name: str = "chain",
+) -> Structure:
+    """Return masses in a row; spring and damper 0 join the first to the ground, spring i joins masses i - 1 and i.
+
+    Parameters
+    ----------
+    masses, stiffnesses, dampings : sequence of float, (n,)
+        kg, N/m, N s/m; no damping by default. One more spring, (n + 1,), joins the last mass to the ground.
+    damping_ratios : float or sequence of float, (n,), optional
+        Instead of dampers: the ratio of every mode, by rising frequency.
+    outputs, inputs : indices or labels, optional
+        Masses that are measured and forced, counted from zero or called `1:+X`, `2:+X`, ...; all by default.
+    dt : float, optional
+        Sampling interval that suits the chain, seconds.
+
+    Raises
+    ------
+    DataError
+        Springs or dampers that do not fit the masses, or dampers and damping ratios both.
+
+    Examples
+    --------
+    >>> chain([1, 1], [400, 400]).modes().frequencies.round(4)
+    array([1.9673, 5.1503])
+    """
+    m = real_array("masses", masses, "(masses,)", 1)
+    k = real_array("stiffnesses", stiffnesses, "(springs,)", 1)
+    if dampings is not None and damping_ratios is not None:
+        raise DataError("dampers and damping ratios were asked", "one excludes the other", "Give one of them.")
+    M, K = np.diag(m), _joined("stiffnesses", k, m.size)
+    if damping_ratios is not None:
+        D = modal_damping(M, K, real_array("damping_ratios", damping_ratios, "() or (modes,)", (0, 1)))
+    else:
+        D = (
+            np.zeros_like(K)
+            if dampings is None
+            else _joined("dampings", real_array("dampings", dampings, "(dampers,)", 1), m.size)
+        )
+    geometry = row_geometry(m.size)
+    return Structure(
+        mass=M, stiffness=K, damping=D, outputs=outputs, inputs=inputs, dt=dt, geometry=geometry, name=name
+    )  # type: ignore[arg-type]
+
+
+def _joined(name: str, links: RealArray, masses: int) -> RealArray:
+    """Return the matrix of springs or dampers in a row from the ground."""
+    if links.size not in (masses, masses + 1):
+        raise DataError(
+            f"{masses} masses in a row need {masses} {name}, or {masses + 1} with the last to the ground",
+            f"there are {links.size}",
+            "Give the one to the ground first.",
+        )
+    between = links[1:masses]
+    matrix = np.diag(links[:masses] + np.append(links[1:], np.zeros(2 * masses))[:masses])
+    return np.asarray(matrix - np.diag(between, 1) - np.diag(between, -1))
+
+
+def row_geometry(count: int, axis: int = 0, spacing: float = 1.0) -> Geometry:
+    """Return `count` nodes called 1, 2, ... in a row along an axis, from a node 0 on the ground."""
+    coordinates = np.zeros((count + 1, 3))
+    coordinates[:, axis] = spacing * np.arange(count + 1)
+    nodes = tuple(str(i) for i in range(count + 1))
+    return Geometry(nodes=nodes, coordinates=coordinates, lines=np.column_stack([nodes[:-1], nodes[1:]]))  # type: ignore[arg-type]
+
+
+def chain5() -> Structure:
+    """Five masses in a row, non-proportional light damping of .25 to 1.6 %."""
+    return chain(
+        np.ones(5),
+        np.full(5, 400.0),
+        [0.4, 0.2, 0.6, 0.1, 0.3],
+        outputs=[0, 1, 3, 4],
+        inputs=[1, 4],
+        dt=0.05,
+        name="chain5",
+    )
+
+
+def heavy4() -> Structure:
+    """Four masses in a row, damping ratios 1, 35, 2 and 1.5 %: one mode is heavily damped."""
+    ratios = [0.01, 0.35, 0.02, 0.015]
+    return chain(np.ones(4), np.full(4, 400.0), damping_ratios=ratios, inputs=[0, 3], dt=0.05, name="heavy4")
+
+
+def over4() -> Structure:
+    """Four masses in a row on a strong damper: two real poles."""
+    return chain(np.ones(4), np.full(4, 400.0), [70.0, 0.3, 0.3, 0.3], inputs=[0, 3], dt=0.05, name="over4")
+
+
+def spring_chain(n: int = 5, *, mass: float = 25.91, stiffness: float = 1e4, damping_ratio: float = 0.02) -> Structure:
+    """Return n equal masses in a row with one damping ratio in every mode: a five-storey building known in closed form.
+
+    See `spring_chain_modes` for the closed form. With 5 masses, 100 samples per second, white force on every mass and
+    measured accelerations it is the example that the pyOMA packages publish results for.
+    """
+    m, k = (
+        np.full(check_count("n", n), check_positive("mass", mass)),
+        np.full(n, check_positive("stiffness", stiffness)),
+    )
+    return chain(m, k, damping_ratios=damping_ratio, dt=0.01, name="spring_chain")
+
+
+def spring_chain_modes(
+    n: int = 5,
+    *,
+    mass: float = 25.91,
+    stiffness: float = 1e4,
+    damping_ratio: float = 0.02,
+    modes: int | None = None,
+    outputs: ArrayLike | None = None,
+    inputs: ArrayLike | None = None,
+    quantity: str = "displacement",
+) -> ModalModel:
+    """Return the lowest modes of `spring_chain` in closed form; no n x n matrix is formed, so n may be 100 000.
+
+    w_j = 2 sqrt(k / m) sin((2 j - 1) pi / (2 (2 n + 1))), and phi_j(i) = 2 / sqrt(m (2 n + 1)) sin((2 j - 1) i pi / (2 n + 1))
+    for the masses i = 1 ... n: unit modal mass.
+
+    Parameters
+    ----------
+    n, mass, stiffness, damping_ratio
+        As in `spring_chain`; 0 <= damping_ratio < 1.
+    modes : int, optional
+        How many of the lowest; all by default.
+    outputs, inputs : sequence of int, optional
+        Masses counted from zero; all by default.
+    quantity : {"displacement", "velocity", "acceleration"}
+        Of the outputs. The direct term of an acceleration is that of the whole chain, 1 / m at driving points.
+
+    Examples
+    --------
+    >>> spring_chain_modes().frequencies
+    array([0.889952, 2.597758, 4.095108, 5.260697, 6.000096])
+    """
+    count = check_count("n", n) if modes is None else check_count("modes", modes)
+    if count > n or not 0 <= damping_ratio < 1:
+        raise DataError(
+            f"{count} oscillating modes of {n} masses were asked",
+            f"there are {n}, and the damping ratio is {damping_ratio}",
+            "Ask for fewer modes, and a damping ratio from 0 to below 1.",
+        )
+    w0 = np.sqrt(check_positive("stiffness", stiffness) / check_positive("mass", mass))
+    odd = 2 * np.arange(1, count + 1) - 1
+    poles = poles_from(w0 / np.pi * np.sin(odd * np.pi / (2 * (2 * n + 1))), damping_ratio)
+    rows, columns = (
+        np.arange(n) if at is None else np.atleast_1d(np.asarray(at, dtype=int)) for at in (outputs, inputs)
+    )
+    shapes, forced = (
+        2 / np.sqrt(mass * (2 * n + 1)) * np.sin(np.outer(at + 1, odd) * np.pi / (2 * n + 1)) for at in (rows, columns)
+    )
+    power = {"displacement": 0, "velocity": 1, "acceleration": 2}.get(quantity, 0)
+    return ModalModel(
+        poles=poles,
+        shapes=shapes,
+        participation=(poles**power / (2j * poles.imag))[:, None] * forced.T,
+        feedthrough=(rows[:, None] == columns) / mass if power == 2 else None,
+        quantity=quantity,
+        output_dofs=tuple(f"{i + 1}:+X" for i in rows),
+        input_dofs=tuple(f"{i + 1}:+X" for i in columns),
+        scaling="unit modal mass",
+    )

@@ -1,0 +1,98 @@
+"""Records of a sampled model under white or given forces."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import scipy.linalg as sla
+from numpy.typing import ArrayLike
+
+from modalscope.model.checks import DataError, RealArray, check_choice, check_count, real_array
+from modalscope.model.signals import Signals
+from modalscope.model.statespace import StateSpace
+from modalscope.systems.noise import Seed, white_noise
+
+__all__ = ["Inputs", "simulate"]
+
+#: "white", "ambient", or forces of shape (samples, inputs) or (runs, samples, inputs).
+Inputs = str | ArrayLike
+
+
+def simulate(
+    model: StateSpace,
+    *,
+    inputs: Inputs,
+    forces: int,
+    samples: int | None,
+    runs: int,
+    start: str | None,
+    noise: float,
+    input_noise: float,
+    process_noise: float,
+    seed: Seed,
+    quantity: str,
+    labels: dict[str, Any],
+) -> Signals:
+    """Return the record of a sampled model whose first `forces` inputs are the forces and the others process noise.
+
+    The parameters are those of `Structure.simulate`.
+    """
+    rng = np.random.default_rng(seed)
+    ambient = isinstance(inputs, str) and inputs == "ambient"
+    start = check_choice("start", start or ("stationary" if ambient else "rest"), ("rest", "stationary"))
+    applied = _forces(inputs, forces, samples, check_count("runs", runs), rng)
+    hidden = process_noise * rng.standard_normal((*applied.shape[:2], model.B.shape[1] - forces))
+    driven = np.concatenate([applied, hidden], axis=2)
+    scale = np.concatenate([np.ones(forces), np.full(hidden.shape[2], process_noise)])
+    states = np.zeros((applied.shape[0], model.order))
+    if start == "stationary":
+        states = rng.standard_normal(states.shape) @ _stationary_root(model, scale).T
+    outputs = np.stack([model.simulate(u, x) for u, x in zip(driven, states, strict=True)])
+    outputs = outputs + white_noise(outputs, noise, rng, axis=1)
+    measured = None if ambient else applied + white_noise(applied, input_noise, rng, axis=1)
+    if outputs.shape[0] == 1:
+        outputs, measured = outputs[0], None if measured is None else measured[0]
+    rate = 1 / model.dt if model.dt is not None else np.nan
+    return Signals(
+        outputs=outputs, inputs=measured, sampling_rate=rate, quantities=(quantity,) * outputs.shape[-1], **labels
+    )
+
+
+def _forces(inputs: Inputs, count: int, samples: int | None, runs: int, rng: np.random.Generator) -> RealArray:
+    """Return forces of shape (runs, samples, count)."""
+    if isinstance(inputs, str):
+        check_choice("inputs", inputs, ("white", "ambient"))
+        if samples is None:
+            raise DataError("a record was asked", "its length is not given", "Give duration in seconds, or samples.")
+        return rng.standard_normal((runs, check_count("samples", samples, least=2), count))
+    given = real_array("inputs", inputs, "(samples, inputs) or (runs, samples, inputs)", (2, 3))
+    given = given[None] if given.ndim == 2 else given
+    if given.shape[2] != count:
+        raise DataError(
+            f"forces on {count} degrees of freedom were asked",
+            f"inputs has {given.shape[2]} columns",
+            "Give one column for each, or name them by `at`.",
+        )
+    if samples not in (None, given.shape[1]) or runs not in (1, given.shape[0]):
+        raise DataError(
+            f"{runs} runs of {samples} samples were asked",
+            f"the forces have {given.shape[0]} of {given.shape[1]}",
+            "Leave samples, duration and runs out: the forces give them.",
+        )
+    return given
+
+
+def _stationary_root(model: StateSpace, scale: RealArray) -> RealArray:
+    """Return R with R R' = P, where P = A P A' + B diag(scale^2) B' is the state's covariance under white forces."""
+    radius = float(np.abs(model.poles).max())
+    if radius >= 1:
+        raise DataError(
+            "a stationary start was asked",
+            f"the model has a pole of modulus {radius:.6g} on the z-plane: its motion grows without end",
+            'Give damping and supports, or start="rest".',
+        )
+    B = model.B * scale
+    P = sla.solve_discrete_lyapunov(model.A, B @ B.T)
+    values, vectors = np.linalg.eigh((P + P.T) / 2)
+    return np.asarray(vectors * np.sqrt(np.clip(values, 0, None)))

@@ -1,0 +1,116 @@
+"""What tests of every room share: structures, random systems, matched poles and noise.
+
+Import it as `from tests.support import ...`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from hypothesis import strategies as st
+from numpy.typing import ArrayLike
+from scipy.optimize import linear_sum_assignment
+
+from modalscope import systems
+from modalscope.model import FrequencyResponse, ImpulseResponse, Signals, StateSpace
+from modalscope.model.poles import frequencies_and_damping, one_of_each_pair, poles_from
+
+#: The five structures on which every method is tried, by name; call one to build it.
+FIVE = {name: systems.catalog()[name] for name in ("chain5", "ring5", "close4", "heavy4", "over4")}
+
+#: Noise of the identities' tests, dB.
+SNR_DB = 20.0
+
+EPS = float(np.finfo(float).eps)
+
+Noisy = TypeVar("Noisy", ImpulseResponse, FrequencyResponse, Signals)
+
+
+def random_system(
+    rng: np.random.Generator,
+    *,
+    outputs: int | None = None,
+    inputs: int | None = None,
+    modes: int | None = None,
+    damping: tuple[float, float] = (0.001, 0.3),
+    direct: bool = False,
+    sampled: bool = True,
+) -> StateSpace:
+    """Return a random stable model: outputs and inputs 1-6, up to 12 modes of 0.1 to 30 % damping, below Nyquist.
+
+    Frequencies are spread over .02 to .45 of the sampling rate (1 Hz), at least .01 Hz apart; every mode is seen
+    by every output and driven by every input, and the states are mixed by a random orthogonal change of coordinates.
+    """
+    l = int(rng.integers(1, 7)) if outputs is None else outputs
+    m = int(rng.integers(1, 7)) if inputs is None else inputs
+    n = int(rng.integers(1, 13)) if modes is None else modes
+    steps = np.sort(rng.uniform(0, 1, n)) * (0.43 - 0.01 * n) + 0.01 * np.arange(n)
+    poles = poles_from(0.02 + steps, np.exp(rng.uniform(*np.log(damping), n)))
+    A = np.zeros((2 * n, 2 * n))
+    for i, s in enumerate(poles):
+        A[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = [[s.real, s.imag], [-s.imag, s.real]]
+    # entries of modulus 1/2 to 2 and any sign or phase: no mode is invisible
+    C = _visible(rng, (l, n))
+    B = _visible(rng, (m, n)).T
+    turn = np.linalg.qr(rng.standard_normal((2 * n, 2 * n)))[0]
+    model = StateSpace(
+        A=turn.T @ A @ turn,
+        B=turn.T @ np.stack([B.real, B.imag], axis=1).reshape(2 * n, m),
+        C=np.stack([C.real, C.imag], axis=2).reshape(l, 2 * n) @ turn,
+        D=rng.standard_normal((l, m)) if direct else None,
+    )
+    return model.to_discrete(1.0, "dirac") if sampled else model
+
+
+def _visible(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
+    return rng.uniform(0.5, 2, shape) * np.exp(2j * np.pi * rng.uniform(size=shape))
+
+
+def random_systems(**fixed: object) -> st.SearchStrategy[StateSpace]:
+    """Return a hypothesis strategy of `random_system`; keyword arguments fix what is not to vary."""
+    return st.integers(0, 2**32 - 1).map(lambda seed: random_system(np.random.default_rng(seed), **fixed))  # type: ignore[arg-type]
+
+
+class Match(NamedTuple):
+    """How far found poles are from the true ones, and which of the found ones was taken for each."""
+
+    frequency_error: float
+    damping_error: float
+    index: np.ndarray
+
+
+def match_poles(found: ArrayLike, truth: ArrayLike) -> Match:
+    """Pair every true pole with a found one of its own, as near as can be in all, and return the worst relative errors.
+
+    Both in rad/s; conjugates are left out of both. The frequency error is | |s| - |s0| | / |s0|, the damping error the
+    same of zeta. With fewer found than true poles both errors are infinite.
+    """
+    found, truth = np.atleast_1d(np.asarray(found, complex)), np.atleast_1d(np.asarray(truth, complex))
+    kept = one_of_each_pair(found)
+    truth = truth[one_of_each_pair(truth)]
+    if kept.size < truth.size:
+        return Match(np.inf, np.inf, np.full(truth.size, -1))
+    distance = np.abs(found[kept] - truth[:, None]) / np.maximum(np.abs(truth[:, None]), 1e-300)
+    rows, columns = linear_sum_assignment(np.minimum(distance, 1e6))
+    chosen = kept[columns[np.argsort(rows)]]
+    f, zeta = frequencies_and_damping(found[chosen])
+    f0, zeta0 = frequencies_and_damping(truth)
+    return Match(float(np.max(np.abs(f / f0 - 1))), float(np.max(np.abs(zeta - zeta0) / np.abs(zeta0))), chosen)
+
+
+def add_noise(data: Noisy, snr_db: float = SNR_DB, rng: np.random.Generator | int = 0) -> Noisy:
+    """Return the data with white noise on every channel, `snr_db` below the channel's own RMS."""
+    return systems.add_noise(data, 10 ** (-snr_db / 20), rng)
+
+
+def relative(a: ArrayLike, b: ArrayLike) -> float:
+    """Return the norm of a - b over the norm of b."""
+    a, b = np.asarray(a), np.asarray(b)
+    return float(np.linalg.norm(a - b) / max(float(np.linalg.norm(b)), 1e-300))
+
+
+def pole_tolerance(singular_values: ArrayLike, order: int) -> float:
+    """Return max(1e-10, 100 eps sigma_1 / sigma_n), what rounding costs a realization of this order."""
+    d = np.asarray(singular_values)
+    return max(1e-10, float(100 * EPS * d[0] / d[order - 1]))
