@@ -6,8 +6,10 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from modalscope.model.checks import check_choice
+from modalscope.systems.beam import clamped_beam
 from modalscope.systems.chains import chain5, heavy4, over4, spring_chain
 from modalscope.systems.examples import close4, ring5, three_masses
+from modalscope.systems.iasc import iasc_asce
 from modalscope.systems.structure import Structure
 
 __all__ = ["build", "catalog", "names"]
@@ -20,6 +22,8 @@ _SYSTEMS: tuple[Callable[[], Structure], ...] = (
     over4,
     spring_chain,
     three_masses,
+    iasc_asce,
+    clamped_beam,
 )
 
 

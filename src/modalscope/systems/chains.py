@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -10,7 +12,7 @@ from modalscope.model.geometry import Geometry
 from modalscope.model.modes import ModalModel
 from modalscope.model.poles import poles_from
 from modalscope.systems.modal import modal_damping
-from modalscope.systems.structure import Dofs, Structure
+from modalscope.systems.structure import Structure
 
 __all__ = ["chain", "chain5", "heavy4", "over4", "row_geometry", "spring_chain", "spring_chain_modes"]
 
@@ -21,8 +23,8 @@ def chain(
     dampings: ArrayLike | None = None,
     *,
     damping_ratios: ArrayLike | None = None,
-    outputs: Dofs = None,
-    inputs: Dofs = None,
+    outputs: Sequence[int] | None = None,
+    inputs: Sequence[int] | None = None,
     dt: float | None = None,
     name: str = "chain",
 ) -> Structure:
@@ -34,8 +36,8 @@ def chain(
         kg, N/m, N s/m; no damping by default. One more spring, (n + 1,), joins the last mass to the ground.
     damping_ratios : float or sequence of float, (n,), optional
         Instead of dampers: the ratio of every mode, by rising frequency.
-    outputs, inputs : indices or labels, optional
-        Masses that are measured and forced, counted from zero or called `1:+X`, `2:+X`, ...; all by default.
+    outputs, inputs : sequence of int, optional
+        Masses that are measured and forced, counted from zero; all by default. They are called `1:+X`, `2:+X`, ...
     dt : float, optional
         Sampling interval that suits the chain, seconds.
 
@@ -46,29 +48,33 @@ def chain(
 
     Examples
     --------
-    >>> chain([1, 1], [400, 400]).modes().frequencies.round(4)
-    array([1.9673, 5.1503])
+    >>> chain([1, 1], [400, 400]).modes().frequencies.round(4).tolist()
+    [1.9673, 5.1504]
     """
     m = real_array("masses", masses, "(masses,)", 1)
     k = real_array("stiffnesses", stiffnesses, "(springs,)", 1)
     if dampings is not None and damping_ratios is not None:
         raise DataError("dampers and damping ratios were asked", "one excludes the other", "Give one of them.")
-    M, K = np.diag(m), _joined("stiffnesses", k, m.size)
+    M, K = np.diag(m), joined("stiffnesses", k, m.size)
+    D = np.zeros_like(K)
     if damping_ratios is not None:
         D = modal_damping(M, K, real_array("damping_ratios", damping_ratios, "() or (modes,)", (0, 1)))
-    else:
-        D = (
-            np.zeros_like(K)
-            if dampings is None
-            else _joined("dampings", real_array("dampings", dampings, "(dampers,)", 1), m.size)
-        )
-    geometry = row_geometry(m.size)
+    elif dampings is not None:
+        D = joined("dampings", real_array("dampings", dampings, "(dampers,)", 1), m.size)
+    measured, forced = (None if at is None else tuple(at) for at in (outputs, inputs))
     return Structure(
-        mass=M, stiffness=K, damping=D, outputs=outputs, inputs=inputs, dt=dt, geometry=geometry, name=name
-    )  # type: ignore[arg-type]
+        mass=M,
+        stiffness=K,
+        damping=D,
+        outputs=measured,  # type: ignore[arg-type]  # None is completed at the door
+        inputs=forced,  # type: ignore[arg-type]
+        dt=dt,
+        geometry=row_geometry(m.size),
+        name=name,
+    )
 
 
-def _joined(name: str, links: RealArray, masses: int) -> RealArray:
+def joined(name: str, links: RealArray, masses: int) -> RealArray:
     """Return the matrix of springs or dampers in a row from the ground."""
     if links.size not in (masses, masses + 1):
         raise DataError(
@@ -86,7 +92,7 @@ def row_geometry(count: int, axis: int = 0, spacing: float = 1.0) -> Geometry:
     coordinates = np.zeros((count + 1, 3))
     coordinates[:, axis] = spacing * np.arange(count + 1)
     nodes = tuple(str(i) for i in range(count + 1))
-    return Geometry(nodes=nodes, coordinates=coordinates, lines=np.column_stack([nodes[:-1], nodes[1:]]))  # type: ignore[arg-type]
+    return Geometry(nodes=nodes, coordinates=coordinates, lines=np.column_stack([nodes[:-1], nodes[1:]]))
 
 
 def chain5() -> Structure:
@@ -155,8 +161,8 @@ def spring_chain_modes(
 
     Examples
     --------
-    >>> spring_chain_modes().frequencies
-    array([0.889952, 2.597758, 4.095108, 5.260697, 6.000096])
+    >>> spring_chain_modes().frequencies.round(6).tolist()
+    [0.889952, 2.597758, 4.095108, 5.260697, 6.000096]
     """
     count = check_count("n", n) if modes is None else check_count("modes", modes)
     if count > n or not 0 <= damping_ratio < 1:

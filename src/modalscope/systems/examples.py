@@ -24,7 +24,7 @@ def ring5() -> Structure:
     geometry = Geometry(
         nodes=nodes,
         coordinates=np.column_stack([np.cos(angle), np.sin(angle), np.zeros(5)]),
-        lines=np.column_stack([nodes, np.roll(nodes, -1)]),  # type: ignore[arg-type]
+        lines=np.column_stack([nodes, np.roll(nodes, -1)]),
     )
     return Structure(
         mass=np.eye(5),
@@ -53,13 +53,15 @@ def close4() -> Structure:
 
 def three_masses() -> Structure:
     """Three masses of 1.33603, 7.39083 and 13.79671 Hz with 2, 7.5 and 5 %: the documented ERA example of pyyeti."""
-    K = [[4185.1498, 576.6947, 3646.8923], [576.6947, 2104.9252, -28.0450], [3646.8923, -28.0450, 3451.5583]]
-    D = [
-        [4.96765646, 0.97182432, 4.0162425],
-        [0.97182432, 6.71403672, -0.86138453],
-        [4.0162425, -0.86138453, 4.28850828],
-    ]
-    return Structure(mass=np.eye(3), stiffness=K, damping=D, dt=0.01, geometry=row_geometry(3), name="three_masses")  # type: ignore[arg-type]
+    K = np.array([[4185.1498, 576.6947, 3646.8923], [576.6947, 2104.9252, -28.0450], [3646.8923, -28.0450, 3451.5583]])
+    D = np.array(
+        [
+            [4.96765646, 0.97182432, 4.0162425],
+            [0.97182432, 6.71403672, -0.86138453],
+            [4.0162425, -0.86138453, 4.28850828],
+        ]
+    )
+    return Structure(mass=np.eye(3), stiffness=K, damping=D, dt=0.01, geometry=row_geometry(3), name="three_masses")
 
 
 def three_masses_record(*, noisy: bool = True) -> ImpulseResponse:

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy.linalg as sla
 from numpy.typing import ArrayLike
 
-from modalscope.model.channels import QUANTITIES, check_quantity
+from modalscope.model.channels import QUANTITIES
 from modalscope.model.checks import DataError, RealArray, check_choice, check_positive, freeze, real_array
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.geometry import Geometry
@@ -19,6 +18,7 @@ from modalscope.model.labels import DofLike, check_labels, indices_of
 from modalscope.model.modes import ModalModel
 from modalscope.model.signals import Signals
 from modalscope.model.statespace import INPUTS, StateSpace
+from modalscope.systems.equations import dynamic_response, state_model
 from modalscope.systems.modal import modal_model, undamped_modes
 from modalscope.systems.noise import Seed, add_noise
 from modalscope.systems.records import Inputs, simulate
@@ -64,8 +64,8 @@ class Structure:
     >>> import numpy as np
     >>> s = Structure(mass=[[2.0]], stiffness=[[200.0]], damping=[[0.8]])
     >>> modes = s.modes()
-    >>> round(modes.frequencies[0] * 2 * np.pi, 12), round(modes.damping_ratios[0], 12)
-    (10.0, 0.02)
+    >>> print(modes.frequencies[0] * 2 * np.pi, modes.damping_ratios[0])
+    10.0 0.02
     """
 
     mass: RealArray
@@ -141,15 +141,7 @@ class Structure:
         check_choice("quantity", quantity, QUANTITIES)
         check_choice("input", input, INPUTS)
         rows, columns = self._positions(outputs, inputs)
-        n = self.degrees
-        moved = sla.cho_solve(
-            sla.cho_factor(self.mass), np.hstack([self.stiffness, self.damping, np.eye(n)[:, columns]])
-        )
-        lower, force = -moved[:, : 2 * n], moved[:, 2 * n :]
-        A = np.vstack([np.eye(n, 2 * n, n), lower])
-        C = {"displacement": np.eye(n, 2 * n), "velocity": np.eye(n, 2 * n, n), "acceleration": lower}[quantity][rows]
-        D = force[rows] if quantity == "acceleration" else np.zeros((len(rows), len(columns)))
-        model = StateSpace(A=A, B=np.vstack([np.zeros_like(force), force]), C=C, D=D)
+        model = state_model(self.mass, self.damping, self.stiffness, rows, columns, quantity)
         return model if dt is None else model.to_discrete(dt, input)
 
     def modes(self, *, outputs: Dofs = None, inputs: Dofs = None, quantity: str = "displacement") -> ModalModel:
@@ -195,18 +187,7 @@ class Structure:
         check_choice("quantity", quantity, QUANTITIES)
         rows, columns = self._positions(outputs, inputs)
         lines = real_array("frequencies", frequencies, "(lines,)", 1)
-        values = np.empty((lines.size, len(rows), len(columns)), dtype=complex)
-        force = np.eye(self.degrees)[:, columns]
-        for k, s in enumerate(2j * np.pi * lines):
-            try:
-                motion = np.linalg.solve(self.stiffness + s * (self.damping + s * self.mass), force)
-            except np.linalg.LinAlgError:
-                raise DataError(
-                    f"the frequency response at {lines[k]:g} Hz was asked",
-                    "the structure has an undamped pole there",
-                    "Leave that line out, or give damping or supports.",
-                ) from None
-            values[k] = s ** QUANTITIES[quantity] * motion[rows]
+        values = dynamic_response(self.mass, self.damping, self.stiffness, rows, columns, quantity, lines)
         response = FrequencyResponse(
             values=values, frequencies=lines, quantity=quantity, **self._labels(rows, columns, quantity)
         )
@@ -319,7 +300,7 @@ class Structure:
         DataError
             No length, no sampling rate, forces that do not fit, or a stationary start of an unstable structure.
         """
-        check_quantity(quantity)
+        check_choice("quantity", quantity, QUANTITIES)
         ambient = isinstance(inputs, str) and inputs == "ambient"
         rows, columns = self._positions(outputs, range(self.degrees) if ambient and at is None else at)
         dt = self._interval(sampling_rate)
