@@ -1,0 +1,189 @@
+"""The stabilization diagram: poles of all orders over the mode indicator."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from modalscope.indicators import cmif
+from modalscope.model import FrequencyResponse, ImpulseResponse, ModalModel, StabilizationDiagram
+from modalscope.model.checks import Array, RealArray, check_choice
+from modalscope.plot._style import BLUE, MUTED, ORANGE, PALE, dress, key, mark_modes, new_axes, unit_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["INDICATORS", "indicator", "indicator_curves", "stabilization"]
+
+#: What can stand behind the poles.
+INDICATORS = ("cmif", "sum", "none")
+
+#: Singular values drawn: more than these lie in the noise of any test with a few references.
+_CURVES = 4
+
+
+def indicator_curves(response: FrequencyResponse | ImpulseResponse, kind: str = "cmif") -> tuple[RealArray, RealArray]:
+    """Return lines in Hz, (F,), and the curves of the mode indicator, (F, k).
+
+    `cmif` gives the singular values of H at each line, `sum` the sum of the magnitudes. An impulse response is
+    transformed by FFT as it stands.
+    """
+    if isinstance(response, FrequencyResponse):
+        lines, values = response.frequencies, response.values
+    else:
+        lines = np.fft.rfftfreq(response.samples, 1 / response.sampling_rate)
+        values = np.fft.rfft(response.values, axis=0) / response.sampling_rate
+    curves = cmif(values) if kind == "cmif" else np.abs(values).sum(axis=(1, 2))[:, None]
+    return lines, curves
+
+
+def stabilization(
+    diagram: StabilizationDiagram,
+    modes: ModalModel | None = None,
+    ax: Axes | None = None,
+    *,
+    indicator: str = "cmif",
+    limits: tuple[float, float] | None = None,
+) -> Axes:
+    """Draw the poles of all orders, frequency to the right and order up, over the mode indicator of the data.
+
+    Parameters
+    ----------
+    diagram : StabilizationDiagram
+        Its oscillating poles are drawn, decaying or growing; real poles have no place on a frequency axis.
+    modes : ModalModel, optional
+        Selected modes, marked by a line and their frequency.
+    ax : Axes, optional
+        Where to draw; a new figure by default.
+    indicator : {"cmif", "sum", "none"}
+        Behind the poles, on a logarithmic axis at the right: singular values of H, the sum of magnitudes, or nothing.
+    limits : (float, float), optional
+        Ends of the frequency axis in Hz; the band of the data by default.
+
+    Returns
+    -------
+    Axes
+        The axes of the poles.
+
+    Raises
+    ------
+    DataError
+        An unknown indicator.
+    """
+    check_choice("indicator", indicator, INDICATORS)
+    ax = new_axes(ax)
+    lowest, highest = limits or _band(diagram.response)
+    if indicator != "none":
+        _behind(ax, diagram.response, indicator, (lowest, highest))
+    _poles(ax, diagram)
+    dress(ax, xlabel="frequency [Hz]", ylabel="model order (states)")
+    if diagram.orders:
+        ax.set_ylim(0, 1.04 * max(diagram.orders))
+    ax.set_xlim(lowest, highest)
+    if modes is not None:
+        mark_modes(ax, modes.frequencies, (lowest, highest))
+    handles, names = ax.get_legend_handles_labels()
+    key(ax, handles=handles[::-1], labels=names[::-1])
+    return ax
+
+
+def _poles(ax: Axes, diagram: StabilizationDiagram) -> None:
+    oscillates = np.isin(diagram.kinds, ("mode", "unstable"))
+    stable = diagram.stable & oscillates
+    steady = np.asarray(diagram.stable_frequency, dtype=bool) & oscillates & ~stable
+    # the markers shrink where orders lie close, so that rows stay apart
+    size = float(np.clip(260 / max(len(diagram.orders), 1), 3.2, 6.0))
+    groups: tuple[tuple[str, Array, float, dict[str, Any]], ...] = (
+        ("new", oscillates & ~stable & ~steady, 0.7, {"marker": "x", "color": "#98A2AD", "markeredgewidth": 0.8}),
+        ("stable in frequency only", steady, 0.75, {"marker": "D", "color": ORANGE, "markerfacecolor": "white"}),
+        ("stable", stable, 1.0, {"marker": "o", "color": BLUE, "markeredgecolor": "white", "markeredgewidth": 0.5}),
+    )
+    f, order = diagram.frequencies, diagram.order_of_pole
+    for name, chosen, share, style in groups:
+        label = f"{name} ({np.count_nonzero(chosen)})"
+        ax.plot(f[chosen], order[chosen], linestyle="none", markersize=share * size, label=label, **style)
+
+
+def _band(response: FrequencyResponse | ImpulseResponse) -> tuple[float, float]:
+    if isinstance(response, ImpulseResponse):
+        return 0.0, response.sampling_rate / 2
+    low, high = float(response.frequencies[0]), float(response.frequencies[-1])
+    return (low, high) if high > low else (0.0, 2 * high or 1.0)
+
+
+def _behind(ax: Axes, response: FrequencyResponse | ImpulseResponse, kind: str, limits: tuple[float, float]) -> None:
+    lines, curves = indicator_curves(response, kind)
+    inside = (lines >= limits[0]) & (lines <= limits[1])
+    twin = ax.twinx()
+    ax.set_zorder(twin.get_zorder() + 1)
+    ax.patch.set_visible(False)
+    _draw(twin, lines[inside], curves[inside], ["#8C99A6", "#B7C0C9", "#CDD4DA", "#DDE2E6"])
+    dress(twin, grid=False)
+    twin.set_ylabel(_names(kind) + unit_of(response), fontsize=9.5, color=MUTED)
+    twin.tick_params(labelsize=8.5, labelcolor=MUTED, length=2)
+    twin.spines["right"].set_visible(True)
+    twin.spines["left"].set_visible(False)
+
+
+def _names(kind: str) -> str:
+    return "mode indicator: CMIF" if kind == "cmif" else "mode indicator: sum of magnitudes"
+
+
+def _draw(ax: Axes, lines: RealArray, curves: RealArray, colours: list[str]) -> None:
+    count = min(curves.shape[1], _CURVES, len(colours))
+    for i in range(count):
+        positive = np.where(curves[:, i] > 0, curves[:, i], np.nan)
+        ax.plot(
+            lines,
+            positive,
+            color=colours[i],
+            linewidth=1.2 if i == 0 else 0.9,
+            zorder=count - i,
+            label=f"singular value {i + 1}",
+        )
+    if np.any(curves[:, :count] > 0):
+        ax.set_yscale("log")
+
+
+def indicator(
+    response: FrequencyResponse | ImpulseResponse,
+    modes: ModalModel | None = None,
+    ax: Axes | None = None,
+    *,
+    kind: str = "cmif",
+) -> Axes:
+    """Draw the complex mode indicator function, the singular values of H over frequency, or the sum of magnitudes.
+
+    A peak of the first curve is a mode; a peak of the second one below it is a second mode at nearly the same
+    frequency. At most four curves are drawn.
+
+    Parameters
+    ----------
+    response : FrequencyResponse or ImpulseResponse
+    modes : ModalModel, optional
+        Marked by a line and their frequency.
+    ax : Axes, optional
+    kind : {"cmif", "sum"}
+
+    Raises
+    ------
+    DataError
+        An unknown kind.
+    """
+    check_choice("kind", kind, INDICATORS[:2])
+    ax = new_axes(ax, (9.0, 4.5))
+    lines, curves = indicator_curves(response, kind)
+    _draw(ax, lines, curves, [BLUE, ORANGE, MUTED, PALE])
+    dress(
+        ax,
+        xlabel="frequency [Hz]",
+        ylabel=("singular values" if kind == "cmif" else "sum of magnitudes") + unit_of(response),
+    )
+    limits = _band(response)
+    ax.set_xlim(*limits)
+    if modes is not None:
+        mark_modes(ax, modes.frequencies, limits)
+    if kind == "cmif":
+        key(ax, bbox_to_anchor=(0, -0.16))
+    return ax

@@ -1,0 +1,164 @@
+"""Measured against rebuilt responses."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from modalscope.model import FrequencyResponse, ImpulseResponse, ModalModel
+from modalscope.model.checks import Array, DataError
+from modalscope.plot._style import DPI, INK, MUTED, SIZE, VERMILLION, aside, channel, dress, key, unit_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["Identified", "rebuilt", "response"]
+
+
+class Identified(Protocol):
+    """Anything that holds modes, such as an identification."""
+
+    @property
+    def modes(self) -> ModalModel:
+        """The modes."""
+
+
+def rebuilt(data: FrequencyResponse | ImpulseResponse, modes: ModalModel | Identified) -> Array:
+    """Return the responses that the modes give on the lines or samples of the data, in the shape of its values."""
+    model = modes if isinstance(modes, ModalModel) else modes.modes
+    if isinstance(data, FrequencyResponse):
+        values: Array = model.frequency_response(data.frequencies).values
+    else:
+        values = model.impulse_response(data.samples, data.sampling_rate, first_sample=data.first_sample).values
+    if values.shape != data.values.shape:
+        (_, l, m), (_, outputs, inputs) = data.values.shape, values.shape
+        raise DataError(
+            "measured against rebuilt responses were asked",
+            f"the data have {l} outputs and {m} inputs, the modes {outputs} and {inputs}",
+            "Give the data that the modes were identified from, or select the same channels in both.",
+        )
+    return values
+
+
+def response(
+    data: FrequencyResponse | ImpulseResponse,
+    modes: ModalModel | Identified | None = None,
+    output: str | int | None = None,
+    input: str | int | None = None,
+    ax: Axes | tuple[Axes, Axes] | None = None,
+) -> Axes:
+    """Draw one measured response and what the modes rebuild of it.
+
+    Of a frequency response the magnitude and below it the phase; of an impulse response the samples and below them
+    what the modes leave unexplained.
+
+    Parameters
+    ----------
+    data : FrequencyResponse or ImpulseResponse
+    modes : ModalModel or identification, optional
+        Drawn beside the measurement, with the fit error |measured - rebuilt| / |measured| of this channel.
+    output, input : str or int, optional
+        Channel, by label or index; by default the one with the largest mean square.
+    ax : Axes or (Axes, Axes), optional
+        One for the upper panel alone, or two; a new figure by default.
+
+    Returns
+    -------
+    Axes
+        The upper panel.
+
+    Raises
+    ------
+    DataError
+        A channel that is not there, or modes of other channels than the data's.
+    """
+    power = np.sum(np.abs(data.values) ** 2, axis=0)
+    i = channel("output", output, data.output_dofs, int(np.argmax(power.sum(axis=1))))
+    j = channel("input", input, data.input_dofs, int(np.argmax(power[i])))
+    upper, lower = _panels(ax)
+    measured = data.values[:, i, j]
+    fit = None if modes is None else rebuilt(data, modes)[:, i, j]
+    if isinstance(data, FrequencyResponse):
+        _spectrum(data, measured, fit, upper, lower, unit_of(data, i, j))
+    else:
+        _samples(data, measured, fit, upper, lower, unit_of(data, i, j))
+    upper.set_title(
+        f"output {data.output_dofs[i]}, input {data.input_dofs[j]}",
+        loc="left",
+        fontsize=11.5,
+        color=INK,
+        fontweight="bold",
+        pad=8,
+    )
+    if fit is not None:
+        norm = float(np.linalg.norm(measured))
+        if norm > 0:
+            aside(upper, f"fit error {100 * float(np.linalg.norm(measured - fit)) / norm:.3g} %")
+    return upper
+
+
+def _panels(ax: Axes | tuple[Axes, Axes] | None) -> tuple[Axes, Axes | None]:
+    if ax is None:
+        from matplotlib import pyplot
+
+        figure = pyplot.figure(figsize=SIZE, dpi=DPI, layout="constrained")
+        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[2.6, 1])
+        return upper, lower
+    return ax if isinstance(ax, tuple) else (ax, None)
+
+
+def _pair(ax: Axes, x: Array, measured: Array, fit: Array | None) -> None:
+    ax.plot(x, measured, color=INK, linewidth=1.0, label="measured")
+    if fit is not None:
+        ax.plot(x, fit, color=VERMILLION, linewidth=1.3, linestyle=(0, (4, 1.6)), label="rebuilt from the modes")
+
+
+def _finish(upper: Axes, lower: Axes | None, xlabel: str) -> None:
+    last = upper if lower is None else lower
+    last.set_xlabel(xlabel, fontsize=10.5, color=INK)
+    if lower is not None:
+        upper.tick_params(labelbottom=False)
+    key(last, bbox_to_anchor=(0, -0.28 if lower is not None else -0.14), handles=upper.get_legend_handles_labels()[0])
+
+
+def _spectrum(
+    data: FrequencyResponse, measured: Array, fit: Array | None, upper: Axes, lower: Axes | None, unit: str
+) -> None:
+    f = data.frequencies
+    magnitude = [None if h is None else np.where(np.abs(h) > 0, np.abs(h), np.nan) for h in (measured, fit)]
+    if magnitude[0] is not None:
+        _pair(upper, f, magnitude[0], magnitude[1])
+        if np.any(np.isfinite(magnitude[0])):
+            upper.set_yscale("log")
+    dress(upper, ylabel=f"magnitude{unit}")
+    if f[-1] > f[0]:
+        upper.set_xlim(f[0], f[-1])
+    if lower is not None:
+        x, y = _wrapped(f, measured)
+        lower.plot(x, y, color=INK, linewidth=0.9)
+        if fit is not None:
+            lower.plot(*_wrapped(f, fit), color=VERMILLION, linewidth=1.2, linestyle=(0, (4, 1.6)))
+        dress(lower, ylabel="phase [°]")
+        lower.set_ylim(-190, 190)
+        lower.set_yticks([-180, -90, 0, 90, 180])
+    _finish(upper, lower, "frequency [Hz]")
+
+
+def _wrapped(f: Array, h: Array) -> tuple[Array, Array]:
+    """Phase in degrees with a gap wherever it jumps from one end of the scale to the other."""
+    phase = np.degrees(np.angle(h))
+    jumps = np.flatnonzero(np.abs(np.diff(phase)) > 180) + 1
+    return np.insert(np.asarray(f, dtype=float), jumps, np.nan), np.insert(phase, jumps, np.nan)
+
+
+def _samples(
+    data: ImpulseResponse, measured: Array, fit: Array | None, upper: Axes, lower: Axes | None, unit: str
+) -> None:
+    _pair(upper, data.times, measured, fit)
+    dress(upper, ylabel=(data.quantity or "response") + unit)
+    upper.set_xlim(data.times[0], data.times[-1])
+    if lower is not None:
+        lower.plot(data.times, measured if fit is None else measured - fit, color=MUTED, linewidth=0.9)
+        dress(lower, ylabel="measured" if fit is None else "difference")
+    _finish(upper, lower, "time [s]")

@@ -1,0 +1,241 @@
+"""Mode shapes, on the geometry or as bars."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from modalscope.indicators import mpc
+from modalscope.model import Geometry, ModalModel
+from modalscope.model.checks import Array, DataError, RealArray, check_count
+from modalscope.plot._camera import AXES, View, extent, oblique, view_of
+from modalscope.plot._style import BLUE, GREEN, INK, MUTED, PALE, VERMILLION, aside, diverging, dress, key, new_axes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["check_mode", "in_phase", "shape"]
+
+#: Largest displacement as a share of the size of the structure.
+_AMPLITUDE = 0.14
+
+#: Pieces of a line between two nodes, so that its colour may change along it.
+_PIECES = 16
+
+#: More channel names than this cannot be read side by side.
+_LABELS = 30
+
+
+def in_phase(shape: Array) -> RealArray:
+    """Return the real part of a shape turned to its best phase, its largest component 1.
+
+    The turn by -arg(sum phi^2) / 2 leaves the least in the imaginary part, sum (Im phi)^2.
+    """
+    phi = np.asarray(shape, dtype=np.complex128)
+    real = np.asarray((phi * np.exp(-0.5j * np.angle(np.sum(phi**2)))).real)
+    largest = real[np.argmax(np.abs(real))] if real.size else 0.0
+    return real / largest if largest else real
+
+
+def shape(
+    modes: ModalModel,
+    index: int,
+    geometry: Geometry | None = None,
+    ax: Axes | None = None,
+    *,
+    scale: float = _AMPLITUDE,
+    azimuth: float | None = None,
+    elevation: float | None = None,
+) -> Axes:
+    """Draw one mode shape over the structure at rest.
+
+    A complex shape is turned to the phase that leaves the least out of phase; how much that hides is told by the MPC
+    above the picture (1: nothing). Nodes on a line are drawn as displacement over position, nodes in a plane that
+    moves in itself flat, all others obliquely. Without a geometry every channel is a bar.
+
+    Parameters
+    ----------
+    modes : ModalModel
+    index : int
+        Of the mode, from zero.
+    geometry : Geometry, optional
+        That of the modes by default.
+    ax : Axes, optional
+        Where to draw, on ordinary two-dimensional axes.
+    scale : float
+        Largest displacement as a share of the diagonal of the structure.
+    azimuth, elevation : float, optional
+        Degrees; either of them asks for the oblique view.
+
+    Raises
+    ------
+    DataError
+        A mode that is not there, or a geometry that knows none of the channels.
+    """
+    check_mode(modes, index)
+    ax = new_axes(ax)
+    geometry = modes.geometry if geometry is None else geometry
+    values = in_phase(modes.shapes[:, index])
+    title = f"mode {index + 1}: {modes.frequencies[index]:.5g} Hz, {100 * modes.damping_ratios[index]:.3g} %"
+    if geometry is None:
+        _bars(ax, modes.output_dofs, values)
+        dress(ax, title=title, ylabel="shape (largest component 1)")
+    else:
+        measured = _measured(geometry, modes.output_dofs)
+        motion = geometry.displaced(modes.output_dofs, values)
+        chosen = azimuth is not None or elevation is not None
+        view = _turned(azimuth, elevation) if chosen else view_of(geometry.coordinates, motion)
+        dress(ax, title=title, grid=view.kind == "line")
+        if view.kind == "line":
+            _over_length(ax, geometry, motion, measured, view)
+        else:
+            _wireframe(ax, geometry, motion, measured, view, scale)
+    aside(ax, f"MPC {float(mpc(modes.shapes[:, [index]])[0]):.3f}")
+    return ax
+
+
+def check_mode(modes: ModalModel, index: int) -> None:
+    """Raise when there is no mode with that index."""
+    check_count("index", index, least=0)
+    if index >= len(modes):
+        raise DataError(
+            f"the shape of mode index {index} was asked",
+            f"there are {len(modes)} modes, counted from zero",
+            "Choose a lower index.",
+        )
+
+
+def _turned(azimuth: float | None, elevation: float | None) -> View:
+    return oblique(
+        **{name: angle for name, angle in (("azimuth", azimuth), ("elevation", elevation)) if angle is not None}
+    )
+
+
+def _measured(geometry: Geometry, labels: tuple[str, ...]) -> Array:
+    """Return for every node whether a channel moves it."""
+    moved = {node for label in labels for node, _ in geometry.motion_of(label)}
+    measured = np.array([node in moved for node in geometry.nodes], dtype=bool)
+    if not measured.any():
+        raise DataError(
+            "a shape on the geometry was asked",
+            f"the geometry (nodes {', '.join(geometry.nodes[:4])}, ...) knows none of the channels {', '.join(labels[:4])}, ...",
+            "Name the channels after its nodes, such as 3:+Z, or give it their motions.",
+        )
+    return measured
+
+
+def _bars(ax: Axes, labels: tuple[str, ...], values: RealArray) -> None:
+    places = np.arange(values.size)
+    ax.bar(places, values, width=0.72, color=np.where(values < 0, BLUE, VERMILLION).tolist(), zorder=2)
+    ax.axhline(0, color=INK, linewidth=0.8)
+    ax.set_ylim(-1.12, 1.12)
+    ax.set_xlim(-0.6, values.size - 0.4)
+    every = max(1, -(-values.size // _LABELS))
+    long = sum(len(label) for label in labels[::every]) > 60
+    ax.set_xticks(places[::every], labels[::every], rotation=90 if long else 0)
+
+
+def _over_length(ax: Axes, geometry: Geometry, motion: RealArray, measured: Array, view: View) -> None:
+    """Draw displacement over position, or beside it when the structure stands upright."""
+    position = geometry.coordinates @ view.matrix[:, 0]
+    order = np.argsort(position, kind="stable")
+    known, along = order[measured[order]], position[order]
+    moving = np.flatnonzero(np.max(np.abs(motion), axis=0) > 1e-6 * float(np.max(np.abs(motion))))
+    upright = view.names[0] == "z"
+    flip = slice(None, None, -1) if upright else slice(None)
+    ax.plot(*(along, np.zeros(order.size))[flip], color=PALE, linewidth=2.0, zorder=1)
+    for axis, colour in zip(moving, (BLUE, VERMILLION, GREEN), strict=False):
+        style: dict[str, Any] = {"color": colour, "linewidth": 1.8, "marker": "o", "markersize": 6, "zorder": 3}
+        ax.plot(*(position[known], motion[known, axis])[flip], label=AXES[axis], **style)
+        stems = ax.hlines if upright else ax.vlines
+        stems(position[known], 0, motion[known, axis], color=colour, linewidth=0.7, alpha=0.5, zorder=2)
+    directions = ", ".join(AXES[axis] for axis in moving) or "no direction"
+    words = [f"position along {view.names[0]}", f"motion in {directions} (largest 1)"]
+    xlabel, ylabel = words[flip]
+    ax.set_xlabel(xlabel)
+    ax.set_ylabel(ylabel)
+    (ax.set_xlim if upright else ax.set_ylim)(-1.2, 1.2)
+    if moving.size > 1:
+        key(ax, bbox_to_anchor=(0, -0.14))
+
+
+def _wireframe(ax: Axes, geometry: Geometry, motion: RealArray, measured: Array, view: View, scale: float) -> None:
+    """Draw the structure at rest in grey and displaced in colour: vermillion one way, blue the other."""
+    rest = geometry.coordinates @ view.matrix
+    size = float(np.max(np.linalg.norm(motion, axis=1))) or 1.0
+    moved = (geometry.coordinates + motion * (scale * extent(geometry.coordinates) / size)) @ view.matrix
+    # which way a node goes: along the direction of the largest motion
+    signed = motion @ np.linalg.svd(motion, full_matrices=False)[2][0] / size
+    signed = signed * (np.sign(signed[np.argmax(np.abs(signed))]) or 1.0)
+    live = measured[geometry.lines].any(axis=1) if len(geometry.lines) else np.zeros(0, dtype=bool)
+    _faces(ax, geometry, moved, signed, view)
+    _strokes(ax, rest[geometry.lines], color=PALE, linewidths=0.9, zorder=1)
+    _strokes(
+        ax, np.stack([rest[measured], moved[measured]], axis=1), color=PALE, linewidths=0.7, linestyles=":", zorder=1.5
+    )
+    _coloured(ax, moved[geometry.lines[live]], signed[geometry.lines[live]])
+    still, live_nodes = rest[measured], moved[measured]
+    ax.scatter(still[:, 0], still[:, 1], s=9, color=PALE, zorder=2, linewidths=0)
+    style: dict[str, Any] = {"cmap": diverging(), "vmin": -1, "vmax": 1, "edgecolors": "white", "linewidths": 0.7}
+    ax.scatter(live_nodes[:, 0], live_nodes[:, 1], s=34, c=signed[measured], zorder=5, **style)
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.margins(0.06)
+    ax.set_xticks([])
+    ax.set_yticks([])
+    for spine in ax.spines.values():
+        spine.set_visible(False)
+    _triad(ax, view)
+
+
+def _strokes(ax: Axes, segments: Array, **style: Any) -> None:
+    from matplotlib.collections import LineCollection
+
+    if len(segments):
+        ax.add_collection(LineCollection(list(segments), capstyle="round", **style), autolim=True)
+
+
+def _coloured(ax: Axes, segments: Array, signed: Array) -> None:
+    """Draw lines whose colour runs from the value at one end to that at the other."""
+    from matplotlib.collections import LineCollection
+
+    if not len(segments):
+        return
+    t = np.linspace(0, 1, _PIECES + 1)[:, None, None]
+    points = segments[:, 0] * (1 - t) + segments[:, 1] * t
+    pieces = np.stack([points[:-1], points[1:]], axis=2).reshape(-1, 2, 2)
+    middle = (t[:-1, :, 0] + t[1:, :, 0]) / 2
+    values = (signed[:, 0] * (1 - middle) + signed[:, 1] * middle).ravel()
+    lines = LineCollection(list(pieces), cmap=diverging(), linewidths=2.2, capstyle="round", zorder=4)
+    lines.set_array(values)
+    lines.set_clim(-1, 1)
+    ax.add_collection(lines, autolim=True)
+
+
+def _faces(ax: Axes, geometry: Geometry, moved: Array, signed: Array, view: View) -> None:
+    from matplotlib.collections import PolyCollection
+
+    if not len(geometry.faces):
+        return
+    depth = (geometry.coordinates @ view.depth)[geometry.faces].mean(axis=1)
+    ordered = geometry.faces[np.argsort(depth, kind="stable")]
+    faces = PolyCollection(
+        list(moved[ordered]), cmap=diverging(), alpha=0.55, edgecolors="white", linewidths=0.5, zorder=3
+    )
+    faces.set_array(signed[ordered].mean(axis=1))
+    faces.set_clim(-1, 1)
+    ax.add_collection(faces, autolim=True)
+
+
+def _triad(ax: Axes, view: View) -> None:
+    """Show the directions of x, y and z in the lower left corner."""
+    inset = ax.inset_axes((0.0, 0.0, 0.11, 0.16))
+    inset.set_axis_off()
+    inset.set_aspect("equal")
+    for name, end in zip(AXES, view.matrix, strict=True):
+        if np.linalg.norm(end) > 0.05:
+            inset.plot([0, end[0]], [0, end[1]], color=MUTED, linewidth=1.1, solid_capstyle="round")
+            x, y = 1.2 * end + 0.2 * end / np.linalg.norm(end)
+            inset.text(x, y, name, fontsize=9, color=MUTED, ha="center", va="center")
+    inset.set_xlim(-1.6, 1.6)
+    inset.set_ylim(-1.6, 1.6)
