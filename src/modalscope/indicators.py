@@ -57,7 +57,11 @@ def mac(shapes_a: ArrayLike, shapes_b: ArrayLike | None = None) -> RealArray:
     b = a if shapes_b is None else np.asarray(shapes_b)
     a, b = (x[:, None] if x.ndim == 1 else x for x in (a, b))
     if a.shape[0] != b.shape[0]:
-        raise DataError("the MAC of two sets of shapes was asked", f"they have {a.shape[0]} and {b.shape[0]} channels", "Select the same channels in both.")
+        raise DataError(
+            "the MAC of two sets of shapes was asked",
+            f"they have {a.shape[0]} and {b.shape[0]} channels",
+            "Select the same channels in both.",
+        )
     cross = np.abs(a.conj().T @ b) ** 2
     norms = np.sum(np.abs(a) ** 2, axis=0)[:, None] * np.sum(np.abs(b) ** 2, axis=0)
     return np.asarray(np.divide(cross, norms, out=np.zeros_like(cross, dtype=float), where=norms > 0))
@@ -88,7 +92,9 @@ def mpd(shapes: ArrayLike) -> RealArray:
     rotated = phi * np.exp(-1j * theta)
     off = np.arctan2(np.abs(rotated.imag), np.abs(rotated.real))
     total = weight.sum(axis=0)
-    return np.asarray(np.degrees(np.divide((weight * off).sum(axis=0), total, out=np.zeros_like(total), where=total > 0)))
+    return np.asarray(
+        np.degrees(np.divide((weight * off).sum(axis=0), total, out=np.zeros_like(total), where=total > 0))
+    )
 
 
 def cluster_mpc(shapes: ArrayLike) -> float:

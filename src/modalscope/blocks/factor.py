@@ -97,14 +97,25 @@ def factorize(matrix: Operator, rank: int | None = None, route: str = "auto") ->
     if gram is not None:
         return _by_gram(matrix, gram, wanted)
     if route == "gram":
-        raise DataError("route='gram' was asked", "this data matrix has no structure that gives its Gram matrix", "Use route='auto'.")
+        raise DataError(
+            "route='gram' was asked",
+            "this data matrix has no structure that gives its Gram matrix",
+            "Use route='auto'.",
+        )
     return _dense(matrix, wanted)
 
 
 def _finish(P: RealArray, d: RealArray, Q: RealArray, spectrum: RealArray, floor: float, how: str) -> Factors:
     if d.size == 0 or d[0] <= 0:
         raise DataError("a data matrix with content was asked", "it is zero", "Give data with a response in them.")
-    return Factors(P, d, Q, spectrum, int(np.count_nonzero(d > floor * d[0])), how)
+    return Factors(P, d, Q, spectrum, _rank(d, floor), how)
+
+
+def _rank(d: RealArray, floor: float) -> int:
+    """Count singular values above rounding; a drop of a thousand to below 1e-10 of the first is rounding of the data themselves."""
+    above = int(np.count_nonzero(d > floor * d[0]))
+    drops = np.flatnonzero((d[1:] < 1e-10 * d[0]) & (d[1:] < 1e-3 * d[:-1]))
+    return min(above, int(drops[0]) + 1) if drops.size else above
 
 
 def _dense(matrix: Operator, wanted: int) -> Factors:
@@ -114,7 +125,14 @@ def _dense(matrix: Operator, wanted: int) -> Factors:
     except sla.LinAlgError:  # gesdd rarely fails where the slower gesvd converges
         P, d, Qt = sla.svd(H, full_matrices=False, lapack_driver="gesvd", check_finite=False)
     floor = max(H.shape) * np.finfo(float).eps
-    return _finish(P[:, :wanted], d[:wanted], Qt[:wanted].T, d, floor, f"dense singular value decomposition, {H.shape[0]} x {H.shape[1]}")
+    return _finish(
+        P[:, :wanted],
+        d[:wanted],
+        Qt[:wanted].T,
+        d,
+        floor,
+        f"dense singular value decomposition, {H.shape[0]} x {H.shape[1]}",
+    )
 
 
 def _by_gram(matrix: Operator, gram: RealArray, wanted: int) -> Factors:

@@ -82,7 +82,9 @@ def hankel(
     columns = _entries("column_subsets", column_subsets, t, inputs, "inputs")
     if T is not None and T.shape[1] not in (outputs, rows.shape[1]):
         raise DataError(
-            f"row_compression needs {outputs} columns (within blocks) or {rows.shape[1]} (rows of H)", f"it has {T.shape[1]}", "Give one column a row."
+            f"row_compression needs {outputs} columns (within blocks) or {rows.shape[1]} (rows of H)",
+            f"it has {T.shape[1]}",
+            "Give one column a row.",
         )
     return Hankel(
         response=response,
@@ -120,8 +122,6 @@ class Hankel:
     compression: RealArray | None
     whole: bool
 
-    has_column_blocks = True
-
     @property
     def block_rows(self) -> int:
         """Number of different row shifts in H(0)."""
@@ -140,11 +140,18 @@ class Hankel:
 
     @property
     def _within_blocks(self) -> bool:
-        return self.compression is not None and self.compression.shape[1] == self.response.values.shape[1] and self.whole
+        return (
+            self.compression is not None and self.compression.shape[1] == self.response.values.shape[1] and self.whole
+        )
 
     def shifted(self, k: int) -> Operator:
         """Return H(k), weighted and compressed."""
-        if self.whole and self.row_weights is None and self.column_weights is None and (self.compression is None or self._within_blocks):
+        if (
+            self.whole
+            and self.row_weights is None
+            and self.column_weights is None
+            and (self.compression is None or self._within_blocks)
+        ):
             return BlockHankel(self._values, self.block_rows, self.block_columns, first=k)
         return DenseMatrix(self._array(self.row_entries, k))
 
@@ -156,7 +163,12 @@ class Hankel:
         DataError
             Shifts that are not consecutive, or compression over whole columns: A cannot be read off a row shift then.
         """
-        if self.whole and self.row_weights is None and self.column_weights is None and (self.compression is None or self._within_blocks):
+        if (
+            self.whole
+            and self.row_weights is None
+            and self.column_weights is None
+            and (self.compression is None or self._within_blocks)
+        ):
             return BlockHankel(self._values, self.block_rows + 1, self.block_columns)
         return DenseMatrix(self._array(self._tall_entries, 0, tall=True))
 
@@ -209,35 +221,19 @@ class Hankel:
         if self.row_weights is not None:
             H = H * (self._tall_weights if tall else self.row_weights)[:, None]
         if self.compression is not None and not self._within_blocks:
-            H = self._compress(H)
+            H = self.compression @ H
         return np.ascontiguousarray(H)
 
-    def _compress(self, H: RealArray) -> RealArray:
-        assert self.compression is not None
-        return self.compression @ H
-
-    def first_rows(self, right: Array) -> RealArray:
-        """Return E_l' H(0) X of the uncompressed, unweighted first block row: C = E_l' H(0) Q d^-1/2 (Eqs. 28, 39)."""
+    def first_rows(self, right: Array, k: int = 0) -> RealArray:
+        """Return E_l' H(k) X of the uncompressed, unweighted first block row: C = E_l' H(0) Q d^-1/2 (Eqs. 28, 39)."""
         t, inputs = self.column_entries
-        row = self.response.values[t, :, inputs].T
+        row = self.response.values[t + k, :, inputs].T
         return np.asarray((row if self.column_weights is None else row * self.column_weights) @ right)
 
-    def first_columns(self, left: Array) -> RealArray:
-        """Return Z' H(0) E_m of the first block column, with the row operations: B = d^-1/2 P' H(0) E_m (Eqs. 28, 37)."""
-        s, outputs = self.row_entries
-        if self._within_blocks:
-            column = self._values[: self.block_rows].reshape(-1, self._values.shape[2])
-            return np.asarray(left.T @ column)
-        column = self.response.values[s, outputs]
-        if self.row_weights is not None:
-            column = column * self.row_weights[:, None]
-        if self.compression is not None:
-            column = self._compress(column)
-        return np.asarray(left.T @ column)
-
-    def unweight_columns(self, right: Array) -> RealArray:
-        """Return the right factor without the column weights."""
-        return right if self.column_weights is None else right / self.column_weights[:, None]
+    def first_columns(self, right: Array) -> RealArray:
+        """Return the first block column's rows of the right factor, unweighted, (m, k): B = d^1/2 (first_columns(Q))' (Eqs. 28, 37)."""
+        inputs = self.response.values.shape[2]
+        return right[:inputs] if self.column_weights is None else right[:inputs] / self.column_weights[:inputs, None]
 
     def to_s(self, poles: Array) -> ComplexArray:
         """Continuous poles ln(z) fs, rad/s."""
@@ -280,7 +276,11 @@ def _shifts(name: str, shifts: Sequence[int] | None, blocks: int | None, other: 
         return list(range(check_count(other, blocks)))
     found = [int(v) for v in shifts]
     if not found or found[0] != 0 or any(b <= a for a, b in zip(found, found[1:], strict=False)):
-        raise DataError(f"{name} needs whole numbers that increase from 0", f"they are {found[:8]}", "Start at 0 and give each shift once.")
+        raise DataError(
+            f"{name} needs whole numbers that increase from 0",
+            f"they are {found[:8]}",
+            "Start at 0 and give each shift once.",
+        )
     factor = gcd(*found)
     if factor > 1:
         raise DataError(
@@ -296,10 +296,14 @@ def _entries(name: str, subsets: Sequence[Sequence[int]] | None, shifts: list[in
         return np.array([(s, c) for s in shifts for c in range(count)], dtype=np.int64).T
     chosen = [[int(c) for c in subset] for subset in subsets]
     if len(chosen) != len(shifts):
-        raise DataError(f"{name} needs {len(shifts)} sets, one a block", f"there are {len(chosen)}", "Give one a block.")
+        raise DataError(
+            f"{name} needs {len(shifts)} sets, one a block", f"there are {len(chosen)}", "Give one a block."
+        )
     if chosen[0] != list(range(count)):
         raise DataError(
-            f"{name} needs all {count} {what} in the first block", f"it holds {chosen[0]}", "Leave channels out of later blocks only, or use select()."
+            f"{name} needs all {count} {what} in the first block",
+            f"it holds {chosen[0]}",
+            "Leave channels out of later blocks only, or use select().",
         )
     if any(c < 0 or c >= count for subset in chosen for c in subset):
         raise DataError(f"{name} names {what} 0 to {count - 1}", "there is an index outside", "Correct the index.")
@@ -311,7 +315,15 @@ def _weights(name: str, weights: ArrayLike | None, entries: IntArray, count: int
         return None
     array = real_array(name, weights, "(channels,) or (rows,)", 1)
     if array.size not in (count, entries.shape[1]):
-        raise DataError(f"{name} needs {count} or {entries.shape[1]} entries", f"it has {array.size}", "Give one a channel, or one a row.")
+        raise DataError(
+            f"{name} needs {count} or {entries.shape[1]} entries",
+            f"it has {array.size}",
+            "Give one a channel, or one a row.",
+        )
     if np.any(array <= 0):
-        raise DataError(f"{name} needs positive weights", f"the smallest is {array.min():g}", "Leave channels out with select() instead of weighting by 0.")
+        raise DataError(
+            f"{name} needs positive weights",
+            f"the smallest is {array.min():g}",
+            "Leave channels out with select() instead of weighting by 0.",
+        )
     return array if array.size == entries.shape[1] and array.size != count else array[entries[1]]

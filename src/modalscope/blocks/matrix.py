@@ -90,17 +90,21 @@ class DataMatrix(Protocol):
     def row_shift(self) -> RowShift:
         """E0 and E1."""
 
-    def first_rows(self, right: Array) -> RealArray:
-        """The first block row of H(0), times X, such that C = first_rows(Q d^-1/2)."""
+    def first_rows(self, right: Array, k: int = 0) -> RealArray:
+        """The first block row of H(k), times X, in outputs: C = first_rows(Q d^-1/2), C A = first_rows(Q d^-1/2, 1)."""
 
-    def first_columns(self, left: Array) -> RealArray | None:
-        """Z' times the first block column, such that B = first_columns(P d^-1/2); None where columns are lines."""
+    def first_columns(self, right: Array) -> RealArray | None:
+        """The rows of Q that belong to the first block column, such that B = d^1/2 first_columns(Q)'; None where columns are lines."""
 
     def to_s(self, poles: Array) -> ComplexArray:
         """Continuous poles, rad/s."""
 
     def from_s(self, poles: Array) -> ComplexArray:
         """The matrix' own poles from continuous ones."""
+
+    @property
+    def dt(self) -> float | None:
+        """Sampling interval of the identified system; None when it is continuous."""
 
     def evolution(self, poles: Array, blocks: int) -> Evolution:
         """How a mode runs down the block rows: (blocks, n) factors of its first block."""

@@ -15,7 +15,9 @@ from modalscope.model.checks import ComplexArray, DataError, RealArray
 __all__ = ["evaluate", "orthogonal_basis"]
 
 
-def orthogonal_basis(points: ArrayLike, degree: int, weights: ArrayLike | None = None) -> tuple[ComplexArray, RealArray]:
+def orthogonal_basis(
+    points: ArrayLike, degree: int, weights: ArrayLike | None = None
+) -> tuple[ComplexArray, RealArray]:
     """Return p_0 ... p_degree at the points and their recurrence.
 
     Parameters
@@ -46,7 +48,11 @@ def orthogonal_basis(points: ArrayLike, degree: int, weights: ArrayLike | None =
     w = np.ones(x.size) if weights is None else np.asarray(weights, dtype=float)
     independent = 2 * np.unique(x).size
     if degree + 1 > independent:
-        raise DataError(f"polynomials to degree {degree} were asked", f"{np.unique(x).size} lines carry {independent} of them", "Use more lines or fewer block rows.")
+        raise DataError(
+            f"polynomials to degree {degree} were asked",
+            f"{np.unique(x).size} lines carry {independent} of them",
+            "Use more lines or fewer block rows.",
+        )
     basis = np.zeros((x.size, degree + 1), dtype=complex)
     h = np.zeros((degree + 1, degree))
     w2 = w**2

@@ -73,7 +73,13 @@ def plane_of(domain: str, response: FrequencyResponse) -> Plane:
         )
     if rate is not None:
         dt = 1 / rate
-        return Plane("z-plane, exponential", lambda f: np.exp(2j * np.pi * f * dt), lambda z: to_continuous(z, dt), lambda s: to_discrete(s, dt), dt)
+        return Plane(
+            "z-plane, exponential",
+            lambda f: np.exp(2j * np.pi * f * dt),
+            lambda z: to_continuous(z, dt),
+            lambda s: to_discrete(s, dt),
+            dt,
+        )
     half = 1 / (top or 1.0)
 
     def into(s: Array) -> ComplexArray:
@@ -101,7 +107,11 @@ def line_weights(response: FrequencyResponse, weights: str | ArrayLike | None) -
     if not isinstance(weights, str):
         array = real_array("weights", weights, "(lines,)", 1)
         if array.size != response.lines or np.any(array <= 0):
-            raise DataError(f"weights needs {response.lines} positive entries", f"it has {array.size}, the smallest {array.min():g}", "Give one a line.")
+            raise DataError(
+                f"weights needs {response.lines} positive entries",
+                f"it has {array.size}, the smallest {array.min():g}",
+                "Give one a line.",
+            )
         return array
     power = np.mean(np.abs(response.values) ** 2, axis=(1, 2))
     if weights == "level":
@@ -113,12 +123,24 @@ def line_weights(response: FrequencyResponse, weights: str | ArrayLike | None) -
         variance = power * np.mean((1 - g2) / g2, axis=1)
     else:
         have = [name for name in ("variance", "coherence") if getattr(response, name) is not None]
-        raise DataError(f"weights={weights!r} was asked", f"the response carries {' and '.join(have) or 'neither variance nor coherence'}", "Use weights='level', give one a line, or None.")
+        raise DataError(
+            f"weights={weights!r} was asked",
+            f"the response carries {' and '.join(have) or 'neither variance nor coherence'}",
+            "Use weights='level', give one a line, or None.",
+        )
     floor = 1e-6 * variance.max()
     return np.asarray(np.sqrt(variance.max() / np.maximum(variance, floor))) if floor > 0 else None
 
 
-def transfer(response: FrequencyResponse, *, domain: str, block_rows: int, order: int | None = None, weights: ArrayLike | None = None) -> Transfer:
+def transfer(
+    response: FrequencyResponse,
+    *,
+    domain: str,
+    block_rows: int,
+    order: int | None = None,
+    weights: ArrayLike | None = None,
+    equal_outputs: bool = True,
+) -> Transfer:
     """Stack p_k(x_i) H(x_i), k = 0 ... block_rows, with the unknown initial terms eliminated.
 
     Parameters
@@ -132,6 +154,9 @@ def transfer(response: FrequencyResponse, *, domain: str, block_rows: int, order
         Largest number of states that will be asked; used to check that the lines suffice.
     weights : array, (F,), optional
         Weights of the lines.
+    equal_outputs : bool
+        Divide every output by its root mean square over the band, so that quiet outputs count as much as loud ones in the
+        truncation. Shapes are scaled back.
 
     Raises
     ------
@@ -152,9 +177,10 @@ def transfer(response: FrequencyResponse, *, domain: str, block_rows: int, order
             "Widen the band, lower block_rows or lower the order.",
         )
     plane = plane_of(domain, response)
+    level = np.sqrt(np.mean(np.abs(response.values) ** 2, axis=(0, 2)))
     w = None if weights is None else np.asarray(weights, dtype=float)
     basis, recurrence = orthogonal_basis(plane.point(response.frequencies), q, w)
-    return Transfer(response, plane, basis, recurrence, w)
+    return Transfer(response, plane, basis, recurrence, w, level if equal_outputs else np.ones(outputs))
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,8 +192,7 @@ class Transfer:
     basis: ComplexArray
     recurrence: RealArray
     weights: RealArray | None
-
-    has_column_blocks = False
+    output_scale: RealArray
 
     @property
     def block_rows(self) -> int:
@@ -188,7 +213,9 @@ class Transfer:
         Z = self._real(self.basis)
         parts = []
         for i in range(inputs):
-            rows = (self.basis[:, :, None] * self.response.values[:, None, :, i]).reshape(lines, -1)
+            rows = (self.basis[:, :, None] * (self.response.values[:, None, :, i] / self.output_scale)).reshape(
+                lines, -1
+            )
             R = self._real(rows)
             for _ in range(2):  # twice, so that what is left is orthogonal to rounding
                 R -= Z @ (Z.T @ R)
@@ -222,11 +249,34 @@ class Transfer:
         """p_0, the constant of the basis."""
         return float(self.basis[0, 0].real)
 
-    def first_rows(self, right: Array) -> RealArray:
-        """Return (first block row / p_0) X, such that C = first_rows(Q d^-1/2)."""
-        return np.asarray(self.triangle[: self.response.values.shape[1]] @ right / self.first_value)
+    def first_rows(self, right: Array, k: int = 0) -> RealArray:
+        """Return (first block row of H(k) / p_0) X, such that C = first_rows(Q d^-1/2)."""
+        outputs = self.response.values.shape[1]
+        head = self.triangle[:outputs]
+        if k == 1:  # x p_0 = h_00 p_0 + h_10 p_1
+            head = self.recurrence[0, 0] * head + self.recurrence[1, 0] * self.triangle[outputs : 2 * outputs]
+        return np.asarray(self.output_scale[:, None] * (head @ right) / self.first_value)
 
-    def first_columns(self, left: Array) -> None:
+    def shapes(self, V: Array, poles: Array) -> ComplexArray:
+        """Return the shapes c of modes from their columns [c p_0; c p_1; ...] of the row factor, by least squares over all blocks.
+
+        The first block alone would do, but far from the axis the polynomials grow beyond 1e15, and it is rounding beside them.
+
+        Parameters
+        ----------
+        V : array of complex, (l K, k)
+            Row factor times eigenvectors, K = q or q + 1 blocks.
+        poles : array of complex, (k,)
+            In the plane of the polynomials.
+        """
+        blocks = np.asarray(V).reshape(-1, self.response.values.shape[1], len(poles))
+        p = evaluate(self.recurrence, self.first_value, poles)[: blocks.shape[0]]
+        size = np.max(np.abs(p), axis=0)
+        p = p / size
+        c = np.einsum("kn,kln->ln", p.conj(), blocks) / np.sum(np.abs(p) ** 2, axis=0) / size
+        return np.asarray(self.output_scale[:, None] * c)
+
+    def first_columns(self, right: Array) -> None:
         """None: the columns are lines; B and D come from least squares over them."""
         return
 

@@ -44,7 +44,11 @@ def _one_side(name: str, unit: str | Sequence[str] | None, count: int) -> tuple[
     if isinstance(unit, str):
         return (unit,) * count
     if len(unit) != count:
-        raise DataError(f"{name} needs {count} units, one a channel", f"{len(unit)} are given", "Give one a channel, or one for all.")
+        raise DataError(
+            f"{name} needs {count} units, one a channel",
+            f"{len(unit)} are given",
+            "Give one a channel, or one for all.",
+        )
     return tuple(str(u) for u in unit)
 
 
@@ -74,7 +78,11 @@ class Channels:
         units: Any = self.units
         pair = (units, None) if units is None or isinstance(units, str) else tuple(units)
         if len(pair) != 2:
-            raise DataError("units needs one unit or a pair (outputs, inputs)", f"{len(pair)} are given", 'Give units=("m/s2", "N").')
+            raise DataError(
+                "units needs one unit or a pair (outputs, inputs)",
+                f"{len(pair)} are given",
+                'Give units=("m/s2", "N").',
+            )
         freeze(
             self,
             output_dofs=check_labels("output_dofs", self.output_dofs, outputs, "y"),
@@ -115,7 +123,9 @@ class Channels:
         DataError
             A channel that is not there, or none left.
         """
-        rows = list(range(len(self.output_dofs))) if outputs is None else indices_of("output", outputs, self.output_dofs)
+        rows = (
+            list(range(len(self.output_dofs))) if outputs is None else indices_of("output", outputs, self.output_dofs)
+        )
         columns = list(range(len(self.input_dofs))) if inputs is None else indices_of("input", inputs, self.input_dofs)
         if exclude is not None:
             both = (*self.output_dofs, *(dof for dof in self.input_dofs if dof not in self.output_dofs))
@@ -123,7 +133,9 @@ class Channels:
             rows = [i for i in rows if self.output_dofs[i] not in out]
             kept = [i for i in columns if self.input_dofs[i] not in out]
             if columns and not kept:
-                raise DataError(f"excluding {', '.join(sorted(out))} was asked", "that leaves no input", "Exclude fewer channels.")
+                raise DataError(
+                    f"excluding {', '.join(sorted(out))} was asked", "that leaves no input", "Exclude fewer channels."
+                )
             columns = kept
         if not rows:
             raise DataError("a choice of channels needs at least one output", "none is left", "Exclude fewer channels.")

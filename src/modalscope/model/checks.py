@@ -26,10 +26,11 @@ __all__ = [
     "unit_suffix",
 ]
 
+# The names say what an array holds; numpy's own stubs cannot follow element types through most expressions.
 Array = NDArray[Any]
-RealArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-IntArray = NDArray[np.int64]
+RealArray = NDArray[Any]
+ComplexArray = NDArray[Any]
+IntArray = NDArray[Any]
 
 
 class DataError(ValueError):
@@ -81,7 +82,9 @@ def _numeric(name: str, values: ArrayLike, axes: str, ndim: int | Sequence[int])
     try:
         array = np.asarray(values)
     except ValueError as error:  # ragged nested lists
-        raise DataError(f"{name} needs one array of axes {axes}", f"it is ragged ({error})", "Give rows of equal length.") from None
+        raise DataError(
+            f"{name} needs one array of axes {axes}", f"it is ragged ({error})", "Give rows of equal length."
+        ) from None
     if array.dtype.kind not in "biufc":
         raise DataError(f"{name} needs numbers", f"its type is {array.dtype}", "Convert it to numbers.")
     allowed = (ndim,) if isinstance(ndim, int) else tuple(ndim)
@@ -138,7 +141,9 @@ def check_positive(name: str, value: float) -> float:
 def check_count(name: str, value: int, least: int = 1) -> int:
     """Return a whole number not below `least`, or raise."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-        raise DataError(f"{name} needs a whole number of at least {least}", f"it is {value!r}", f"Raise {name} to {least} or more.")
+        raise DataError(
+            f"{name} needs a whole number of at least {least}", f"it is {value!r}", f"Raise {name} to {least} or more."
+        )
     return int(value)
 
 

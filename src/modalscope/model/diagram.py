@@ -69,13 +69,29 @@ class StabilizationDiagram:
 
     def __post_init__(self) -> None:
         count = np.shape(self.poles)[0]
-        flat = ("order_of_pole", "poles", "shapes", "participation", "stable_frequency", "stable_damping", "stable_shape")
+        flat = (
+            "order_of_pole",
+            "poles",
+            "shapes",
+            "participation",
+            "stable_frequency",
+            "stable_damping",
+            "stable_shape",
+        )
         for name in flat:
             array = np.asarray(getattr(self, name))
             if array.shape[0] != count:
-                raise DataError(f"a diagram of {count} poles needs as many rows of {name}", f"there are {array.shape[0]}", "Give one a pole.")
+                raise DataError(
+                    f"a diagram of {count} poles needs as many rows of {name}",
+                    f"there are {array.shape[0]}",
+                    "Give one a pole.",
+                )
             freeze(self, **{name: locked(array)})
-        freeze(self, indicators={k: locked(np.asarray(v)) for k, v in self.indicators.items()}, singular_values=locked(np.asarray(self.singular_values)))
+        freeze(
+            self,
+            indicators={k: locked(np.asarray(v)) for k, v in self.indicators.items()},
+            singular_values=locked(np.asarray(self.singular_values)),
+        )
 
     @property
     def frequencies(self) -> RealArray:

@@ -105,7 +105,11 @@ class FrequencyResponse(Channels):
     def band(self, lowest: float, highest: float) -> FrequencyResponse:
         """Return the lines from `lowest` to `highest` Hz, both included."""
         if not lowest < highest:
-            raise DataError(f"the band {lowest:g} to {highest:g} Hz was asked", "its ends do not increase", "Give the lower end first.")
+            raise DataError(
+                f"the band {lowest:g} to {highest:g} Hz was asked",
+                "its ends do not increase",
+                "Give the lower end first.",
+            )
         inside = np.flatnonzero((self.frequencies >= lowest) & (self.frequencies <= highest))
         if inside.size == 0:
             raise DataError(
@@ -117,7 +121,10 @@ class FrequencyResponse(Channels):
 
     def at_lines(self, lines: slice | Array) -> FrequencyResponse:
         """Return the response at some of its lines, given by index."""
-        cut = {name: None if (a := getattr(self, name)) is None else a[lines] for name in ("values", "frequencies", "coherence", "variance")}
+        cut = {
+            name: None if (a := getattr(self, name)) is None else a[lines]
+            for name in ("values", "frequencies", "coherence", "variance")
+        }
         return replace(self, **cut)
 
     def as_quantity(self, wanted: str) -> FrequencyResponse:
@@ -131,14 +138,21 @@ class FrequencyResponse(Channels):
         power = derivatives_between(self.quantity, wanted)
         if power < 0 and self.frequencies[0] == 0:
             raise DataError(
-                f"the {self.quantity} as {wanted} was asked", "its first line lies at 0 Hz, where that divides by zero", "Leave that line out with band()."
+                f"the {self.quantity} as {wanted} was asked",
+                "its first line lies at 0 Hz, where that divides by zero",
+                "Leave that line out with band().",
             )
         factor = (2j * np.pi * self.frequencies) ** power
         variance = None if self.variance is None else self.variance * np.abs(factor[:, None, None]) ** 2
         note = f"{self.quantity} turned into {wanted} in the frequency domain"
         units = self.units if power == 0 else (("",) * len(self.output_dofs), self.units[1])
         return replace(
-            self, values=self.values * factor[:, None, None], variance=variance, quantity=wanted, units=units, processing=(*self.processing, note)
+            self,
+            values=self.values * factor[:, None, None],
+            variance=variance,
+            quantity=wanted,
+            units=units,
+            processing=(*self.processing, note),
         )
 
     def to_impulse_response(self) -> ImpulseResponse:
@@ -183,7 +197,10 @@ class FrequencyResponse(Channels):
             input_dofs=self.input_dofs,
             units=self.units,
             geometry=self.geometry,
-            processing=(*self.processing, f"inverse transform of {self.lines} lines, {self.frequencies[0]:g} to {self.frequencies[-1]:g} Hz"),
+            processing=(
+                *self.processing,
+                f"inverse transform of {self.lines} lines, {self.frequencies[0]:g} to {self.frequencies[-1]:g} Hz",
+            ),
         )
 
     def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Array | None]:
@@ -197,7 +214,11 @@ class FrequencyResponse(Channels):
 
 def _check_lines(lines: RealArray, shape: tuple[int, ...]) -> None:
     if 0 in shape or lines.size == 0:
-        raise DataError("a frequency response needs at least one line and channel", f"its shape is {shape}", "Measure at least one line.")
+        raise DataError(
+            "a frequency response needs at least one line and channel",
+            f"its shape is {shape}",
+            "Measure at least one line.",
+        )
     if lines.size != shape[0]:
         raise DataError(
             f"frequencies needs one entry for each of the {shape[0]} lines of values, shape {shape}",
@@ -205,7 +226,11 @@ def _check_lines(lines: RealArray, shape: tuple[int, ...]) -> None:
             "Lines come first in values: (lines, outputs, inputs); transpose it if they stand elsewhere.",
         )
     if lines[0] < 0:
-        raise DataError("frequencies needs lines at or above 0 Hz", f"the first is {lines[0]:g} Hz", "Leave the negative half of the spectrum out.")
+        raise DataError(
+            "frequencies needs lines at or above 0 Hz",
+            f"the first is {lines[0]:g} Hz",
+            "Leave the negative half of the spectrum out.",
+        )
     falling = np.flatnonzero(np.diff(lines) <= 0)
     if falling.size:
         k = int(falling[0])
@@ -220,7 +245,9 @@ def _check_complex(values: ComplexArray, lines: RealArray) -> None:
     """Refuse magnitudes; a single line may be real by chance, and an undamped model's real response changes sign."""
     if lines.size > 1 and not values.imag.any() and values.real.any() and values.real.min() >= 0:
         raise DataError(
-            "values needs complex frequency responses", "they have no imaginary part and are never negative: magnitudes", "Give real and imaginary parts."
+            "values needs complex frequency responses",
+            "they have no imaginary part and are never negative: magnitudes",
+            "Give real and imaginary parts.",
         )
 
 
@@ -229,8 +256,16 @@ def _beside(name: str, array: Array | None, shape: tuple[int, ...]) -> RealArray
         return None
     checked = real_array(name, array, "(lines, outputs) or (lines, outputs, inputs)", (2, 3))
     if checked.shape not in (shape, shape[:2]) or (name == "variance" and checked.ndim != 3):
-        raise DataError(f"{name} needs the shape of values, {shape}", f"it has {checked.shape}", "Give one entry for each line and channel.")
+        raise DataError(
+            f"{name} needs the shape of values, {shape}",
+            f"it has {checked.shape}",
+            "Give one entry for each line and channel.",
+        )
     low, high = float(checked.min()), float(checked.max())
     if low < -1e-9 or (name == "coherence" and high > 1 + 1e-6):
-        raise DataError(f"{name} needs values of at least 0" + (" and at most 1" if name == "coherence" else ""), f"they lie between {low:g} and {high:g}", f"Correct the {name}, or leave it out.")
+        raise DataError(
+            f"{name} needs values of at least 0" + (" and at most 1" if name == "coherence" else ""),
+            f"they lie between {low:g} and {high:g}",
+            f"Correct the {name}, or leave it out.",
+        )
     return checked

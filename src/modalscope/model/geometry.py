@@ -24,11 +24,19 @@ def _elements(name: str, elements: ArrayLike | None, width: tuple[int, ...], nod
     if array.size == 0:
         return locked(np.zeros((0, width[0]), dtype=np.int64))
     if array.ndim != 2 or array.shape[1] not in width:
-        raise DataError(f"{name} need rows of {' or '.join(map(str, width))} node names", f"the shape is {array.shape}", "Give one row an element.")
+        raise DataError(
+            f"{name} need rows of {' or '.join(map(str, width))} node names",
+            f"the shape is {array.shape}",
+            "Give one row an element.",
+        )
     position = {node: i for i, node in enumerate(nodes)}
     unknown = sorted({str(node) for node in array.ravel()} - set(position))
     if unknown:
-        raise DataError(f"{name} join nodes of the geometry", f"there is no node {', '.join(unknown[:5])}", "Add the nodes or drop the element.")
+        raise DataError(
+            f"{name} join nodes of the geometry",
+            f"there is no node {', '.join(unknown[:5])}",
+            "Add the nodes or drop the element.",
+        )
     return locked(np.array([[position[str(node)] for node in row] for row in array], dtype=np.int64))
 
 
@@ -66,11 +74,15 @@ class Geometry:
     def __post_init__(self) -> None:
         nodes = tuple(str(node) for node in self.nodes)
         if len(set(nodes)) != len(nodes):
-            raise DataError("geometry needs different node names", "some stand there twice", "Rename the repeated nodes.")
+            raise DataError(
+                "geometry needs different node names", "some stand there twice", "Rename the repeated nodes."
+            )
         xyz = real_array("geometry coordinates", self.coordinates, "(nodes, 3)", 2)
         if xyz.shape != (len(nodes), 3):
             raise DataError(
-                f"geometry of {len(nodes)} nodes needs coordinates of shape ({len(nodes)}, 3)", f"the shape is {xyz.shape}", "Give x, y, z a node."
+                f"geometry of {len(nodes)} nodes needs coordinates of shape ({len(nodes)}, 3)",
+                f"the shape is {xyz.shape}",
+                "Give x, y, z a node.",
             )
         freeze(
             self,

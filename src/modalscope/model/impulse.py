@@ -9,7 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.model.channels import KINDS, Channels, check_quantity
-from modalscope.model.checks import Array, DataError, RealArray, check_choice, check_count, check_positive, freeze, real_array
+from modalscope.model.checks import (
+    Array,
+    DataError,
+    RealArray,
+    check_choice,
+    check_count,
+    check_positive,
+    freeze,
+    real_array,
+)
 
 if TYPE_CHECKING:
     from modalscope.model.frequency import FrequencyResponse
@@ -54,12 +63,20 @@ class ImpulseResponse(Channels):
     def __post_init__(self) -> None:
         values = real_array("values", self.values, "(samples, outputs, inputs)", 3)
         if values.shape[0] < 2 or 0 in values.shape:
-            raise DataError("an impulse response needs at least two samples of one channel", f"its shape is {values.shape}", "Measure a longer response.")
+            raise DataError(
+                "an impulse response needs at least two samples of one channel",
+                f"its shape is {values.shape}",
+                "Measure a longer response.",
+            )
         feedthrough = None
         if self.feedthrough is not None:
             feedthrough = real_array("feedthrough", self.feedthrough, "(outputs, inputs)", 2)
             if feedthrough.shape != values.shape[1:]:
-                raise DataError(f"feedthrough needs shape {values.shape[1:]}", f"it has {feedthrough.shape}", "Give one value an output and input.")
+                raise DataError(
+                    f"feedthrough needs shape {values.shape[1:]}",
+                    f"it has {feedthrough.shape}",
+                    "Give one value an output and input.",
+                )
         freeze(
             self,
             values=values,
@@ -91,7 +108,11 @@ class ImpulseResponse(Channels):
         """
         from modalscope.model.frequency import FrequencyResponse
 
-        lines = np.fft.rfftfreq(self.samples + 1, 1 / self.sampling_rate) if frequencies is None else np.asarray(frequencies, dtype=float)
+        lines = (
+            np.fft.rfftfreq(self.samples + 1, 1 / self.sampling_rate)
+            if frequencies is None
+            else np.asarray(frequencies, dtype=float)
+        )
         held = self.kind == "pulse"
         delay = self.first_sample + (1 if held else 0)
         steps = np.arange(self.samples) + delay

@@ -69,7 +69,9 @@ def check_labels(name: str, dofs: Iterable[DofLike] | None, count: int, prefix: 
         return tuple(f"{prefix}{i + 1}" for i in range(count))
     labels = tuple(label_of(dof) for dof in ([dofs] if isinstance(dofs, str) else dofs))
     if len(labels) != count:
-        raise DataError(f"{name} needs {count} labels, one a channel", f"{len(labels)} are given", "Give one label a channel.")
+        raise DataError(
+            f"{name} needs {count} labels, one a channel", f"{len(labels)} are given", "Give one label a channel."
+        )
     twice = sorted({label for label in labels if labels.count(label) > 1})
     if twice:
         raise DataError(
@@ -90,6 +92,8 @@ def indices_of(name: str, wanted: Iterable[DofLike] | DofLike, labels: Sequence[
             continue
         label = label_of(item)  # type: ignore[arg-type]
         if label not in labels:
-            raise DataError(f"{name} {label!r} was asked", f"there are only {', '.join(labels)}", "Name one of these channels.")
+            raise DataError(
+                f"{name} {label!r} was asked", f"there are only {', '.join(labels)}", "Name one of these channels."
+            )
         found.append(labels.index(label))
     return found

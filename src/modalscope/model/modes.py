@@ -10,7 +10,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.model.channels import Channels, check_quantity, derivatives_between
-from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_choice, check_count, complex_array, freeze, real_array
+from modalscope.model.checks import (
+    Array,
+    ComplexArray,
+    DataError,
+    RealArray,
+    check_choice,
+    check_count,
+    complex_array,
+    freeze,
+    real_array,
+)
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.poles import frequencies_and_damping, pole_kinds, to_discrete
@@ -82,10 +92,22 @@ class ModalModel(Channels):
         shapes = complex_array("shapes", self.shapes, "(outputs, modes)", 2)
         n = poles.size
         if shapes.shape[1] != n:
-            raise DataError(f"{n} poles need {n} shapes as columns", f"shapes has shape {shapes.shape}", "Transpose or complete the shapes.")
-        part = None if self.participation is None else complex_array("participation", self.participation, "(modes, inputs)", 2)
+            raise DataError(
+                f"{n} poles need {n} shapes as columns",
+                f"shapes has shape {shapes.shape}",
+                "Transpose or complete the shapes.",
+            )
+        part = (
+            None
+            if self.participation is None
+            else complex_array("participation", self.participation, "(modes, inputs)", 2)
+        )
         if part is not None and part.shape[0] != n:
-            raise DataError(f"{n} poles need {n} rows of participation", f"participation has shape {part.shape}", "Transpose or complete it.")
+            raise DataError(
+                f"{n} poles need {n} rows of participation",
+                f"participation has shape {part.shape}",
+                "Transpose or complete it.",
+            )
         direct = {
             name: None if (a := getattr(self, name)) is None else real_array(name, a, "(outputs, inputs)", 2)
             for name in ("feedthrough", "lower_residual", "upper_residual")
@@ -110,7 +132,9 @@ class ModalModel(Channels):
             return None
         array = real_array(name, values, "(modes,)", 1, finite=False)
         if array.size != len(self.poles):
-            raise DataError(f"{name} needs {len(self.poles)} entries, one a mode", f"it has {array.size}", "Give one a mode.")
+            raise DataError(
+                f"{name} needs {len(self.poles)} entries, one a mode", f"it has {array.size}", "Give one a mode."
+            )
         return array
 
     def __len__(self) -> int:
@@ -174,7 +198,9 @@ class ModalModel(Channels):
         words = "largest component 1"
         if scale == "unit":
             norm = np.linalg.norm(self.shapes, axis=0)
-            factor = np.where(largest == 0, 1, largest / np.where(largest == 0, 1, np.abs(largest))) * np.where(norm == 0, 1, norm)
+            factor = np.where(largest == 0, 1, largest / np.where(largest == 0, 1, np.abs(largest))) * np.where(
+                norm == 0, 1, norm
+            )
             words = "length 1, largest component real"
         elif scale == "mass":
             factor, words = self._mass_factor()
@@ -186,7 +212,11 @@ class ModalModel(Channels):
         part = self._need_participation("unit modal mass")
         common = [dof for dof in self.output_dofs if dof in self.input_dofs]
         if not common:
-            raise DataError("shapes of unit modal mass were asked", "no output has the label of an input: no driving point", "Measure one, or give it the same label on both sides.")
+            raise DataError(
+                "shapes of unit modal mass were asked",
+                "no output has the label of an input: no driving point",
+                "Measure one, or give it the same label on both sides.",
+            )
         power = derivatives_between(self.quantity, "displacement")
         rows = [self.output_dofs.index(dof) for dof in common]
         columns = [self.input_dofs.index(dof) for dof in common]
@@ -201,12 +231,16 @@ class ModalModel(Channels):
             factor = np.where(target == 0, 1, shape / np.where(target == 0, 1, target))
         return np.asarray(factor), f"unit modal mass, driving point {', '.join(common)}"
 
-    def impulse_response(self, samples: int, sampling_rate: float | None = None, *, first_sample: int = 0) -> ImpulseResponse:
+    def impulse_response(
+        self, samples: int, sampling_rate: float | None = None, *, first_sample: int = 0
+    ) -> ImpulseResponse:
         """Return sum_j phi_j exp(s_j (k + first_sample) dt) l_j' and conjugates, k = 0 ... samples - 1."""
         part = self._need_participation("an impulse response")
         rate = sampling_rate or (None if self.dt is None else 1 / self.dt)
         if rate is None:
-            raise DataError("an impulse response was asked", "the modes are of a continuous system", "Give sampling_rate.")
+            raise DataError(
+                "an impulse response was asked", "the modes are of a continuous system", "Give sampling_rate."
+            )
         steps = np.arange(check_count("samples", samples)) + first_sample
         decay = np.exp(np.outer(steps / rate, self.poles)) * self._weights()
         values = np.einsum("kj,aj,jb->kab", decay, self.shapes, part).real
@@ -233,7 +267,9 @@ class ModalModel(Channels):
                 if residual is not None:
                     values = values + residual * s**power
         rate = 1 / self.dt if self.dt is not None and self.held_input else None
-        return FrequencyResponse(values=values, frequencies=f, quantity=self.quantity, sampling_rate=rate, **self._named())
+        return FrequencyResponse(
+            values=values, frequencies=f, quantity=self.quantity, sampling_rate=rate, **self._named()
+        )
 
     def _modal_sum(self, f: RealArray) -> ComplexArray:
         part = self._need_participation("a frequency response")
@@ -256,7 +292,11 @@ class ModalModel(Channels):
 
     def _need_participation(self, asked: str) -> ComplexArray:
         if self.participation is None:
-            raise DataError(f"{asked} was asked", "the participation of the modes is not known", "Identify from data with inputs or references.")
+            raise DataError(
+                f"{asked} was asked",
+                "the participation of the modes is not known",
+                "Identify from data with inputs or references.",
+            )
         return self.participation
 
     def table(self) -> str:
@@ -276,9 +316,14 @@ class ModalModel(Channels):
                     columns[f"{letter} {word}"] = [f"{factor * v:{digits}}" for v in values]
         for name, values in self.indicators.items():
             columns[name] = [f"{v:.3f}" for v in values]
-        widths = [max(len(head), *(len(v) for v in column), 0) if column else len(head) for head, column in columns.items()]
+        widths = [
+            max(len(head), *(len(v) for v in column), 0) if column else len(head) for head, column in columns.items()
+        ]
         lines = ["  ".join(head.rjust(w) for head, w in zip(columns, widths, strict=True))]
-        lines += ["  ".join(cell.rjust(w) for cell, w in zip(row, widths, strict=True)) for row in zip(*columns.values(), strict=True)]
+        lines += [
+            "  ".join(cell.rjust(w) for cell, w in zip(row, widths, strict=True))
+            for row in zip(*columns.values(), strict=True)
+        ]
         return "\n".join(lines)
 
     def to_dataframe(self) -> Any:
@@ -286,9 +331,19 @@ class ModalModel(Channels):
         try:
             import pandas as pd
         except ImportError:
-            raise DataError("to_dataframe was asked", "pandas is not installed", "Run: pip install 'modalscope[pandas]'") from None
+            raise DataError(
+                "to_dataframe was asked", "pandas is not installed", "Run: pip install 'modalscope[pandas]'"
+            ) from None
         named = {name: getattr(self, name) for name in _PER_MODE if getattr(self, name) is not None}
-        return pd.DataFrame({"frequency_hz": self.frequencies, "damping_ratio": self.damping_ratios, "kind": self.kinds, **named, **self.indicators})
+        return pd.DataFrame(
+            {
+                "frequency_hz": self.frequencies,
+                "damping_ratio": self.damping_ratios,
+                "kind": self.kinds,
+                **named,
+                **self.indicators,
+            }
+        )
 
     def _cut(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
         direct = {
@@ -298,4 +353,7 @@ class ModalModel(Channels):
         return {**Channels._cut(self, outputs, inputs), **direct}
 
     def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Array | None]:
-        return {"shapes": self.shapes[outputs], "participation": None if self.participation is None else self.participation[:, inputs]}
+        return {
+            "shapes": self.shapes[outputs],
+            "participation": None if self.participation is None else self.participation[:, inputs],
+        }

@@ -25,6 +25,9 @@ __all__ = [
 #: imaginary parts of rounding size only when they are exactly paired, so the limit needs to cover conversions, no more.
 _REAL = 1e-13
 
+#: A sampled system's pole below this modulus forgets its state within one sample, to rounding.
+_ZERO = 1e-13
+
 
 def frequencies_and_damping(poles: ArrayLike) -> tuple[RealArray, RealArray]:
     """Return undamped frequencies `|s| / 2 pi` in Hz and damping ratios `-Re s / |s|` of continuous poles (rad/s).
@@ -51,10 +54,9 @@ def poles_from(frequencies: ArrayLike, damping_ratios: ArrayLike) -> ComplexArra
 
 
 def to_continuous(poles: ArrayLike, dt: float) -> ComplexArray:
-    """Return `ln(z) / dt`. A negative real z lands on the Nyquist frequency, z = 0 at minus infinity."""
+    """Return `ln(z) / dt`. A negative real z lands on the Nyquist frequency; z = 0 far out on the negative real axis."""
     z = np.asarray(poles, dtype=np.complex128)
-    with np.errstate(divide="ignore"):
-        return np.asarray((np.log(np.abs(z)) + 1j * np.angle(z)) / dt, dtype=np.complex128)
+    return np.asarray((np.log(np.maximum(np.abs(z), _ZERO**20)) + 1j * np.angle(z)) / dt)
 
 
 def to_discrete(poles: ArrayLike, dt: float) -> ComplexArray:
@@ -66,12 +68,11 @@ def one_of_each_pair(poles: ArrayLike) -> Array:
     """Return the indices of one pole of each conjugate pair (the one above the axis) and of all real ones, by frequency."""
     s = np.asarray(poles, dtype=np.complex128)
     keep = np.flatnonzero((s.imag > 0) | _is_real(s))
-    return keep[np.lexsort((s[keep].imag, np.abs(s[keep])))]
+    return np.asarray(keep[np.lexsort((s[keep].imag, np.abs(s[keep])))])
 
 
 def _is_real(s: ComplexArray) -> Array:
-    with np.errstate(invalid="ignore"):
-        return (np.abs(s.imag) <= _REAL * np.abs(s)) | ~np.isfinite(s.real)
+    return np.asarray(np.abs(s.imag) <= _REAL * np.abs(s))
 
 
 def pole_kinds(poles: ArrayLike, dt: float | None = None) -> tuple[str, ...]:
@@ -92,8 +93,9 @@ def pole_kinds(poles: ArrayLike, dt: float | None = None) -> tuple[str, ...]:
     """
     s = np.atleast_1d(np.asarray(poles, dtype=np.complex128))
     at_nyquist = np.zeros(s.shape, bool) if dt is None else np.isclose(np.abs(s.imag) * dt, np.pi, rtol=1e-9, atol=0)
+    forgotten = np.zeros(s.shape, bool) if dt is None else s.real * dt < np.log(_ZERO)
     names = np.select(
-        [~np.isfinite(s.real), at_nyquist, s.real > 0, _is_real(s)],
+        [forgotten, at_nyquist, s.real > 0, _is_real(s)],
         ["zero", "nyquist", "unstable", "real"],
         default="mode",
     )

@@ -57,12 +57,20 @@ class Signals(Channels):
                     "Cut both to the same samples; the last axis counts channels.",
                 )
         if outputs.shape[-2] < 2 or 0 in outputs.shape or (inputs is not None and 0 in inputs.shape):
-            raise DataError("a record needs at least two samples of one channel", f"its shape is {outputs.shape}", "Measure a longer record.")
+            raise DataError(
+                "a record needs at least two samples of one channel",
+                f"its shape is {outputs.shape}",
+                "Measure a longer record.",
+            )
         given: Any = self.quantities
         count = outputs.shape[-1]
         quantities = (given,) * count if given is None or isinstance(given, str) else tuple(given)
         if len(quantities) != count:
-            raise DataError(f"quantities needs {count}, one an output", f"{len(quantities)} are given", "Give one for all, or one each.")
+            raise DataError(
+                f"quantities needs {count}, one an output",
+                f"{len(quantities)} are given",
+                "Give one for all, or one each.",
+            )
         freeze(
             self,
             outputs=outputs,

@@ -9,7 +9,17 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import ArrayLike
 
-from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_choice, check_count, check_positive, freeze, real_array
+from modalscope.model.checks import (
+    Array,
+    ComplexArray,
+    DataError,
+    RealArray,
+    check_choice,
+    check_count,
+    check_positive,
+    freeze,
+    real_array,
+)
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.poles import to_continuous
@@ -152,7 +162,9 @@ class StateSpace:
         """
         values = self.markov_parameters(samples)
         assert self.dt is not None
-        return ImpulseResponse(**{"values": values, "sampling_rate": 1 / self.dt, "feedthrough": self.D, "kind": "pulse", **channels})
+        return ImpulseResponse(
+            **{"values": values, "sampling_rate": 1 / self.dt, "feedthrough": self.D, "kind": "pulse", **channels}
+        )
 
     def transfer(self, points: ArrayLike) -> ComplexArray:
         """Return D + C (x I - A)^-1 B at complex points x (rad/s, or on the z-plane), as (points, l, m) (Eq. 75)."""
@@ -160,9 +172,15 @@ class StateSpace:
         # the Hessenberg form would serve many points; n is small and the points are solved in one batch
         resolvent = x[:, None, None] * np.eye(self.order) - self.A
         try:
-            return np.asarray(self.C @ np.linalg.solve(resolvent, np.broadcast_to(self.B, (x.size, *self.B.shape))) + self.D)
+            return np.asarray(
+                self.C @ np.linalg.solve(resolvent, np.broadcast_to(self.B, (x.size, *self.B.shape))) + self.D
+            )
         except np.linalg.LinAlgError:
-            raise DataError("a transfer function was asked at a pole of the model", "it is infinite there", "Leave that frequency out.") from None
+            raise DataError(
+                "a transfer function was asked at a pole of the model",
+                "it is infinite there",
+                "Leave that frequency out.",
+            ) from None
 
     def frequency_response(self, frequencies: ArrayLike, **channels: Any) -> FrequencyResponse:
         """Return the frequency response on lines in Hz: at j 2 pi f, or at exp(j 2 pi f dt) for a sampled model.
@@ -172,15 +190,25 @@ class StateSpace:
         f = np.asarray(frequencies, dtype=float)
         points = 2j * np.pi * f if self.dt is None else np.exp(2j * np.pi * f * self.dt)
         rate = None if self.dt is None else 1 / self.dt
-        return FrequencyResponse(**{"values": self.transfer(points), "frequencies": f, "sampling_rate": rate, **channels})
+        return FrequencyResponse(
+            **{"values": self.transfer(points), "frequencies": f, "sampling_rate": rate, **channels}
+        )
 
     def simulate(self, inputs: ArrayLike, initial_state: ArrayLike | None = None) -> RealArray:
         """Return the outputs (N, l) of a sampled model for inputs (N, m): x(k+1) = A x(k) + B u(k), y = C x + D u (Eq. 5)."""
         self._need("simulate", continuous=False)
         u = real_array("inputs", inputs, "(samples, inputs)", 2)
         if u.shape[1] != self.B.shape[1]:
-            raise DataError(f"inputs of {self.B.shape[1]} channels were asked", f"there are {u.shape[1]}", "Give one column an input.")
-        x = np.zeros(self.order) if initial_state is None else np.array(real_array("initial_state", initial_state, "(states,)", 1))
+            raise DataError(
+                f"inputs of {self.B.shape[1]} channels were asked",
+                f"there are {u.shape[1]}",
+                "Give one column an input.",
+            )
+        x = (
+            np.zeros(self.order)
+            if initial_state is None
+            else np.array(real_array("initial_state", initial_state, "(states,)", 1))
+        )
         if x.shape != (self.order,):
             raise DataError(f"initial_state needs {self.order} entries", f"it has {x.size}", "Give one a state.")
         driven = u @ self.B.T
@@ -194,7 +222,11 @@ class StateSpace:
         """Return the model in new coordinates x = T z: (T^-1 A T, T^-1 B, C T, D) (Eqs. 12-14)."""
         matrix = real_array("T", T, "(states, states)", 2)
         if matrix.shape != self.A.shape or np.linalg.cond(matrix) > 1 / np.finfo(float).eps:
-            raise DataError(f"a regular {self.A.shape} change of coordinates was asked", f"T has shape {matrix.shape} or is singular", "Give a regular square matrix.")
+            raise DataError(
+                f"a regular {self.A.shape} change of coordinates was asked",
+                f"T has shape {matrix.shape} or is singular",
+                "Give a regular square matrix.",
+            )
         inverse: Array = np.linalg.inv(matrix)
         return StateSpace(A=inverse @ self.A @ matrix, B=inverse @ self.B, C=self.C @ matrix, D=self.D, dt=self.dt)
 
@@ -209,7 +241,9 @@ class StateSpace:
         try:
             import control
         except ImportError:
-            raise DataError("to_control was asked", "python-control is not installed", "Run: pip install 'modalscope[control]'") from None
+            raise DataError(
+                "to_control was asked", "python-control is not installed", "Run: pip install 'modalscope[control]'"
+            ) from None
         return control.ss(self.A, self.B, self.C, self.D, 0 if self.dt is None else self.dt)
 
     @classmethod
@@ -217,14 +251,22 @@ class StateSpace:
         """Take over a state-space model of scipy or python-control: anything with A, B, C, D and dt."""
         dt = getattr(system, "dt", None)
         if dt is True:
-            raise DataError("a sampled model needs its sampling interval", "it says only that it is sampled (dt=True)", "Give dt in seconds.")
+            raise DataError(
+                "a sampled model needs its sampling interval",
+                "it says only that it is sampled (dt=True)",
+                "Give dt in seconds.",
+            )
         return cls(A=system.A, B=system.B, C=system.C, D=system.D, dt=dt or None)
 
     def _need(self, asked: str, *, continuous: bool) -> None:
         if continuous is not (self.dt is None):
             have = "continuous" if self.dt is None else "sampled"
             other = "to_discrete(dt)" if self.dt is None else "to_continuous()"
-            raise DataError(f"{asked}() of a {'continuous' if continuous else 'sampled'} model was asked", f"this one is {have}", f"Call {other} first.")
+            raise DataError(
+                f"{asked}() of a {'continuous' if continuous else 'sampled'} model was asked",
+                f"this one is {have}",
+                f"Call {other} first.",
+            )
 
 
 def _similar(vectors: Array, values: Array) -> RealArray:
