@@ -1,0 +1,107 @@
+"""A whole report: which sections it has, and its way to the disk."""
+
+from __future__ import annotations
+
+from datetime import date
+from importlib.metadata import version
+from pathlib import Path
+
+from modalscope.io.atomic import replacing
+from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, ModalModel, StabilizationDiagram
+from modalscope.plot.responses import rebuilt
+from modalscope.report import record, sections
+from modalscope.report.html import Section, page
+from modalscope.residues import fit_error
+
+__all__ = ["report", "report_modes", "write_page"]
+
+
+def report(
+    thing: tuple[ModalModel, StabilizationDiagram],
+    path: str | Path,
+    *,
+    title: str | None = None,
+    source: str | None = None,
+    command: str | None = None,
+) -> Path:
+    """Write what was found as one self-contained HTML file, pictures included; nothing is asked from outside.
+
+    Parameters
+    ----------
+    thing : (ModalModel, StabilizationDiagram)
+        Selected modes and the diagram that they were selected from.
+    path : path
+        Ends in .html. An earlier file is replaced only by a complete new one.
+    title, source, command : str, optional
+        Heading, where the data came from, and the command line that gave the result.
+
+    Returns
+    -------
+    Path
+        The file written.
+
+    Raises
+    ------
+    DataError
+        Something else than modes and their diagram, another suffix, or a file that cannot be written.
+    """
+    if isinstance(thing, tuple) and len(thing) == 2:
+        modes, diagram = thing if isinstance(thing[0], ModalModel) else thing[::-1]
+        if isinstance(modes, ModalModel) and isinstance(diagram, StabilizationDiagram):
+            return report_modes(path, modes=modes, diagram=diagram, title=title, source=source, command=command)
+    raise DataError(
+        "a report was asked",
+        f"it was given {type(thing).__name__}",
+        "Give the pair (modes, diagram), modes = select(diagram).",
+    )
+
+
+def report_modes(
+    path: str | Path,
+    *,
+    modes: ModalModel,
+    diagram: StabilizationDiagram,
+    title: str | None = None,
+    source: str | None = None,
+    command: str | None = None,
+) -> Path:
+    """Write the report on one identification; see `report`."""
+    response = diagram.response
+    fit = None if modes.participation is None else fit_error(response.values, rebuilt(response, modes))
+    found: list[Section | None] = [
+        sections.summary_section(modes, diagram, fit),
+        sections.modes_section(modes),
+        sections.stabilization_section(diagram, modes),
+        sections.shapes_section(modes),
+        sections.mac_section(modes),
+        sections.responses_section(modes, response, fit),
+        sections.reasons_section(modes),
+        record.data_section(response, source),
+        record.settings_section(diagram),
+        record.notes_section(diagram),
+        record.repeat_section(diagram, source, command),
+    ]
+    heading = title or (f"Modes of {Path(source).name}" if source else "Modal identification")
+    return write_page(path, heading, _subtitle(response), [section for section in found if section is not None])
+
+
+def _subtitle(response: FrequencyResponse | ImpulseResponse) -> str:
+    counts = f"{len(response.output_dofs)} outputs, {len(response.input_dofs)} inputs"
+    return f"{counts}, {date.today().isoformat()}"
+
+
+def write_page(path: str | Path, title: str, subtitle: str, parts: list[Section]) -> Path:
+    """Write sections as a page; an earlier file stays as it was until the new one is complete.
+
+    Raises
+    ------
+    DataError
+        Another suffix than .html or .htm, or a file that cannot be written.
+    """
+    target = Path(path)
+    if target.suffix.lower() not in (".html", ".htm"):
+        raise DataError(f"a report in {target.name!r} was asked", "reports are HTML files", "End the name in .html.")
+    text = page(title, subtitle, parts, f"written by modalscope {version('modalscope')}")
+    with replacing(target) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return target

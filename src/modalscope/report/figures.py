@@ -1,0 +1,63 @@
+"""The pictures of a report, as SVG: drawn on figures of their own, in Matplotlib's default style whatever the user's is."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from modalscope import plot
+from modalscope.model import FrequencyResponse, ImpulseResponse, ModalModel, StabilizationDiagram
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["draw", "mac_svg", "response_svg", "shape_svg", "singular_values_svg", "stabilization_svg"]
+
+
+def draw(size: tuple[float, float], paint: Callable[[Figure], object]) -> bytes:
+    """Return what `paint` draws on a figure of `size` (inches) as SVG, the same bytes every time."""
+    from matplotlib import style
+    from matplotlib.figure import Figure
+
+    with style.context(["default", {"svg.hashsalt": "modalscope", "svg.fonttype": "path"}]):
+        figure = Figure(figsize=size, layout="constrained")
+        paint(figure)
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": "modalscope"})
+    return buffer.getvalue()
+
+
+def stabilization_svg(diagram: StabilizationDiagram, modes: ModalModel) -> bytes:
+    """Draw the stabilization diagram with the selected modes."""
+    return draw((11.0, 6.6), lambda figure: plot.stabilization(diagram, modes, figure.add_subplot()))
+
+
+def singular_values_svg(diagram: StabilizationDiagram) -> bytes:
+    """Draw the singular values that all orders were cut from."""
+    return draw((9.0, 3.6), lambda figure: plot.singular_values(diagram, figure.add_subplot()))
+
+
+def response_svg(data: FrequencyResponse | ImpulseResponse, modes: ModalModel, output: int, input: int) -> bytes:
+    """Draw one channel, measured and rebuilt."""
+
+    def paint(figure: Figure) -> None:
+        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[2.2, 1])
+        plot.response(data, modes, output, input, (upper, lower))
+
+    return draw((7.0, 4.8), paint)
+
+
+def shape_svg(modes: ModalModel, index: int) -> bytes:
+    """Draw one mode shape: on the geometry where it knows the channels, else as bars."""
+    geometry = modes.geometry
+    known = geometry is not None and any(geometry.motion_of(label) for label in modes.output_dofs)
+    drawn = modes if known else replace(modes, geometry=None)
+    return draw((6.4, 4.0), lambda figure: plot.shape(drawn, index, ax=figure.add_subplot()))
+
+
+def mac_svg(modes: ModalModel) -> bytes:
+    """Draw the MAC of the modes with each other."""
+    side = min(max(3.4, 0.62 * len(modes) + 1.2), 8.0)
+    return draw((side + 0.6, side), lambda figure: plot.mac(modes, ax=figure.add_subplot()))
