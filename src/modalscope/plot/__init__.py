@@ -1,9 +1,9 @@
 """Pictures: results drawn on Matplotlib axes. Nothing is identified here, and no global setting is changed."""
 
-from modalscope.plot.diagrams import indicator, stabilization
+from modalscope.plot.diagrams import fit_errors, indicator, stabilization
 from modalscope.plot.matrices import mac, singular_values
 from modalscope.plot.phases import complexity
 from modalscope.plot.responses import response
 from modalscope.plot.shapes import shape
 
-__all__ = ["complexity", "indicator", "mac", "response", "shape", "singular_values", "stabilization"]
+__all__ = ["complexity", "fit_errors", "indicator", "mac", "response", "shape", "singular_values", "stabilization"]

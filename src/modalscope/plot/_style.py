@@ -67,15 +67,17 @@ def aside(ax: Axes, text: str) -> None:
 
 
 def key(ax: Axes, **options: Any) -> None:
-    """Add a legend in a row below the axes, where it hides nothing."""
-    below = {"loc": "upper left", "bbox_to_anchor": (0, -0.11), "ncols": 6}
-    ax.legend(
-        **(
-            below
-            | {"frameon": False, "fontsize": 9.5, "labelcolor": INK, "handletextpad": 0.5, "columnspacing": 1.6}
-            | options
-        )
-    )
+    """Add a legend in a row below the axis label, where it hides nothing."""
+    from matplotlib.transforms import ScaledTranslation
+
+    figure = ax.get_figure()
+    below: dict[str, Any] = {"loc": "upper left", "ncols": 6, "borderaxespad": 0.0, "borderpad": 0.2}
+    if figure is not None:
+        # in inches, so that the row clears ticks and label whatever the height of the axes
+        below["bbox_to_anchor"] = (0.0, 0.0)
+        below["bbox_transform"] = ax.transAxes + ScaledTranslation(0, -0.58, figure.dpi_scale_trans)
+    look: dict[str, Any] = {"frameon": False, "fontsize": 9.5, "labelcolor": INK, "columnspacing": 1.6}
+    ax.legend(**(below | look | {"handletextpad": 0.5} | options))
 
 
 def diverging() -> Colormap:

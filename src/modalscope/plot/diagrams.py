@@ -14,7 +14,7 @@ from modalscope.plot._style import BLUE, MUTED, ORANGE, PALE, dress, key, mark_m
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["INDICATORS", "indicator", "indicator_curves", "stabilization"]
+__all__ = ["INDICATORS", "fit_errors", "indicator", "indicator_curves", "stabilization"]
 
 #: What can stand behind the poles.
 INDICATORS = ("cmif", "sum", "none")
@@ -185,5 +185,29 @@ def indicator(
     if modes is not None:
         mark_modes(ax, modes.frequencies, limits)
     if kind == "cmif":
-        key(ax, bbox_to_anchor=(0, -0.16))
+        key(ax)
+    return ax
+
+
+def fit_errors(diagram: StabilizationDiagram, ax: Axes | None = None) -> Axes:
+    """Draw how much of the data each order leaves unexplained; where the curve turns flat, more states add only noise.
+
+    Parameters
+    ----------
+    diagram : StabilizationDiagram
+    ax : Axes, optional
+    """
+    ax = new_axes(ax, (9.0, 4.8))
+    known = np.isfinite(diagram.fit_errors) & (diagram.fit_errors > 0)
+    ax.plot(
+        np.asarray(diagram.orders)[known],
+        diagram.fit_errors[known],
+        color=BLUE,
+        linewidth=0.9,
+        marker="o",
+        markersize=3.4,
+    )
+    if np.any(known):
+        ax.set_yscale("log")
+    dress(ax, xlabel="model order (states)", ylabel="fit error |measured - rebuilt| / |measured|")
     return ax

@@ -128,5 +128,6 @@ def singular_values(
         ax.axhline(level, color=GREEN, linewidth=1.0, label=f"noise floor {level:.2g}")
     if order is not None:
         ax.axvline(order + 0.5, color=VERMILLION, linewidth=1.1, linestyle=(0, (5, 3)), label=f"order {order}")
-    key(ax, bbox_to_anchor=(0, -0.15))
+    if order is not None or noise_floor is not None:
+        key(ax)
     return ax

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -28,6 +29,8 @@ def rebuilt(data: FrequencyResponse | ImpulseResponse, modes: ModalModel | Ident
     """Return the responses that the modes give on the lines or samples of the data, in the shape of its values."""
     model = modes if isinstance(modes, ModalModel) else modes.modes
     if isinstance(data, FrequencyResponse):
+        # an exponential window is still in the data, but no longer in the modes
+        model = replace(model, poles=model.poles - data.added_damping) if data.added_damping else model
         values: Array = model.frequency_response(data.frequencies).values
     else:
         values = model.impulse_response(data.samples, data.sampling_rate, first_sample=data.first_sample).values
@@ -119,7 +122,7 @@ def _finish(upper: Axes, lower: Axes | None, xlabel: str) -> None:
     last.set_xlabel(xlabel, fontsize=10.5, color=INK)
     if lower is not None:
         upper.tick_params(labelbottom=False)
-    key(last, bbox_to_anchor=(0, -0.28 if lower is not None else -0.14), handles=upper.get_legend_handles_labels()[0])
+    key(last, handles=upper.get_legend_handles_labels()[0])
 
 
 def _spectrum(
@@ -135,19 +138,30 @@ def _spectrum(
     if f[-1] > f[0]:
         upper.set_xlim(f[0], f[-1])
     if lower is not None:
-        x, y = _wrapped(f, measured)
-        lower.plot(x, y, color=INK, linewidth=0.9)
+        start = _calmest(measured)
+        lower.plot(*_wrapped(f, measured, start), color=INK, linewidth=0.9)
         if fit is not None:
-            lower.plot(*_wrapped(f, fit), color=VERMILLION, linewidth=1.2, linestyle=(0, (4, 1.6)))
+            lower.plot(*_wrapped(f, fit, start), color=VERMILLION, linewidth=1.2, linestyle=(0, (4, 1.6)))
         dress(lower, ylabel="phase [°]")
-        lower.set_ylim(-190, 190)
-        lower.set_yticks([-180, -90, 0, 90, 180])
+        lower.set_ylim(start - 10, start + 370)
+        lower.set_yticks(np.arange(start, start + 361, 90))
     _finish(upper, lower, "frequency [Hz]")
 
 
-def _wrapped(f: Array, h: Array) -> tuple[Array, Array]:
-    """Phase in degrees with a gap wherever it jumps from one end of the scale to the other."""
-    phase = np.degrees(np.angle(h))
+def _phase(h: Array, start: float) -> Array:
+    """Phase in degrees within [start, start + 360)."""
+    return np.asarray((np.degrees(np.angle(h)) - start) % 360 + start)
+
+
+def _calmest(h: Array) -> float:
+    """Return the start of the scale at which the phase jumps least often: a real response flips between 180 and -180."""
+    starts = (-180.0, -90.0, -270.0)
+    return min(starts, key=lambda start: np.count_nonzero(np.abs(np.diff(_phase(h, start))) > 180))
+
+
+def _wrapped(f: Array, h: Array, start: float) -> tuple[Array, Array]:
+    """Lines and phase with a gap wherever it jumps from one end of the scale to the other."""
+    phase = _phase(h, start)
     jumps = np.flatnonzero(np.abs(np.diff(phase)) > 180) + 1
     return np.insert(np.asarray(f, dtype=float), jumps, np.nan), np.insert(phase, jumps, np.nan)
 

@@ -10,7 +10,20 @@ from modalscope.indicators import mpc
 from modalscope.model import Geometry, ModalModel
 from modalscope.model.checks import Array, DataError, RealArray, check_count
 from modalscope.plot._camera import AXES, View, extent, oblique, view_of
-from modalscope.plot._style import BLUE, GREEN, INK, MUTED, PALE, VERMILLION, aside, diverging, dress, key, new_axes
+from modalscope.plot._style import (
+    BLUE,
+    GREEN,
+    INK,
+    MUTED,
+    PALE,
+    VERMILLION,
+    aside,
+    decimals,
+    diverging,
+    dress,
+    key,
+    new_axes,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -77,7 +90,7 @@ def shape(
     ax = new_axes(ax)
     geometry = modes.geometry if geometry is None else geometry
     values = in_phase(modes.shapes[:, index])
-    title = f"mode {index + 1}: {modes.frequencies[index]:.5g} Hz, {100 * modes.damping_ratios[index]:.3g} %"
+    title = f"mode {index + 1}: {modes.frequencies[index]:.{decimals(modes.frequencies)}f} Hz, {100 * modes.damping_ratios[index]:.2f} %"
     if geometry is None:
         _bars(ax, modes.output_dofs, values)
         dress(ax, title=title, ylabel="shape (largest component 1)")
@@ -157,7 +170,7 @@ def _over_length(ax: Axes, geometry: Geometry, motion: RealArray, measured: Arra
     ax.set_ylabel(ylabel)
     (ax.set_xlim if upright else ax.set_ylim)(-1.2, 1.2)
     if moving.size > 1:
-        key(ax, bbox_to_anchor=(0, -0.14))
+        key(ax)
 
 
 def _wireframe(ax: Axes, geometry: Geometry, motion: RealArray, measured: Array, view: View, scale: float) -> None:

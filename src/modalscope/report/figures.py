@@ -13,7 +13,7 @@ from modalscope.model import FrequencyResponse, ImpulseResponse, ModalModel, Sta
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["draw", "mac_svg", "response_svg", "shape_svg", "singular_values_svg", "stabilization_svg"]
+__all__ = ["draw", "fit_errors_svg", "mac_svg", "response_svg", "shape_svg", "singular_values_svg", "stabilization_svg"]
 
 
 def draw(size: tuple[float, float], paint: Callable[[Figure], object]) -> bytes:
@@ -35,8 +35,14 @@ def stabilization_svg(diagram: StabilizationDiagram, modes: ModalModel) -> bytes
 
 
 def singular_values_svg(diagram: StabilizationDiagram) -> bytes:
-    """Draw the singular values that all orders were cut from."""
-    return draw((9.0, 3.6), lambda figure: plot.singular_values(diagram, figure.add_subplot()))
+    """Draw the singular values that all orders were cut from, as far as three times the largest order."""
+    shown = diagram.singular_values[: 3 * max(diagram.orders, default=20)]
+    return draw((7.0, 4.0), lambda figure: plot.singular_values(shown, figure.add_subplot()))
+
+
+def fit_errors_svg(diagram: StabilizationDiagram) -> bytes:
+    """Draw the fit error of every order."""
+    return draw((7.0, 4.0), lambda figure: plot.fit_errors(diagram, figure.add_subplot()))
 
 
 def response_svg(data: FrequencyResponse | ImpulseResponse, modes: ModalModel, output: int, input: int) -> bytes:

@@ -29,13 +29,12 @@ _PAGE = Template("""<!DOCTYPE html>
 <body>
 <header>
 <h1>$title</h1>
-<p class="muted">$subtitle</p>
+<p class="muted">$subtitle, $generator</p>
 </header>
 <nav aria-label="Sections">$links</nav>
 <main>
 $sections
 </main>
-<footer class="muted">$generator</footer>
 </body>
 </html>
 """)

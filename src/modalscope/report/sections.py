@@ -8,7 +8,14 @@ import numpy as np
 
 from modalscope.model import FrequencyResponse, ImpulseResponse, ModalModel, StabilizationDiagram
 from modalscope.model.checks import Array
-from modalscope.report.figures import mac_svg, response_svg, shape_svg, singular_values_svg, stabilization_svg
+from modalscope.report.figures import (
+    fit_errors_svg,
+    mac_svg,
+    response_svg,
+    shape_svg,
+    singular_values_svg,
+    stabilization_svg,
+)
 from modalscope.report.html import Section, paragraph, picture, table
 from modalscope.report.numbers import decimals, frequency, heading, percent, value
 
@@ -116,12 +123,14 @@ def stabilization_section(diagram: StabilizationDiagram, modes: ModalModel) -> S
     body = picture(
         stabilization_svg(diagram, modes), f"Stabilization diagram with {len(modes)} selected modes", caption
     )
+    beside = []
     if diagram.singular_values.size > 1:
-        body += picture(
-            singular_values_svg(diagram),
-            "Singular values of the data matrix",
-            "Singular values of the data matrix: a step tells how many states stand out of the noise.",
-        )
+        words = "Singular values of the data matrix: a step tells how many states stand out of the noise."
+        beside.append(picture(singular_values_svg(diagram), "Singular values of the data matrix", words))
+    if len(diagram.orders) > 1:
+        words = "What every order leaves unexplained, its outputs brought to the same level: where it turns flat, more states fit noise."
+        beside.append(picture(fit_errors_svg(diagram), "Fit error of every order", words))
+    body += f'<div class="pair">{"".join(beside)}</div>' if beside else ""
     return Section("stabilization", "Stabilization", body)
 
 
@@ -212,7 +221,7 @@ def _error_table(response: Response, errors: Array, ranked: list[tuple[int, int]
     largest = float(np.nanmax(errors, initial=0.0)) or 1.0
     caption = "Fit error |measured - rebuilt| / |measured| of each channel, %"
     if outputs <= _ROWS and inputs <= 12:
-        cells = [[f"{100 * e:.3g}" if np.isfinite(e) else "–" for e in row] for row in errors]
+        cells = [[f"{100 * e:.2f}" if np.isfinite(e) else "–" for e in row] for row in errors]
         shades = [[0.0, *(0.75 * min(e / largest, 1.0) if np.isfinite(e) else 0.0 for e in row)] for row in errors]
         rows = [[dof, *row] for dof, row in zip(response.output_dofs, cells, strict=True)]
         return table(["output \\ input", *response.input_dofs], rows, words=[0], shades=shades, caption=caption)

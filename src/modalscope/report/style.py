@@ -40,7 +40,6 @@ figcaption { font-size: .9rem; margin-top: .35rem; }
 pre { background: var(--back); border: 1px solid var(--line); border-radius: 5px; padding: .8rem 1rem;
   overflow-x: auto; font-size: .87rem; }
 ul { margin: 0 0 .7rem; padding-left: 1.2rem; }
-footer { font-size: .85rem; }
 @media print {
   @page { margin: 15mm; }
   body { background: #fff; padding: 0; max-width: none; font-size: 10pt; }
