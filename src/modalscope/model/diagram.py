@@ -39,6 +39,10 @@ class StabilizationDiagram:
     indicators : mapping of name to array (p,)
     singular_values : array, (k,)
         Of the data matrix that all orders were cut from.
+    fit_errors : array, (number of orders,)
+        norm(measured - rebuilt) / norm(measured) of every order, each output divided by its root mean square.
+    exact_rank : int, optional
+        The rank of data without noise; orders above it are left out.
     tolerances : mapping
         The limits of stability: frequency and damping (relative), shape (1 - MAC).
     settings : mapping
@@ -62,6 +66,8 @@ class StabilizationDiagram:
     stable_shape: Array
     indicators: Mapping[str, RealArray] = field(default_factory=dict)
     singular_values: RealArray
+    fit_errors: RealArray
+    exact_rank: int | None = None
     tolerances: Mapping[str, float] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
@@ -90,6 +96,7 @@ class StabilizationDiagram:
         freeze(
             self,
             indicators={k: locked(np.asarray(v)) for k, v in self.indicators.items()},
+            fit_errors=locked(np.asarray(self.fit_errors)),
             singular_values=locked(np.asarray(self.singular_values)),
         )
 

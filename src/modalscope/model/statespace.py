@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy.linalg as sla
 from numpy.typing import ArrayLike
 
+from modalscope.model.balance import Balanced, balance
 from modalscope.model.checks import (
     Array,
     ComplexArray,
@@ -21,8 +21,13 @@ from modalscope.model.checks import (
     real_array,
 )
 from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.gramians import gramian, krylov
 from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.interchange import matrices_of, to_control, to_scipy
+from modalscope.model.modal_form import ModalForm, PoleGroup, block_diagonal_basis, pole_groups
 from modalscope.model.poles import to_continuous
+from modalscope.model.resolvent import transfer
+from modalscope.model.sampling import continuous, sampled
 
 __all__ = ["INPUTS", "StateSpace"]
 
@@ -108,12 +113,8 @@ class StateSpace:
         self._need("to_discrete", continuous=True)
         check_positive("dt", dt)
         check_choice("input", input, INPUTS)
-        if input == "dirac":
-            return StateSpace(A=sla.expm(self.A * dt), B=self.B, C=self.C, D=self.D, dt=dt)
-        n, m = self.B.shape
-        # exp([[A, B], [0, 0]] dt) = [[exp(A dt), integral exp(A t) B], [0, I]] holds for singular A too
-        block = sla.expm(np.block([[self.A, self.B], [np.zeros((m, n + m))]]) * dt)
-        return StateSpace(A=block[:n, :n], B=block[:n, n:], C=self.C, D=self.D, dt=dt)
+        A, B = sampled(self.A, self.B, dt, held=input == "held")
+        return StateSpace(A=A, B=B, C=self.C, D=self.D, dt=dt)
 
     def to_continuous(self, input: str = "held") -> StateSpace:
         """Return the continuous model whose exact sampling this is; the inverse of `to_discrete`.
@@ -129,21 +130,8 @@ class StateSpace:
         self._need("to_continuous", continuous=False)
         assert self.dt is not None
         check_choice("input", input, INPUTS)
-        z, vectors = np.linalg.eig(self.A)
-        bad = (np.abs(z.imag) <= 1e-13 * np.abs(z)) & (z.real <= 0)
-        if bad.any():
-            raise DataError(
-                "a real continuous model was asked",
-                f"{int(bad.sum())} poles of the sampled one lie on the real axis at or below zero ({', '.join(f'{v:.3g}' for v in z[bad].real[:4])})",
-                "Lower the order, or remove those states first; their poles are at the Nyquist frequency and carry no mode.",
-            )
-        s = to_continuous(z, self.dt)
-        A = _similar(vectors, s)
-        if input == "dirac":
-            return StateSpace(A=A, B=self.B, C=self.C, D=self.D)
-        # held: B = integral exp(s t) dt Bc = (z - 1) / s Bc, with the limit dt at s = 0
-        gain = np.divide(s, z - 1, out=np.full_like(s, 1 / self.dt), where=np.abs(z - 1) > 1e-15)
-        return StateSpace(A=A, B=_similar(vectors, gain) @ self.B, C=self.C, D=self.D)
+        A, B = continuous(self.A, self.B, self.dt, held=input == "held")
+        return StateSpace(A=A, B=B, C=self.C, D=self.D)
 
     def markov_parameters(self, samples: int) -> RealArray:
         """Return Y(k) = C A^k B, k = 0 ... samples - 1, as (samples, l, m) (Eq. 11)."""
@@ -168,19 +156,7 @@ class StateSpace:
 
     def transfer(self, points: ArrayLike) -> ComplexArray:
         """Return D + C (x I - A)^-1 B at complex points x (rad/s, or on the z-plane), as (points, l, m) (Eq. 75)."""
-        x = np.atleast_1d(np.asarray(points, dtype=complex))
-        # the Hessenberg form would serve many points; n is small and the points are solved in one batch
-        resolvent = x[:, None, None] * np.eye(self.order) - self.A
-        try:
-            return np.asarray(
-                self.C @ np.linalg.solve(resolvent, np.broadcast_to(self.B, (x.size, *self.B.shape))) + self.D
-            )
-        except np.linalg.LinAlgError:
-            raise DataError(
-                "a transfer function was asked at a pole of the model",
-                "it is infinite there",
-                "Leave that frequency out.",
-            ) from None
+        return transfer(self.A, self.B, self.C, self.D, np.atleast_1d(np.asarray(points, dtype=np.complex128)))
 
     def frequency_response(self, frequencies: ArrayLike, **channels: Any) -> FrequencyResponse:
         """Return the frequency response on lines in Hz: at j 2 pi f, or at exp(j 2 pi f dt) for a sampled model.
@@ -230,33 +206,92 @@ class StateSpace:
         inverse: Array = np.linalg.inv(matrix)
         return StateSpace(A=inverse @ self.A @ matrix, B=inverse @ self.B, C=self.C @ matrix, D=self.D, dt=self.dt)
 
+    def controllability_matrix(self, blocks: int | None = None) -> RealArray:
+        """Return [B, A B, ..., A^(blocks-1) B], (n, m blocks); as many blocks as states by default."""
+        return krylov(self.A, self.B, check_count("blocks", self.order if blocks is None else blocks))
+
+    def observability_matrix(self, blocks: int | None = None) -> RealArray:
+        """Return [C; C A; ...; C A^(blocks-1)], (l blocks, n); as many blocks as states by default."""
+        return krylov(self.A.T, self.C.T, check_count("blocks", self.order if blocks is None else blocks)).T
+
+    def controllability_gramian(self, horizon: float | None = None) -> RealArray:
+        """Return sum_k A^k B B' A'^k (sampled), or the integral of exp(A t) B B' exp(A' t) (continuous), (n, n).
+
+        Parameters
+        ----------
+        horizon : int or float, optional
+            Number of samples, or seconds; all time by default, for a stable model.
+
+        Raises
+        ------
+        DataError
+            All time, but poles that do not decay.
+        """
+        return gramian(self.A, self.B, horizon, self.dt is not None)
+
+    def observability_gramian(self, horizon: float | None = None) -> RealArray:
+        """Return sum_k A'^k C' C A^k, or the integral of exp(A' t) C' C exp(A t); see `controllability_gramian`."""
+        return gramian(self.A.T, self.C.T, horizon, self.dt is not None)
+
+    def balanced(self, order: int | None = None, *, steady_state: bool = False) -> Balanced:
+        """Return the balanced realization, both Gramians diag(Hankel singular values), or its leading `order` states.
+
+        Parameters
+        ----------
+        order : int, optional
+            States to keep (balanced truncation); by default all that are both seen and driven.
+        steady_state : bool
+            Put the dropped states in their steady state, which keeps the gain at 0 Hz, instead of at zero, which keeps the
+            response's first samples. The error bound is the same.
+
+        Raises
+        ------
+        DataError
+            A pole that does not decay, or an order above the number of states that are seen and driven.
+
+        Examples
+        --------
+        >>> ss = StateSpace(A=[[-1, 0], [0, -2]], B=[[1], [0.001]], C=[[1, 1]])
+        >>> cut = ss.balanced(1)
+        >>> cut.state_space.order, bool(cut.error_bound < 0.001)
+        (1, True)
+        """
+        return balance(self, order, steady_state)
+
+    def modal_form(self) -> ModalForm:
+        """Return the model in real modal coordinates: A of blocks [[s, w], [-w, s]] and real poles (Eqs. 15-16).
+
+        Repeated poles that have eigenvectors of their own stand in blocks of their own; poles that lack them, or nearly
+        (then eigenvalues have lost half of their digits), share one block of the ordered real Schur form.
+        """
+        T, M, blocks, condition = block_diagonal_basis(self.A, np.abs(self.continuous_poles))
+        model = StateSpace(A=M, B=np.linalg.solve(T, self.B), C=self.C @ T, D=self.D, dt=self.dt)
+        return ModalForm(state_space=model, T=T, blocks=blocks, condition=condition)
+
+    def pole_groups(self, tolerance: float = 1e-6) -> tuple[PoleGroup, ...]:
+        """Return the poles, coinciding ones together, with how many of each the outputs see and the inputs drive.
+
+        No data of l outputs and m inputs can show more than min(l, m) coinciding poles: `identifiable` says how many.
+
+        Parameters
+        ----------
+        tolerance : float
+            Poles within this fraction of the largest modulus coincide; couplings below it count as none.
+        """
+        return pole_groups(self, check_positive("tolerance", tolerance))
+
     def to_scipy(self) -> Any:
         """Return the model as `scipy.signal.StateSpace`."""
-        from scipy import signal
-
-        return signal.StateSpace(self.A, self.B, self.C, self.D, **({} if self.dt is None else {"dt": self.dt}))
+        return to_scipy(self)
 
     def to_control(self) -> Any:
         """Return the model as python-control's `StateSpace` (the extra `control`)."""
-        try:
-            import control
-        except ImportError:
-            raise DataError(
-                "to_control was asked", "python-control is not installed", "Run: pip install 'modalscope[control]'"
-            ) from None
-        return control.ss(self.A, self.B, self.C, self.D, 0 if self.dt is None else self.dt)
+        return to_control(self)
 
     @classmethod
     def from_other(cls, system: Any) -> StateSpace:
         """Take over a state-space model of scipy or python-control: anything with A, B, C, D and dt."""
-        dt = getattr(system, "dt", None)
-        if dt is True:
-            raise DataError(
-                "a sampled model needs its sampling interval",
-                "it says only that it is sampled (dt=True)",
-                "Give dt in seconds.",
-            )
-        return cls(A=system.A, B=system.B, C=system.C, D=system.D, dt=dt or None)
+        return cls(**matrices_of(system))
 
     def _need(self, asked: str, *, continuous: bool) -> None:
         if continuous is not (self.dt is None):
@@ -267,8 +302,3 @@ class StateSpace:
                 f"this one is {have}",
                 f"Call {other} first.",
             )
-
-
-def _similar(vectors: Array, values: Array) -> RealArray:
-    """Return the real matrix X diag(values) X^-1."""
-    return np.ascontiguousarray(np.linalg.solve(vectors.T, (vectors * values).T).T.real)

@@ -1,0 +1,98 @@
+"""Controllability and observability: matrices and Gramians (after Eq. 30).
+
+Everything here is written for controllability of (A, B); observability of (A, C) is that of (A', C').
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg as sla
+
+from modalscope.model.checks import DataError, RealArray, check_count, check_positive
+from modalscope.model.scaling import scaled, state_scale
+
+__all__ = ["finite_gramian", "gramian", "gramian_factor", "krylov"]
+
+
+def krylov(A: RealArray, B: RealArray, blocks: int) -> RealArray:
+    """Return [B, A B, ..., A^(blocks-1) B], (n, m blocks)."""
+    parts = [B]
+    for _ in range(blocks - 1):
+        parts.append(A @ parts[-1])
+    return np.hstack(parts)
+
+
+def gramian(A: RealArray, B: RealArray, horizon: float | None, sampled: bool) -> RealArray:
+    """Return the Gramian over all time, or to a horizon in samples (sampled) or seconds."""
+    if horizon is None:
+        L = gramian_factor(A, B, sampled)
+        return np.asarray(L @ L.T)
+    if sampled and horizon != int(horizon):
+        raise DataError("a horizon of whole samples was asked", f"it is {horizon!r}", "Round it.")
+    checked = check_count("horizon", int(horizon)) if sampled else check_positive("horizon", horizon)
+    return finite_gramian(A, B, checked, sampled)
+
+
+def finite_gramian(A: RealArray, B: RealArray, horizon: float, sampled: bool) -> RealArray:
+    """Return sum_{k < horizon} A^k B B' A'^k of a sampled model, or the integral of exp(A t) B B' exp(A' t) to `horizon`.
+
+    By doubling, W(a + b) = W(a) + E(a) W(b) E(a)' with E the transition over a: exact for any model, stable or not.
+    """
+    n = A.shape[0]
+    if sampled:
+        unit, transition, steps = B @ B.T, np.array(A), int(horizon)
+    else:
+        # so many halvings that the exponential of the block matrix, which holds -A, cannot grow
+        halvings = max(0, int(np.ceil(np.log2(max(float(np.linalg.norm(A, 1)) * horizon, 1.0)))))
+        step = horizon / 2**halvings
+        block = sla.expm(np.block([[-A, B @ B.T], [np.zeros((n, n)), A.T]]) * step)
+        transition = block[n:, n:].T
+        unit, steps = transition @ block[:n, n:], 2**halvings
+    total, passed = np.zeros((n, n)), np.eye(n)
+    while steps:
+        if steps % 2:
+            total = total + passed @ unit @ passed.T
+            passed = passed @ transition
+        unit = unit + transition @ unit @ transition.T
+        transition = transition @ transition
+        steps //= 2
+    return np.asarray((total + total.T) / 2)
+
+
+def gramian_factor(A: RealArray, B: RealArray, sampled: bool) -> RealArray:
+    """Return L, (n, n), with L L' the Gramian over all time of a stable model.
+
+    By Smith's doubling, L <- [L, A^(2^k) L] compressed by QR: the factor is found without squaring it, so that small
+    Hankel singular values keep their digits. A continuous model is first mapped to a sampled one of the same Gramian.
+
+    Raises
+    ------
+    DataError
+        A pole that does not decay.
+    """
+    values = np.linalg.eigvals(A)
+    growing = np.abs(values) >= 1 if sampled else values.real >= 0
+    if growing.any():
+        raise DataError(
+            "a Gramian over all time was asked",
+            f"{int(growing.sum())} of the {values.size} poles do not decay",
+            "Give a finite horizon, or leave those poles out.",
+        )
+    n, scale = A.shape[0], state_scale(A)
+    A, B = scaled(A, scale), B / scale[:, None]
+    if not sampled:
+        # Cayley's map at the geometric mean of the poles' moduli keeps fast and slow ones alike away from the unit circle
+        shift = float(np.exp(np.mean(np.log(np.abs(values))))) if n else 1.0
+        inverse = np.linalg.inv(shift * np.eye(n) - A)
+        A, B = inverse @ (shift * np.eye(n) + A), np.sqrt(2 * shift) * inverse @ B
+    L, power = _compressed(B), A
+    while np.linalg.norm(power) > np.finfo(float).eps:
+        L = _compressed(np.hstack([L, power @ L]))
+        power = power @ power
+    return np.hstack([L, np.zeros((n, n - L.shape[1]))]) * scale[:, None]
+
+
+def _compressed(L: RealArray) -> RealArray:
+    """Return at most n columns with the same L L'."""
+    triangle: RealArray = np.linalg.qr(L.T)[1]
+    return triangle.T

@@ -1,0 +1,208 @@
+"""Modal form of a state-space model (Eqs. 15-16), also where poles repeat or lack eigenvectors of their own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.linalg as sla
+
+from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.scaling import scaled, state_scale
+
+if TYPE_CHECKING:
+    from modalscope.model.statespace import StateSpace
+
+__all__ = ["Block", "ModalForm", "PoleGroup", "block_diagonal_basis", "pole_groups"]
+
+#: An eigenvalue whose sensitivity (1 / cosine of the angle between its left and right eigenvectors) is above this has lost half
+#: of its digits: it is nearly defective.
+SENSITIVE = 1e7
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Block:
+    """One diagonal block of a modal form.
+
+    Parameters
+    ----------
+    states : slice
+        Its states.
+    poles : array of complex
+        Its poles: a real one, a conjugate pair, or a whole cluster that no well conditioned coordinates take apart.
+    separate : bool
+        False for such a cluster: its poles lack eigenvectors of their own, or nearly so.
+    """
+
+    states: slice
+    poles: ComplexArray
+    separate: bool
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class ModalForm:
+    """A model in modal coordinates q, x = T q: A is block diagonal, [[s, w], [-w, s]] for the pair s +- j w.
+
+    Parameters
+    ----------
+    state_space : StateSpace
+        The model in these coordinates.
+    T : array, (n, n)
+        Real change of coordinates; columns of length one in well scaled states.
+    blocks : tuple of Block
+        By rising frequency.
+    condition : float
+        Condition number of T in well scaled states: digits lost by the change are its decimal logarithm.
+    """
+
+    state_space: StateSpace
+    T: RealArray
+    blocks: tuple[Block, ...]
+    condition: float
+
+    @property
+    def clusters(self) -> tuple[Block, ...]:
+        """The blocks whose poles could not be taken apart."""
+        return tuple(block for block in self.blocks if not block.separate)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class PoleGroup:
+    """Poles that coincide, and how many of them the outputs see and the inputs drive.
+
+    Parameters
+    ----------
+    pole : complex
+        Their mean; of conjugate pairs the one above the real axis.
+    multiplicity : int
+        How many there are.
+    observable, controllable : int
+        How many of them outputs see and inputs drive: never more than there are outputs, or inputs, when every one has
+        an eigenvector of its own.
+    """
+
+    pole: complex
+    multiplicity: int
+    observable: int
+    controllable: int
+
+    @property
+    def identifiable(self) -> int:
+        """How many of them data of these outputs and inputs can show."""
+        return min(self.observable, self.controllable)
+
+
+def block_diagonal_basis(A: RealArray, frequency: Array) -> tuple[RealArray, RealArray, tuple[Block, ...], float]:
+    """Return T and block diagonal M with A T = T M, the blocks, and the condition of T in well scaled states.
+
+    Poles with sound eigenvectors stand in blocks of their own. The others are gathered by rising distance until the
+    condition of T is below `SENSITIVE`; such a cluster's block is its part of the ordered real Schur form.
+
+    Parameters
+    ----------
+    A : array, (n, n)
+    frequency : array, (n,)
+        What the blocks are ordered by, for the eigenvalues in the order of `numpy.linalg.eigvals`.
+    """
+    scale = state_scale(A)
+    A = scaled(A, scale)
+    eigen = sla.eig(A, left=True)
+    values, left, right = eigen[0], eigen[1], eigen[2]  # type: ignore[misc]
+    cosine = np.abs(np.einsum("ij,ij->j", left.conj(), right))  # both are of length one
+    suspect = cosine * SENSITIVE < 1
+    radius = float(np.abs(values).max(initial=0))
+    # distances at which suspects are one cluster: from the spread of a perturbed double pole up to all of them
+    for distance in (*(radius * 10.0**power for power in range(-7, 0)), np.inf):
+        T, M, blocks = _assemble(A, values, right, _clusters(values, suspect, distance), frequency)
+        condition = float(np.linalg.cond(T)) if values.size else 1.0
+        if not suspect.any() or condition < SENSITIVE:
+            return scale[:, None] * T, M, blocks, condition
+    T, M, blocks = _assemble(A, values, right, [np.arange(values.size)], frequency)
+    return scale[:, None] * T, M, blocks, 1.0
+
+
+def _clusters(values: ComplexArray, suspect: Array, distance: float) -> list[Array]:
+    """Return the indices of each block: pairs and real poles alone, suspects joined within the distance."""
+    upper = values.real + 1j * np.abs(values.imag)
+    groups: list[Array] = [np.array([i]) for i in np.flatnonzero((values.imag >= 0) & ~suspect)]
+    left = set(np.flatnonzero((values.imag >= 0) & suspect).tolist())
+    while left:
+        members = [left.pop()]
+        for member in members:
+            near = {i for i in left if np.abs(upper[i] - upper[member]) <= distance}
+            left -= near
+            members += sorted(near)
+        groups.append(np.array(sorted(members)))
+    return groups
+
+
+def _assemble(
+    A: RealArray, values: ComplexArray, vectors: ComplexArray, groups: list[Array], frequency: Array
+) -> tuple[RealArray, RealArray, tuple[Block, ...]]:
+    n = A.shape[0]
+    T, M = np.zeros((n, n)), np.zeros((n, n))
+    blocks, start = [], 0
+    for group in sorted(groups, key=lambda g: float(np.min(frequency[g]))):
+        if len(group) == 1:
+            basis, inner = _pair(values[group[0]], vectors[:, group[0]])
+        else:
+            basis, inner = _invariant(A, values, group)
+        states = slice(start, start + basis.shape[1])
+        T[:, states], M[states, states] = basis, inner
+        poles = np.asarray(np.linalg.eigvals(inner), dtype=complex)
+        blocks.append(Block(states=states, poles=poles, separate=len(group) == 1))
+        start = states.stop
+    return T, M, tuple(blocks)
+
+
+def _pair(value: complex, vector: ComplexArray) -> tuple[RealArray, RealArray]:
+    if value.imag == 0:
+        return vector.real[:, None] / np.linalg.norm(vector.real), np.array([[value.real]])
+    # turn the vector so that its real and imaginary parts are orthogonal: the best conditioned real basis of the pair
+    turned = vector * np.exp(-0.5j * np.angle(np.sum(vector**2)))
+    basis = np.column_stack([turned.real, turned.imag])
+    return basis / np.linalg.norm(turned), np.array([[value.real, value.imag], [-value.imag, value.real]])
+
+
+def _invariant(A: RealArray, values: ComplexArray, group: Array) -> tuple[RealArray, RealArray]:
+    """Return an orthonormal basis of the invariant subspace of a cluster, and A on it, by the ordered real Schur form."""
+    upper = values.real + 1j * np.abs(values.imag)
+    inside = np.zeros(values.size, bool)
+    inside[group] = True
+    inside |= np.isin(upper, upper[group])
+
+    def chosen(real: float, imag: float = 0.0) -> bool:
+        # the reordering perturbs the eigenvalues: each belongs to the nearest of those computed before
+        return bool(inside[np.argmin(np.abs(upper - (real + 1j * abs(imag))))])
+
+    S, Z, count = sla.schur(A, output="real", sort=chosen)
+    return Z[:, :count], S[:count, :count]
+
+
+def pole_groups(model: StateSpace, tolerance: float) -> tuple[PoleGroup, ...]:
+    """Return coinciding poles with what outputs see and inputs drive of them (see `StateSpace.pole_groups`)."""
+    scale = state_scale(model.A)
+    A, B, C = scaled(model.A, scale), model.B / scale[:, None], model.C * scale
+    values = np.asarray(np.linalg.eigvals(A), dtype=complex)
+    radius = max(float(np.abs(values).max(initial=0)), np.finfo(float).tiny)
+    found = []
+    for group in _clusters(values, np.ones(values.size, bool), tolerance * radius):
+        pole = complex(np.mean(values[group]))
+        ranks = []
+        for matrix, sensor in ((A, C), (A.T, B.T)):
+            basis, inner = _invariant(matrix, values, group)
+            centred = (inner - pole.real * np.eye(inner.shape[0])) / radius
+            seen = [sensor @ basis / max(float(np.linalg.norm(sensor)), np.finfo(float).tiny)]
+            for _ in range(inner.shape[0] - 1):
+                seen.append(seen[-1] @ centred)
+            ranks.append(_rank(np.vstack(seen), tolerance))
+        pair = 1 if values[group[0]].imag == 0 else 2
+        found.append(
+            PoleGroup(pole=pole, multiplicity=len(group), observable=ranks[0] // pair, controllable=ranks[1] // pair)
+        )
+    return tuple(sorted(found, key=lambda g: abs(g.pole)))
+
+
+def _rank(matrix: RealArray, tolerance: float) -> int:
+    return int(np.count_nonzero(np.linalg.svd(matrix, compute_uv=False) > tolerance))
