@@ -5,6 +5,7 @@ the modal parameters follow. `methods()` lists the table; `identify` runs one ce
 and `select` reports the modes with the reasons for each.
 """
 
+from modalscope import systems
 from modalscope.identify import Identification, identify, realize
 from modalscope.indicators import cmif, mac
 from modalscope.methods import methods
@@ -18,5 +19,27 @@ from modalscope.model import (
     StabilizationDiagram,
     StateSpace,
 )
+from modalscope.select import select
+from modalscope.stabilize import stabilize
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "DataError",
+    "FrequencyResponse",
+    "Geometry",
+    "Identification",
+    "ImpulseResponse",
+    "ModalModel",
+    "Signals",
+    "StabilizationDiagram",
+    "StateSpace",
+    "cmif",
+    "identify",
+    "mac",
+    "methods",
+    "realize",
+    "select",
+    "stabilize",
+    "systems",
+]

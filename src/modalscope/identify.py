@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.blocks.transfer import Transfer
-from modalscope.indicators import cluster_mpc, clusters, modal_singular_values, mpc, mpd
+from modalscope.indicators import cluster_mpc, clusters, mac, modal_singular_values, mpc, mpd
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
@@ -22,7 +22,20 @@ from modalscope.realize.order import recommend_order
 from modalscope.realize.triple import Triple
 from modalscope.residues import basis_of_lines, fit_error, fit_participation
 
-__all__ = ["Eigenmodes", "Identification", "eigenmodes", "identify", "indicators_of", "realize", "rebuild"]
+__all__ = [
+    "Eigenmodes",
+    "Identification",
+    "eigenmodes",
+    "identify",
+    "indicators_of",
+    "realize",
+    "rebuild",
+    "split_extraneous",
+]
+
+
+#: Shapes of repeated modes are independent; above this MAC two poles are one mode.
+SPLIT_SHAPE = 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +127,8 @@ def indicators_of(pipeline: Pipeline, order: int, modes: Eigenmodes) -> dict[str
             found["emaco"] = outer[0]
     collinear = mpc(modes.shapes)
     for group in clusters(modes.poles):
-        if group.size > 1:
+        # poles this close with one shape are one mode that was split, not repeated modes
+        if group.size > 1 and np.max(mac(modes.shapes[:, group]) - np.eye(group.size)) < SPLIT_SHAPE:
             collinear[group] = cluster_mpc(modes.shapes[:, group])
     found["mpc"] = collinear
     if "emac" in found:
@@ -265,7 +279,7 @@ def assemble(pipeline: Pipeline, order: int) -> Identification:
     rebuilt = rebuild(state_space, pipeline.response)
     error, by_channel = fit_error(pipeline.response.values, rebuilt.values)
     modes = modal_model(pipeline, modal, indicators_of(pipeline, order, modal))
-    own, rest = _split(modal, model)
+    own, rest = split_extraneous(modal, model)
     notes = pipeline.notes
     odd = [
         f"{modes.kinds.count(kind)} {kind}" for kind in ("real", "nyquist", "unstable", "zero") if kind in modes.kinds
@@ -345,7 +359,7 @@ def from_modes(poles: Array, shapes: Array, participation: Array, direct: Array,
     return StateSpace(A=A, B=B, C=C, D=direct, dt=dt)
 
 
-def _split(modal: Eigenmodes, model: Triple) -> tuple[Array, Array]:
+def split_extraneous(modal: Eigenmodes, model: Triple) -> tuple[Array, Array]:
     """Return the modes that a rank explains and the extraneous ones of a canonical form: the largest amplitudes up to the rank."""
     count = modal.poles.size
     if model.A.shape[0] <= model.rank:

@@ -24,6 +24,7 @@ __all__ = [
     "modal_singular_values",
     "mpc",
     "mpd",
+    "prominence",
     "weighted_mean",
 ]
 
@@ -130,6 +131,44 @@ def cmif(values: ArrayLike) -> RealArray:
     return np.asarray(np.linalg.svd(np.asarray(values), compute_uv=False))
 
 
+def prominence(curves: ArrayLike, frequencies: ArrayLike, frequency: float, damping_ratio: float) -> float:
+    """Largest topographic prominence, as a ratio, of a peak at a frequency in any of several curves over lines.
+
+    The peak within half a bandwidth (damping ratio x frequency) of `frequency`, over the higher of its two saddles: on
+    each side the lowest value on the way to something higher, looked for within eight half bandwidths and at least eight lines.
+    1 or less means that nothing stands out.
+
+    Parameters
+    ----------
+    curves : array, (F, k)
+        Mode indicator curves, for instance `cmif`.
+    frequencies : array, (F,)
+        Hz.
+    frequency, damping_ratio : float
+        Of the mode.
+    """
+    f, c = np.asarray(frequencies), np.asarray(curves)
+    step = float(np.median(np.diff(f)))
+    half, far = max(damping_ratio * frequency, 2 * step), max(8 * damping_ratio * frequency, 8 * step)
+    near = np.flatnonzero(np.abs(f - frequency) <= half)
+    first, last = np.searchsorted(f, [frequency - far, frequency + far])
+    best = 0.0
+    for curve in c.T if near.size else ():
+        k = int(near[np.argmax(curve[near])])
+        if k in (0, f.size - 1) or curve[k] < max(curve[k - 1], curve[k + 1]):
+            continue
+        sides = curve[first:k][::-1], curve[k + 1 : min(int(last), f.size - 1) + 1]
+        if min(side.size for side in sides):
+            saddle = max(_lowest_before_higher(side, curve[k]) for side in sides)
+            best = max(best, float(curve[k] / saddle)) if saddle > 0 else np.inf
+    return best
+
+
+def _lowest_before_higher(side: Array, level: float) -> float:
+    higher = np.flatnonzero(side > level)
+    return float(np.min(side[: higher[0] + 1] if higher.size else side))
+
+
 def amplitude_coherence(identified: Array, first: Array, evolution: Array) -> RealArray:
     """Modal amplitude coherence |q* qbar| / (|q| |qbar|) of each mode (Juang and Pappa 1985).
 
@@ -184,8 +223,8 @@ def weighted_mean(values: Array, amplitude: Array) -> RealArray:
 def modal_singular_values(shapes: Array, participation: Array, z: ComplexArray, samples: int) -> RealArray:
     """Return MSV = sqrt(|c| |b| (1 + |z| + ... + |z|^(samples-1))), the share of a mode in the pulse response, unscaled (OKID)."""
     size = np.linalg.norm(shapes, axis=0) * np.linalg.norm(participation, axis=1)
-    modulus = np.abs(z)
+    # an unstable pole counts as an undamped one: its sum would grow without bound
+    modulus = np.minimum(np.abs(z), 1)
     gap = 1 - modulus
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        total = np.where(np.abs(gap) < 1e-12, float(samples), (1 - modulus**samples) / gap)
-    return np.asarray(np.sqrt(size * np.abs(total)))
+    total = np.divide(1 - modulus**samples, gap, out=np.full(modulus.shape, float(samples)), where=gap > 1e-12)
+    return np.asarray(np.sqrt(size * total))

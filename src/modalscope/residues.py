@@ -19,7 +19,15 @@ from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.poles import to_discrete
 
-__all__ = ["ModalBasis", "basis_of_lines", "basis_of_samples", "fit_error", "fit_participation", "residual_powers"]
+__all__ = [
+    "ModalBasis",
+    "basis_of_lines",
+    "basis_of_samples",
+    "fit_error",
+    "fit_participation",
+    "rebuilt_rows",
+    "residual_powers",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,10 +142,10 @@ def fit_participation(basis: ModalBasis, shapes: Array) -> tuple[ComplexArray, R
     theta = np.zeros((2 * n, inputs))
     target = coefficients[t:].transpose(1, 0, 2)
     theta[kept] = _solve(known.reshape(-1, kept.size), target.reshape(-1, inputs))
-    left = coefficients[:t].reshape(t, -1) - R[:t, t:] @ (spread[:, kept] @ theta).transpose(1, 0, 2).reshape(
-        kept.size, -1
-    )
-    terms = sla.solve_triangular(R[:t, :t], left).reshape(t, outputs, inputs) if t else np.zeros((0, outputs, inputs))
+    rest = (spread[:, kept] @ theta).transpose(1, 0, 2)
+    left = coefficients[:t] - np.tensordot(R[:t, t:], rest, axes=1)
+    terms = sla.solve_triangular(R[:t, :t], left.reshape(t, outputs * inputs)) if t else left
+    terms = terms.reshape(t, outputs, inputs)
     return theta[::2] + 1j * theta[1::2], terms
 
 
@@ -146,6 +154,14 @@ def _solve(known: RealArray, target: RealArray) -> RealArray:
     scale = np.linalg.norm(known, axis=0)
     scale = np.where(scale > 0, scale, 1)
     return np.asarray(np.linalg.lstsq(known / scale, target, rcond=None)[0] / scale[:, None])
+
+
+def rebuilt_rows(basis: ModalBasis, shapes: Array, participation: Array, terms: Array) -> RealArray:
+    """Return what modes and terms give on the rows of a basis, (K, l, m): the counterpart of `fit_participation`."""
+    residues = shapes.T[:, :, None] * participation[:, None, :]
+    coefficients = np.stack([residues.real, residues.imag], axis=1).reshape(2 * len(residues), -1)
+    flat = basis.functions @ coefficients + basis.terms @ terms.reshape(len(terms), coefficients.shape[1])
+    return np.asarray(flat.reshape(basis.data.shape))
 
 
 def fit_error(measured: Array, rebuilt: Array) -> tuple[float, RealArray]:

@@ -1,0 +1,232 @@
+"""Poles of all orders from one factorization, and what is stable from one order to the next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from modalscope.identify import Eigenmodes, eigenmodes, indicators_of, split_extraneous
+from modalscope.indicators import mac
+from modalscope.model.checks import Array, DataError, RealArray, check_count, check_positive
+from modalscope.model.diagram import StabilizationDiagram
+from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.poles import frequencies_and_damping
+from modalscope.pipeline import Data, Pipeline, build
+from modalscope.residues import basis_of_lines, basis_of_samples, rebuilt_rows
+
+__all__ = ["TOLERANCES", "stabilize"]
+
+#: A pole is stable when one of the order before differs by less: relative frequency, relative damping, 1 - MAC.
+TOLERANCES = {"frequency": 0.01, "damping": 0.05, "shape": 0.05}
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class _Order:
+    """The poles of one order that lie in the band."""
+
+    order: int
+    modes: Eigenmodes
+    inside: Array
+    indicators: Mapping[str, Array]
+    misfit: float
+
+
+def stabilize(
+    data: Data,
+    *,
+    method: str | None = None,
+    domain: str | None = None,
+    orders: Iterable[int] | None = None,
+    tolerances: Mapping[str, float] | None = None,
+    progress: Progress | None = None,
+    **options: Any,
+) -> StabilizationDiagram:
+    """Identify at many orders from one factorization and judge each pole against the order before.
+
+    Parameters
+    ----------
+    data : FrequencyResponse, ImpulseResponse or Signals
+    method, domain : str, optional
+        A cell of the table of methods, see `identify`.
+    orders : iterable of int, optional
+        Numbers of states; 2, 4, ... up to 80 for frequency responses, 60 for impulse responses and 40 for correlations by
+        default. Orders out of reach are left out, with a note.
+    tolerances : mapping, optional
+        Limits of stability by name, "frequency", "damping" (relative) and "shape" (1 - MAC); 1 %, 5 % and 5 % by default.
+    progress : callable, optional
+        Called with (orders done, orders in all).
+    **options
+        Band, channels, block sizes and the rest, as in `identify`.
+
+    Returns
+    -------
+    StabilizationDiagram
+
+    Raises
+    ------
+    DataError
+        Data that cannot be used, or no order within reach.
+
+    Examples
+    --------
+    >>> from modalscope.systems import chain5
+    >>> d = stabilize(chain5().state_space(dt=0.05).impulse_response(200), orders=range(2, 21, 2))
+    >>> d.orders, d.exact_rank
+    ((2, 4, 6, 8, 10), 10)
+    """
+    limits = {**TOLERANCES, **{k: check_positive(k, v) for k, v in (tolerances or {}).items()}}
+    if set(limits) != set(TOLERANCES):
+        raise DataError(
+            f"tolerances for {', '.join(sorted(limits))} were asked",
+            f"there are {', '.join(TOLERANCES)}",
+            "Correct the names.",
+        )
+    asked = _orders_asked(data, orders)
+    pipeline, asked, notes = _build_within_reach(data, method, domain, asked, orders is None, options)
+    cuts: list[_Order] = []
+    for done, order in enumerate(asked):
+        try:
+            cuts.append(_one_order(pipeline, order))
+        except DataError as error:
+            notes.append(f"order {order} left out: {error.found}")
+        if progress is not None:
+            progress(done + 1, len(asked))
+    if not cuts:
+        raise DataError(
+            f"orders {asked[0]} to {asked[-1]} were asked", notes[-1], "Choose other orders or block sizes."
+        )
+    return _diagram(pipeline, cuts, limits, notes)
+
+
+def _orders_asked(data: Data, orders: Iterable[int] | None) -> list[int]:
+    if orders is None:
+        largest = 60
+        if isinstance(data, FrequencyResponse) or getattr(data, "inputs", None) is not None:
+            largest = 80
+        elif not isinstance(data, ImpulseResponse) or data.kind == "correlation":
+            largest = 40
+        return list(range(2, largest + 1, 2))
+    found = sorted({check_count("order", int(n)) for n in orders})
+    if not found:
+        raise DataError(
+            "at least one order was asked",
+            "the range of orders is empty",
+            "Give orders, for instance range(2, 61, 2) or 2:60:2.",
+        )
+    return found
+
+
+def _build_within_reach(
+    data: Data, method: str | None, domain: str | None, asked: list[int], automatic: bool, options: dict[str, Any]
+) -> tuple[Pipeline, list[int], list[str]]:
+    """Build for the largest order; orders that the data cannot carry are left out, with a note."""
+    pipeline = build(data, method=method, domain=domain, order=asked[-1], **options)
+    notes = list(pipeline.notes)
+    if pipeline.method.factors == "complete":
+        return pipeline, asked, notes
+    reach = pipeline.factors.rank
+    beyond = [n for n in asked if n > reach]
+    if beyond:
+        notes.append(f"orders {beyond[0]} to {beyond[-1]} left out: the data matrix has rank {reach}")
+    within = [n for n in asked if n <= reach]
+    exact = reach < min(pipeline.factors.P.shape[1], asked[-1])
+    if (exact or not within) and reach not in within:
+        within.append(reach)
+    return pipeline, within, notes
+
+
+def _one_order(pipeline: Pipeline, order: int) -> _Order:
+    model = pipeline.triple(order)
+    modes = eigenmodes(pipeline, model)
+    own, _ = split_extraneous(modes, model)
+    f, _ = frequencies_and_damping(modes.poles)
+    low, high = _band(pipeline)
+    inside = own[(f[own] >= low) & (f[own] <= high)]
+    return _Order(order, modes, inside, indicators_of(pipeline, order, modes), _misfit(pipeline, modes))
+
+
+def _band(pipeline: Pipeline) -> tuple[float, float]:
+    response = pipeline.response
+    if isinstance(response, FrequencyResponse):
+        return float(response.frequencies[0]), float(response.frequencies[-1])
+    # real poles of a sampled system may lie above half the sampling rate
+    return 0.0, np.inf
+
+
+def output_scale(response: FrequencyResponse | ImpulseResponse) -> RealArray:
+    """Return the root mean square of every output, (l,), by which quiet outputs are brought level with loud ones."""
+    return np.asarray(np.sqrt(np.mean(np.abs(response.values) ** 2, axis=(0, 2))))
+
+
+def _misfit(pipeline: Pipeline, modes: Eigenmodes) -> float:
+    response = pipeline.response
+    if isinstance(response, FrequencyResponse):
+        basis = basis_of_lines(response, modes.poles)
+        terms = modes.direct[None]
+    else:
+        basis = basis_of_samples(response, modes.poles)
+        terms = np.zeros((0, *response.values.shape[1:]))
+    with np.errstate(over="ignore", invalid="ignore"):
+        left = (basis.data - rebuilt_rows(basis, modes.shapes, modes.participation, terms)) / output_scale(response)[
+            :, None
+        ]
+        ratio = np.linalg.norm(left) / np.linalg.norm(basis.data / output_scale(response)[:, None])
+    return float(ratio) if np.isfinite(ratio) else np.inf
+
+
+def _diagram(
+    pipeline: Pipeline, cuts: list[_Order], limits: Mapping[str, float], notes: list[str]
+) -> StabilizationDiagram:
+    stable = [np.zeros((3, cuts[0].inside.size), bool)]
+    stable += [_stable(before, after, limits) for before, after in zip(cuts, cuts[1:], strict=False)]
+    flags = np.hstack(stable)
+    added = pipeline.response.added_damping if isinstance(pipeline.response, FrequencyResponse) else 0.0
+    names = set.intersection(*(set(cut.indicators) for cut in cuts))
+    rank = pipeline.factors.rank
+    outside = sum(cut.modes.poles.size - cut.inside.size for cut in cuts)
+    if outside:
+        notes.append(f"{outside} poles outside the band or extraneous are not in the diagram")
+    return StabilizationDiagram(
+        response=pipeline.response,
+        method=pipeline.method.name,
+        domain=pipeline.method.domain,
+        orders=tuple(cut.order for cut in cuts),
+        order_of_pole=np.concatenate([np.full(cut.inside.size, cut.order) for cut in cuts]),
+        poles=np.concatenate([cut.modes.poles[cut.inside] for cut in cuts]) + added,
+        shapes=np.concatenate([cut.modes.shapes[:, cut.inside].T for cut in cuts]),
+        participation=np.concatenate([cut.modes.participation[cut.inside] for cut in cuts]),
+        stable_frequency=flags[0],
+        stable_damping=flags[1],
+        stable_shape=flags[2],
+        indicators={name: np.concatenate([cut.indicators[name][cut.inside] for cut in cuts]) for name in sorted(names)},
+        singular_values=pipeline.factors.spectrum,
+        fit_errors=np.array([cut.misfit for cut in cuts]),
+        exact_rank=rank if rank < pipeline.factors.P.shape[1] and rank == cuts[-1].order else None,
+        tolerances=limits,
+        settings=pipeline.settings,
+        notes=tuple(notes),
+        dt=pipeline.matrix.dt,
+    )
+
+
+def _stable(before: _Order, after: _Order, limits: Mapping[str, float]) -> Array:
+    """Return for each pole of `after` whether frequency, damping and shape are those of one pole of `before`, (3, k)."""
+    new, old = after.inside, before.inside
+    if not old.size or not new.size:
+        return np.zeros((3, new.size), bool)
+    f, zeta = frequencies_and_damping(after.modes.poles[new])
+    g, eta = frequencies_and_damping(before.modes.poles[old])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        frequency = np.abs(f[:, None] - g) <= limits["frequency"] * np.minimum(f[:, None], g)
+        damping = np.abs(zeta[:, None] - eta) <= limits["damping"] * np.maximum(np.abs(zeta[:, None]), np.abs(eta))
+    shape = 1 - mac(after.modes.shapes[:, new], before.modes.shapes[:, old]) <= limits["shape"]
+    # damping and shape are compared with the poles of the same frequency only, and the best of them is taken
+    score = frequency * (1 + damping + shape + (damping & shape))
+    best, rows = np.argmax(score, axis=1), np.arange(new.size)
+    return np.stack([frequency[rows, best], (frequency & damping)[rows, best], (frequency & shape)[rows, best]])
