@@ -5,9 +5,10 @@ the modal parameters follow. `methods()` lists the table; `identify` runs one ce
 and `select` reports the modes with the reasons for each.
 """
 
-from modalscope import systems
+from modalscope import plot, systems
 from modalscope.identify import Identification, identify, realize
 from modalscope.indicators import cmif, mac
+from modalscope.io import read, write
 from modalscope.methods import methods
 from modalscope.model import (
     DataError,
@@ -19,6 +20,7 @@ from modalscope.model import (
     StabilizationDiagram,
     StateSpace,
 )
+from modalscope.report import report
 from modalscope.select import select
 from modalscope.stabilize import stabilize
 
@@ -38,8 +40,12 @@ __all__ = [
     "identify",
     "mac",
     "methods",
+    "plot",
+    "read",
     "realize",
+    "report",
     "select",
     "stabilize",
     "systems",
+    "write",
 ]

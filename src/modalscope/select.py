@@ -14,11 +14,11 @@ from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.modes import ModalModel
-from modalscope.residues import basis_of_lines, basis_of_samples, fit_participation, residual_powers
+from modalscope.residues import basis_of_lines, basis_of_samples, fit_error, fit_participation, residual_powers
 from modalscope.stabilize import output_scale
 from modalscope.tracking import Poles, consensus, join_broken, merge_splits, tracks
 
-__all__ = ["select"]
+__all__ = ["fit_of", "rebuilt_from", "select"]
 
 #: A mode is found at this many orders at least, and at this share of all that are used.
 LEAST_ORDERS, LEAST_SHARE = 5, 0.15
@@ -336,6 +336,12 @@ def _reasons(
         text = known.get("text") or _sentence(known, float(loss))
         reasons.append({**known, **spread, "fit_loss": float(loss), "text": text})
     return tuple(reasons)
+
+
+def fit_of(model: ModalModel, response: FrequencyResponse | ImpulseResponse) -> float:
+    """Return norm(measured - rebuilt from the modes) / norm(measured) over all channels."""
+    added = response.added_damping if isinstance(response, FrequencyResponse) else 0.0
+    return fit_error(response.values, rebuilt_from(replace(model, poles=model.poles - added), response))[0]
 
 
 def rebuilt_from(model: ModalModel, response: FrequencyResponse | ImpulseResponse) -> Array:

@@ -1,0 +1,38 @@
+"""The demo: a measured beam, hit at six points, identified with nothing set but the band, next to the published modes."""
+
+import csv
+import time
+from pathlib import Path
+
+import modalscope as ms
+
+here = Path(__file__).parent
+test, band = here / "beam_hammer" / "beam_hammer.uff", (100.0, 4500.0)
+report = Path("demo-report.html")
+
+started = time.perf_counter()
+data = ms.read(test)
+print(f"{test.name}: {data.values.shape[1]} accelerometers x {data.values.shape[2]} hammer points, {data.lines} lines")
+
+diagram = ms.stabilize(data, band=band)
+modes = ms.select(diagram)
+
+with (here / "beam_hammer" / "published_modes.csv").open() as file:
+    published = [(float(row["frequency_hz"]), float(row["damping_ratio"])) for row in csv.DictReader(file)]
+
+
+def near(frequency: float) -> tuple[float, float] | None:
+    """The published mode within 1 %, if there is one."""
+    return next((p for p in published if abs(p[0] - frequency) < 0.01 * frequency), None)
+
+
+print("\n        modalscope                published")
+print(" mode   f [Hz]      zeta [%]      f [Hz]    zeta [%]   why")
+for k, (f, zeta, why) in enumerate(zip(modes.frequencies, modes.damping_ratios, modes.reasons, strict=True)):
+    known = near(f)
+    beside = f"{known[0]:8.1f}  {100 * known[1]:8.2f}" if known else "       -         -"
+    print(f"{k + 1:4d}  {f:9.2f}  {100 * zeta:9.3f}    {beside}     {why['text']}")
+
+ms.report((modes, diagram), report, source=str(test), title="Modes of a measured beam")
+print(f"\nthe report, one file with its pictures: {report.resolve()}")
+print(f"{time.perf_counter() - started:.1f} s from file to report")
