@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from datetime import date
 from importlib.metadata import version
 from pathlib import Path
@@ -13,7 +14,7 @@ from modalscope.report import record, sections
 from modalscope.report.html import Section, page
 from modalscope.residues import fit_error
 
-__all__ = ["report", "report_modes", "write_page"]
+__all__ = ["identification_sections", "report", "report_modes", "write_page"]
 
 
 def report(
@@ -66,23 +67,31 @@ def report_modes(
     command: str | None = None,
 ) -> Path:
     """Write the report on one identification; see `report`."""
+    heading = title or (f"Modes of {Path(source).name}" if source else "Modal identification")
+    parts = identification_sections(modes, diagram, source=source, command=command)
+    return write_page(path, heading, _subtitle(diagram.response), parts)
+
+
+def identification_sections(
+    modes: ModalModel, diagram: StabilizationDiagram, *, source: str | None = None, command: str | None = None
+) -> Iterator[Section]:
+    """Give the sections on one identification in the order of reading, each drawn when it is asked for."""
     response = diagram.response
     fit = None if modes.participation is None else fit_error(response.values, rebuilt(response, modes))
-    found: list[Section | None] = [
-        sections.summary_section(modes, diagram, fit),
-        sections.modes_section(modes),
-        sections.stabilization_section(diagram, modes),
-        sections.shapes_section(modes),
-        sections.mac_section(modes),
-        sections.responses_section(modes, response, fit),
-        sections.reasons_section(modes),
-        record.data_section(response, source),
-        record.settings_section(diagram),
-        record.notes_section(diagram),
-        record.repeat_section(diagram, source, command),
-    ]
-    heading = title or (f"Modes of {Path(source).name}" if source else "Modal identification")
-    return write_page(path, heading, _subtitle(response), [section for section in found if section is not None])
+    yield sections.summary_section(modes, diagram, fit)
+    yield sections.modes_section(modes)
+    yield sections.stabilization_section(diagram, modes)
+    if len(modes):
+        yield sections.shapes_section(modes)
+    if len(modes) > 1:
+        yield sections.mac_section(modes)
+    yield sections.responses_section(modes, response, fit)
+    if modes.reasons:
+        yield sections.reasons_section(modes)
+    yield record.data_section(response, source)
+    yield record.settings_section(diagram)
+    yield record.notes_section(diagram)
+    yield record.repeat_section(diagram, source, command)
 
 
 def _subtitle(response: FrequencyResponse | ImpulseResponse) -> str:
@@ -90,8 +99,10 @@ def _subtitle(response: FrequencyResponse | ImpulseResponse) -> str:
     return f"{counts}, {date.today().isoformat()}"
 
 
-def write_page(path: str | Path, title: str, subtitle: str, parts: list[Section]) -> Path:
+def write_page(path: str | Path, title: str, subtitle: str, parts: Iterable[Section]) -> Path:
     """Write sections as a page; an earlier file stays as it was until the new one is complete.
+
+    Sections may come from a generator: a file that cannot be written is found before any picture is drawn.
 
     Raises
     ------
@@ -101,7 +112,7 @@ def write_page(path: str | Path, title: str, subtitle: str, parts: list[Section]
     target = Path(path)
     if target.suffix.lower() not in (".html", ".htm"):
         raise DataError(f"a report in {target.name!r} was asked", "reports are HTML files", "End the name in .html.")
-    text = page(title, subtitle, parts, f"written by modalscope {version('modalscope')}")
     with replacing(target) as temporary:
+        text = page(title, subtitle, parts, f"written by modalscope {version('modalscope')}")
         temporary.write_text(text, encoding="utf-8")
     return target

@@ -134,10 +134,8 @@ def stabilization_section(diagram: StabilizationDiagram, modes: ModalModel) -> S
     return Section("stabilization", "Stabilization", body)
 
 
-def shapes_section(modes: ModalModel) -> Section | None:
+def shapes_section(modes: ModalModel) -> Section:
     """Draw every mode shape."""
-    if not len(modes):
-        return None
     pictures = [
         picture(shape_svg(modes, i), f"Shape of mode {i + 1}, {frequency(f)}") for i, f in enumerate(modes.frequencies)
     ]
@@ -147,10 +145,8 @@ def shapes_section(modes: ModalModel) -> Section | None:
     return Section("shapes", "Mode shapes", f'{lead}<div class="pair">{"".join(pictures)}</div>')
 
 
-def mac_section(modes: ModalModel) -> Section | None:
+def mac_section(modes: ModalModel) -> Section:
     """Draw the MAC of the modes with each other."""
-    if len(modes) < 2:
-        return None
     lead = paragraph(
         "Likeness of the shapes: 1 equal, 0 orthogonal. High values off the diagonal: too few channels, or one mode twice."
     )
@@ -159,10 +155,8 @@ def mac_section(modes: ModalModel) -> Section | None:
     )
 
 
-def reasons_section(modes: ModalModel) -> Section | None:
+def reasons_section(modes: ModalModel) -> Section:
     """Why each mode is reported, whatever the reasons hold: a sentence, and the remaining fields as columns."""
-    if not modes.reasons:
-        return None
     shown = {"text", *modes.indicators, "indicators", "frequency_spread_hz", "damping_ratio_spread"}
     keys = list(dict.fromkeys(key for reason in modes.reasons for key in reason if key not in shown))
     head = ["mode", "frequency [Hz]", *(heading(key) for key in keys)]
