@@ -1,0 +1,7 @@
+"""Files in and out: one module a format, one row each in the table of `formats`."""
+
+from modalscope.io.contents import Finding, Survey, describe
+from modalscope.io.formats import FORMATS, read, survey, write
+from modalscope.io.tables import geometry_from_tables
+
+__all__ = ["FORMATS", "Finding", "Survey", "describe", "geometry_from_tables", "read", "survey", "write"]

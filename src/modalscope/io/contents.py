@@ -1,0 +1,163 @@
+"""What a reader hands on: the noun, and an account of every part of the file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from modalscope.model import FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals
+
+__all__ = ["Contents", "Finding", "Format", "Options", "Survey", "Thing", "describe"]
+
+Thing: TypeAlias = FrequencyResponse | ImpulseResponse | Signals | ModalModel | Geometry
+Options: TypeAlias = Mapping[str, Any]
+
+
+#: More parts of one sort than this are told in one line.
+_TOGETHER = 4
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Finding:
+    """One part of a file: what it is, and whether it was taken.
+
+    Parameters
+    ----------
+    part : str
+        Where it stands: `set 5`, or the name of an array.
+    what : str
+        What it holds, in words.
+    kind : str
+        What sort of thing that is, when there may be many of a sort: `frequency response`.
+    taken : bool
+        Whether `read` returns it.
+    reason : str
+        Why it was left; empty when it was taken.
+    """
+
+    part: str
+    what: str
+    kind: str = ""
+    taken: bool = True
+    reason: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.part}: {self.kind} {self.what}".replace(":  ", ": ") + (
+            "" if self.taken else f" - left: {self.reason}"
+        )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Contents:
+    """The noun that a file gives, what was found in it, what is missing and what else to know."""
+
+    thing: Thing
+    findings: tuple[Finding, ...] = ()
+    missing: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Format:
+    """One row of the table of formats.
+
+    Parameters
+    ----------
+    name : str
+        The format in words.
+    reader : callable or None
+        `reader(path, options) -> Contents`.
+    writer : callable or None
+        `writer(path, thing, options)`.
+    read_options, write_options : tuple of str
+        Keyword options of its own.
+    """
+
+    name: str
+    reader: Callable[[Path, Options], Contents] | None
+    writer: Callable[[Path, Any, Options], None] | None
+    read_options: tuple[str, ...] = ()
+    write_options: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Survey:
+    """What a file holds, in words: every part, taken or left and why, and what is missing.
+
+    Parameters
+    ----------
+    path : Path
+    format : str
+        The format in words.
+    result : str
+        What `read` returns, in words.
+    found : tuple of Finding
+    missing : tuple of str
+        What would be needed to take more.
+    notes : tuple of str
+    """
+
+    path: Path
+    format: str
+    result: str
+    found: tuple[Finding, ...]
+    missing: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def left(self) -> tuple[Finding, ...]:
+        """The parts that were not taken."""
+        return tuple(finding for finding in self.found if not finding.taken)
+
+    def __str__(self) -> str:
+        lines = [f"{self.path.name}: {self.format}", f"read gives {self.result}"]
+        lines += [f"  {line}" for line in _grouped(self.found)]
+        lines += [f"missing: {text}" for text in self.missing]
+        lines += [f"note: {text}" for text in self.notes]
+        return "\n".join(lines)
+
+
+def _grouped(found: tuple[Finding, ...]) -> list[str]:
+    """Return a line a finding; runs of taken parts of one kind are told together."""
+    lines = []
+    for (taken, kind), group in groupby(found, key=lambda finding: (finding.taken, finding.kind)):
+        parts = list(group)
+        if taken and kind and len(parts) > _TOGETHER:
+            lines.append(
+                f"{parts[0].part} to {parts[-1].part}: {len(parts)} x {kind}, {parts[0].what} to {parts[-1].what}"
+            )
+        else:
+            lines += [str(finding) for finding in parts]
+    return lines
+
+
+def _count(number: int, word: str) -> str:
+    return f"{number} {word}" + ("" if number == 1 else "s")
+
+
+def describe(thing: Thing) -> str:
+    """Return one line about a noun.
+
+    Examples
+    --------
+    >>> describe(Signals(outputs=[[0.0], [1.0]], sampling_rate=10.0, quantities="velocity"))
+    'records: 2 samples at 10 Hz, 1 output (velocity), no inputs'
+    """
+    if isinstance(thing, Geometry):
+        return f"geometry: {_count(len(thing.nodes), 'node')}, {_count(len(thing.lines), 'line')}, {_count(len(thing.faces), 'face')}"
+    sides = f"{_count(len(thing.output_dofs), 'output')}, {_count(len(thing.input_dofs), 'input')}"
+    kind = f" ({thing.quantity})" if thing.quantity else ""
+    if isinstance(thing, FrequencyResponse):
+        f = thing.frequencies
+        return f"frequency responses{kind}: {_count(thing.lines, 'line')} from {f[0]:g} to {f[-1]:g} Hz, {sides}"
+    if isinstance(thing, ImpulseResponse):
+        return f"impulse responses{kind} ({thing.kind}): {thing.samples} samples at {thing.sampling_rate:g} Hz, {sides}"
+    if isinstance(thing, ModalModel):
+        return f"modes{kind}: {_count(len(thing), 'mode')}, {sides}"
+    runs = "" if thing.runs == 1 else f"{thing.runs} runs of "
+    inputs = _count(len(thing.input_dofs), "input") if thing.input_dofs else "no inputs"
+    outputs = _count(len(thing.output_dofs), "output")
+    return f"records: {runs}{thing.samples} samples at {thing.sampling_rate:g} Hz, {outputs}{kind}, {inputs}"

@@ -1,0 +1,307 @@
+"""CSV: responses and records with a header, in and out; tables of modes out.
+
+The first line that is not a comment names the columns; the first column is the abscissa. Labels carry their unit in
+brackets. Comments `# name: value` before it hold what has no column (quantity, sampling_rate, kind, first_sample).
+
+| first column | further columns | it is |
+|---|---|---|
+| `frequency_hz` | `real 3:+Z / 1:+Z [m/s2 / N]`, `imag 3:+Z / 1:+Z`, for every output and input | a frequency response |
+| `time_s` | `out 3:+Z [m/s2]`, `in 1:+Z [N]` | records |
+| `time_s` | `3:+Z / 1:+Z [m/s2 / N]`, for every output and input | an impulse response |
+
+Columns are parted by comma, semicolon or tab, whichever the header has. Numbers are written with every digit. Coherence,
+variance, geometry and direct terms have no column: .npz, .h5 and .uff keep them.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from modalscope.io.contents import Contents, Finding, Options, Thing
+from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, ModalModel, Signals
+from modalscope.model.checks import Array, RealArray
+
+__all__ = ["read", "write"]
+
+_PAIR = re.compile(
+    r"^(?:(?P<part>real|imag)\s+)?(?P<out>[^/\[\]]+?)\s*/\s*(?P<in>[^/\[\]]+?)\s*(?:\[(?P<unit>.*?)(?: / (?P<unit_in>.*))?\])?$"
+)
+_SIDE = re.compile(r"^(?P<side>out|in)\s+(?P<dof>.+?)\s*(?:\[(?P<unit>.*)\])?$")
+
+#: Time steps may differ by this part of a step: printed times have few digits.
+_EVEN = 1e-2
+
+
+class _Table(NamedTuple):
+    notes: dict[str, str]
+    header: list[str]
+    numbers: RealArray
+
+
+# ------------------------------------------------------------------------------------------------------------- writing
+
+
+def write(path: Path, thing: Thing, options: Options) -> None:
+    """Write a response, a record of one run or a table of modes."""
+    if isinstance(thing, ModalModel):
+        _put(path, {}, *_modes_table(thing))
+    elif isinstance(thing, FrequencyResponse):
+        _put(path, _notes(thing, "quantity", "sampling_rate"), *_frequency_table(thing))
+    elif isinstance(thing, ImpulseResponse):
+        if thing.feedthrough is not None:
+            raise DataError(
+                "writing an impulse response as .csv was asked",
+                "its direct term has no column there",
+                "Use .npz, .h5 or .uff.",
+            )
+        header = [
+            "time_s",
+            *(_pair(thing, i, j) for i in range(thing.values.shape[1]) for j in range(thing.values.shape[2])),
+        ]
+        _put(
+            path,
+            _notes(thing, "quantity", "sampling_rate", "kind", "first_sample"),
+            header,
+            np.column_stack([thing.times, _flat(thing.values)]).tolist(),
+        )
+    elif isinstance(thing, Signals):
+        _put(path, _notes(thing, "sampling_rate") | _quantities(thing), *_record_table(thing))
+    else:
+        raise DataError(
+            f"writing {type(thing).__name__} as .csv was asked", "there is no such table", "Use .npz, .h5 or .uff."
+        )
+
+
+def _put(path: Path, notes: dict[str, str], header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        file.writelines(f"# {name}: {value}\n" for name, value in notes.items())
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(header)
+        writer.writerows(rows)
+
+
+def _notes(thing: Any, *names: str) -> dict[str, str]:
+    return {name: str(value) for name in names if (value := getattr(thing, name)) is not None}
+
+
+def _quantities(record: Signals) -> dict[str, str]:
+    return {"quantities": ", ".join(q or "" for q in record.quantities)} if any(record.quantities) else {}
+
+
+def _flat(values: Array) -> Array:
+    return values.reshape(values.shape[0], -1)
+
+
+def _pair(thing: Any, i: int, j: int) -> str:
+    units = (thing.units[0][i], thing.units[1][j])
+    return f"{thing.output_dofs[i]} / {thing.input_dofs[j]}" + (f" [{units[0]} / {units[1]}]" if any(units) else "")
+
+
+def _frequency_table(frf: FrequencyResponse) -> tuple[list[str], list[list[float]]]:
+    pairs = [_pair(frf, i, j) for i in range(frf.values.shape[1]) for j in range(frf.values.shape[2])]
+    values = _flat(frf.values)
+    both = np.stack([values.real, values.imag], axis=2).reshape(values.shape[0], -1)
+    header = ["frequency_hz", *(f"{part} {pair}" for pair in pairs for part in ("real", "imag"))]
+    return header, np.column_stack([frf.frequencies, both]).tolist()
+
+
+def _record_table(record: Signals) -> tuple[list[str], list[list[float]]]:
+    if record.runs > 1:
+        raise DataError(
+            "writing records as .csv was asked",
+            f"there are {record.runs} runs, and a table holds one",
+            "Use .npz or .h5, or write each run alone.",
+        )
+    outputs, inputs = record.by_run()
+    sides = [("out", label, unit) for label, unit in zip(record.output_dofs, record.units[0], strict=True)]
+    sides += [("in", label, unit) for label, unit in zip(record.input_dofs, record.units[1], strict=True)]
+    header = ["time_s", *(f"{side} {label}" + (f" [{unit}]" if unit else "") for side, label, unit in sides)]
+    columns = [np.arange(record.samples) / record.sampling_rate, outputs[0]] + ([] if inputs is None else [inputs[0]])
+    return header, np.column_stack(columns).tolist()
+
+
+def _modes_table(modes: ModalModel) -> tuple[list[str], list[list[Any]]]:
+    optional = {
+        "frequency_spread_hz": modes.frequencies_spread,
+        "damping_ratio_spread": modes.damping_ratios_spread,
+        "frequency_std_hz": modes.frequencies_std,
+        "damping_ratio_std": modes.damping_ratios_std,
+        **modes.indicators,
+    }
+    columns: dict[str, Sequence[Any]] = {
+        "mode": list(range(1, len(modes) + 1)),
+        "frequency_hz": modes.frequencies.tolist(),
+        "damping_ratio": modes.damping_ratios.tolist(),
+        "kind": modes.kinds,
+        **{name: values.tolist() for name, values in optional.items() if values is not None},
+    }
+    for label, row in zip(modes.output_dofs, modes.shapes, strict=True):
+        columns |= {f"real {label}": row.real.tolist(), f"imag {label}": row.imag.tolist()}
+    return list(columns), [list(row) for row in zip(*columns.values(), strict=True)]
+
+
+# ------------------------------------------------------------------------------------------------------------- reading
+
+
+def read(path: Path, options: Options) -> Contents:
+    """Read a response or a record."""
+    table = _table(path)
+    given = {name: table.notes[name] for name in ("quantity", "kind") if name in table.notes}
+    first, labels = table.header[0].strip().lower(), table.header[1:]
+    abscissa, values = table.numbers[:, 0], table.numbers[:, 1:]
+    if first == "frequency_hz":
+        rate = {"sampling_rate": _number(path, table, "sampling_rate")} if "sampling_rate" in table.notes else {}
+        thing: Thing = _frequency_response(path, labels, abscissa, values, given | rate)
+    elif first == "time_s" and labels and all(_SIDE.match(label) for label in labels):
+        thing = _records(path, table, labels, values)
+    elif first == "time_s":
+        start = {"first_sample": int(_number(path, table, "first_sample"))} if "first_sample" in table.notes else {}
+        outputs, inputs, columns, units = _matrix(path, labels, {""})
+        fields: dict[str, Any] = {"kind": "dirac"} | given | start
+        thing = ImpulseResponse(
+            values=values[:, columns[""]],
+            sampling_rate=_rate(path, table),
+            units=units,
+            **_dofs(outputs, inputs),
+            **fields,
+        )
+    else:
+        found = f"its first column is {table.header[0]!r}"
+        raise DataError(
+            f"reading {path.name} was asked",
+            found,
+            "Name it frequency_hz or time_s, and the others as the module modalscope.io.csv says.",
+        )
+    return Contents(thing=thing, findings=tuple(Finding(part="column", what=name) for name in table.header))
+
+
+def _table(path: Path) -> _Table:
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise DataError(
+            f"reading {path.name} as CSV was asked", "it is not text", "Give it the suffix of what it is."
+        ) from None
+    lines = text.splitlines()
+    notes: dict[str, str] = {}
+    for line in lines:
+        name, colon, value = line.lstrip("# ").partition(":")
+        if line.startswith("#") and colon:
+            notes[name.strip()] = value.strip()
+    rows = [line for line in lines if line.strip() and not line.startswith("#")]
+    if len(rows) < 2:
+        raise DataError(
+            f"reading {path.name} as CSV was asked",
+            "it has no header and rows",
+            "Write a header and one row a line or sample.",
+        )
+    delimiter = max(",;\t", key=rows[0].count)
+    header, *body = csv.reader(io.StringIO("\n".join(rows)), delimiter=delimiter)
+    if {"frequency_hz", "damping_ratio"} <= set(header):
+        raise DataError(
+            f"reading {path.name} was asked",
+            "it is a table of modes, which is only written",
+            "Read modes from .json, .npz, .h5 or .uff.",
+        )
+    numbers = np.empty((len(body), len(header)))
+    for k, row in enumerate(body):
+        try:
+            numbers[k] = [float(cell) for cell in row]
+        except ValueError:
+            raise DataError(
+                f"reading {path.name} needs {len(header)} numbers in every row",
+                f"row {k + 1} under the header is {row[:6]}",
+                "Correct that row; decimals take a point.",
+            ) from None
+    return _Table(notes, [name.strip() for name in header], numbers)
+
+
+def _number(path: Path, table: _Table, name: str) -> float:
+    try:
+        return float(table.notes[name])
+    except ValueError:
+        raise DataError(
+            f"{name} in {path.name} needs a number", f"it is {table.notes[name]!r}", "Correct the comment."
+        ) from None
+
+
+def _rate(path: Path, table: _Table) -> float:
+    if "sampling_rate" in table.notes:
+        return _number(path, table, "sampling_rate")
+    time = table.numbers[:, 0]
+    steps = np.diff(time)
+    if steps.size == 0 or not np.isfinite(steps).all() or steps.min() <= 0 or np.ptp(steps) > _EVEN * steps.mean():
+        raise DataError(
+            f"reading {path.name} needs evenly sampled, increasing times",
+            f"the steps lie between {steps.min():g} and {steps.max():g} s" if steps.size else "there is one sample",
+            "Resample the record, or give `# sampling_rate: ...` in a comment.",
+        )
+    return float((time.size - 1) / (time[-1] - time[0]))
+
+
+def _matrix(path: Path, labels: list[str], parts: set[str]) -> tuple[list[str], list[str], dict[str, Array], Any]:
+    """Return outputs, inputs, the columns of each part as (outputs, inputs), and units."""
+    at: dict[tuple[str, str, str], int] = {}
+    units: dict[str, dict[str, str]] = {"out": {}, "in": {}}
+    for column, label in enumerate(labels):
+        match = _PAIR.match(label)
+        key = (match["part"] or "", match["out"], match["in"]) if match else None
+        if match is None or key is None or key[0] not in parts or key in at:
+            raise DataError(
+                f"reading {path.name} needs columns such as {'real ' if 'real' in parts else ''}3:+Z / 1:+Z, each once",
+                f"there is {label!r}",
+                "Rename that column.",
+            )
+        at[key] = column
+        units["out"][match["out"]] = match["unit"] or ""
+        units["in"][match["in"]] = match["unit_in"] or ""
+    outputs, inputs = list(units["out"]), list(units["in"])
+    missing = [f"{p} {o} / {i}".strip() for p in sorted(parts) for o in outputs for i in inputs if (p, o, i) not in at]
+    if missing or not at:
+        raise DataError(
+            f"reading {path.name} needs a column for every output and input",
+            f"missing: {', '.join(missing[:5]) or 'all'}",
+            "Add them, or leave out that channel.",
+        )
+    columns = {part: np.array([[at[part, o, i] for i in inputs] for o in outputs]) for part in parts}
+    return outputs, inputs, columns, (list(units["out"].values()), list(units["in"].values()))
+
+
+def _frequency_response(
+    path: Path, labels: list[str], lines: Array, values: Array, given: dict[str, Any]
+) -> FrequencyResponse:
+    outputs, inputs, columns, units = _matrix(path, labels, {"real", "imag"})
+    both = values[:, columns["real"]] + 1j * values[:, columns["imag"]]
+    return FrequencyResponse(values=both, frequencies=lines, units=units, **_dofs(outputs, inputs), **given)
+
+
+def _dofs(outputs: list[str], inputs: list[str]) -> dict[str, Any]:
+    return {"output_dofs": tuple(outputs), "input_dofs": tuple(inputs)}
+
+
+def _records(path: Path, table: _Table, labels: list[str], values: Array) -> Signals:
+    sides: dict[str, list[tuple[int, str, str]]] = {"out": [], "in": []}
+    for column, label in enumerate(labels):
+        match = _SIDE.match(label)
+        if match:
+            sides[match["side"]].append((column, match["dof"], match["unit"] or ""))
+    out, into = sides["out"], sides["in"]
+    quantities = (
+        [text.strip() or None for text in table.notes["quantities"].split(",")] if "quantities" in table.notes else None
+    )
+    return Signals(
+        outputs=values[:, [column for column, _, _ in out]],
+        inputs=values[:, [column for column, _, _ in into]] if into else None,
+        sampling_rate=_rate(path, table),
+        quantities=quantities,  # type: ignore[arg-type]
+        output_dofs=tuple(dof for _, dof, _ in out),
+        input_dofs=tuple(dof for _, dof, _ in into),
+        units=(tuple(unit for _, _, unit in out), tuple(unit for _, _, unit in into)),
+    )

@@ -1,0 +1,137 @@
+"""HDF5: the arrays of `modalscope.io.arrays` as datasets of the root group, read as well by h5py, xarray and MATLAB.
+
+Layout: a complex array `values` is two datasets, `values_real` and `values_imag`; texts are variable-length UTF-8; single
+values are scalar datasets. The axes carry dimension scales (`line` = `frequencies`, `output`, `input`, `sample`, `run`,
+`mode`), which netCDF readers take for named dimensions. The root attribute `modalscope_layout` is 1.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from modalscope.io.arrays import contents_from_arrays, to_arrays
+from modalscope.io.contents import Contents, Options, Thing
+from modalscope.model import DataError, ImpulseResponse
+from modalscope.model.checks import Array
+
+__all__ = ["need_h5py", "read", "write"]
+
+_LAYOUT = 1
+
+_DIMENSIONS = {
+    "frequencies": ("line",),
+    "values": ("line", "output", "input"),
+    "variance": ("line", "output", "input"),
+    "coherence": ("line", "output", "input"),
+    "outputs": ("run", "sample", "output"),
+    "inputs": ("run", "sample", "input"),
+    "poles": ("mode",),
+    "shapes": ("output", "mode"),
+    "participation": ("mode", "input"),
+    "feedthrough": ("output", "input"),
+    "lower_residual": ("output", "input"),
+    "upper_residual": ("output", "input"),
+    "output_dofs": ("output",),
+    "output_units": ("output",),
+    "quantities": ("output",),
+    "input_dofs": ("input",),
+    "input_units": ("input",),
+}
+
+
+def need_h5py(asked: str, extra: str = "hdf5") -> Any:
+    """Return the h5py module, or say which extra brings it."""
+    try:
+        import h5py
+    except ImportError:
+        raise DataError(
+            f"{asked} was asked", "h5py is not installed", f"Run: pip install 'modalscope[{extra}]'"
+        ) from None
+    return h5py
+
+
+def write(path: Path, thing: Thing, options: Options) -> None:
+    """Write a noun; binary, so that it is read back exactly."""
+    h5py = need_h5py(f"writing {path.suffix}")
+    axes: dict[str, tuple[str, ...]] = {}
+    with h5py.File(path, "w") as file:
+        file.attrs["modalscope_layout"] = _LAYOUT
+        for name, array in to_arrays(thing).items():
+            if array.dtype.kind == "U":
+                file.create_dataset(name, data=array.astype(object), dtype=h5py.string_dtype("utf-8"))
+                parts: tuple[str, ...] = (name,)
+            elif array.dtype.kind == "c":
+                parts = (f"{name}_real", f"{name}_imag")
+                file.create_dataset(parts[0], data=array.real)
+                file.create_dataset(parts[1], data=array.imag)
+            else:
+                file.create_dataset(name, data=array)
+                parts = (name,)
+            axes |= dict.fromkeys(parts, _axes(thing, name, array))
+        # the frequencies are a scale of their own, so that all datasets are there before their axes are named
+        for name, names in axes.items():
+            _label(file, name, names)
+
+
+def _axes(thing: Thing, name: str, array: Array) -> tuple[str, ...]:
+    """Return the names of an array's axes; the first ones of a noun that may lack runs or inputs."""
+    axes = _DIMENSIONS.get(name, ())
+    if isinstance(thing, ImpulseResponse):
+        axes = tuple("sample" if axis == "line" else axis for axis in axes)
+    if name in ("outputs", "inputs") and array.ndim == 2:
+        axes = axes[1:]
+    return axes[: array.ndim]
+
+
+def _label(file: Any, name: str, axes: tuple[str, ...]) -> None:
+    for k, axis in enumerate(axes):
+        scale = "frequencies" if axis == "line" else axis
+        if scale == name:
+            file[name].make_scale(name)
+            continue
+        if scale not in file:
+            file.create_dataset(scale, data=np.arange(file[name].shape[k]))
+            file[scale].make_scale(scale)
+        file[name].dims[k].attach_scale(file[scale])
+
+
+def read(path: Path, options: Options) -> Contents:
+    """Read a file in this layout, or any HDF5 file whose root datasets are renamed to it."""
+    h5py = need_h5py(f"reading {path.suffix}")
+    try:
+        with h5py.File(path, "r") as file:
+            arrays = {
+                name: _values(item)
+                for name, item in file.items()
+                if isinstance(item, h5py.Dataset) and not _is_axis(name, item)
+            }
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError) as error:
+        raise DataError(
+            f"reading {path.name} as HDF5 was asked",
+            f"it is damaged or not HDF5 ({error})",
+            "Copy or write the file again.",
+        ) from None
+    for name in [name for name in arrays if name.endswith("_real") and name.removesuffix("_real") + "_imag" in arrays]:
+        base = name.removesuffix("_real")
+        real, imaginary = arrays.pop(name), arrays.pop(base + "_imag")
+        if real.shape != imaginary.shape:
+            raise DataError(
+                f"{base} in {path.name} needs real and imaginary parts of one shape",
+                f"they have {real.shape} and {imaginary.shape}",
+                "Write the file again.",
+            )
+        arrays[base] = real + 1j * imaginary
+    return contents_from_arrays(path.name, arrays, options)
+
+
+def _is_axis(name: str, item: Any) -> bool:
+    """A dimension scale that only counts an axis holds nothing of its own."""
+    return name in ("output", "input", "sample", "run", "mode") and bool(item.is_scale)
+
+
+def _values(item: Any) -> Array:
+    values = np.asarray(item.asstr()[()]) if item.dtype.kind == "O" else np.asarray(item[()])
+    return values.astype(np.str_) if values.dtype.kind == "O" else values

@@ -1,0 +1,209 @@
+"""modes.json: identified modes with their shapes, indicators and reasons, read back without loss.
+
+The layout is that of the command line (`identify -o modes.json`):
+
+    {"modalscope": version, "data": {...}, "method", "domain", "orders",
+     "modes": [{"frequency_hz", "damping_ratio", "kind", "frequency_spread_hz", "damping_ratio_spread", "frequency_std_hz",
+                "damping_ratio_std", "indicators": {...}, "reasons": {...}, "shape": {"dof", "real", "imag"},
+                "pole": {"real", "imag"}, "participation": {"dof", "real", "imag"}}],
+     "geometry", "feedthrough", "lower_residual", "upper_residual"}
+
+`pole` (rad/s) keeps every digit; a file without it is read by frequency and damping ratio. What is not known is null.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from modalscope.io.arrays import from_json_numbers
+from modalscope.io.contents import Contents, Finding, Options
+from modalscope.model import DataError, Geometry, ModalModel
+from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.poles import poles_from
+
+__all__ = ["WRITE_OPTIONS", "read", "write"]
+
+#: What the caller may add: how the modes were found, and the data they were found in.
+WRITE_OPTIONS = ("method", "domain", "orders", "data")
+
+_DIRECT = ("feedthrough", "lower_residual", "upper_residual")
+_PER_MODE = {
+    "frequency_spread_hz": "frequencies_spread",
+    "damping_ratio_spread": "damping_ratios_spread",
+    "frequency_std_hz": "frequencies_std",
+    "damping_ratio_std": "damping_ratios_std",
+}
+_OF_DATA = ("quantity", "dt", "held_input", "scaling")
+
+
+# ------------------------------------------------------------------------------------------------------------- writing
+
+
+def write(path: Path, modes: Any, options: Options) -> None:
+    """Write modes; `method`, `domain`, `orders` and a mapping `data` are added as they are given."""
+    if not isinstance(modes, ModalModel):
+        raise DataError(
+            f"writing {type(modes).__name__} as .json was asked",
+            "that layout holds modes",
+            "Use .npz, .h5 or .uff for records and responses.",
+        )
+    data = {name: getattr(modes, name) for name in _OF_DATA}
+    data |= {
+        "output_dofs": modes.output_dofs,
+        "input_dofs": modes.input_dofs,
+        "units": modes.units,
+        "processing": modes.processing,
+    }
+    document = {
+        "modalscope": _version(),
+        "data": {**dict(options.get("data") or {}), **data},
+        "method": options.get("method"),
+        "domain": options.get("domain"),
+        "orders": None if options.get("orders") is None else [int(order) for order in np.atleast_1d(options["orders"])],
+        "modes": [_mode(modes, j) for j in range(len(modes))],
+        **{name: None if (a := getattr(modes, name)) is None else a.tolist() for name in _DIRECT},
+        "geometry": None if modes.geometry is None else _geometry_out(modes.geometry),
+    }
+    path.write_text(
+        json.dumps(_null(document), indent=1, allow_nan=False, default=from_json_numbers) + "\n", encoding="utf-8"
+    )
+
+
+def _version() -> str:
+    try:
+        return version("modalscope")
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def _mode(modes: ModalModel, j: int) -> dict[str, Any]:
+    return {
+        "frequency_hz": float(modes.frequencies[j]),
+        "damping_ratio": float(modes.damping_ratios[j]),
+        "kind": modes.kinds[j],
+        **{key: None if (a := getattr(modes, name)) is None else float(a[j]) for key, name in _PER_MODE.items()},
+        "indicators": {name: float(values[j]) for name, values in modes.indicators.items()},
+        "reasons": dict(modes.reasons[j]) if modes.reasons else {},
+        "shape": {"dof": list(modes.output_dofs), **_parts(modes.shapes[:, j])},
+        "pole": {"real": float(modes.poles[j].real), "imag": float(modes.poles[j].imag)},
+        "participation": None
+        if modes.participation is None
+        else {"dof": list(modes.input_dofs), **_parts(modes.participation[j])},
+    }
+
+
+def _parts(values: ComplexArray) -> dict[str, list[float]]:
+    return {"real": values.real.tolist(), "imag": values.imag.tolist()}
+
+
+def _geometry_out(geometry: Geometry) -> dict[str, Any]:
+    def named(index: Array) -> list[list[str]]:
+        return [[geometry.nodes[i] for i in row] for row in index]
+
+    return {
+        "nodes": list(geometry.nodes),
+        "coordinates": geometry.coordinates.tolist(),
+        "lines": named(geometry.lines),
+        "faces": named(geometry.faces),
+        "motions": geometry.motions,
+    }
+
+
+def _null(value: Any) -> Any:
+    """Return the document with null where a number is not finite: JSON has no NaN."""
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): _null(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_null(item) for item in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+# ------------------------------------------------------------------------------------------------------------- reading
+
+
+def read(path: Path, options: Options) -> Contents:
+    """Read modes back."""
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise DataError(
+            f"reading {path.name} as modes was asked", f"it is not JSON ({error})", "Write it with modalscope."
+        ) from None
+    if not isinstance(document, dict) or not isinstance(document.get("modes"), list) or "modalscope" not in document:
+        raise DataError(
+            f"reading {path.name} as modes was asked",
+            'it has no "modalscope" and "modes" entries',
+            "Give a modes.json that modalscope wrote.",
+        )
+    try:
+        modes = _modes(document)
+    except (KeyError, TypeError, AttributeError, IndexError, OverflowError) as error:
+        raise _spoilt(path, f"an entry is missing or of the wrong type ({type(error).__name__}: {error})") from None
+    except DataError:
+        raise
+    except ValueError as error:
+        raise _spoilt(path, str(error)) from None
+    how = [f"{key} {document[key]}" for key in ("method", "domain", "orders") if document.get(key) is not None]
+    finding = Finding(part="modes", what=f"{len(modes)} modes" + (f" ({', '.join(how)})" if how else ""))
+    return Contents(thing=modes, findings=(finding,))
+
+
+def _spoilt(path: Path, found: str) -> DataError:
+    return DataError(f"reading {path.name} as modes was asked", found, "Write the file again.")
+
+
+def _modes(document: dict[str, Any]) -> ModalModel:
+    rows, data = document["modes"], document.get("data") or {}
+    outputs = data.get("output_dofs") or (rows[0]["shape"]["dof"] if rows else [])
+    inputs = data.get("input_dofs") or []
+    part = [row.get("participation") for row in rows]
+    shapes = np.array([_complex(row["shape"]) for row in rows], dtype=complex).reshape(len(rows), len(outputs)).T
+    known = bool(rows) and all(entry is not None for entry in part)
+    fields: dict[str, Any] = {name: data[name] for name in _OF_DATA if data.get(name) is not None}
+    fields |= {name: np.array(document[name], dtype=float) for name in _DIRECT if document.get(name) is not None}
+    fields |= {name: _column(rows, key) for key, name in _PER_MODE.items()}
+    names = rows[0].get("indicators") or {} if rows else {}
+    return ModalModel(
+        poles=np.array([_pole(row) for row in rows], dtype=complex),
+        shapes=shapes,
+        participation=np.array([_complex(entry) for entry in part]) if known else None,
+        output_dofs=tuple(outputs),
+        input_dofs=tuple(inputs) if known else (),
+        units=_units(data.get("units"), known),
+        processing=tuple(data.get("processing") or ()),
+        indicators={name: _numbers([row["indicators"][name] for row in rows]) for name in names},
+        reasons=tuple(row.get("reasons") or {} for row in rows) if any(row.get("reasons") for row in rows) else (),
+        geometry=Geometry(**document["geometry"]) if document.get("geometry") else None,
+        **fields,
+    )
+
+
+def _units(units: Any, known: bool) -> Any:
+    return None if units is None else (units[0], units[1] if known else ())
+
+
+def _complex(parts: dict[str, list[float]]) -> ComplexArray:
+    return np.asarray(np.array(parts["real"], dtype=float) + 1j * np.array(parts["imag"], dtype=float))
+
+
+def _pole(row: dict[str, Any]) -> complex:
+    if row.get("pole"):
+        return complex(row["pole"]["real"], row["pole"]["imag"])
+    return complex(poles_from(float(row["frequency_hz"]), float(row["damping_ratio"])))
+
+
+def _numbers(values: list[Any]) -> RealArray:
+    return np.array([np.nan if value is None else float(value) for value in values])
+
+
+def _column(rows: list[dict[str, Any]], key: str) -> RealArray | None:
+    values = [row.get(key) for row in rows]
+    return None if all(value is None for value in values) else _numbers(values)

@@ -1,0 +1,104 @@
+"""Records of fixed columns: one table serves reading and writing."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from modalscope.model import DataError
+
+__all__ = ["Field", "Record", "form", "number", "parse", "thirteen", "whole"]
+
+_WHOLE = re.compile(r"[+-]?\d+\Z")
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([EeDd][+-]?\d+)?\Z")
+
+
+class Field(NamedTuple):
+    """Columns of a record: `kind` is "i" (whole number), "e" (real), "a" (text) or "-" (not used)."""
+
+    name: str
+    width: int
+    kind: str
+
+
+Record = Sequence[Field]
+
+
+def whole(where: str, name: str, text: str) -> int:
+    """Return a whole number; blank columns are 0, as Fortran reads them."""
+    stripped = text.strip()
+    if stripped and not _WHOLE.match(stripped):
+        raise _unreadable(where, name, "a whole number", text)
+    return int(stripped) if stripped else 0
+
+
+def number(where: str, name: str, text: str) -> float:
+    """Return a real number, D exponents too; blank columns are 0. NaN and infinity are not numbers here."""
+    stripped = text.strip()
+    if stripped and not _NUMBER.match(stripped):
+        raise _unreadable(where, name, "a finite number", text)
+    value = float(stripped.upper().replace("D", "E")) if stripped else 0.0
+    if value in (float("inf"), float("-inf")):
+        raise _unreadable(where, name, "a finite number", text)
+    return value
+
+
+def parse(record: Record, line: bytes, where: str) -> dict[str, Any]:
+    """Return the fields of a line by name."""
+    text = line.decode("latin-1")
+    values: dict[str, Any] = {}
+    start = 0
+    for name, width, kind in record:
+        columns = text[start : start + width]
+        start += width
+        if kind == "i":
+            values[name] = whole(where, name, columns)
+        elif kind == "e":
+            values[name] = number(where, name, columns)
+        elif kind == "a":
+            values[name] = columns.strip()
+    return values
+
+
+def form(record: Record, values: Mapping[str, Any]) -> str:
+    """Return a line with the fields in their columns; what is not given is 0, or NONE for text."""
+    line = ""
+    for name, width, kind in record:
+        if kind == "a":
+            # texts of an inner field begin after one blank column
+            text = " " * (width not in (20, 80)) + (str(values.get(name) or "") or "NONE")
+            line += text[:width].ljust(width)
+            continue
+        text = thirteen(float(values.get(name, 0.0))) if kind == "e" and width == 13 else ""
+        text = text or (f"{float(values.get(name, 0.0)):.16E}" if kind == "e" else str(int(values.get(name, 0))))
+        text = text.rjust(width)
+        if len(text) > width:
+            raise DataError(
+                f"{name} = {values.get(name)} was to be written to a universal file",
+                f"it has {width} columns there",
+                "Choose a smaller number, or another format.",
+            )
+        line += text
+    return line
+
+
+def thirteen(value: float) -> str:
+    """Return the nearest number that 13 columns hold, the first of them blank or a sign.
+
+    Examples
+    --------
+    >>> thirteen(1.0002000200020003), thirteen(-2.5e-7)
+    (' 1.0002000200', '-2.500000E-07')
+    """
+    texts = [f"{value: .{digits}f}" for digits in range(11)] + [f"{value: .{digits}E}" for digits in (5, 6)]
+    fitting = [text for text in texts if len(text) <= 13]
+    return min(reversed(fitting), key=lambda text: abs(float(text) - value))
+
+
+def _unreadable(where: str, name: str, wanted: str, text: str) -> DataError:
+    return DataError(
+        f"{where} needs {wanted} for {name}",
+        f"the columns hold {text.strip()!r}",
+        "The file is damaged there or not a universal file; export it again.",
+    )

@@ -1,0 +1,201 @@
+"""The guard: where the sets of a universal file begin and end, found by their own counts and nothing else.
+
+Readers that search for the delimiter `    -1` take a truncated or foreign file for an empty one, and a delimiter inside
+binary data for the end of it. Here a set that is not closed, a line outside any set, or a payload that is not as long as
+its header says is an error that names the set.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from modalscope.io.uff.layout import Field, parse
+from modalscope.model import DataError
+
+__all__ = ["BINARY", "DELIMITER", "FORM", "HEADER_LINES", "Block", "scan"]
+
+DELIMITER = b"    -1\n"
+#: Records before the data of a dataset 58.
+HEADER_LINES = 11
+
+#: Record 1 of dataset 58b, behind the dataset's number.
+BINARY = (
+    Field("dataset", 6, "i"), Field("flag", 1, "a"), Field("byte order", 6, "i"), Field("floating-point format", 6, "i"),
+    Field("number of ASCII lines", 12, "i"), Field("number of bytes", 12, "i"),
+    Field("", 6, "-"), Field("", 6, "-"), Field("", 12, "-"), Field("", 12, "-"),
+)  # fmt: skip
+
+#: Record 7 of dataset 58: the form of the data.
+FORM = (
+    Field("ordinate data type", 10, "i"), Field("number of points", 10, "i"), Field("abscissa spacing", 10, "i"),
+    Field("abscissa minimum", 13, "e"), Field("abscissa increment", 13, "e"), Field("z-axis value", 13, "e"),
+)  # fmt: skip
+
+_CLOSING = re.compile(rb"^ {4}-1 *\r?$", re.MULTILINE)
+_AFTER_PAYLOAD = re.compile(rb"\r?\n? {4}-1 *(?:\r?\n|\Z)")
+_NUMBER = re.compile(rb" *\d+\Z")
+_WORDS = {2: (1, 4), 4: (1, 8), 5: (2, 4), 6: (2, 8)}
+_LITTLE, _BIG, _IEEE = 1, 2, 2
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Block:
+    """One set: its place in the file, its dataset number, its records, and the payload of a binary one.
+
+    `order` is "<" or ">" for binary data; `abscissa_bytes` is the size of an abscissa value that is stored with each point, 0
+    for even spacing; `note` says what was odd but certain.
+    """
+
+    place: int
+    dataset: int
+    records: tuple[bytes, ...]
+    payload: bytes | None = None
+    order: str = "<"
+    abscissa_bytes: int = 0
+    note: str = ""
+
+    @property
+    def name(self) -> str:
+        """The set in words."""
+        return f"set {self.place} (dataset {self.dataset}{'' if self.payload is None else 'b'})"
+
+
+def scan(name: str, data: bytes) -> list[Block]:
+    """Return the sets of a universal file.
+
+    Raises
+    ------
+    DataError
+        Not a universal file, a set that is cut off, a payload of another length than its header counts.
+    """
+    blocks: list[Block] = []
+    line, position = _next_line(data, 0)
+    while line.strip():
+        if line.rstrip() != b"    -1":
+            raise _foreign(name, line, blocks)
+        block, position = _block(name, data, position, len(blocks) + 1)
+        blocks.append(block)
+        line, position = _next_line(data, position)
+    if not blocks:
+        raise _foreign(name, b"", blocks)
+    return blocks
+
+
+def _foreign(name: str, line: bytes, blocks: list[Block]) -> DataError:
+    text = line[:30].decode("latin-1")
+    if not blocks:
+        found = f"it begins with {text!r}, not with the delimiter '    -1'" if line else "it has no sets"
+        return DataError(
+            f"reading {name} as a universal file was asked",
+            found,
+            "Export it as a universal file, or give it the suffix of what it is.",
+        )
+    return DataError(
+        f"reading {name} was asked",
+        f"after set {len(blocks)} comes {text!r} where a set should begin",
+        "The file is cut off or damaged there; export it again.",
+    )
+
+
+def _cut(name: str, place: int, what: str) -> DataError:
+    return DataError(
+        f"reading set {place} of {name} was asked",
+        what,
+        "The file is cut off or damaged there; export or copy it again.",
+    )
+
+
+def _block(name: str, data: bytes, start: int, place: int) -> tuple[Block, int]:
+    head, position = _line(data, start)
+    if head[6:7] in (b"b", b"B") and head[:6].strip() == b"58":
+        return _binary_block(name, data, head, position, place)
+    if not _NUMBER.match(head[:6].rstrip()) or head[6:].strip():
+        raise _cut(name, place, f"it has {head[:20].decode('latin-1')!r} for its dataset number")
+    closing = _CLOSING.search(data, position)
+    if closing is None:
+        raise _cut(name, place, "it is not closed by a delimiter '    -1' before the file ends")
+    body = data[position : closing.start()]
+    records = tuple(line.rstrip(b"\r") for line in body.split(b"\n")[:-1])
+    return Block(place=place, dataset=int(head[:6]), records=records), min(closing.end() + 1, len(data))
+
+
+def _line(data: bytes, start: int) -> tuple[bytes, int]:
+    end = data.find(b"\n", start)
+    end = len(data) if end < 0 else end
+    return data[start:end].rstrip(b"\r"), min(end + 1, len(data))
+
+
+def _next_line(data: bytes, start: int) -> tuple[bytes, int]:
+    """Return the next line that is not blank, or a blank one at the end of the file."""
+    line, position = _line(data, start)
+    while not line.strip() and position < len(data):
+        line, position = _line(data, position)
+    return line, position
+
+
+def _binary_block(name: str, data: bytes, head: bytes, position: int, place: int) -> tuple[Block, int]:
+    where = f"set {place} (dataset 58b) of {name}"
+    header = parse(BINARY, head, where)
+    if header["number of ASCII lines"] != HEADER_LINES:
+        raise _cut(
+            name, place, f"it counts {header['number of ASCII lines']} ASCII lines where dataset 58 has {HEADER_LINES}"
+        )
+    if header["byte order"] not in (_LITTLE, _BIG) or header["floating-point format"] != _IEEE:
+        raise DataError(
+            f"reading {where} was asked",
+            f"its byte order is {header['byte order']} and its floating-point format {header['floating-point format']}",
+            "Export it with byte order 1 (little-endian) or 2 (big-endian) and format 2 (IEEE 754).",
+        )
+    records = []
+    for _ in range(HEADER_LINES):
+        line, position = _line(data, position)
+        records.append(line)
+    length, abscissa_bytes, note = _payload_length(
+        name, place, parse(FORM, records[6], where), header["number of bytes"]
+    )
+    end = position + length
+    after = _AFTER_PAYLOAD.match(data, end)
+    if end > len(data) or after is None:
+        found = (
+            f"{max(0, len(data) - position)} bytes are left in the file"
+            if end > len(data)
+            else "no delimiter follows them"
+        )
+        raise _cut(name, place, f"its header counts {length} bytes of data, and {found}")
+    block = Block(
+        place=place,
+        dataset=58,
+        records=tuple(records),
+        payload=data[position:end],
+        order="<" if header["byte order"] == _LITTLE else ">",
+        abscissa_bytes=abscissa_bytes,
+        note=note,
+    )
+    return block, after.end()
+
+
+def _payload_length(name: str, place: int, form: dict[str, int], counted: int) -> tuple[int, int, str]:
+    """Return the bytes of the payload, the bytes of an abscissa value and a note, from record 7 and the byte count."""
+    points = form["number of points"]
+    if form["ordinate data type"] not in _WORDS or points < 1 or form["abscissa spacing"] not in (0, 1):
+        raise _cut(
+            name,
+            place,
+            f"its record 7 asks for data type {form['ordinate data type']}, {points} points and spacing {form['abscissa spacing']}",
+        )
+    parts, size = _WORDS[form["ordinate data type"]]
+    # the standard stores an uneven abscissa in single precision, most programs in that of the ordinate
+    abscissas = (0,) if form["abscissa spacing"] else (size, 4)
+    for abscissa in abscissas:
+        if counted == points * (parts * size + abscissa):
+            return counted, abscissa, ""
+    if counted == points * size:
+        length = points * (parts * size + abscissas[0])
+        note = "headers of binary sets count one value a point, as some programs write them; all bytes of the points are there"
+        return length, abscissas[0], note
+    raise _cut(
+        name,
+        place,
+        f"its header counts {counted} bytes, and its {points} points need {points * (parts * size + abscissas[0])}",
+    )

@@ -1,0 +1,245 @@
+"""Mode shapes in universal files: datasets 55 and 2414, data at nodes, real normal modes and complex eigenvalues."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from modalscope.io.uff.dofs import DIRECTIONS, QUANTITY_CODES, QUANTITY_OF, code_of_direction, sort_key
+from modalscope.io.uff.layout import Field, Record, form, number, parse, whole
+from modalscope.io.uff.scan import Block
+from modalscope.model import DataError, ModalModel, parse_dof
+from modalscope.model.checks import ComplexArray
+from modalscope.model.poles import poles_from
+
+__all__ = ["Shape", "modes_of", "read_shape", "write_shapes"]
+
+_TEXT: Record = (Field("text", 80, "a"),)
+_DEFINITION = (
+    Field("model type", 10, "i"), Field("analysis type", 10, "i"), Field("data characteristic", 10, "i"), Field("quantity", 10, "i"),
+    Field("data type", 10, "i"), Field("values a node", 10, "i"),
+)  # fmt: skip
+_NORMAL, _COMPLEX, _COMPLEX_SECOND = 2, 3, 7
+_LABELS = {1: (0,), 2: (1, 2, 3), 3: (1, 2, 3, 4, 5, 6)}
+_REAL_TYPES, _COMPLEX_TYPES = (2, 4), (5, 6)
+_WIDTH = 13
+_A_LINE = 6
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Shape:
+    """One mode: its pole in rad/s, its values by (node, direction code), and the quantity of these."""
+
+    pole: complex
+    values: dict[tuple[int, int], complex]
+    quantity: str | None
+    dataset: int
+    part: str
+
+
+# ------------------------------------------------------------------------------------------------------------- reading
+
+
+def read_shape(name: str, block: Block) -> Shape | str:
+    """Read one set; a set of another analysis is answered by a reason to leave it.
+
+    Raises
+    ------
+    DataError
+        Records that do not read, or another number of values at a node than the header counts.
+    """
+    where = f"{block.name} of {name}"
+    newer = block.dataset == 2414
+    start, body = (8, 13) if newer else (5, 8)
+    if len(block.records) < body:
+        raise DataError(
+            f"{where} needs {body} records before its data",
+            f"it has {len(block.records)}",
+            "The file is damaged there; export it again.",
+        )
+    if newer and whole(where, "the dataset location", block.records[2][:10].decode("latin-1")) != 1:
+        return "its data do not lie at nodes"
+    head = parse(_DEFINITION, block.records[start], where)
+    if head["analysis type"] not in (_NORMAL, _COMPLEX, _COMPLEX_SECOND):
+        return f"analysis type {head['analysis type']} is not a mode"
+    if head["data characteristic"] not in _LABELS or head["data type"] not in (*_REAL_TYPES, *_COMPLEX_TYPES):
+        return f"data characteristic {head['data characteristic']} of type {head['data type']} is not a shape"
+    pole = _pole(
+        where, head["analysis type"], block.records[start + 3 :] if newer else block.records[start + 2 :], newer
+    )
+    values = _values(where, block.records[body:], head)
+    return Shape(
+        pole=pole, values=values, quantity=QUANTITY_OF.get(head["quantity"]), dataset=block.dataset, part=block.name
+    )
+
+
+def _reals(where: str, line: bytes) -> list[float]:
+    text = line.decode("latin-1").rstrip()
+    return [number(where, "the data", text[k : k + _WIDTH]) for k in range(0, len(text), _WIDTH)]
+
+
+def _pole(where: str, analysis: int, lines: Sequence[bytes], newer: bool) -> complex:
+    first, second = _reals(where, lines[0]), _reals(where, lines[1]) if newer else []
+    try:
+        if analysis == _NORMAL:
+            frequency, damping = (first[1], first[4]) if newer else (first[0], first[2])
+            if frequency < 0 or abs(damping) > 1:
+                raise DataError(
+                    f"{where} needs a frequency above 0 and a damping ratio within 1",
+                    f"they are {frequency:g} Hz and {damping:g}",
+                    "Correct the mode, or leave it out.",
+                )
+            return complex(poles_from(frequency, damping))
+        real, imag = second[:2] if newer else first[:2]
+    except (IndexError, ValueError):
+        raise DataError(
+            f"{where} needs the frequency or the eigenvalue of its mode",
+            "the record is cut off",
+            "The file is damaged there; export it again.",
+        ) from None
+    return complex(real, imag)
+
+
+def _values(where: str, lines: Sequence[bytes], head: dict[str, int]) -> dict[tuple[int, int], complex]:
+    directions = _LABELS[head["data characteristic"]]
+    cplx = head["data type"] in _COMPLEX_TYPES
+    count = head["values a node"] * (2 if cplx else 1)
+    if head["values a node"] != len(directions):
+        raise DataError(
+            f"{where} needs {len(directions)} values a node",
+            f"its header counts {head['values a node']}",
+            "The file is damaged there; export it again.",
+        )
+    values: dict[tuple[int, int], complex] = {}
+    rows = iter(lines)
+    for line in rows:
+        node = whole(where, "a node", line.decode("latin-1"))
+        data: list[float] = []
+        while len(data) < count and (more := next(rows, None)) is not None:
+            data += _reals(where, more)
+        if len(data) != count or (node, directions[0]) in values:
+            raise DataError(
+                f"{where} needs {count} numbers once for node {node}",
+                f"it has {len(data)}",
+                "The file is damaged there; export it again.",
+            )
+        parts = (
+            [complex(*pair) for pair in zip(data[::2], data[1::2], strict=True)] if cplx else [complex(v) for v in data]
+        )
+        values |= {(node, code): value for code, value in zip(directions, parts, strict=True)}
+    return values
+
+
+def modes_of(shapes: Sequence[Shape]) -> tuple[ModalModel, list[str]]:
+    """Return the modes of several sets; a direction that no mode moves anywhere in the file is taken as not measured."""
+    notes = []
+    dofs = list(dict.fromkeys(dof for shape in shapes for dof in shape.values))
+    moved = [dof for dof in dofs if any(shape.values.get(dof, 0) != 0 for shape in shapes)] or dofs
+    if len(moved) < len(dofs):
+        notes.append(f"{len(dofs) - len(moved)} directions are zero in every mode and were left out as not measured")
+    pairs = sorted(
+        ((f"{node}:{DIRECTIONS[code]}", (node, code)) for node, code in moved), key=lambda pair: sort_key(pair[0])
+    )
+    quantities = {shape.quantity for shape in shapes}
+    modes = ModalModel(
+        poles=np.array([shape.pole for shape in shapes]),
+        shapes=np.array([[shape.values.get(dof, 0) for shape in shapes] for _, dof in pairs], dtype=complex).reshape(
+            len(pairs), len(shapes)
+        ),
+        output_dofs=tuple(label for label, _ in pairs),
+        quantity=quantities.pop() if len(quantities) == 1 else None,
+        scaling="as in the file",
+    )
+    return modes, notes
+
+
+# ------------------------------------------------------------------------------------------------------------- writing
+
+
+def write_shapes(modes: ModalModel, dataset: int) -> bytes:
+    """Return one set a mode: real shapes of damped modes as normal modes, others as complex eigenvalues."""
+    real = not modes.shapes.imag.any() and all(kind in ("mode", "unstable") for kind in modes.kinds)
+    codes, rows, nodes = _places(modes)
+    data = b""
+    for j in range(len(modes)):
+        table = np.zeros((len(nodes), len(codes)), dtype=complex)
+        for channel, (node, column, sign) in enumerate(rows):
+            table[nodes.index(node), column] += sign * modes.shapes[channel, j]
+        data += _one(modes, j, dataset, real, codes, nodes, table)
+    return data
+
+
+def _places(modes: ModalModel) -> tuple[tuple[int, ...], list[tuple[int, int, float]], list[int]]:
+    """Return the direction codes of a set, and for every channel its node, its column and its sign."""
+    dofs = [parse_dof(label) for label in modes.output_dofs]
+    odd = [
+        label
+        for label, dof in zip(modes.output_dofs, dofs, strict=True)
+        if dof is None or not dof.node.isdigit() or int(dof.node) < 1
+    ]
+    if odd:
+        raise DataError(
+            "mode shapes were to be written to a universal file",
+            f"the channels {', '.join(odd[:5])} are not node numbers with a direction",
+            "Give the data output_dofs such as 3:+Z, or write .json or .npz.",
+        )
+    found = [(int(dof.node), code_of_direction(dof.direction)) for dof in dofs if dof is not None]
+    used = {abs(code) for _, code in found}
+    if used & {0} and used != {0}:
+        raise DataError(
+            "mode shapes were to be written to a universal file",
+            "some channels are scalars and some have directions",
+            "Give all a direction.",
+        )
+    codes = _LABELS[1] if used == {0} else _LABELS[2] if max(used) <= 3 else _LABELS[3]
+    places = [(node, codes.index(abs(code)), -1.0 if code < 0 else 1.0) for node, code in found]
+    if len({place[:2] for place in places}) < len(places):
+        raise DataError(
+            "mode shapes were to be written to a universal file",
+            "a node is measured twice along one axis",
+            "Leave out one of the two channels.",
+        )
+    return codes, places, sorted({node for node, _ in found})
+
+
+def _one(
+    modes: ModalModel,
+    j: int,
+    dataset: int,
+    real: bool,
+    codes: tuple[int, ...],
+    nodes: Sequence[int],
+    table: ComplexArray,
+) -> bytes:
+    f, zeta, pole = modes.frequencies[j], modes.damping_ratios[j], modes.poles[j]
+    head: dict[str, Any] = {
+        "model type": 1, "analysis type": _NORMAL if real else _COMPLEX, "data characteristic": {1: 1, 3: 2, 6: 3}[len(codes)],
+        "quantity": QUANTITY_CODES[modes.quantity], "data type": 2 if real else 5, "values a node": len(codes),
+    }  # fmt: skip
+    texts = [
+        "modalscope",
+        f"mode {j + 1}: {f:.6g} Hz, damping ratio {zeta:.6g}",
+        "NONE",
+        f"shapes {modes.scaling}",
+        "NONE",
+    ]
+    lines = [form(_TEXT, {"text": text}) for text in texts] + [form(_DEFINITION, head)]
+    if dataset == 2414:
+        integers = ["".join(f"{v:10d}" for v in (0, 0, 0, 0, 0, j + 1, 0, 0)), f"{0:10d}{0:10d}"]
+        first = _row([0, f, 0, 0, zeta, 0] if real else [0] * 6)
+        second = _row([0] * 6 if real else [pole.real, pole.imag, 0, 0, 0, 0])
+        lines = [f"{j + 1:10d}", form(_TEXT, {"text": texts[1]}), f"{1:10d}", *lines, *integers, first, second]
+    else:
+        lines.append("".join(f"{v:10d}" for v in (2, 4 if real else 6, 1, j + 1)))
+        lines.append(_row([f, 0, zeta, 0] if real else [pole.real, pole.imag, 0, 0, 0, 0]))
+    for node, row in zip(nodes, table, strict=True):
+        flat = row.real if real else row.view(float)
+        lines += [f"{node:10d}", *(_row(flat[k : k + _A_LINE]) for k in range(0, flat.size, _A_LINE))]
+    return ("\n".join(["    -1", f"{dataset:6d}", *lines]) + "\n    -1\n").encode("ascii", "replace")
+
+
+def _row(values: Any) -> str:
+    return "".join(f"{float(v):13.5E}" for v in values)

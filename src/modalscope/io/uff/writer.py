@@ -1,0 +1,178 @@
+"""Writing universal files: header (151), units (164), geometry, then functions (58) or modes (55, 2414)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from modalscope.io.contents import Options, Thing
+from modalscope.io.uff.dofs import QUANTITY_CODES
+from modalscope.io.uff.function import Function, write_function
+from modalscope.io.uff.nodes import write_lines, write_nodes
+from modalscope.io.uff.shapes import write_shapes
+from modalscope.model import DataError, FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals
+from modalscope.model.checks import RealArray, check_choice
+
+__all__ = ["WRITE_OPTIONS", "write"]
+
+WRITE_OPTIONS = ("text", "dataset", "nodes", "lines")
+
+_TIME, _FRF, _COHERENCE, _CORRELATION, _MULTIPLE = 1, 4, 6, 8, 26
+_FORCE, _TIME_AXIS, _FREQUENCY_AXIS = 13, 17, 18
+_SI = {"m", "m/s", "m/s2", "m/s^2", "N"}
+#: An abscissa is even when it leaves the straight line by no more than rounding.
+_ROUNDING = 8 * np.finfo(float).eps
+
+
+def write(path: Path, thing: Thing, options: Options) -> None:
+    """Write a noun.
+
+    Parameters
+    ----------
+    path : Path
+    thing : FrequencyResponse, ImpulseResponse, Signals, ModalModel or Geometry
+    options : mapping
+        `text` (False: binary double precision), `dataset` (55 or 2414 for modes), `nodes` (2411 or 15), `lines` (82 or 2412).
+
+    Raises
+    ------
+    DataError
+        Labels that have neither a node number nor a short name, or something that has no place in the format.
+    """
+    dataset, nodes, lines = (
+        _choice(options, name, choices)
+        for name, choices in (("dataset", (55, 2414)), ("nodes", (2411, 15)), ("lines", (82, 2412)))
+    )
+    data = _header()
+    geometry = thing if isinstance(thing, Geometry) else thing.geometry
+    if not isinstance(thing, Geometry):
+        data += _units(thing)
+    if geometry is not None:
+        data += write_nodes(geometry, nodes) + write_lines(geometry, lines)
+    if isinstance(thing, ModalModel):
+        data += write_shapes(thing, dataset)
+    elif not isinstance(thing, Geometry):
+        text = bool(options.get("text", False))
+        data += b"".join(write_function(function, text=text) for function in _functions(thing))
+    path.write_bytes(data)
+
+
+def _choice(options: Options, name: str, choices: tuple[int, int]) -> int:
+    return int(check_choice(name, str(options.get(name, choices[0])), map(str, choices)))
+
+
+def _header() -> bytes:
+    """Dataset 151. No date: the same data give the same file."""
+    try:
+        ours = version("modalscope")
+    except PackageNotFoundError:
+        ours = ""
+    texts = [
+        "NONE",
+        "NONE",
+        f"modalscope {ours}".strip(),
+        f"{'NONE':<10}{'NONE':<10}{0:10d}{0:10d}{0:10d}",
+        f"{'NONE':<10}{'NONE':<10}",
+        f"modalscope {ours}".strip(),
+        f"{'NONE':<10}{'NONE':<10}",
+    ]
+    return ("\n".join(["    -1", f"{151:6d}", *(text.ljust(80) for text in texts)]) + "\n    -1\n").encode("ascii")
+
+
+def _units(thing: Any) -> bytes:
+    """Dataset 164 when every channel is known to be in SI; what is not known is not written."""
+    if not {unit for side in thing.units for unit in side} <= _SI:
+        return b""
+    factors = "".join(f"{1.0:25.16E}" for _ in range(3)).replace("E", "D")
+    offset = f"{273.15:25.16E}".replace("E", "D")
+    return f"    -1\n{164:6d}\n{1:10d}{'SI: Meter (newton)':<20}{2:10d}\n{factors}\n{offset}\n    -1\n".encode("ascii")
+
+
+def _functions(thing: Signals | ImpulseResponse | FrequencyResponse) -> list[Function]:
+    if isinstance(thing, Signals):
+        return _records(thing)
+    return _frequency(thing) if isinstance(thing, FrequencyResponse) else _impulse(thing)
+
+
+def _even(x: RealArray) -> bool:
+    return bool(np.max(np.abs(x - np.linspace(x[0], x[-1], x.size))) <= _ROUNDING * max(abs(x[0]), abs(x[-1])))
+
+
+def _pairs(thing: FrequencyResponse | ImpulseResponse) -> list[tuple[int, int, dict[str, Any]]]:
+    code = QUANTITY_CODES[thing.quantity]
+    return [
+        (i, j, {
+            "output": out, "input": into, "quantity": code, "denominator": _FORCE, "unit": thing.units[0][i], "unit_in": thing.units[1][j],
+        })
+        for j, into in enumerate(thing.input_dofs) for i, out in enumerate(thing.output_dofs)
+    ]  # fmt: skip
+
+
+def _frequency(frf: FrequencyResponse) -> list[Function]:
+    even = _even(frf.frequencies)
+    common: dict[str, Any] = {"x": frf.frequencies, "even": even, "abscissa_type": _FREQUENCY_AXIS}
+    functions = [Function(kind=_FRF, values=frf.values[:, i, j], **fields, **common) for i, j, fields in _pairs(frf)]
+    gamma = frf.coherence
+    if gamma is not None and gamma.ndim == 3:
+        functions += [
+            Function(kind=_COHERENCE, output=f["output"], input=f["input"], values=gamma[:, i, j], **common)
+            for i, j, f in _pairs(frf)
+        ]
+    elif gamma is not None:
+        functions += [
+            Function(kind=_MULTIPLE, output=dof, input="", values=gamma[:, i], **common)
+            for i, dof in enumerate(frf.output_dofs)
+        ]
+    return _placed(functions)
+
+
+def _impulse(irf: ImpulseResponse) -> list[Function]:
+    """Return correlations as cross correlations, others as time responses over a force.
+
+    The direct term of a pulse response and the correlation at lag 0 stand at time zero.
+    """
+    times, values = irf.times, irf.values
+    if irf.feedthrough is not None:
+        if irf.kind not in ("pulse", "correlation") or irf.first_sample:
+            raise DataError(
+                f"a {irf.kind} response was to be written to a universal file",
+                f"it has a direct term and begins {irf.first_sample} samples late, which has no place there",
+                "Write .npz or .h5.",
+            )
+        values, times = np.concatenate([irf.feedthrough[None], values]), np.arange(irf.samples + 1) / irf.sampling_rate
+    kind = _CORRELATION if irf.kind == "correlation" else _TIME
+    texts = (f"impulse response: {irf.kind}",)
+    common: dict[str, Any] = {"x": times, "abscissa_type": _TIME_AXIS, "texts": texts}
+    return _placed([Function(kind=kind, values=values[:, i, j], **fields, **common) for i, j, fields in _pairs(irf)])
+
+
+def _records(record: Signals) -> list[Function]:
+    outputs, inputs = record.by_run()
+    times = np.arange(record.samples) / record.sampling_rate
+    common: dict[str, Any] = {"kind": _TIME, "input": "", "x": times, "abscissa_type": _TIME_AXIS}
+    functions = []
+    for run in range(record.runs):
+        for i, dof in enumerate(record.output_dofs):
+            functions.append(
+                Function(
+                    output=dof,
+                    values=outputs[run, :, i],
+                    quantity=QUANTITY_CODES[record.quantities[i]],
+                    unit=record.units[0][i],
+                    **common,
+                )
+            )
+        for j, dof in enumerate(record.input_dofs if inputs is not None else ()):
+            if inputs is not None:
+                functions.append(
+                    Function(output=dof, values=inputs[run, :, j], quantity=_FORCE, unit=record.units[1][j], **common)
+                )
+    return _placed(functions)
+
+
+def _placed(functions: list[Function]) -> list[Function]:
+    return [replace(function, place=place) for place, function in enumerate(functions, 1)]
