@@ -221,10 +221,10 @@ def weighted_mean(values: Array, amplitude: Array) -> RealArray:
 
 
 def modal_singular_values(shapes: Array, participation: Array, z: ComplexArray, samples: int) -> RealArray:
-    """Return MSV = sqrt(|c| |b| (1 + |z| + ... + |z|^(samples-1))), the share of a mode in the pulse response, unscaled (OKID)."""
+    """Return MSV = sqrt(|c| |b| (1 + |z| + ... + |z|^(samples-2))), the share of a mode in the pulse response, unscaled (OKID)."""
     size = np.linalg.norm(shapes, axis=0) * np.linalg.norm(participation, axis=1)
     # an unstable pole counts as an undamped one: its sum would grow without bound
     modulus = np.minimum(np.abs(z), 1)
-    gap = 1 - modulus
-    total = np.divide(1 - modulus**samples, gap, out=np.full(modulus.shape, float(samples)), where=gap > 1e-12)
+    gap, terms = 1 - modulus, samples - 1
+    total = np.divide(1 - modulus**terms, gap, out=np.full(modulus.shape, float(terms)), where=gap > 1e-12)
     return np.asarray(np.sqrt(size * total))
