@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
@@ -72,7 +73,7 @@ def check_labels(name: str, dofs: Iterable[DofLike] | None, count: int, prefix: 
         raise DataError(
             f"{name} needs {count} labels, one a channel", f"{len(labels)} are given", "Give one label a channel."
         )
-    twice = sorted({label for label in labels if labels.count(label) > 1})
+    twice = sorted(label for label, times in Counter(labels).items() if times > 1)
     if twice:
         raise DataError(
             f"{name} needs different labels",
