@@ -12,12 +12,14 @@ import numpy as np
 import pytest
 from matplotlib import style
 
+import modalscope as ms
 from modalscope.model import DataError, ModalModel, StabilizationDiagram
 from modalscope.report import report, report_modes, sections
 from modalscope.report.document import write_page
 from modalscope.report.figures import shape_svg
 from modalscope.report.html import Section
 from modalscope.report.record import program
+from modalscope.systems import chain5
 from tests.plot import examples
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}
@@ -156,12 +158,12 @@ def test_reasons_are_shown_whatever_they_hold() -> None:
         "fit loss [%]",
         "agrees",
         "nearest",
-        "in words",
     ]
     assert "<td>12.5</td>" in section.body
     assert "<td>yes</td>" in section.body
     assert "mode 2, mac 0.04" in section.body
-    assert "Found at 6 of 7 orders." in section.body
+    assert section.body.count("<li>") == 5
+    assert "</b> Found at 6 of 7 orders." in section.body
 
 
 def test_what_users_write_cannot_become_markup(tmp_path: Path) -> None:
@@ -185,6 +187,22 @@ def test_the_script_repeats_the_identification() -> None:
     given = program(replace(examples.diagram(), settings={"weights": "given"}), None)
     compile(given, "script", "exec")
     assert "# and as they were given: weights" in given
+
+
+def test_running_the_script_gives_the_same_modes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    f = examples.response().frequencies
+    ms.write(tmp_path / "chain.npz", chain5().frequency_response(f, noise=0.01, seed=1))
+    first = ms.stabilize(
+        ms.read(tmp_path / "chain.npz"), orders=range(2, 21, 2), band=(0.5, 4.0), tolerances={"shape": 0.1}
+    )
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    exec(compile(program(first, "chain.npz"), "script", "exec"), names)
+    again = names["diagram"]
+    assert isinstance(again, StabilizationDiagram)
+    assert np.array_equal(again.poles, first.poles)
+    assert np.array_equal(again.stable, first.stable)
+    assert (tmp_path / "report.html").exists()
 
 
 def test_the_command_and_the_notes_are_there(written: Path) -> None:

@@ -208,6 +208,16 @@ def fit_errors(diagram: StabilizationDiagram, ax: Axes | None = None) -> Axes:
         markersize=3.4,
     )
     if np.any(known):
-        ax.set_yscale("log")
+        _plain_log(ax)
     dress(ax, xlabel="model order (states)", ylabel="fit error |measured - rebuilt| / |measured|")
     return ax
+
+
+def _plain_log(ax: Axes) -> None:
+    """Number a logarithmic axis 1, 2, 5, 10 in plain figures: it may cover less than a decade."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    ax.set_yscale("log")
+    ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    ax.yaxis.set_major_formatter(lambda number, _: f"{number:g}")
+    ax.yaxis.set_minor_formatter(NullFormatter())

@@ -14,7 +14,7 @@ from string import Template
 
 from modalscope.report.style import STYLE
 
-__all__ = ["Section", "listing", "page", "paragraph", "picture", "script", "table"]
+__all__ = ["Section", "listing", "numbered", "page", "paragraph", "picture", "script", "table"]
 
 _PAGE = Template("""<!DOCTYPE html>
 <html lang="en">
@@ -129,6 +129,11 @@ def table(
 def listing(pairs: Iterable[tuple[str, str]]) -> str:
     """Return names and values as a list of definitions."""
     return f"<dl>{''.join(f'<dt>{escape(k)}</dt><dd>{escape(v)}</dd>' for k, v in pairs)}</dl>"
+
+
+def numbered(items: Iterable[tuple[str, str]]) -> str:
+    """Return a numbered list of a name, set off, and a sentence."""
+    return f"<ol>{''.join(f'<li><b>{escape(name)}</b> {escape(text)}</li>' for name, text in items)}</ol>"
 
 
 def script(text: str) -> str:

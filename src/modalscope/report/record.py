@@ -124,6 +124,8 @@ def program(diagram: StabilizationDiagram, source: str | None) -> str:
     kept = {key: found for key, found in diagram.settings.items() if found is not None}
     options = "".join(f"    {key}={found!r},\n" for key, found in kept.items() if _plain(key, found))
     lost = [key for key, found in kept.items() if not _plain(key, found)]
+    if diagram.tolerances:
+        options += f"    tolerances={ {name: float(limit) for name, limit in diagram.tolerances.items()}!r},\n"
     note = f"    # and as they were given: {', '.join(lost)}\n" if lost else ""
     return (
         "import modalscope as ms\n\n"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from modalscope.model import FrequencyResponse, ImpulseResponse, ModalModel, StabilizationDiagram
@@ -16,7 +14,7 @@ from modalscope.report.figures import (
     singular_values_svg,
     stabilization_svg,
 )
-from modalscope.report.html import Section, paragraph, picture, table
+from modalscope.report.html import Section, numbered, paragraph, picture, table
 from modalscope.report.numbers import decimals, frequency, heading, percent, value
 
 __all__ = [
@@ -156,29 +154,19 @@ def mac_section(modes: ModalModel) -> Section:
 
 
 def reasons_section(modes: ModalModel) -> Section:
-    """Why each mode is reported, whatever the reasons hold: a sentence, and the remaining fields as columns."""
+    """Why each mode is reported, whatever the reasons hold: a sentence a mode, and the other fields as a table."""
     shown = {"text", *modes.indicators, "indicators", "frequency_spread_hz", "damping_ratio_spread"}
     keys = list(dict.fromkeys(key for reason in modes.reasons for key in reason if key not in shown))
-    head = ["mode", "frequency [Hz]", *(heading(key) for key in keys)]
-    texts = any(_sentence(reason) for reason in modes.reasons)
+    each = list(zip(modes.frequencies, modes.reasons, strict=True))
+    body = ""
+    if any("text" in reason for reason in modes.reasons):
+        body += numbered((frequency(f), str(reason.get("text", ""))) for f, reason in each)
     rows = [
-        [
-            str(i + 1),
-            f"{f:.5g}",
-            *(value(key, reason.get(key)) for key in keys),
-            *([_sentence(reason)] if texts else []),
-        ]
-        for i, (f, reason) in enumerate(zip(modes.frequencies, modes.reasons, strict=True))
+        [str(i + 1), f"{f:.5g}", *(value(key, reason.get(key)) for key in keys)] for i, (f, reason) in enumerate(each)
     ]
-    return Section(
-        "reasons",
-        "Why each mode",
-        table([*head, *(["in words"] if texts else [])], rows, words=[len(head)] if texts else []),
-    )
-
-
-def _sentence(reason: Mapping[str, object]) -> str:
-    return str(reason.get("text", ""))
+    if keys:
+        body += table(["mode", "frequency [Hz]", *(heading(key) for key in keys)], rows)
+    return Section("reasons", "Why each mode", body)
 
 
 def responses_section(modes: ModalModel, response: Response, fit: Fit) -> Section:

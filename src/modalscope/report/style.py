@@ -24,8 +24,9 @@ p { margin: 0 0 .7rem; max-width: 75ch; }
 .scroll { overflow-x: auto; margin: 0 0 .9rem; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .92rem; }
 caption { text-align: left; padding: 0 0 .35rem; font-size: .9rem; }
-th, td { padding: .28rem .8rem; text-align: right; border-bottom: 1px solid var(--line); white-space: nowrap; vertical-align: top; }
-th { font-weight: 600; color: var(--muted); border-bottom-width: 2px; vertical-align: bottom; }
+th, td { padding: .28rem .7rem; text-align: right; border-bottom: 1px solid var(--line); white-space: nowrap; vertical-align: top; }
+th { font-weight: 600; color: var(--muted); border-bottom-width: 2px; vertical-align: bottom;
+  white-space: normal; }
 th.words, td.words { text-align: left; }
 td.words { white-space: normal; min-width: 6rem; }
 td[style] { background: color-mix(in srgb, var(--shadow) var(--shade), transparent); }
@@ -35,18 +36,20 @@ dd { margin: 0; overflow-wrap: anywhere; }
 figure { margin: 0 0 .9rem; }
 figure img { display: block; width: 100%; height: auto; background: #fff; border-radius: 5px; }
 figcaption { font-size: .9rem; margin-top: .35rem; }
-.pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(420px, 1fr)); gap: .8rem 1.2rem; }
+.pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(420px, 100%), 1fr)); gap: .8rem 1.2rem; }
 .narrow { max-width: 640px; }
 pre { background: var(--back); border: 1px solid var(--line); border-radius: 5px; padding: .8rem 1rem;
   overflow-x: auto; font-size: .87rem; }
-ul { margin: 0 0 .7rem; padding-left: 1.2rem; }
+ol { margin: 0 0 1rem; padding-left: 1.6rem; }
+li { margin: 0 0 .25rem; max-width: 90ch; }
+li b { font-variant-numeric: tabular-nums; }
 @media print {
   @page { margin: 15mm; }
   body { background: #fff; padding: 0; max-width: none; font-size: 10pt; }
   nav { display: none; }
   section { border: 0; border-radius: 0; padding: 0; margin: 0 0 6mm; }
-  h2, h3 { break-after: avoid; }
-  figure, tr, dl, pre { break-inside: avoid; }
+  h2, h3, section > p { break-after: avoid; }
+  figure, tr, li, dl, pre { break-inside: avoid; }
   .scroll { overflow: visible; }
   table { font-size: 8.5pt; }
   th, td { padding: .5mm 2mm; }
