@@ -128,13 +128,17 @@ def _build_within_reach(
     """Build for the largest order; orders that the data cannot carry are left out, with a note."""
     pipeline = build(data, method=method, domain=domain, order=asked[-1], **options)
     notes = list(pipeline.notes)
-    if pipeline.method.factors == "complete":
+    if pipeline.method.factors in ("complete", "fraction"):
         return pipeline, asked, notes
     reach = pipeline.factors.rank
     beyond = [n for n in asked if n > reach]
     if beyond:
         notes.append(f"orders {beyond[0]} to {beyond[-1]} left out: the data matrix has rank {reach}")
     within = [n for n in asked if n <= reach]
+    if not within and not automatic:
+        raise DataError(
+            f"orders {asked[0]} to {asked[-1]} were asked", f"the data matrix has rank {reach}", f"Lower the orders to at most {reach}."
+        )
     exact = reach < min(pipeline.factors.P.shape[1], asked[-1])
     if (exact or not within) and reach not in within:
         within.append(reach)
@@ -167,8 +171,8 @@ def output_scale(response: FrequencyResponse | ImpulseResponse) -> RealArray:
 def _misfit(pipeline: Pipeline, modes: Eigenmodes) -> float:
     response = pipeline.response
     if isinstance(response, FrequencyResponse):
-        basis = basis_of_lines(response, modes.poles)
-        terms = modes.direct[None]
+        basis = basis_of_lines(response, modes.poles, modes.powers)
+        terms = modes.terms
     else:
         basis = basis_of_samples(response, modes.poles)
         terms = np.zeros((0, *response.values.shape[1:]))

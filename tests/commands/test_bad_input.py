@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import struct
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -190,7 +191,7 @@ def test_a_report_cut_short_does_not_replace_an_earlier_one(tmp_path, monkeypatc
     def fails(*_: object, **__: object) -> str:
         raise ms.DataError("a page was asked", "it fails", "Nothing.")
 
-    monkeypatch.setattr("modalscope.report.document.page", fails)
+    monkeypatch.setattr(sys.modules["modalscope.report.document"], "page", fails)
     assert main(["identify", str(source), "-o", str(target)]) == 2
     assert target.read_text() == "the good one"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["data.npz", "report.html"]

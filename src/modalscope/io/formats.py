@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from modalscope.io import csv, hdf5, json, mat, npz, uff
-from modalscope.io.arrays import ARRAY_OPTIONS, FIELD_OPTIONS
 from modalscope.io.atomic import replacing
 from modalscope.io.contents import Contents, Format, Options, Survey, Thing, describe
+from modalscope.io.from_arrays import ARRAY_OPTIONS, FIELD_OPTIONS
 from modalscope.model import DataError, Signals
 
 __all__ = ["FORMATS", "read", "survey", "write"]
@@ -129,9 +129,9 @@ def write(path: str | Path, thing: Any, **options: Any) -> None:
 
 
 def _contents(path: Path, options: Options) -> Contents:
-    row = _format(path, "reading")
     if path.is_dir():
         raise DataError(f"reading {str(path)!r} was asked", "that is a folder", "Name a file in it.")
+    row = _format(path, "reading")
     if not path.exists():
         raise DataError(f"reading {str(path)!r} was asked", "there is no such file", "Check the name and the folder.")
     if row.reader is None:
