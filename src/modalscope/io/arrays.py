@@ -16,46 +16,24 @@ the nodes, from 0) and `geometry_motions` (JSON text), indicators are `indicator
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import fields
-from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
 
-from modalscope.io.contents import Contents, Finding, Options, Thing
-from modalscope.model import DataError, FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals
+from modalscope.io.contents import Thing
+from modalscope.model import FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals
 from modalscope.model.checks import Array
 
-__all__ = ["ARRAY_OPTIONS", "FIELD_OPTIONS", "contents_from_arrays", "from_json_numbers", "to_arrays"]
+__all__ = ["AXES", "GEOMETRY", "INDICATOR", "TEXTS", "from_json_numbers", "names_of", "noun_of", "to_arrays"]
 
-#: Options of the formats that hold named arrays.
-ARRAY_OPTIONS = ("rename", "axes", "ignore")
-
-#: Fields of a noun that may be given, or overridden, while it is read from any format.
-FIELD_OPTIONS = (
-    "quantity",
-    "quantities",
-    "sampling_rate",
-    "kind",
-    "output_dofs",
-    "input_dofs",
-    "units",
-    "geometry",
-    "averages",
-    "added_damping",
-)
-
-_TEXT = ("quantity", "kind", "scaling")
-_TEXTS = ("output_dofs", "input_dofs", "processing", "quantities", "output_units", "input_units", "geometry_nodes")
-_FLOATS = ("sampling_rate", "added_damping", "dt")
-_WHOLE = ("averages", "first_sample")
-_JSON = ("reasons", "geometry_motions")
-_INDICATOR = "indicator_"
-_GEOMETRY = ("geometry_nodes", "geometry_coordinates", "geometry_lines", "geometry_faces", "geometry_motions")
+TEXTS = ("output_dofs", "input_dofs", "processing", "quantities", "output_units", "input_units", "geometry_nodes")
+INDICATOR = "indicator_"
+GEOMETRY = ("geometry_nodes", "geometry_coordinates", "geometry_lines", "geometry_faces", "geometry_motions")
 
 #: Axes of the arrays that people store in another order.
-_AXES: dict[type[Any], dict[str, tuple[str, ...]]] = {
+AXES: dict[type[Any], dict[str, tuple[str, ...]]] = {
     FrequencyResponse: {
         "values": ("lines", "outputs", "inputs"),
         "coherence": ("lines", "outputs", "inputs"),
@@ -66,15 +44,9 @@ _AXES: dict[type[Any], dict[str, tuple[str, ...]]] = {
     ModalModel: {"shapes": ("outputs", "modes"), "participation": ("modes", "inputs")},
 }
 
-#: Names that others use; only for the hint of an error message.
-_OTHERS = {
-    "fs": "sampling_rate", "rate": "sampling_rate", "f": "frequencies", "freq": "frequencies", "freqs": "frequencies",
-    "frequency": "frequencies", "h": "values", "frf": "values", "y": "outputs", "acc": "outputs", "data": "outputs",
-    "u": "inputs", "force": "inputs", "phi": "shapes",
-}  # fmt: skip
 
-
-def _noun_of(names: Iterable[str]) -> type[Any] | None:
+def noun_of(names: Iterable[str]) -> type[Any] | None:
+    """Return the noun that arrays of these names make; None when they make none."""
     held = set(names)
     for key, noun in (
         ("frequencies", FrequencyResponse),
@@ -87,14 +59,12 @@ def _noun_of(names: Iterable[str]) -> type[Any] | None:
     return Geometry if {"geometry_nodes", "geometry_coordinates"} <= held else None
 
 
-def _names_of(noun: type[Any]) -> set[str]:
+def names_of(noun: type[Any]) -> set[str]:
+    """Return the names of the arrays that a noun may have."""
     if noun is Geometry:
-        return set(_GEOMETRY)
+        return set(GEOMETRY)
     own = {field.name for field in fields(noun)} - {"units", "geometry", "indicators"}
-    return own | {"output_units", "input_units", *_GEOMETRY} | ({"quantity"} if noun is Signals else set())
-
-
-# ------------------------------------------------------------------------------------------------------------- writing
+    return own | {"output_units", "input_units", *GEOMETRY} | ({"quantity"} if noun is Signals else set())
 
 
 def to_arrays(thing: Thing) -> dict[str, Array]:
@@ -109,10 +79,10 @@ def to_arrays(thing: Thing) -> dict[str, Array]:
         elif name == "geometry":
             arrays |= {} if value is None else _geometry_arrays(value)
         elif name == "indicators":
-            arrays |= {_INDICATOR + key: np.asarray(array) for key, array in value.items()}
+            arrays |= {INDICATOR + key: np.asarray(array) for key, array in value.items()}
         elif name == "reasons":
             arrays |= {name: np.asarray(json.dumps(value, default=from_json_numbers))} if value else {}
-        elif name in _TEXTS:
+        elif name in TEXTS:
             arrays[name] = _texts("" if text is None else text for text in value)
         elif value is not None:
             arrays[name] = np.asarray(value)
@@ -140,213 +110,3 @@ def from_json_numbers(value: object) -> object:
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     raise TypeError(f"{type(value).__name__} is not a JSON value")
-
-
-# ------------------------------------------------------------------------------------------------------------- reading
-
-
-def contents_from_arrays(where: str, arrays: Mapping[str, Array], options: Options) -> Contents:
-    """Make the noun that named arrays describe.
-
-    Parameters
-    ----------
-    where : str
-        The file, for messages.
-    arrays : mapping
-        Name -> array, as they stand in the file.
-    options : mapping
-        `rename` (name in the file -> name of the layout), `axes` (name of the layout -> the axes as they stand in the
-        file, such as "inputs outputs lines"; an axis that is not named has length 1), `ignore` (names to leave), and any
-        of `FIELD_OPTIONS`.
-
-    Raises
-    ------
-    DataError
-        Unknown arrays, none that make a noun, text where numbers belong, or whatever the noun refuses.
-    """
-    rename, ignore = dict(options.get("rename") or {}), _as_names(options.get("ignore"))
-    absent = sorted((set(rename) | set(ignore)) - set(arrays))
-    if absent:
-        raise DataError(
-            f"rename or ignore of {', '.join(absent)} was asked",
-            f"{where} holds {', '.join(arrays)}",
-            "Name arrays that are there.",
-        )
-    held = {rename.get(name, name): array for name, array in arrays.items() if name not in ignore}
-    given = {name: options[name] for name in FIELD_OPTIONS if options.get(name) is not None}
-    noun = _noun_of(held)
-    known = set() if noun is None else _names_of(noun)
-    unknown = [name for name in held if name not in known and not (noun is ModalModel and name.startswith(_INDICATOR))]
-    if noun is None or unknown:
-        raise _unknown(where, unknown or list(held), noun)
-    held = _with_axes(held, noun, dict(options.get("axes") or {}))
-    thing = _build(where, noun, held, given)
-    findings = [Finding(part=name, what=_what(array)) for name, array in arrays.items() if name not in ignore]
-    findings += [Finding(part=name, what=_what(arrays[name]), taken=False, reason="ignore names it") for name in ignore]
-    return Contents(thing=thing, findings=tuple(findings))
-
-
-def _as_names(names: Any) -> list[str]:
-    return [names] if isinstance(names, str) else list(names or ())
-
-
-def _what(array: Array) -> str:
-    return f"{array.dtype} {'x'.join(map(str, array.shape))}" if array.ndim else f"{array.dtype} {array}"
-
-
-def _unknown(where: str, names: list[str], noun: type[Any] | None) -> DataError:
-    known: list[str] = (
-        sorted(_names_of(noun))
-        if noun
-        else ["frequencies", "values", "sampling_rate", "outputs", "inputs", "poles", "shapes"]
-    )
-    hints = {}
-    for name in names:
-        near = _OTHERS.get(name.lower()) or next(iter(get_close_matches(name, known, n=1)), None)
-        if near in known:
-            hints[name] = near
-    rename = f"rename={hints or {names[0] if names else 'y': 'outputs'}}"
-    return DataError(
-        f"reading {where} needs `frequencies` and `values`, `sampling_rate` with `outputs` (and `inputs`) "
-        "or with `values`, or `poles` and `shapes`",
-        f"the arrays {', '.join(names) or '(none)'} are unknown"
-        + (f" beside those of {noun.__name__}" if noun else ""),
-        f"Rename them, read(..., {rename}), or leave them out, read(..., ignore={names[:3]}).",
-    )
-
-
-def _with_axes(held: dict[str, Array], noun: type[Any], axes: dict[str, Any]) -> dict[str, Array]:
-    """Return the arrays with their axes in the order of the noun."""
-    expected: dict[str, tuple[str, ...]] = _AXES.get(noun, {})
-    for name, order in axes.items():
-        stored = tuple(order.split()) if isinstance(order, str) else tuple(order)
-        wanted = expected.get(name, ())
-        if (
-            name not in held
-            or len(set(stored)) != len(stored)
-            or not set(stored) <= set(wanted)
-            or len(stored) != held[name].ndim
-        ):
-            shape = f"its shape is {held[name].shape}" if name in held else "there is no such array"
-            raise DataError(
-                f"axes={{{name!r}: {' '.join(stored)!r}}} was asked",
-                f"{shape}, and its axes may be {', '.join(wanted) or 'none'}",
-                "Name each axis of the stored array once, in its order.",
-            )
-        array = np.transpose(held[name], [stored.index(axis) for axis in wanted if axis in stored])
-        array = np.expand_dims(array, [i for i, axis in enumerate(wanted) if axis not in stored])
-        held = held | {name: array[0] if wanted[0] == "runs" and "runs" not in stored else array}
-    return held
-
-
-def _build(where: str, noun: type[Any], held: dict[str, Array], given: dict[str, Any]) -> Thing:
-    values: dict[str, Any] = {name: _value(where, name, array) for name, array in held.items()}
-    if noun is Geometry:
-        return _geometry(values)
-    units = (values.pop("output_units", None), values.pop("input_units", None))
-    geometry = {name: values.pop(name) for name in _GEOMETRY if name in values}
-    indicators = {
-        name.removeprefix(_INDICATOR): values.pop(name) for name in list(values) if name.startswith(_INDICATOR)
-    }
-    values |= (
-        {"units": units}
-        | ({"geometry": _geometry(geometry)} if geometry else {})
-        | ({"indicators": indicators} if indicators else {})
-        | given
-    )
-    if noun is Signals and "quantity" in values:
-        values["quantities"] = values.pop("quantity")
-    needed = [
-        f.name
-        for f in fields(noun)
-        if f.name in ("values", "frequencies", "sampling_rate", "outputs", "poles", "shapes")
-    ]
-    missing = [
-        name for name in needed if name not in values and not (name == "sampling_rate" and noun is FrequencyResponse)
-    ]
-    if missing:
-        raise DataError(
-            f"reading {where} as {noun.__name__} needs {', '.join(needed)}",
-            f"{', '.join(missing)} are missing",
-            "Add the array, or give it as an option.",
-        )
-    refused = sorted(set(given) - {f.name for f in fields(noun)} - {"quantity"})
-    if refused:
-        raise DataError(
-            f"the options {', '.join(refused)} were asked", f"a {noun.__name__} has no such field", "Leave them out."
-        )
-    thing: Thing = noun(**values)
-    return thing
-
-
-def _value(where: str, name: str, array: Array) -> Any:
-    """Return the array as the noun's field wants it: text, texts, a number, JSON or the array itself."""
-    textual = array.dtype.kind in "US"
-    if textual is not (name in (*_TEXT, *_TEXTS, *_JSON)) and array.size:
-        wanted = "numbers" if textual else "text"
-        raise DataError(
-            f"{name} in {where} needs {wanted}",
-            f"its type is {array.dtype}",
-            f"Store {wanted} under that name, or rename the array.",
-        )
-    if textual and array.dtype.kind == "S":
-        array = np.char.decode(array, "utf-8", "replace")
-    if name in _TEXTS:
-        texts = tuple(str(text) for text in np.atleast_1d(array).ravel())
-        return tuple(text or None for text in texts) if name == "quantities" else texts
-    if name in (*_TEXT, *_JSON, *_FLOATS, *_WHOLE, "held_input"):
-        if array.size != 1:
-            raise DataError(
-                f"{name} in {where} needs one entry",
-                f"its shape is {array.shape}",
-                "Store a single value under that name.",
-            )
-        return _scalar(where, name, array.reshape(-1)[0].item())
-    return array
-
-
-def _scalar(where: str, name: str, value: Any) -> Any:
-    if name in _JSON:
-        try:
-            return json.loads(value)
-        except ValueError as error:
-            raise DataError(
-                f"{name} in {where} needs JSON text",
-                f"it does not read ({error})",
-                "Write the file again, or ignore that array.",
-            ) from None
-    if name in _WHOLE and isinstance(value, float) and value.is_integer():
-        return int(value)
-    return (value or None) if name == "quantity" else bool(value) if name == "held_input" else value
-
-
-def _geometry(values: dict[str, Any]) -> Geometry:
-    nodes = values.get("geometry_nodes")
-    if nodes is None or values.get("geometry_coordinates") is None:
-        raise DataError(
-            "a geometry needs geometry_nodes and geometry_coordinates",
-            f"there are {', '.join(values)}",
-            "Add the missing array.",
-        )
-    named: dict[str, Any] = {}
-    for key in ("lines", "faces"):
-        index = np.asarray(values.get(f"geometry_{key}", np.zeros((0, 2), int)))
-        if index.size and (
-            index.dtype.kind not in "iuf"
-            or index.min() < 0
-            or index.max() >= len(nodes)
-            or np.any(index != np.rint(index))
-        ):
-            raise DataError(
-                f"geometry_{key} needs indices 0 to {len(nodes) - 1} into the nodes",
-                f"they reach from {index.min()} to {index.max()}",
-                "Count nodes from 0.",
-            )
-        named[key] = [[nodes[int(i)] for i in row] for row in index] or None
-    motions = values.get("geometry_motions")
-    return Geometry(
-        nodes=nodes,
-        coordinates=values["geometry_coordinates"],
-        motions=motions if isinstance(motions, dict) else {},
-        **named,
-    )

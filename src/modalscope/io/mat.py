@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from scipy import io as sio
 
-from modalscope.io.arrays import contents_from_arrays, to_arrays
+from modalscope.io.arrays import to_arrays
 from modalscope.io.contents import Contents, Options, Thing
+from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.hdf5 import need_h5py
 from modalscope.model import DataError
 from modalscope.model.checks import Array

@@ -9,10 +9,11 @@ from typing import Any
 from modalscope.io.contents import Contents, Finding, Options
 from modalscope.io.uff.function import Function, read_function
 from modalscope.io.uff.layout import Field, number, parse
+from modalscope.io.uff.matrix import Sorted
 from modalscope.io.uff.nodes import Parts, add_block, geometry_of
 from modalscope.io.uff.scan import Block, scan
 from modalscope.io.uff.shapes import Shape, modes_of, read_shape
-from modalscope.io.uff.sort import Sorted, kind_of, sort_frequency, sort_impulse, sort_records
+from modalscope.io.uff.sort import kind_of, sort_frequency, sort_impulse, sort_records
 from modalscope.model import DataError
 from modalscope.model.checks import check_choice
 

@@ -4,41 +4,31 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from itertools import combinations
 from typing import Any
 
 import numpy as np
 
 from modalscope.io.uff.dofs import FORCES, QUANTITY_OF, sort_key
 from modalscope.io.uff.function import Function
+from modalscope.io.uff.matrix import (
+    SAME,
+    Pair,
+    Sorted,
+    axis_words,
+    by_pair,
+    complete_block,
+    largest_group,
+    matrix,
+    same_axis,
+    units,
+)
 from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, Signals
 from modalscope.model.checks import Array, RealArray
 
-__all__ = ["Sorted", "kind_of", "sort_frequency", "sort_impulse", "sort_records"]
+__all__ = ["kind_of", "sort_frequency", "sort_impulse", "sort_records"]
 
 _TIME, _FRF, _COHERENCE, _MULTIPLE = 1, 4, 6, 26
 _CORRELATIONS, _FILTER = (7, 8), 25
-
-#: Abscissas agree when they differ by less than this part of a step: text files print few digits.
-_SAME = 1e-3
-#: Subsets of the shorter side are tried one by one up to this many channels.
-_EXHAUSTIVE = 12
-
-#: Units of SI by specific data type.
-SI_UNITS = {8: "m", 9: "N", 11: "m/s", 12: "m/s2", 13: "N"}
-
-Pair = tuple[str, str]
-
-
-@dataclass(slots=True)
-class Sorted:
-    """The noun's fields, why functions were left (by place), and what is missing."""
-
-    thing: Any = None
-    left: dict[int, str] = field(default_factory=dict)
-    missing: list[str] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
 
 
 def kind_of(function: Function) -> str:
@@ -52,127 +42,6 @@ def kind_of(function: Function) -> str:
     return "coherence" if function.kind in (_COHERENCE, _MULTIPLE) else ""
 
 
-def _same_axis(a: Function, b: Function) -> bool:
-    if a.x.size != b.x.size:
-        return False
-    step = (a.x[-1] - a.x[0]) / max(a.x.size - 1, 1)
-    return bool(np.max(np.abs(a.x - b.x)) <= _SAME * abs(step))
-
-
-def _axis_words(function: Function) -> str:
-    return f"{function.x.size} points from {function.x[0]:g} to {function.x[-1]:g}"
-
-
-def _largest_group(
-    functions: Sequence[Function], out: Sorted, quantity: str | None, by_quantity: bool
-) -> list[Function]:
-    """Return the functions on the commonest abscissa (and of one quantity); the first group wins a tie."""
-    groups: list[list[Function]] = []
-    for function in functions:
-        kind = QUANTITY_OF.get(function.quantity)
-        for group in groups:
-            if _same_axis(group[0], function) and (not by_quantity or QUANTITY_OF.get(group[0].quantity) == kind):
-                group.append(function)
-                break
-        else:
-            groups.append([function])
-    wanted = [
-        group
-        for group in groups
-        if by_quantity and quantity is not None and QUANTITY_OF.get(group[0].quantity) == quantity
-    ]
-    best = max(wanted or groups, key=len)
-    for group in groups:
-        for function in group if group is not best else ():
-            axis = not _same_axis(function, best[0])
-            kind = QUANTITY_OF.get(function.quantity, "an unknown quantity")
-            out.left[function.place] = (
-                f"another abscissa, {_axis_words(function)}"
-                if axis
-                else f"{kind} where the others are {QUANTITY_OF.get(best[0].quantity, 'of unknown quantity')}"
-            )
-    return best
-
-
-def _by_pair(functions: Sequence[Function], out: Sorted, repeated: str | None) -> dict[Pair, Function]:
-    """Return functions by output and input; what to do with a pair measured twice is for the caller to choose."""
-    pairs: dict[Pair, Function] = {}
-    for function in functions:
-        key = (function.output, function.input)
-        before = pairs.get(key)
-        if before is not None and repeated is None:
-            raise DataError(
-                f"one {function.words} for each pair of dofs was asked",
-                f"{key[0]} / {key[1]} was measured in {before.part} and again in {function.part}",
-                'Give repeated="first" or repeated="last", or leave one out of the export.',
-            )
-        if before is None or repeated == "last":
-            pairs[key] = function
-        lost = before if repeated == "last" else function if before is not None else None
-        if lost is not None:
-            out.left[lost.place] = (
-                f'{key[0]} / {key[1]} was measured more than once and repeated="{repeated}" was asked'
-            )
-    return pairs
-
-
-def _complete_block(pairs: dict[Pair, Function], out: Sorted) -> tuple[list[str], list[str]]:
-    """Return the outputs and inputs of the largest complete matrix (all of them when none is missing)."""
-    outputs = sorted({o for o, _ in pairs}, key=sort_key)
-    inputs = sorted({i for _, i in pairs}, key=sort_key)
-    there = np.array([[(o, i) in pairs for i in inputs] for o in outputs])
-    if there.all():
-        return outputs, inputs
-    rows, columns = _largest_block(there)
-    kept_out, kept_in = [outputs[k] for k in rows], [inputs[k] for k in columns]
-    gone = [f"{outputs[a]} / {inputs[b]}" for a, b in np.argwhere(~there)]
-    named = ", ".join(gone[:6]) + (" ..." if len(gone) > 6 else "")
-    out.missing.append(f"{len(gone)} of {there.size} pairs of the {len(outputs)} x {len(inputs)} matrix: {named}")
-    out.notes.append(f"the largest complete block, {len(kept_out)} outputs x {len(kept_in)} inputs, was taken")
-    for (o, i), function in pairs.items():
-        if o not in kept_out or i not in kept_in:
-            out.left[function.place] = f"{o} / {i} lies outside the largest complete block of outputs and inputs"
-    return kept_out, kept_in
-
-
-def _largest_block(there: Array) -> tuple[list[int], list[int]]:
-    """Return rows and columns of the largest block of True.
-
-    Exact when one side has at most twelve; else by dropping the emptiest row or column until nothing is missing.
-    """
-    if min(there.shape) > _EXHAUSTIVE:
-        rows, columns = list(range(there.shape[0])), list(range(there.shape[1]))
-        while not (block := there[np.ix_(rows, columns)]).all():
-            by_row, by_column = block.mean(axis=1), block.mean(axis=0)
-            if by_row.min() <= by_column.min():
-                rows.pop(int(np.argmin(by_row)))
-            else:
-                columns.pop(int(np.argmin(by_column)))
-        return rows, columns
-    wide = there if there.shape[1] <= there.shape[0] else there.T
-    best: tuple[int, list[int], list[int]] = (0, [], [])
-    for size in range(1, wide.shape[1] + 1):
-        for choice in combinations(range(wide.shape[1]), size):
-            full = np.flatnonzero(wide[:, choice].all(axis=1))
-            if full.size * size >= best[0] and full.size:
-                best = (full.size * size, full.tolist(), list(choice))
-    return (best[1], best[2]) if wide is there else (best[2], best[1])
-
-
-def _units(functions: Sequence[Function], si: bool) -> list[str]:
-    return [function.unit or (SI_UNITS.get(function.quantity, "") if si else "") for function in functions]
-
-
-def _units_in(functions: Sequence[Function], si: bool) -> list[str]:
-    return [function.unit_in or (SI_UNITS.get(function.denominator, "") if si else "") for function in functions]
-
-
-def _matrix(pairs: dict[Pair, Function], outputs: Sequence[str], inputs: Sequence[str], si: bool) -> dict[str, Any]:
-    values = np.stack([np.stack([pairs[o, i].values for i in inputs], axis=-1) for o in outputs], axis=1)
-    units = (_units([pairs[o, inputs[0]] for o in outputs], si), _units_in([pairs[outputs[0], i] for i in inputs], si))
-    return {"values": values, "output_dofs": tuple(outputs), "input_dofs": tuple(inputs), "units": units}
-
-
 # ------------------------------------------------------------------------------------------------------------ the nouns
 
 
@@ -181,10 +50,10 @@ def sort_frequency(
 ) -> Sorted:
     """Make one matrix of frequency responses, with the coherence where it is complete."""
     out = Sorted()
-    group = _largest_group(functions, out, options.get("quantity"), by_quantity=True)
-    pairs = _by_pair(group, out, options.get("repeated"))
-    outputs, inputs = _complete_block(pairs, out)
-    fields = _matrix(pairs, outputs, inputs, si)
+    group = largest_group(functions, out, options.get("quantity"), by_quantity=True)
+    pairs = by_pair(group, out, options.get("repeated"))
+    outputs, inputs = complete_block(pairs, out)
+    fields = matrix(pairs, outputs, inputs, si)
     quantity = QUANTITY_OF.get(group[0].quantity)
     if quantity is None and options.get("quantity") is None:
         out.notes.append("the quantity of the responses is not known: give quantity= when it matters")
@@ -202,8 +71,8 @@ def _coherence(
     for function in functions:
         if np.iscomplexobj(function.values) and function.values.imag.any():
             out.left[function.place] = "a coherence is real"
-        elif not _same_axis(function, like):
-            out.left[function.place] = f"another abscissa, {_axis_words(function)}"
+        elif not same_axis(function, like):
+            out.left[function.place] = f"another abscissa, {axis_words(function)}"
         else:
             fitting[function.output, function.input] = function
     if not fitting:
@@ -238,7 +107,7 @@ def _coherence(
 def _rate_of(function: Function, out: Sorted) -> float | None:
     """Return samples per second, or None (with the reason) when the time axis is not even."""
     steps = np.diff(function.x)
-    if steps.size == 0 or steps.min() <= 0 or np.ptp(steps) > _SAME * steps.mean():
+    if steps.size == 0 or steps.min() <= 0 or np.ptp(steps) > SAME * steps.mean():
         out.left[function.place] = "its time axis is not evenly spaced" if steps.size else "it has one sample"
         return None
     return float((function.x.size - 1) / (function.x[-1] - function.x[0]))
@@ -265,10 +134,10 @@ def sort_impulse(functions: Sequence[Function], options: dict[str, Any], si: boo
     out.left |= {
         f.place: f"it is a {_impulse_kind(f)} response where most are {kind}" for f in functions if f not in chosen
     }
-    group = _largest_group(_evenly(chosen, out, "impulse responses"), out, options.get("quantity"), by_quantity=True)
-    pairs = _by_pair(group, out, options.get("repeated"))
-    outputs, inputs = _complete_block(pairs, out)
-    fields = _matrix(pairs, outputs, inputs, si)
+    group = largest_group(_evenly(chosen, out, "impulse responses"), out, options.get("quantity"), by_quantity=True)
+    pairs = by_pair(group, out, options.get("repeated"))
+    outputs, inputs = complete_block(pairs, out)
+    fields = matrix(pairs, outputs, inputs, si)
     rate, x = _rate_of(group[0], out) or 0.0, group[0].x
     start = round(float(x[0]) * rate)
     apart, values = kind in ("correlation", "pulse"), fields.pop("values").real
@@ -300,7 +169,7 @@ def _impulse_kind(function: Function) -> str:
 def sort_records(functions: Sequence[Function], options: dict[str, Any], si: bool) -> Sorted:
     """Make one record: forces are inputs, everything else outputs; channels that come R times each are R runs."""
     out = Sorted()
-    group = _largest_group(_evenly(functions, out, "records"), out, None, by_quantity=False)
+    group = largest_group(_evenly(functions, out, "records"), out, None, by_quantity=False)
     forces = [f for f in group if f.quantity in FORCES]
     others = [f for f in group if f.quantity not in FORCES]
     if not others:
@@ -324,7 +193,7 @@ def sort_records(functions: Sequence[Function], options: dict[str, Any], si: boo
         quantities=tuple(QUANTITY_OF.get(f.quantity) for f in first[0]),
         output_dofs=tuple(sides[0]),
         input_dofs=tuple(sides[1]),
-        units=(tuple(_units(first[0], si)), tuple(_units(first[1], si))),
+        units=(tuple(units(first[0], si)), tuple(units(first[1], si))),
     )
     if count > 1:
         out.notes.append(f"every channel was measured {count} times: {count} runs")
