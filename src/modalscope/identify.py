@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.blocks.fraction import Fraction
+from modalscope.blocks.shifted import Shifted
 from modalscope.blocks.transfer import Transfer
 from modalscope.indicators import cluster_mpc, clusters, mac, modal_singular_values, mpc, mpd
 from modalscope.model.checks import Array, ComplexArray, RealArray
@@ -20,7 +22,17 @@ from modalscope.pipeline import Data, Pipeline, build
 from modalscope.realize.evolution import column_side, row_side
 from modalscope.realize.order import recommend_order
 from modalscope.realize.triple import Triple
-from modalscope.residues import basis_of_lines, fit_error, fit_participation
+from modalscope.residues import (
+    ModalBasis,
+    basis_of_lines,
+    basis_of_window,
+    fit_error,
+    fit_participation,
+    fit_shapes,
+    rebuilt_rows,
+    residual_powers,
+    scaled_terms,
+)
 
 __all__ = [
     "Eigenmodes",
@@ -55,8 +67,10 @@ class Eigenmodes:
     shapes : array of complex, (l, k)
     participation : array of complex, (k, m)
         Referred to the impulse itself.
-    direct : array, (l, m)
-        Direct term.
+    terms : array, (t, l, m)
+        Direct term, or residuals of the modes below and above the band.
+    powers : tuple of int, (t,)
+        Powers of the relative frequency j f / f_max that the terms are factors of.
     """
 
     poles: ComplexArray
@@ -65,7 +79,13 @@ class Eigenmodes:
     rows: ComplexArray
     shapes: ComplexArray
     participation: ComplexArray
-    direct: RealArray
+    terms: RealArray
+    powers: tuple[int, ...] = (0,)
+
+    @property
+    def direct(self) -> RealArray:
+        """Direct term, (l, m): zero beside residuals."""
+        return self.terms[0] if self.powers == (0,) else np.zeros(self.terms.shape[1:])
 
     @property
     def amplitude(self) -> RealArray:
@@ -76,6 +96,8 @@ class Eigenmodes:
 
 def eigenmodes(pipeline: Pipeline, model: Triple) -> Eigenmodes:
     """Return the modal form of a model (Eqs. 15-16); participation from B, or by least squares over the lines."""
+    if isinstance(pipeline.matrix, Fraction):
+        return _fraction_modes(pipeline, pipeline.matrix, model)
     own, vectors = np.linalg.eig(model.A)
     inverse = np.linalg.pinv(vectors) if np.linalg.cond(vectors) > 1e12 else np.linalg.inv(vectors)
     poles = pipeline.matrix.to_s(own)
@@ -86,14 +108,45 @@ def eigenmodes(pipeline: Pipeline, model: Triple) -> Eigenmodes:
     if isinstance(response, FrequencyResponse):
         basis = basis_of_lines(response, poles, weights=getattr(pipeline.matrix, "weights", None))
         participation, terms = fit_participation(basis, shapes)
-        direct = terms[0]
+        return Eigenmodes(poles, own, vectors, rows, shapes, participation, terms)
+    if isinstance(pipeline.matrix, Shifted):
+        participation = fit_participation(_window_basis(pipeline.matrix, own), shapes)[0]
     else:
         assert model.B is not None
         participation = rows @ model.B
-        if response.first_sample:
-            participation = participation / own[:, None] ** response.first_sample
-        direct = np.zeros(response.values.shape[1:]) if response.feedthrough is None else response.feedthrough
-    return Eigenmodes(poles, own, vectors, rows, shapes, participation, direct)
+    if response.first_sample:
+        participation = participation / own[:, None] ** response.first_sample
+    direct = np.zeros(response.values.shape[1:]) if response.feedthrough is None else response.feedthrough
+    return Eigenmodes(poles, own, vectors, rows, shapes, participation, direct[None])
+
+
+def _window_basis(matrix: Shifted, own: ComplexArray) -> ModalBasis:
+    """Return what modes contribute to Y_0 on the lines of a window."""
+    functions, mirrored = matrix.window_functions(own), matrix.window_functions(own.conj())
+    return basis_of_window(functions, mirrored, own, matrix.transformed(matrix.samples), matrix.line_weights)
+
+
+def _fraction_modes(pipeline: Pipeline, matrix: Fraction, model: Triple) -> Eigenmodes:
+    """Return the stable roots of the denominator with participation from its null vectors and shapes by least squares.
+
+    Unstable roots are what no mode explains (see `denominator`) and do not take part.
+    """
+    inverse, vectors = np.linalg.eig(model.A.T)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        own = np.where(inverse == 0, np.inf, 1 / inverse)
+    stable = np.flatnonzero((np.abs(own) < 1) & (own != 0))
+    poles = matrix.to_s(own[stable])
+    kept = stable[one_of_each_pair(poles)]
+    response = matrix.response
+    participation = vectors[-matrix.inputs :, kept].T.astype(complex)
+    powers = residual_powers(response.quantity, response.sampling_rate is None and response.frequencies[0] > 0)
+    basis = basis_of_lines(response, matrix.to_s(own[kept]), powers, matrix.weights)
+    shapes, terms = fit_shapes(basis, participation)
+    # left eigenvectors [mu^(p-1) w', ..., w'] as rows, no right ones: nothing is read off them
+    rows = vectors[:, kept].T.astype(complex)
+    return Eigenmodes(
+        matrix.to_s(own[kept]), own[kept], np.zeros_like(rows.T), rows, shapes, participation, terms, powers
+    )
 
 
 def _shapes(pipeline: Pipeline, model: Triple, own: ComplexArray, vectors: ComplexArray) -> ComplexArray:
@@ -234,6 +287,9 @@ def identify(
         Which side the shift is read off, in the time domain.
     weights : array (lines,), {"coherence", "variance", "level"}, optional
         Weights of the lines.
+    initial_values, basis, source : optional
+        Known initial terms, the polynomials and where shifted transfer functions come from, see `modalscope.blocks.transfer`;
+        source is "samples" (impulse responses and full DFT grids, exact) or "elimination" (any lines).
     factorization : {"auto", "dense", "gram"}, optional
         The route to the singular vectors.
     row_shifts, column_shifts, row_subsets, column_subsets, row_weights, column_weights, row_compression : optional
@@ -276,8 +332,7 @@ def assemble(pipeline: Pipeline, order: int) -> Identification:
     model = pipeline.triple(order)
     modal = eigenmodes(pipeline, model)
     state_space = _state_space(pipeline, model, modal)
-    rebuilt = rebuild(state_space, pipeline.response)
-    error, by_channel = fit_error(pipeline.response.values, rebuilt.values)
+    error, by_channel = fit_error(*_measured_and_rebuilt(pipeline, modal, state_space))
     modes = modal_model(pipeline, modal, indicators_of(pipeline, order, modal))
     own, rest = split_extraneous(modal, model)
     notes = pipeline.notes
@@ -302,9 +357,24 @@ def assemble(pipeline: Pipeline, order: int) -> Identification:
     )
 
 
+def _measured_and_rebuilt(pipeline: Pipeline, modal: Eigenmodes, model: StateSpace) -> tuple[Array, Array]:
+    """Return data and model where the model was fitted: on lines, also on those of a window of samples, or on all samples."""
+    response, matrix = pipeline.response, pipeline.matrix
+    if isinstance(response, FrequencyResponse) and modal.powers != (0,):
+        basis = basis_of_lines(response, modal.poles, modal.powers)
+        return basis.data, rebuilt_rows(basis, modal.shapes, modal.participation, modal.terms)
+    rebuilt = rebuild(model, response).values
+    if isinstance(matrix, Shifted) and isinstance(response, ImpulseResponse):
+        return matrix.transformed(response.values), matrix.transformed(rebuilt)
+    return response.values, rebuilt
+
+
 def modal_model(pipeline: Pipeline, modal: Eigenmodes, indicators: Mapping[str, Array]) -> ModalModel:
     """Wrap the modal form of one order, with the damping of an exponential window taken off the poles."""
     response = pipeline.response
+    lower, upper = None, None
+    if len(modal.powers) == 2 and isinstance(response, FrequencyResponse):
+        lower, upper = scaled_terms(modal.terms, modal.powers, response.frequencies)
     added = response.added_damping if isinstance(response, FrequencyResponse) else 0.0
     held = response.sampling_rate is not None if isinstance(response, FrequencyResponse) else response.kind == "pulse"
     return ModalModel(
@@ -312,6 +382,8 @@ def modal_model(pipeline: Pipeline, modal: Eigenmodes, indicators: Mapping[str, 
         shapes=modal.shapes,
         participation=modal.participation,
         feedthrough=modal.direct,
+        lower_residual=lower,
+        upper_residual=upper,
         quantity=response.quantity,
         dt=pipeline.matrix.dt,
         held_input=held,
@@ -326,7 +398,7 @@ def modal_model(pipeline: Pipeline, modal: Eigenmodes, indicators: Mapping[str, 
 
 def _state_space(pipeline: Pipeline, model: Triple, modal: Eigenmodes) -> StateSpace:
     """Return the model as it was realized; from lines in real modal coordinates, which do not depend on the polynomials."""
-    if model.B is not None:
+    if model.B is not None and not isinstance(pipeline.matrix, Fraction):
         return StateSpace(A=model.A, B=model.B, C=model.C, D=modal.direct, dt=pipeline.matrix.dt)
     poles = modal.poles if pipeline.matrix.dt is None else modal.own
     return from_modes(poles, modal.shapes, modal.participation, modal.direct, pipeline.matrix.dt)

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from modalscope.blocks.factor import Factors
-from modalscope.blocks.matrix import DataMatrix
 from modalscope.model.checks import DataError, check_choice
 from modalscope.realize import balanced, least_squares_companion, null_space_companion, regression, shift
+from modalscope.realize.fraction import fraction_companion
 from modalscope.realize.triple import Realization
 
 __all__ = ["DOMAINS", "Method", "find_method", "methods"]
@@ -22,7 +23,7 @@ DOMAINS = {
     "s": "differentiated transfer functions",
 }
 
-Realize = Callable[[DataMatrix, Factors], Realization]
+Realize = Callable[[Any, Factors], Realization]
 
 
 @dataclass(frozen=True)
@@ -41,8 +42,9 @@ class Method:
         Names in the literature of this cell, with the options that make them.
     realize : callable
         Data matrix and factors -> all orders.
-    factors : {"h0", "tall", "complete"}
-        What is factored: H(0), the matrix with one block row more, or all of that without truncation.
+    factors : {"h0", "tall", "complete", "fraction"}
+        What is factored: H(0), the matrix with one block row more, all of that without truncation, or the normal equations of a matrix
+        fraction, whose order is the degree.
     forms : tuple of str
         Observable and controllable forms that exist; the first is the default, "smaller" takes the one with fewer states.
     """
@@ -125,6 +127,16 @@ _TABLE: tuple[Method, ...] = (
         least_squares_companion,
         "complete",
         ("controllable", "observable"),
+    ),
+    Method(
+        "lscf",
+        "z",
+        "matrix fraction, companion form",
+        "not in the report",
+        ("LSCF, polyreference least-squares complex frequency", "pLSCF", "PolyMAX"),
+        fraction_companion,
+        "fraction",
+        ("controllable",),
     ),
 )
 

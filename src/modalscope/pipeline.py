@@ -10,19 +10,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.blocks.factor import Factors, factorize
+from modalscope.blocks.fraction import Fraction, fraction
 from modalscope.blocks.hankel import Hankel, hankel
+from modalscope.blocks.shifted import Shifted, is_full_grid, shifted
 from modalscope.blocks.transfer import Transfer, line_weights, transfer
 from modalscope.methods import Method, find_method
 from modalscope.model.checks import DataError, check_choice, check_count
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.signals import Signals
+from modalscope.realize.fraction import fraction_factors
 from modalscope.realize.triple import Realization, Triple
 
 __all__ = ["Data", "Pipeline", "build", "prepare"]
 
 Data = Signals | ImpulseResponse | FrequencyResponse
 Response = ImpulseResponse | FrequencyResponse
+Matrix = Hankel | Transfer | Shifted | Fraction
 
 #: Options of `identify` and `stabilize` that shape the Hankel matrix.
 _HANKEL = (
@@ -35,6 +39,9 @@ _HANKEL = (
     "row_compression",
 )
 
+#: Options that shape a matrix of transfer functions.
+_LINES = ("initial_values", "basis", "source")
+
 
 @dataclass(frozen=True, eq=False)
 class Pipeline:
@@ -45,7 +52,7 @@ class Pipeline:
     method : Method
     response : ImpulseResponse or FrequencyResponse
         What is identified, cut to the band and in the domain of the method.
-    matrix : Hankel or Transfer
+    matrix : Hankel, Transfer, Shifted or Fraction
         Of the response, or of the transposed one in the controllable form.
     realization : Realization
     dual : bool
@@ -58,7 +65,7 @@ class Pipeline:
 
     method: Method
     response: Response
-    matrix: Hankel | Transfer
+    matrix: Matrix
     realization: Realization
     dual: bool
     settings: Mapping[str, Any]
@@ -98,8 +105,16 @@ def prepare(
     if cell.domain == "time" and isinstance(response, FrequencyResponse):
         response = response.to_impulse_response()
         notes.append("the lines were transformed to samples: damping is biased unless they cover the whole spectrum")
-    elif cell.domain != "time" and isinstance(response, ImpulseResponse):
+    elif cell.domain == "s" and isinstance(response, ImpulseResponse):
+        raise DataError(
+            f"method {cell.name!r} in domain 's' was asked",
+            "the data are samples: their transform is no rational function of j w",
+            "Use domain='z', which is exact for samples, or give measured frequency responses.",
+        )
+    elif cell.factors == "fraction" and isinstance(response, ImpulseResponse):
         response = response.to_frequency_response()
+        if band is not None:
+            response = response.band(*band)
         notes.append("the samples were transformed to lines as if nothing followed the last one")
     _check_channels(response)
     return cell, response, notes
@@ -153,50 +168,102 @@ def build(
     **options: Any,
 ) -> Pipeline:
     """Take data to the realization of all orders up to `order`; the options are those of `identify`."""
-    unknown = sorted(set(options) - set(_HANKEL))
+    unknown = sorted(set(options) - set(_HANKEL) - set(_LINES))
     if unknown:
         raise DataError(
             f"option {unknown[0]!r} was asked",
-            f"the options of the data matrix are {', '.join(_HANKEL)}",
+            f"the options of the data matrix are {', '.join((*_HANKEL, *_LINES))}",
             "Correct its name.",
         )
     cell, response, notes = prepare(data if exclude is None else data.select(exclude=exclude), method, domain, band)
     check_count("order", order)
-    check_choice("form", form or cell.forms[0], (*cell.forms, "smaller") if len(cell.forms) > 1 else cell.forms)
-    if isinstance(response, FrequencyResponse):
-        given = sorted(
-            name
-            for name in ("block_columns", *_HANKEL)
-            if locals().get(name) is not None or options.get(name) is not None
-        )
-        if given:
-            raise DataError(
-                f"option {given[0]!r} was asked",
-                "the columns of a frequency-domain matrix are lines, its rows polynomials",
-                "Leave it out, or use domain='time'.",
-            )
-        q = block_rows or _default_degree(response, order)
-        matrix: Hankel | Transfer = transfer(
-            response, domain=cell.domain, block_rows=q, order=order, weights=line_weights(response, weights)
-        )
-        dual, settings = (
-            False,
-            {"block_rows": q, "weights": weights if isinstance(weights, str) else None if weights is None else "given"},
-        )
+    _check_form(cell, form)
+    if isinstance(response, FrequencyResponse) or cell.domain != "time":
+        chosen = {**options, "block_rows": block_rows, "block_columns": block_columns, "band": band}
+        matrix, settings = _matrix_of_lines(cell, response, order, weights, chosen)
+        dual = False
     else:
-        if weights is not None:
-            raise DataError(
-                "weights of lines were asked", "this method works on samples", "Use row_weights, or domain='s' or 'z'."
-            )
+        _refuse("this method works on samples", weights=weights, **{name: options.get(name) for name in _LINES})
         dual = _is_dual(cell, form, response)
-        matrix, settings = _hankel_of(response, dual, order, block_rows, block_columns, options)
+        given = {name: options.get(name) for name in _HANKEL}
+        matrix, settings = _hankel_of(response, dual, order, block_rows, block_columns, given)
         settings["form"] = "controllable" if dual else "observable"
     factors = _factor(matrix, cell, order, factorization)
     notes.append(f"{matrix.describe()}; {factors.how}")
+    notes.extend(matrix.warnings)
     return Pipeline(cell, response, matrix, cell.realize(matrix, factors), dual, settings, tuple(notes))
 
 
-def _factor(matrix: Hankel | Transfer, cell: Method, order: int, route: str) -> Factors:
+def _check_form(cell: Method, form: str | None) -> None:
+    if form == "controllable" and cell.domain != "time" and cell.factors != "fraction":
+        raise DataError(
+            f"the controllable form of method {cell.name!r} in domain {cell.domain!r} was asked",
+            "its columns are lines, G(x_i) B, in which the state matrix does not appear as in B, AB, A^2 B, ...: there is none",
+            "Use form='observable', or domain='time'.",
+        )
+    check_choice("form", form or cell.forms[0], (*cell.forms, "smaller") if len(cell.forms) > 1 else cell.forms)
+
+
+def _refuse(why: str, **given: Any) -> None:
+    """Raise when an option was given that the data matrix has no use for."""
+    for name, value in given.items():
+        if value is not None:
+            raise DataError(f"option {name!r} was asked", why, "Leave it out, or use another domain.")
+
+
+def _matrix_of_lines(
+    cell: Method, response: Response, order: int, weights: str | ArrayLike | None, options: Mapping[str, Any]
+) -> tuple[Matrix, dict[str, Any]]:
+    """Return the matrix fraction, the exact shifted transfer functions where samples are known, or lines with elimination."""
+    never = [name for name in _HANKEL if name != "row_shifts"]
+    _refuse("the columns of a frequency-domain matrix are lines", **{name: options.get(name) for name in never})
+    said = {"weights": weights if isinstance(weights, str) else None if weights is None else "given"}
+    chosen: dict[str, Any] = {name: options.get(name) for name in ("row_shifts", *_LINES)}
+    if cell.factors == "fraction":
+        assert isinstance(response, FrequencyResponse)
+        _refuse("a matrix fraction has neither", block_rows=options["block_rows"], **chosen)
+        return fraction(response, degree=order, weights=line_weights(response, weights)), said
+    rows, columns, band = options["block_rows"], options["block_columns"], options["band"]
+    source = chosen.pop("source") or _default_source(cell, response, band, weights, chosen)
+    check_choice("source", source, ("samples", "elimination"))
+    if source == "samples":
+        for name in ("initial_values", "basis"):
+            _refuse("shifted transfer functions of samples have no initial terms to eliminate", **{name: chosen[name]})
+        if isinstance(response, FrequencyResponse):
+            _refuse("the lines were transformed to samples", weights=weights)
+        q = rows or _default_shifts(response, order)
+        made = shifted(response, block_rows=q, block_columns=columns, band=band, row_shifts=chosen["row_shifts"])
+        return made, {"block_rows": made.block_rows, "block_columns": made.window, "source": source, **said}
+    if isinstance(response, ImpulseResponse):
+        raise DataError(
+            "source='elimination' was asked", "the data are samples, not lines", "Leave it out: samples are exact."
+        )
+    _refuse("the columns of a frequency-domain matrix are lines", block_columns=columns)
+    q = rows or _default_degree(response, order)
+    made_of_lines = transfer(
+        response,
+        domain=cell.domain,
+        block_rows=q,
+        order=order,
+        weights=line_weights(response, weights),
+        basis=chosen["basis"] or "orthogonal",
+        initial_values=chosen["initial_values"],
+        row_shifts=chosen["row_shifts"],
+    )
+    return made_of_lines, {"block_rows": made_of_lines.block_rows, "source": source, **said}
+
+
+def _default_source(cell: Method, response: Response, band: Any, weights: Any, chosen: Mapping[str, Any]) -> str:
+    """Return how shifted transfer functions are come by: from samples where they are known exactly, else by elimination."""
+    if isinstance(response, ImpulseResponse):
+        return "samples"
+    plain = band is None and weights is None and chosen["initial_values"] is None and chosen["basis"] is None
+    return "samples" if cell.domain == "z" and plain and is_full_grid(response) else "elimination"
+
+
+def _factor(matrix: Matrix, cell: Method, order: int, route: str) -> Factors:
+    if isinstance(matrix, Fraction):
+        return fraction_factors(matrix)
     if cell.factors == "h0":
         return factorize(matrix.shifted(0), order, route)
     return factorize(matrix.tall(), order if cell.factors == "tall" else None, route)
@@ -255,6 +322,12 @@ def default_blocks(
     rows = block_rows or min(max(-(-3 * order // outputs), 10), max(samples // 2, 1))
     columns = block_columns or max(min(samples - rows, max(-(-20 * order // inputs), rows, 10)), 1)
     return rows, columns
+
+
+def _default_shifts(response: Response, order: int) -> int:
+    """Return three times as many rows as states, at least ten blocks, at most a third of the samples."""
+    count = response.samples if isinstance(response, ImpulseResponse) else 2 * response.lines - 3
+    return max(min(max(-(-3 * order // response.values.shape[1]), 10), count // 3), 1)
 
 
 def _default_degree(response: FrequencyResponse, order: int) -> int:

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.model.checks import ComplexArray, DataError, RealArray
+from modalscope.model.checks import ComplexArray, DataError, RealArray, check_choice
 
-__all__ = ["evaluate", "orthogonal_basis"]
+__all__ = ["basis_on", "evaluate", "orthogonal_basis", "remainders"]
 
 
 def orthogonal_basis(
@@ -78,3 +78,31 @@ def evaluate(recurrence: RealArray, first: float, points: ArrayLike) -> ComplexA
         for k in range(degree):
             values[k + 1] = (x * values[k] - recurrence[: k + 1, k] @ values[: k + 1]) / recurrence[k + 1, k]
     return values
+
+
+def basis_on(
+    points: ArrayLike, degree: int, weights: ArrayLike | None = None, kind: str = "orthogonal"
+) -> tuple[ComplexArray, RealArray]:
+    """Return a basis and its recurrence as `orthogonal_basis` does, or the plain powers, x p_k = p_(k+1), for comparison."""
+    if check_choice("basis", kind, ("orthogonal", "powers")) == "orthogonal":
+        return orthogonal_basis(points, degree, weights)
+    x = np.asarray(points, dtype=complex)
+    return x[:, None] ** np.arange(degree + 1), np.eye(degree + 1, degree, -1)
+
+
+def remainders(recurrence: RealArray, first: float, points: ArrayLike, count: int) -> ComplexArray:
+    """Return the polynomial parts of p_k(x) / x^i, i = 0 ... count - 1, at the points: (count, points, q + 1).
+
+    From sum_j h_jk [p_j / x^i] = x [p_k / x^i] + (constant of [p_k / x^(i-1)]): the coefficient of 1 / x of p_k / x^i
+    becomes a constant when it is multiplied by x.
+    """
+    x = np.append(np.asarray(points, dtype=complex), 0)  # the constants are the values at x = 0
+    degree = recurrence.shape[1]
+    parts = np.zeros((count, x.size, degree + 1), dtype=complex)
+    for i in range(count):
+        parts[i, :, 0] = first if i == 0 else 0
+        for k in range(degree):
+            carried = 0 if i == 0 else parts[i - 1, -1, k]
+            shifted = x * parts[i, :, k] + carried
+            parts[i, :, k + 1] = (shifted - parts[i, :, : k + 1] @ recurrence[: k + 1, k]) / recurrence[k + 1, k]
+    return parts[:, :-1]

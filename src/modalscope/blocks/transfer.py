@@ -1,135 +1,28 @@
 """Block matrices of transfer functions at the lines of any band, z- and s-domain (Eqs. 82, 89-93, made right).
 
 The rows are p_k(x_i) H(x_i), with polynomials p_k orthogonal on the measured lines instead of powers of x. From
-x^k H = C A^k X + (a polynomial of degree k with unknown matrix coefficients: the direct term and the initial values) it follows
-that p_k(x) H = C p_k(A) X + (a polynomial of degree k). The unknown polynomials are removed by projecting the columns
+x^k H = C A^k X + (a polynomial of degree k whose matrix coefficients are the direct term and the initial values) it follows
+that p_k(x) H = C p_k(A) X + (a polynomial of degree k). Where its coefficients are unknown it is removed by projecting the columns
 on the complement of p_0, ..., p_q; what is left is [C p_0(A); ...; C p_q(A)] X, whose row shift is the recurrence of the basis.
 Columns are real: real and imaginary parts side by side, which is the same as using the lines at -w too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
-import scipy.linalg as sla
 from numpy.typing import ArrayLike
 
+from modalscope.blocks.lines import LineMatrix, line_weights, real_columns
 from modalscope.blocks.matrix import Evolution, RowShift
-from modalscope.blocks.operators import DenseMatrix
-from modalscope.blocks.polynomials import evaluate, orthogonal_basis
+from modalscope.blocks.plane import Plane, plane_of
+from modalscope.blocks.polynomials import basis_on, evaluate, remainders
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_count, real_array
 from modalscope.model.frequency import FrequencyResponse
-from modalscope.model.poles import to_continuous, to_discrete
 
-__all__ = ["Plane", "Transfer", "line_weights", "plane_of", "transfer"]
-
-
-@dataclass(frozen=True)
-class Plane:
-    """The plane in which the polynomials live: where a line lies, and how poles go back to rad/s.
-
-    Parameters
-    ----------
-    name : str
-        In words.
-    point : callable
-        Frequencies in Hz -> points x.
-    to_s, from_s : callable
-        Poles of the realization -> rad/s, and back.
-    dt : float or None
-        Sampling interval when x = exp(j w dt).
-    """
-
-    name: str
-    point: Callable[[RealArray], ComplexArray]
-    to_s: Callable[[Array], ComplexArray]
-    from_s: Callable[[Array], ComplexArray]
-    dt: float | None = None
-
-
-def plane_of(domain: str, response: FrequencyResponse) -> Plane:
-    """Return the plane of a domain: s scaled to the band, z by the exponential for sampled responses, else the bilinear map.
-
-    The bilinear map z = (1 + s T/2) / (1 - s T/2), T = 2 / w_max, is exact for continuous responses, the exponential is not.
-    """
-    top = 2 * np.pi * float(response.frequencies[-1])
-    rate = response.sampling_rate
-    if domain == "s":
-        if rate is not None:
-            raise DataError(
-                "domain='s' was asked",
-                f"the response is that of a system sampled at {rate:g} Hz, which is no rational function of j w",
-                "Use domain='z', or leave sampling_rate out when the response is that of the structure itself.",
-            )
-        scale = top or 1.0
-        return Plane(
-            f"s-plane, scaled by {top / 2 / np.pi:g} Hz",
-            lambda f: 2j * np.pi * f / scale,
-            lambda x: np.asarray(x, dtype=complex) * scale,
-            lambda s: np.asarray(s, dtype=complex) / scale,
-        )
-    if rate is not None:
-        dt = 1 / rate
-        return Plane(
-            "z-plane, exponential",
-            lambda f: np.exp(2j * np.pi * f * dt),
-            lambda z: to_continuous(z, dt),
-            lambda s: to_discrete(s, dt),
-            dt,
-        )
-    half = 1 / (top or 1.0)
-
-    def into(s: Array) -> ComplexArray:
-        return np.asarray((1 + np.asarray(s) * half) / (1 - np.asarray(s) * half), dtype=complex)
-
-    def back(z: Array) -> ComplexArray:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray((np.asarray(z) - 1) / (np.asarray(z) + 1) / half, dtype=complex)
-
-    return Plane("z-plane, bilinear map", lambda f: into(2j * np.pi * f), back, into)
-
-
-def line_weights(response: FrequencyResponse, weights: str | ArrayLike | None) -> RealArray | None:
-    """Return one positive weight a line.
-
-    Parameters
-    ----------
-    response : FrequencyResponse
-    weights : array (F,), {"variance", "coherence", "level"} or None
-        1 / standard deviation of the estimate averaged over channels; from coherence g2 by
-        var = |H|^2 (1 - g2) / g2; or the inverse of the root mean square level of the response, which makes weak modes count.
-    """
-    if weights is None:
-        return None
-    if not isinstance(weights, str):
-        array = real_array("weights", weights, "(lines,)", 1)
-        if array.size != response.lines or np.any(array <= 0):
-            raise DataError(
-                f"weights needs {response.lines} positive entries",
-                f"it has {array.size}, the smallest {array.min():g}",
-                "Give one a line.",
-            )
-        return array
-    power = np.mean(np.abs(response.values) ** 2, axis=(1, 2))
-    if weights == "level":
-        variance = power
-    elif weights == "variance" and response.variance is not None:
-        variance = np.mean(response.variance, axis=(1, 2))
-    elif weights == "coherence" and response.coherence is not None:
-        g2 = np.clip(response.coherence.reshape(response.lines, -1), 1e-6, 1)
-        variance = power * np.mean((1 - g2) / g2, axis=1)
-    else:
-        have = [name for name in ("variance", "coherence") if getattr(response, name) is not None]
-        raise DataError(
-            f"weights={weights!r} was asked",
-            f"the response carries {' and '.join(have) or 'neither variance nor coherence'}",
-            "Use weights='level', give one a line, or None.",
-        )
-    floor = 1e-6 * variance.max()
-    return np.asarray(np.sqrt(variance.max() / np.maximum(variance, floor))) if floor > 0 else None
+__all__ = ["Plane", "Transfer", "line_weights", "plane_of", "rest_at_start", "transfer"]
 
 
 def transfer(
@@ -140,8 +33,11 @@ def transfer(
     order: int | None = None,
     weights: ArrayLike | None = None,
     equal_outputs: bool = True,
+    basis: str = "orthogonal",
+    initial_values: ArrayLike | str | None = None,
+    row_shifts: ArrayLike | None = None,
 ) -> Transfer:
-    """Stack p_k(x_i) H(x_i), k = 0 ... block_rows, with the unknown initial terms eliminated.
+    """Stack p_k(x_i) H(x_i), k = 0 ... block_rows, without the initial terms: known ones subtracted, the others eliminated.
 
     Parameters
     ----------
@@ -157,34 +53,110 @@ def transfer(
     equal_outputs : bool
         Divide every output by its root mean square over the band, so that quiet outputs count as much as loud ones in the
         truncation. Shapes are scaled back.
+    basis : {"orthogonal", "powers"}
+        "powers" are the plain powers of the scaled x of the founding report: for comparison, they fail in noise.
+    initial_values : array, (K, l, m), or "rest", optional
+        The first K of D, CB, CAB, ... in SI units (in the z-domain D, Y(0), Y(1), ...), where they are known. "rest": those that
+        are zero for a structure at rest by the response's quantity.
+    row_shifts : sequence of int, optional
+        Which of p_0 ... p_(q-1) the rows of H(0) are (the arbitrary t_i of Eq. 82), increasing from 0; block_rows is then
+        one more than the last.
 
     Raises
     ------
     DataError
-        Fewer lines than unknowns: 2 F m must be at least n + (q + 1) m.
+        Fewer lines than unknowns: 2 F m must be at least n + e m, with e eliminated polynomials.
 
     Notes
     -----
     Source: the report, Eqs. 82 and 89-93, with the elimination and the basis of its errata (recipes f3 and g).
     """
     lines, outputs, inputs = response.values.shape
-    q = check_count("block_rows", block_rows)
+    rows = None if row_shifts is None else _rows(row_shifts)
+    q = check_count("block_rows", block_rows if rows is None else rows[-1] + 1)
+    plane = plane_of(domain, response)
+    known = None if initial_values is None else _known(initial_values, response, plane)
+    unknown = q + 1 - (0 if known is None else min(len(known), q + 1))
     states = order or 1
-    if 2 * lines * inputs < states + (q + 1) * inputs:
+    if 2 * lines * inputs < states + unknown * inputs:
         raise DataError(
-            f"order {states} with block_rows={q} needs 2 x lines x inputs >= order + (block_rows + 1) x inputs = {states + (q + 1) * inputs}",
+            f"order {states} with block_rows={q} needs 2 x lines x inputs >= order + {unknown} x inputs = {states + unknown * inputs}",
             f"{lines} lines and {inputs} inputs give {2 * lines * inputs}",
             "Widen the band, lower block_rows or lower the order.",
         )
-    plane = plane_of(domain, response)
-    level = np.sqrt(np.mean(np.abs(response.values) ** 2, axis=(0, 2)))
     w = None if weights is None else np.asarray(weights, dtype=float)
-    basis, recurrence = orthogonal_basis(plane.point(response.frequencies), q, w)
-    return Transfer(response, plane, basis, recurrence, w, level if equal_outputs else np.ones(outputs))
+    points = plane.point(response.frequencies)
+    values, recurrence = basis_on(points, q, w, basis)
+    level = np.sqrt(np.mean(np.abs(response.values) ** 2, axis=(0, 2)))
+    eliminated = real_columns(values[:, :unknown], w)
+    if basis == "powers":
+        eliminated = np.linalg.qr(eliminated)[0]
+    return Transfer(
+        response=response,
+        plane=plane,
+        basis=values,
+        recurrence=recurrence,
+        weights=w,
+        output_scale=level if equal_outputs else np.ones(outputs),
+        eliminated=eliminated,
+        known=known,
+        known_functions=None
+        if known is None
+        else remainders(recurrence, float(values[0, 0].real), points, min(len(known), q + 1)),
+        row_shifts=rows,
+    )
+
+
+def _rows(shifts: ArrayLike) -> tuple[int, ...]:
+    found = tuple(int(s) for s in np.atleast_1d(np.asarray(shifts)))
+    if found[0] != 0 or any(b <= a for a, b in pairwise(found)):
+        raise DataError(
+            "row_shifts needs whole numbers that increase from 0", f"they are {list(found)}", "Sort them, 0 first."
+        )
+    return found
+
+
+def rest_at_start(quantity: str | None, outputs: int, inputs: int) -> RealArray:
+    """Return the initial terms D, CB, ... that vanish for a structure at rest: two for displacements, one for velocities."""
+    count = {"displacement": 2, "velocity": 1, "acceleration": 0}.get(quantity or "", -1)
+    if count < 0:
+        raise DataError(
+            "initial_values='rest' was asked",
+            "the quantity of the response is not known",
+            'Give quantity="displacement", "velocity" or "acceleration" with the data.',
+        )
+    return np.zeros((count, outputs, inputs))
+
+
+def _known(given: ArrayLike | str, response: FrequencyResponse, plane: Plane) -> RealArray:
+    """Return the known terms scaled to the plane: H = D + sum_i M_i / x^(i+1), x = s / scale or z."""
+    _, outputs, inputs = response.values.shape
+    if plane.scale is None:
+        raise DataError(
+            "initial_values were asked",
+            "under the bilinear map the direct term and the initial values mix",
+            "Use domain='s', or leave them out: they are eliminated.",
+        )
+    if isinstance(given, str):
+        if given != "rest" or plane.dt is not None:
+            raise DataError(
+                f"initial_values={given!r} was asked",
+                f"there are arrays, and 'rest' in the s-domain (this is the {plane.name})",
+                "Give the terms (K, outputs, inputs), or leave them out.",
+            )
+        return rest_at_start(response.quantity, outputs, inputs)
+    terms = real_array("initial_values", given, "(terms, outputs, inputs)", 3)
+    if terms.shape[1:] != (outputs, inputs):
+        raise DataError(
+            f"initial_values needs shape (terms, {outputs}, {inputs})",
+            f"it has {terms.shape}",
+            "Give one matrix a term: D, CB, CAB, ...",
+        )
+    return np.asarray(terms / plane.scale ** np.arange(len(terms))[:, None, None])
 
 
 @dataclass(frozen=True, eq=False)
-class Transfer:
+class Transfer(LineMatrix):
     """The block matrix of one band, through its exact triangular factor (made by `transfer`)."""
 
     response: FrequencyResponse
@@ -193,56 +165,58 @@ class Transfer:
     recurrence: RealArray
     weights: RealArray | None
     output_scale: RealArray
+    eliminated: RealArray
+    known: RealArray | None = None
+    known_functions: ComplexArray | None = None
+    row_shifts: tuple[int, ...] | None = None
 
     @property
     def block_rows(self) -> int:
         """Blocks in a column of H(0), which is the degree q."""
         return int(self.recurrence.shape[1])
 
-    def _real(self, columns: ComplexArray) -> RealArray:
-        """Weighted columns (F, k) -> (2 F, k): real and imaginary parts."""
-        weighted = columns if self.weights is None else columns * self.weights[:, None]
-        return np.vstack([weighted.real, weighted.imag])
-
-    def columns_array(self) -> RealArray:
-        """Return the whole matrix with the unknown terms projected out, transposed: (2 F m, l (q + 1)).
-
-        Input by input: the polynomials are the same for each, orthonormal in the real inner product.
-        """
-        lines, outputs, inputs = self.response.values.shape
-        Z = self._real(self.basis)
-        parts = []
-        for i in range(inputs):
-            rows = (self.basis[:, :, None] * (self.response.values[:, None, :, i] / self.output_scale)).reshape(
-                lines, -1
-            )
-            R = self._real(rows)
-            for _ in range(2):  # twice, so that what is left is orthogonal to rounding
-                R -= Z @ (Z.T @ R)
-            parts.append(R)
-        return np.vstack(parts)
-
-    @cached_property
-    def triangle(self) -> RealArray:
-        """L (l (q + 1), k): the matrix times an orthonormal matrix, its exact stand-in."""
-        whole = self.columns_array()
-        if whole.shape[0] <= whole.shape[1]:
-            return np.ascontiguousarray(whole.T)
-        R = sla.qr(whole, mode="r", overwrite_a=True, check_finite=False)[0]
-        return np.ascontiguousarray(R[: whole.shape[1]].T)
-
-    def shifted(self, k: int) -> DenseMatrix:
-        """Return H(k): E0 and E1 applied to the triangular factor."""
-        return DenseMatrix(self.row_shift.split(self.triangle)[k])
-
-    def tall(self) -> DenseMatrix:
-        """Return all q + 1 block rows."""
-        return DenseMatrix(self.triangle)
+    @property
+    def outputs(self) -> int:
+        """Rows of a block."""
+        return int(self.response.values.shape[1])
 
     @property
-    def row_shift(self) -> RowShift:
+    def inputs(self) -> int:
+        """Columns of a line."""
+        return int(self.response.values.shape[2])
+
+    def columns_array(self, i: int) -> RealArray:
+        """Return all block rows of input i without the initial terms, transposed: (2 F, l (q + 1)).
+
+        The polynomials are the same for every input, orthonormal in the real inner product.
+        """
+        rows = self.basis[:, :, None] * self.response.values[:, None, :, i]
+        if self.known is not None and self.known_functions is not None:
+            count = len(self.known_functions)
+            rows = rows - np.einsum("tfk,to->fko", self.known_functions, self.known[:count, :, i], optimize=True)
+        columns = real_columns((rows / self.output_scale).reshape(len(self.basis), -1), self.weights)
+        return self._project(columns)
+
+    def _project(self, columns: Array) -> Array:
+        for _ in range(2):  # twice, so that what is left is orthogonal to rounding
+            columns = columns - self.eliminated @ (self.eliminated.T @ columns)
+        return columns
+
+    def column_functions(self, poles: Array) -> ComplexArray:
+        """Return 1 / (x_i - s_j) along the columns of one input, as the elimination leaves it: (2 F, k).
+
+        The state x follows from [Re X, Im X] with X(x_i) = (x_i I - A)^-1 B, so that a modal coordinate has the columns
+        (g(x) + g(x*)) / 2 and (g(x) - g(x*)) / 2j with g = 1 / (x - s_j).
+        """
+        x = self.plane.point(self.response.frequencies)[:, None]
+        g, mirrored = 1 / (x - poles), 1 / (x.conj() - poles)
+        w = 1.0 if self.weights is None else self.weights[:, None]
+        return self._project(np.vstack([w * (g + mirrored) / 2, w * (g - mirrored) / 2j]))
+
+    @property
+    def full_shift(self) -> RowShift:
         """E0 drops the last block, E1 = h' (x) I."""
-        return RowShift(block=self.response.values.shape[1], recurrence=self.recurrence)
+        return RowShift(block=self.outputs, recurrence=self.recurrence)
 
     @property
     def first_value(self) -> float:
@@ -251,11 +225,14 @@ class Transfer:
 
     def first_rows(self, right: Array, k: int = 0) -> RealArray:
         """Return (first block row of H(k) / p_0) X, such that C = first_rows(Q d^-1/2)."""
-        outputs = self.response.values.shape[1]
-        head = self.triangle[:outputs]
+        head = self.triangle[: self.outputs]
         if k == 1:  # x p_0 = h_00 p_0 + h_10 p_1
-            head = self.recurrence[0, 0] * head + self.recurrence[1, 0] * self.triangle[outputs : 2 * outputs]
+            head = self.recurrence[0, 0] * head + self.recurrence[1, 0] * self.triangle[self.outputs : 2 * self.outputs]
         return np.asarray(self.output_scale[:, None] * (head @ right) / self.first_value)
+
+    def first_block(self, shapes: Array) -> Array:
+        """Return C p_0 for shapes C, in the scale of the rows."""
+        return np.asarray(shapes) / self.output_scale[:, None] * self.first_value
 
     def shapes(self, V: Array, poles: Array) -> ComplexArray:
         """Return the shapes c of modes from their columns [c p_0; c p_1; ...] of the row factor, by least squares over all blocks.
@@ -265,20 +242,16 @@ class Transfer:
         Parameters
         ----------
         V : array of complex, (l K, k)
-            Row factor times eigenvectors, K = q or q + 1 blocks.
+            Row factor times eigenvectors.
         poles : array of complex, (k,)
             In the plane of the polynomials.
         """
-        blocks = np.asarray(V).reshape(-1, self.response.values.shape[1], len(poles))
-        p = evaluate(self.recurrence, self.first_value, poles)[: blocks.shape[0]]
+        blocks = np.asarray(V).reshape(-1, self.outputs, len(poles))
+        p = evaluate(self.recurrence, self.first_value, poles)[self.block_indices(len(blocks))]
         size = np.max(np.abs(p), axis=0)
         p = p / size
         c = np.einsum("kn,kln->ln", p.conj(), blocks) / np.sum(np.abs(p) ** 2, axis=0) / size
         return np.asarray(self.output_scale[:, None] * c)
-
-    def first_columns(self, right: Array) -> None:
-        """None: the columns are lines; B and D come from least squares over them."""
-        return
 
     def to_s(self, poles: Array) -> ComplexArray:
         """Continuous poles, rad/s."""
@@ -295,10 +268,18 @@ class Transfer:
 
     def evolution(self, poles: Array, blocks: int) -> Evolution:
         """Return p_k(x) / p_0 at the poles."""
-        return evaluate(self.recurrence, 1.0, poles)[:blocks]
+        return evaluate(self.recurrence, 1.0, poles)[self.block_indices(blocks)]
 
     def describe(self) -> str:
         """Say what the matrix is, in words."""
         f = self.response.frequencies
-        weighted = ", weighted lines" if self.weights is not None else ""
-        return f"transfer functions on {f.size} lines, {f[0]:g} to {f[-1]:g} Hz, polynomials to degree {self.block_rows} ({self.plane.name}){weighted}"
+        known = 0 if self.known is None else len(self.known)
+        said = [
+            f"transfer functions on {f.size} lines, {f[0]:g} to {f[-1]:g} Hz, polynomials to degree {self.block_rows} ({self.plane.name})",
+            f"{known} initial terms known, the others eliminated" if known else "initial terms eliminated",
+        ]
+        if self.row_shifts is not None:
+            said.append(f"block rows {', '.join(map(str, self.row_shifts))}")
+        if self.weights is not None:
+            said.append("weighted lines")
+        return "; ".join(said)

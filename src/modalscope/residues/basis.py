@@ -14,7 +14,7 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope.model.channels import QUANTITIES
-from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.poles import to_discrete
@@ -23,10 +23,14 @@ __all__ = [
     "ModalBasis",
     "basis_of_lines",
     "basis_of_samples",
+    "basis_of_window",
+    "check_residuals",
     "fit_error",
     "fit_participation",
+    "fit_shapes",
     "rebuilt_rows",
     "residual_powers",
+    "scaled_terms",
 ]
 
 
@@ -67,33 +71,63 @@ def basis_of_lines(
     """Return the functions 1 / (x - pole) and conjugates on the lines, real and imaginary parts stacked.
 
     x is j w with poles in rad/s; for the response of a sampled system x = exp(j w dt) and the poles go along.
+
+    Raises
+    ------
+    DataError
+        A line at 0 Hz with a residual that divides by its frequency.
     """
     f, rate = response.frequencies, response.sampling_rate
     x, p = (2j * np.pi * f, np.asarray(poles, dtype=complex))
     if rate is not None:
         x, p = np.exp(x / rate), to_discrete(p, 1 / rate)
-    own, pair = 1 / (x[:, None] - p), 1 / (x[:, None] - p.conj())
-    alone = p.imag == 0
+    check_residuals(response, powers)
+    # powers of the relative frequency: only their span matters, and it is better conditioned
+    terms = np.stack([(1j * f / _top(f)) ** power for power in powers], axis=1) if powers else np.zeros((f.size, 0))
+    return _stacked(1 / (x[:, None] - p), 1 / (x[:, None] - p.conj()), p.imag == 0, terms, response.values, weights)
+
+
+def check_residuals(response: FrequencyResponse, powers: tuple[int, ...]) -> None:
+    """Raise when a residual divides by the frequency of a line at 0 Hz."""
+    if powers and min(powers) < 0 and response.frequencies[0] == 0:
+        raise DataError(
+            "residuals of modes below the band were asked",
+            f"the {response.quantity or 'response'} has a line at 0 Hz, where they are infinite",
+            "Leave that line out with band(), or ask for residuals=False.",
+        )
+
+
+def _top(frequencies: RealArray) -> float:
+    return float(frequencies[-1]) or 1.0
+
+
+def scaled_terms(terms: Array, powers: tuple[int, ...], frequencies: RealArray) -> RealArray:
+    """Return coefficients of powers of j w from those of the basis, which are of the relative frequency."""
+    factor = (2 * np.pi * _top(frequencies)) ** -np.asarray(powers, dtype=float)
+    return np.asarray(terms * factor[:, None, None])
+
+
+def basis_of_window(
+    own: ComplexArray, pair: ComplexArray, poles: Array, data: ComplexArray, weights: Array | None
+) -> ModalBasis:
+    """Return the same for functions that are known on the lines: those of the poles (F, n) and of their conjugates."""
+    return _stacked(own, pair, np.asarray(poles).imag == 0, np.zeros((len(own), 0)), data, weights)
+
+
+def _stacked(
+    own: ComplexArray, pair: ComplexArray, alone: Array, terms: Array, data: ComplexArray, weights: Array | None
+) -> ModalBasis:
+    """Return g1 = own + pair and g2 = j (own - pair) for pairs, own for real poles, with real and imaginary parts stacked."""
+    lines, outputs, inputs = data.shape
     g1 = np.where(alone, own, own + pair)
     g2 = np.where(alone, 0, 1j * (own - pair))
-    functions = np.stack([g1, g2], axis=2).reshape(f.size, -1)
-    # powers of the relative frequency: only their span matters, and it is better conditioned
-    top = f[-1] or 1.0
-    with np.errstate(divide="ignore", invalid="ignore"):
-        terms = (
-            np.stack([(1j * f / top) ** power for power in powers], axis=1)
-            if powers
-            else np.zeros((f.size, 0), complex)
-        )
-    w = (np.ones(f.size) if weights is None else np.asarray(weights))[:, None]
+    functions = np.stack([g1, g2], axis=2).reshape(lines, -1)
+    w = (np.ones(lines) if weights is None else np.asarray(weights))[:, None]
 
-    def real(array: ComplexArray) -> RealArray:
+    def real(array: Array) -> RealArray:
         return np.vstack([(w * array).real, (w * array).imag])
 
-    lines, outputs, inputs = response.values.shape
-    return ModalBasis(
-        real(terms), real(functions), real(response.values.reshape(lines, -1)).reshape(2 * lines, outputs, inputs)
-    )
+    return ModalBasis(real(terms), real(functions), real(data.reshape(lines, -1)).reshape(2 * lines, outputs, inputs))
 
 
 def basis_of_samples(response: ImpulseResponse, poles: Array) -> ModalBasis:
@@ -147,6 +181,13 @@ def fit_participation(basis: ModalBasis, shapes: Array) -> tuple[ComplexArray, R
     terms = sla.solve_triangular(R[:t, :t], left.reshape(t, outputs * inputs)) if t else left
     terms = terms.reshape(t, outputs, inputs)
     return theta[::2] + 1j * theta[1::2], terms
+
+
+def fit_shapes(basis: ModalBasis, participation: Array) -> tuple[ComplexArray, RealArray]:
+    """Fit shapes to known participation rows, the other way round: shapes (l, n) and terms (t, l, m)."""
+    turned = ModalBasis(basis.terms, basis.functions, basis.data.transpose(0, 2, 1))
+    shapes, terms = fit_participation(turned, np.asarray(participation).T)
+    return shapes.T, terms.transpose(0, 2, 1)
 
 
 def _solve(known: RealArray, target: RealArray) -> RealArray:

@@ -1,0 +1,201 @@
+"""Gram blocks of the right matrix fraction H(z) = B(z) A(z)^-1 fitted by linear least squares: LSCF, known as PolyMAX.
+
+With real coefficients A_0, ..., A_p (m x m) and beta_0, ..., beta_p (one row an output) the error of output o is
+sum_j z^j beta_oj - H_o sum_j z^j A_j on the lines. Its normal equations have Toeplitz blocks: each entry depends on the difference of two
+powers only and is one value of a Fourier transform over the lines. The numerators are eliminated,
+
+    M = sum_o (T_o - S_o' R^-1 S_o),
+
+and with R = L L' the leading blocks of M for every degree, each with numerators of its own degree, follow from the rows of L^-1 S_o.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg as sla
+from numpy.typing import ArrayLike
+
+from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_count
+from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.poles import to_continuous, to_discrete
+
+__all__ = ["Fraction", "fraction", "trigonometric_sums"]
+
+#: A band that starts above this share of its end is shifted to zero, so that its lines fill the half circle.
+_SHIFTED_FROM = 0.3
+
+
+def trigonometric_sums(values: ComplexArray, angles: RealArray, lags: int) -> RealArray:
+    """Return t[k] = Re sum_f values[f] exp(j k angle_f) for k = -lags ... lags, (2 lags + 1, ...).
+
+    By one Fourier transform when the angles are consecutive multiples of a fraction of the circle, else by the sum itself.
+
+    Parameters
+    ----------
+    values : array of complex, (F, ...)
+    angles : array, (F,)
+    """
+    step = (angles[-1] - angles[0]) / max(angles.size - 1, 1)
+    length, first = (2 * np.pi / step, angles[0] / step) if step > 0 else (0.5, 0.5)
+    whole, start = round(length), round(first)
+    even = np.allclose(angles, angles[0] + step * np.arange(angles.size), rtol=0, atol=1e-9 * step * angles.size)
+    flat = values.reshape(angles.size, -1)
+    if even and abs(length - whole) < 1e-6 and abs(first - start) < 1e-6 and whole >= 2 * lags + 1:
+        padded = np.zeros((whole, flat.shape[1]), dtype=complex)
+        padded[start : start + angles.size] = flat
+        t = (np.fft.ifft(padded, axis=0).real * whole)[np.r_[whole - lags : whole, : lags + 1]]
+    else:
+        t = (np.exp(1j * np.outer(np.arange(-lags, lags + 1), angles)) @ flat).real
+    return np.asarray(t.reshape(2 * lags + 1, *values.shape[1:]))
+
+
+def fraction(
+    response: FrequencyResponse,
+    *,
+    degree: int,
+    weights: ArrayLike | None = None,
+    equal_outputs: bool = True,
+) -> Fraction:
+    """Prepare the normal equations of all degrees up to `degree`.
+
+    Parameters
+    ----------
+    response : FrequencyResponse
+        Lines of any band.
+    degree : int
+        Largest degree p of the polynomials; a model of degree p has p m poles.
+    weights : array, (F,), optional
+        Weights of the lines.
+    equal_outputs : bool
+        Divide every output by its root mean square over the band.
+
+    Raises
+    ------
+    DataError
+        Fewer lines than unknowns: 2 F l must be at least (p + 1) l + p m.
+
+    Notes
+    -----
+    Guillaume et al., A poly-reference implementation of the least-squares complex frequency-domain estimator, IMAC XXI (2003);
+    Peeters et al., The PolyMAX frequency-domain method, Shock and Vibration 11 (2004). The lines lie at z = exp(j w T), which is
+    exact for sampled systems only: for a structure's own responses the fraction is an approximation that improves with its
+    degree.
+    """
+    lines, outputs, inputs = response.values.shape
+    p = check_count("degree", degree)
+    unknowns = (p + 1) * outputs + p * inputs
+    if 2 * lines * outputs < unknowns:
+        raise DataError(
+            f"a matrix fraction of degree {p} needs 2 x lines x outputs >= (p + 1) x outputs + p x inputs = {unknowns}",
+            f"{lines} lines and {outputs} outputs give {2 * lines * outputs}",
+            "Widen the band or lower the degree.",
+        )
+    f = response.frequencies
+    low, high, rate = float(f[0]), float(f[-1]), response.sampling_rate
+    if rate is not None:
+        low, high = 0.0, rate / 2
+    elif low < _SHIFTED_FROM * high:
+        low = 0.0
+    level = np.sqrt(np.mean(np.abs(response.values) ** 2, axis=(0, 2))) if equal_outputs else np.ones(outputs)
+    return Fraction(
+        response=response,
+        degree=p,
+        base=low,
+        interval=1 / (2 * (high - low)),
+        weights=None if weights is None else np.asarray(weights, dtype=float),
+        output_scale=level,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Fraction:
+    """Normal equations of a right matrix fraction (made by `fraction`)."""
+
+    response: FrequencyResponse
+    degree: int
+    base: float
+    interval: float
+    weights: RealArray | None
+    output_scale: RealArray
+
+    @property
+    def dt(self) -> float | None:
+        """Sampling interval when the system is a sampled one; a structure's own responses give continuous poles."""
+        return self.interval if self.response.sampling_rate is not None else None
+
+    @property
+    def inputs(self) -> int:
+        """Size of the matrix polynomial A(z)."""
+        return int(self.response.values.shape[2])
+
+    @cached_property
+    def _sums(self) -> tuple[RealArray, RealArray, RealArray]:
+        """Return the Toeplitz entries of R (2p+1,), S (2p+1, l, m) and sum_o T_o (2p+1, m, m), lags -p ... p."""
+        angles = 2 * np.pi * (self.response.frequencies - self.base) * self.interval
+        w = np.ones(angles.size) if self.weights is None else self.weights**2
+        H = self.response.values / self.output_scale[:, None]
+        together = np.concatenate(
+            [
+                np.ones((angles.size, 1)),
+                -H.reshape(angles.size, -1),
+                np.einsum("foa,fob->fab", H.conj(), H, optimize=True).reshape(angles.size, -1),
+            ],
+            axis=1,
+        )
+        t = trigonometric_sums(together * w[:, None], angles, self.degree)
+        cut = 1 + self.response.values[0].size
+        lags = t.shape[0]
+        return t[:, 0], t[:, 1:cut].reshape(lags, *H.shape[1:]), t[:, cut:].reshape(lags, self.inputs, self.inputs)
+
+    @cached_property
+    def gram_blocks(self) -> tuple[RealArray, RealArray]:
+        """Return T (p+1, m, p+1, m) and U = L^-1 S (p+1, l, p+1, m), from which M of degree k is T - sum_(i <= k) U_i' U_i."""
+        r, s, t = self._sums
+        p, n = self.degree, self.degree + 1
+        lag = np.arange(n)[None, :] - np.arange(n)[:, None] + p  # entry (i, j) depends on j - i
+        L = np.linalg.cholesky(r[lag])
+        S, T = s[lag], t[lag]  # (n, n, l, m), (n, n, m, m)
+        U = sla.solve_triangular(L, S.transpose(0, 2, 1, 3).reshape(n, -1), lower=True, check_finite=False)
+        return T.transpose(0, 2, 1, 3), U.reshape(n, s.shape[1], n, self.inputs)
+
+    @cached_property
+    def gram_matrices(self) -> tuple[RealArray, ...]:
+        """Return M of every degree 0 ... p, ((k + 1) m square): the Gram matrix of the data without what numerators explain."""
+        T, U = self.gram_blocks
+        m, n = self.inputs, self.degree + 1
+        running = T.reshape(n * m, n * m).copy()
+        found = []
+        for k in range(n):
+            rows = U[k].reshape(-1, n * m)
+            running -= rows.T @ rows
+            found.append(running[: (k + 1) * m, : (k + 1) * m].copy())
+        return tuple(found)
+
+    def to_s(self, poles: Array) -> ComplexArray:
+        """Continuous poles, rad/s, of roots of A(z)."""
+        z = np.asarray(poles, dtype=complex)
+        upper = to_continuous(np.where(z.imag < 0, z.conj(), z), self.interval) + 2j * np.pi * self.base
+        return np.where(z.imag < 0, upper.conj(), upper)
+
+    def from_s(self, poles: Array) -> ComplexArray:
+        """Roots of A(z) from continuous poles."""
+        s = np.asarray(poles, dtype=complex)
+        upper = to_discrete(np.where(s.imag < 0, s.conj(), s) - 2j * np.pi * self.base, self.interval)
+        return np.where(s.imag < 0, upper.conj(), upper)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a result made from this matrix must say: nothing."""
+        return ()
+
+    def describe(self) -> str:
+        """Say what the normal equations are, in words."""
+        f = self.response.frequencies
+        kind = "exact for a sampled system" if self.dt is not None else "approximate for a continuous structure"
+        moved = f", counted from {self.base:g} Hz" if self.base else ""
+        weighted = ", weighted lines" if self.weights is not None else ""
+        lines = f"{f.size} lines, {f[0]:g} to {f[-1]:g} Hz{moved}"
+        return f"right matrix fraction to degree {self.degree} on {lines}, z = exp(j w T), {kind}{weighted}"

@@ -1,0 +1,176 @@
+"""What block matrices have in common whose columns are lines: weights, real columns, one exact triangular factor.
+
+The matrix is wide (lines times inputs); a triangular factor of as many columns as rows has the same left factor, singular values
+and products, and stands in for it. The right factor, rows over lines, is brought back where it is asked for.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg as sla
+from numpy.typing import ArrayLike
+
+from modalscope.blocks.factor import Factors
+from modalscope.blocks.matrix import RowShift
+from modalscope.blocks.operators import DenseMatrix
+from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, real_array
+from modalscope.model.frequency import FrequencyResponse
+
+__all__ = ["LineMatrix", "line_weights", "real_columns"]
+
+
+def line_weights(response: FrequencyResponse, weights: str | ArrayLike | None) -> RealArray | None:
+    """Return one positive weight a line.
+
+    Parameters
+    ----------
+    response : FrequencyResponse
+    weights : array (F,), {"variance", "coherence", "level"} or None
+        1 / standard deviation of the estimate averaged over channels; from coherence g2 by
+        var = |H|^2 (1 - g2) / g2; or the inverse of the root mean square level of the response, which makes weak modes count.
+    """
+    if weights is None:
+        return None
+    if not isinstance(weights, str):
+        array = real_array("weights", weights, "(lines,)", 1)
+        if array.size != response.lines or np.any(array <= 0):
+            raise DataError(
+                f"weights needs {response.lines} positive entries",
+                f"it has {array.size}, the smallest {array.min():g}",
+                "Give one a line.",
+            )
+        return array
+    power = np.mean(np.abs(response.values) ** 2, axis=(1, 2))
+    if weights == "level":
+        variance = power
+    elif weights == "variance" and response.variance is not None:
+        variance = np.mean(response.variance, axis=(1, 2))
+    elif weights == "coherence" and response.coherence is not None:
+        g2 = np.clip(response.coherence.reshape(response.lines, -1), 1e-6, 1)
+        variance = power * np.mean((1 - g2) / g2, axis=1)
+    else:
+        have = [name for name in ("variance", "coherence") if getattr(response, name) is not None]
+        raise DataError(
+            f"weights={weights!r} was asked",
+            f"the response carries {' and '.join(have) or 'neither variance nor coherence'}",
+            "Use weights='level', give one a line, or None.",
+        )
+    floor = 1e-6 * variance.max()
+    return np.asarray(np.sqrt(variance.max() / np.maximum(variance, floor))) if floor > 0 else None
+
+
+def real_columns(columns: ComplexArray, weights: Array | None) -> RealArray:
+    """Return weighted functions of the lines, (F, k) -> (2 F, k): real parts, then imaginary parts."""
+    weighted = columns if weights is None else columns * weights[:, None]
+    return np.vstack([weighted.real, weighted.imag])
+
+
+class LineMatrix:
+    """A block matrix whose columns are lines, real and imaginary parts side by side, input by input.
+
+    A concrete matrix gives `inputs`, `outputs`, `columns_array`, `column_functions`, `kept_rows` and `full_shift`.
+    """
+
+    row_shifts: tuple[int, ...] | None
+
+    @property
+    def outputs(self) -> int:
+        """Rows of a block."""
+        raise NotImplementedError
+
+    @property
+    def inputs(self) -> int:
+        """Columns of a line."""
+        raise NotImplementedError
+
+    def columns_array(self, i: int) -> RealArray:
+        """Return all block rows for input i, transposed: (2 F, l (q + 1))."""
+        raise NotImplementedError
+
+    def column_functions(self, poles: Array) -> ComplexArray:
+        """Return what runs along the columns of one input for modes at these poles: (2 F, k)."""
+        raise NotImplementedError
+
+    @property
+    def block_rows(self) -> int:
+        """Block rows below the last: q."""
+        raise NotImplementedError
+
+    @property
+    def full_shift(self) -> RowShift:
+        """E0 and E1 on all q + 1 block rows."""
+        raise NotImplementedError
+
+    @cached_property
+    def triangle(self) -> RealArray:
+        """L (l (q + 1), k): the matrix times an orthonormal matrix, its exact stand-in, input by input."""
+        R = np.zeros((0, self.outputs * (self.block_rows + 1)))
+        for i in range(self.inputs):
+            whole = np.vstack([R, self.columns_array(i)])
+            R = whole
+            if whole.shape[0] > whole.shape[1]:
+                R = sla.qr(whole, mode="r", overwrite_a=True, check_finite=False)[0][: whole.shape[1]]
+        return np.ascontiguousarray(R.T)
+
+    @property
+    def kept_rows(self) -> IntArray:
+        """Rows of the q block rows that H(0) and H(1) keep: all, unless block rows were chosen."""
+        blocks = np.arange(self.block_rows) if self.row_shifts is None else np.asarray(self.row_shifts)
+        return (blocks[:, None] * self.outputs + np.arange(self.outputs)).ravel()
+
+    def shifted(self, k: int) -> DenseMatrix:
+        """Return H(k): E0 and E1 applied to the triangular factor."""
+        part = self.full_shift.split(self.triangle)[k]
+        return DenseMatrix(part if self.row_shifts is None else part[self.kept_rows])
+
+    def tall(self) -> DenseMatrix:
+        """Return all q + 1 block rows."""
+        self._need_all_rows()
+        return DenseMatrix(self.triangle)
+
+    @property
+    def row_shift(self) -> RowShift:
+        """E0 and E1."""
+        self._need_all_rows()
+        return self.full_shift
+
+    def _need_all_rows(self) -> None:
+        if self.row_shifts is not None:
+            raise DataError(
+                "a shift of the rows was asked",
+                f"of the block rows only {', '.join(map(str, self.row_shifts))} are kept: no row follows from its neighbours",
+                "Use method='era' or 'least_squares', or leave row_shifts out.",
+            )
+
+    def first_block_column(self, *, tall: bool = False) -> None:
+        """None: the columns are lines."""
+        return
+
+    def first_columns(self, factors: Factors) -> None:
+        """None: the columns are lines; B and D come from least squares over them."""
+        return
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Nothing that a result made from this matrix must say."""
+        return ()
+
+    def block_indices(self, count: int) -> IntArray:
+        """Return which block rows a left factor of `count` blocks stands for."""
+        return np.arange(count) if self.row_shifts is None else np.asarray(self.row_shifts)
+
+    def right_factor(self, factors: Factors) -> RealArray:
+        """Return Q (m, 2 F, k): the right vectors over the lines of every input, H' P d^-1; kept for the factors last asked."""
+        last: tuple[Factors, RealArray] | None = self.__dict__.get("_right")
+        if last is None or last[0] is not factors:
+            n = max(min(factors.rank, factors.d.size), 1)
+            rows = factors.P.shape[0]
+            everything = rows == self.outputs * (self.block_rows + 1)
+            kept = np.arange(rows) if everything else self.kept_rows
+            back = factors.P[:, :n] / factors.d[:n]
+            Q = np.stack([self.columns_array(i)[:, kept] @ back for i in range(self.inputs)])
+            last = (factors, Q)
+            self.__dict__["_right"] = last
+        return last[1]

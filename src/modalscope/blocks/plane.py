@@ -1,0 +1,84 @@
+"""Where the lines of a response lie: the s-plane, scaled to the band, or a z-plane."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
+from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.poles import to_continuous, to_discrete
+
+__all__ = ["Plane", "plane_of"]
+
+
+@dataclass(frozen=True)
+class Plane:
+    """The plane in which the polynomials live: where a line lies, and how poles go back to rad/s.
+
+    Parameters
+    ----------
+    name : str
+        In words.
+    point : callable
+        Frequencies in Hz -> points x.
+    to_s, from_s : callable
+        Poles of the realization -> rad/s, and back.
+    dt : float or None
+        Sampling interval when x = exp(j w dt).
+    scale : float or None
+        s / x in the s-plane, 1 for the exponential, None for the bilinear map.
+    """
+
+    name: str
+    point: Callable[[RealArray], ComplexArray]
+    to_s: Callable[[Array], ComplexArray]
+    from_s: Callable[[Array], ComplexArray]
+    dt: float | None = None
+    scale: float | None = None
+
+
+def plane_of(domain: str, response: FrequencyResponse) -> Plane:
+    """Return the plane of a domain: s scaled to the band, z by the exponential for sampled responses, else the bilinear map.
+
+    The bilinear map z = (1 + s T/2) / (1 - s T/2), T = 2 / w_max, is exact for continuous responses, the exponential is not.
+    """
+    top = 2 * np.pi * float(response.frequencies[-1])
+    rate = response.sampling_rate
+    if domain == "s":
+        if rate is not None:
+            raise DataError(
+                "domain='s' was asked",
+                f"the response is that of a system sampled at {rate:g} Hz, which is no rational function of j w",
+                "Use domain='z', or leave sampling_rate out when the response is that of the structure itself.",
+            )
+        scale = top or 1.0
+        return Plane(
+            f"s-plane, scaled by {top / 2 / np.pi:g} Hz",
+            lambda f: 2j * np.pi * f / scale,
+            lambda x: np.asarray(x, dtype=complex) * scale,
+            lambda s: np.asarray(s, dtype=complex) / scale,
+            scale=scale,
+        )
+    if rate is not None:
+        dt = 1 / rate
+        return Plane(
+            "z-plane, exponential",
+            lambda f: np.exp(2j * np.pi * f * dt),
+            lambda z: to_continuous(z, dt),
+            lambda s: to_discrete(s, dt),
+            dt,
+            1.0,
+        )
+    half = 1 / (top or 1.0)
+
+    def into(s: Array) -> ComplexArray:
+        return np.asarray((1 + np.asarray(s) * half) / (1 - np.asarray(s) * half), dtype=complex)
+
+    def back(z: Array) -> ComplexArray:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray((np.asarray(z) - 1) / (np.asarray(z) + 1) / half, dtype=complex)
+
+    return Plane("z-plane, bilinear map", lambda f: into(2j * np.pi * f), back, into)
