@@ -42,6 +42,13 @@ def mac(a: ModalModel | ArrayLike, b: ModalModel | ArrayLike | None = None, ax: 
     ------
     DataError
         Shapes of different channels.
+
+    Examples
+    --------
+    >>> from modalscope.systems import chain5
+    >>> ax = mac(chain5().modes())
+    >>> ax.get_title(loc="left"), len(ax.texts)
+    ('MAC', 25)
     """
     ax = new_axes(ax, (7.2, 6.4))
     if isinstance(a, ModalModel) and isinstance(b, ModalModel) and a.output_dofs != b.output_dofs:
