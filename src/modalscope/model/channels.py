@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
-from modalscope.model.checks import Array, DataError, check_choice, freeze
+from modalscope.model.checks import DataError, check_choice, freeze
 from modalscope.model.geometry import Geometry
 from modalscope.model.labels import DofLike, check_labels, indices_of
 
@@ -141,5 +141,5 @@ class Channels:
             raise DataError("a choice of channels needs at least one output", "none is left", "Exclude fewer channels.")
         return replace(self, **self._cut(rows, columns), **self._arrays(rows, columns))
 
-    def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Array | None]:
+    def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
         raise NotImplementedError

@@ -121,7 +121,7 @@ class FrequencyResponse(Channels):
 
     def at_lines(self, lines: slice | Array) -> FrequencyResponse:
         """Return the response at some of its lines, given by index."""
-        cut = {
+        cut: dict[str, Any] = {
             name: None if (a := getattr(self, name)) is None else a[lines]
             for name in ("values", "frequencies", "coherence", "variance")
         }
@@ -173,9 +173,10 @@ class FrequencyResponse(Channels):
         bins = self.frequencies / step
         whole = np.rint(bins).astype(int)
         if np.max(np.abs(bins - whole)) > 1e-3 or np.any(np.diff(whole) != 1):
+            steps = np.diff(self.frequencies)
             raise DataError(
                 "an inverse transform needs equally spaced lines on multiples of their spacing",
-                f"they start at {self.frequencies[0]:g} Hz with steps from {np.diff(self.frequencies).min():g} to {np.diff(self.frequencies).max():g} Hz",
+                f"they start at {self.frequencies[0]:g} Hz with steps from {steps.min():g} to {steps.max():g} Hz",
                 "Use a frequency-domain method (domain='s' or 'z'), which takes any lines.",
             )
         spectrum = np.zeros((whole[-1] + 1, *self.values.shape[1:]), dtype=complex)
@@ -203,11 +204,11 @@ class FrequencyResponse(Channels):
             ),
         )
 
-    def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Array | None]:
+    def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
         def cut(array: Array | None) -> Any:
             if array is None:
                 return None
-            return array[:, outputs] if array.ndim == 2 else array[(slice(None), *np.ix_(outputs, inputs))]
+            return array[:, outputs] if array.ndim == 2 else array[:, outputs][:, :, inputs]
 
         return {"values": cut(self.values), "coherence": cut(self.coherence), "variance": cut(self.variance)}
 

@@ -67,8 +67,8 @@ class Geometry:
 
     nodes: tuple[str, ...]
     coordinates: RealArray
-    lines: IntArray = field(default=None)  # type: ignore[assignment]
-    faces: IntArray = field(default=None)  # type: ignore[assignment]
+    lines: IntArray = field(default=None)  # type: ignore[arg-type]
+    faces: IntArray = field(default=None)  # type: ignore[arg-type]
     motions: Mapping[str, tuple[Motion, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.model.channels import KINDS, Channels, check_quantity
 from modalscope.model.checks import (
-    Array,
+    ComplexArray,
     DataError,
     RealArray,
     check_choice,
@@ -108,17 +108,17 @@ class ImpulseResponse(Channels):
         """
         from modalscope.model.frequency import FrequencyResponse
 
-        lines = (
-            np.fft.rfftfreq(self.samples + 1, 1 / self.sampling_rate)
-            if frequencies is None
-            else np.asarray(frequencies, dtype=float)
-        )
         held = self.kind == "pulse"
+        if frequencies is None:
+            length = self.samples + 1
+            lines = np.fft.rfftfreq(length, 1 / self.sampling_rate)
+            values = np.fft.rfft(self.values, n=length, axis=0)
+        else:
+            lines = real_array("frequencies", frequencies, "(lines,)", 1)
+            values = self._transformed(lines)
         delay = self.first_sample + (1 if held else 0)
-        steps = np.arange(self.samples) + delay
-        transform = np.exp(-2j * np.pi * np.outer(lines, steps) / self.sampling_rate)
-        scale = 1.0 if held else 1 / self.sampling_rate
-        values = scale * np.tensordot(transform, self.values, axes=1)
+        shift = np.exp(-2j * np.pi * lines * delay / self.sampling_rate) * (1 if held else 1 / self.sampling_rate)
+        values = values * shift[:, None, None]
         if self.feedthrough is not None:
             values = values + self.feedthrough
         return FrequencyResponse(
@@ -133,9 +133,19 @@ class ImpulseResponse(Channels):
             processing=(*self.processing, f"transformed from {self.samples} samples of a {self.kind} response"),
         )
 
-    def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Array | None]:
+    def _transformed(self, lines: RealArray) -> ComplexArray:
+        """Return sum_k values[k] exp(-2 pi j f k / fs) on any lines, a few at a time."""
+        steps = np.arange(self.samples) / self.sampling_rate
+        values = np.empty((lines.size, *self.values.shape[1:]), dtype=complex)
+        few = max(1, 4_000_000 // self.samples)  # 64 MB of exponentials
+        for first in range(0, lines.size, few):
+            rows = slice(first, first + few)
+            values[rows] = np.tensordot(np.exp(-2j * np.pi * np.outer(lines[rows], steps)), self.values, axes=1)
+        return values
+
+    def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
         cut = np.ix_(outputs, inputs)
         return {
-            "values": np.ascontiguousarray(self.values[(slice(None), *cut)]),
+            "values": np.ascontiguousarray(self.values[:, cut[0], cut[1]]),
             "feedthrough": None if self.feedthrough is None else self.feedthrough[cut],
         }

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from numbers import Integral
+from typing import Any, NamedTuple
 
 from modalscope.model.checks import DataError
 
@@ -85,16 +86,17 @@ def check_labels(name: str, dofs: Iterable[DofLike] | None, count: int, prefix: 
 
 def indices_of(name: str, wanted: Iterable[DofLike] | DofLike, labels: Sequence[str]) -> list[int]:
     """Return the positions of channels given by label, or by index when they are whole numbers."""
-    items = [wanted] if isinstance(wanted, str | int) else list(wanted)  # type: ignore[arg-type]
+    items: list[Any] = [wanted] if isinstance(wanted, str | int | Dof) else list(wanted)
+    positions = {label: i for i, label in enumerate(labels)}
     found = []
     for item in items:
-        if isinstance(item, int) and 0 <= item < len(labels):
-            found.append(item)
+        if isinstance(item, Integral) and 0 <= int(item) < len(labels):
+            found.append(int(item))
             continue
-        label = label_of(item)  # type: ignore[arg-type]
-        if label not in labels:
+        label = label_of(item)
+        if label not in positions:
             raise DataError(
                 f"{name} {label!r} was asked", f"there are only {', '.join(labels)}", "Name one of these channels."
             )
-        found.append(labels.index(label))
+        found.append(positions[label])
     return found

@@ -11,12 +11,12 @@ from numpy.typing import ArrayLike
 
 from modalscope.model.channels import Channels, check_quantity, derivatives_between
 from modalscope.model.checks import (
-    Array,
     ComplexArray,
     DataError,
     RealArray,
     check_choice,
     check_count,
+    check_positive,
     complex_array,
     freeze,
     real_array,
@@ -28,6 +28,8 @@ from modalscope.model.poles import frequencies_and_damping, pole_kinds, to_discr
 __all__ = ["NORMALIZATIONS", "ModalModel"]
 
 NORMALIZATIONS = ("unit", "max", "mass", "none")
+
+_DIRECT = ("feedthrough", "lower_residual", "upper_residual")
 
 _PER_MODE = ("frequencies_spread", "damping_ratios_spread", "frequencies_std", "damping_ratios_std")
 
@@ -108,10 +110,7 @@ class ModalModel(Channels):
                 f"participation has shape {part.shape}",
                 "Transpose or complete it.",
             )
-        direct = {
-            name: None if (a := getattr(self, name)) is None else real_array(name, a, "(outputs, inputs)", 2)
-            for name in ("feedthrough", "lower_residual", "upper_residual")
-        }
+        direct = {name: self._direct(name, (len(shapes), None if part is None else part.shape[1])) for name in _DIRECT}
         if len(self.reasons) not in (0, n):
             raise DataError(f"{n} modes need {n} reasons or none", f"there are {len(self.reasons)}", "Give one a mode.")
         freeze(
@@ -126,6 +125,19 @@ class ModalModel(Channels):
             quantity=check_quantity(self.quantity),
         )
         self._label(shapes.shape[0], 0 if part is None else part.shape[1])
+
+    def _direct(self, name: str, channels: tuple[int, int | None]) -> RealArray | None:
+        if getattr(self, name) is None:
+            return None
+        array = real_array(name, getattr(self, name), "(outputs, inputs)", 2)
+        outputs, inputs = channels
+        if array.shape != (outputs, array.shape[1] if inputs is None else inputs):
+            raise DataError(
+                f"{name} needs one entry for each of {outputs} outputs and {inputs} inputs",
+                f"its shape is {array.shape}",
+                "Transpose or complete it.",
+            )
+        return array
 
     def _a_mode(self, name: str, values: ArrayLike | None) -> RealArray | None:
         if values is None:
@@ -165,12 +177,13 @@ class ModalModel(Channels):
         """Return some of the modes, by index."""
         index = np.atleast_1d(np.asarray(modes))
         index = np.flatnonzero(index) if index.dtype == bool else index.astype(int)
+        known = {name: getattr(self, name) for name in ("participation", *_PER_MODE)}
+        kept: dict[str, Any] = {name: None if values is None else values[index] for name, values in known.items()}
         return replace(
             self,
             poles=self.poles[index],
             shapes=self.shapes[:, index],
-            participation=None if self.participation is None else self.participation[index],
-            **{name: None if (a := getattr(self, name)) is None else a[index] for name in _PER_MODE},
+            **kept,
             indicators={name: values[index] for name, values in self.indicators.items()},
             reasons=tuple(self.reasons[i] for i in index) if self.reasons else (),
         )
@@ -236,10 +249,17 @@ class ModalModel(Channels):
     ) -> ImpulseResponse:
         """Return sum_j phi_j exp(s_j (k + first_sample) dt) l_j' and conjugates, k = 0 ... samples - 1."""
         part = self._need_participation("an impulse response")
-        rate = sampling_rate or (None if self.dt is None else 1 / self.dt)
+        own = None if self.dt is None else 1 / self.dt
+        rate = own if sampling_rate is None else check_positive("sampling_rate", sampling_rate)
         if rate is None:
             raise DataError(
                 "an impulse response was asked", "the modes are of a continuous system", "Give sampling_rate."
+            )
+        if self.held_input and own is not None and not np.isclose(rate, own, rtol=1e-9):
+            raise DataError(
+                f"a pulse response at {rate:g} Hz was asked",
+                f"the participation is that of an input held at {own:g} Hz",
+                "Leave sampling_rate out.",
             )
         steps = np.arange(check_count("samples", samples)) + first_sample
         decay = np.exp(np.outer(steps / rate, self.poles)) * self._weights()
@@ -346,13 +366,10 @@ class ModalModel(Channels):
         )
 
     def _cut(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
-        direct = {
-            name: None if (a := getattr(self, name)) is None else a[np.ix_(outputs, inputs)]
-            for name in ("feedthrough", "lower_residual", "upper_residual")
-        }
+        direct = {name: None if (a := getattr(self, name)) is None else a[np.ix_(outputs, inputs)] for name in _DIRECT}
         return {**Channels._cut(self, outputs, inputs), **direct}
 
-    def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Array | None]:
+    def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
         return {
             "shapes": self.shapes[outputs],
             "participation": None if self.participation is None else self.participation[:, inputs],

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.model.channels import Channels, check_quantity
-from modalscope.model.checks import Array, DataError, RealArray, check_positive, freeze, real_array
+from modalscope.model.checks import DataError, RealArray, check_positive, freeze, real_array
 
 __all__ = ["Signals"]
 
@@ -108,6 +108,6 @@ class Signals(Channels):
     def _cut(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
         return {**Channels._cut(self, outputs, inputs), "quantities": tuple(self.quantities[i] for i in outputs)}
 
-    def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Array | None]:
+    def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
         chosen = None if self.inputs is None or not inputs else np.ascontiguousarray(self.inputs[..., inputs])
         return {"outputs": np.ascontiguousarray(self.outputs[..., outputs]), "inputs": chosen}
