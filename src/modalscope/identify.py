@@ -163,7 +163,7 @@ def indicators_of(pipeline: Pipeline, order: int, modes: Eigenmodes) -> dict[str
     """Return the accuracy indicators of the modes of one order; those that the structure of the data matrix does not give are left out."""
     found: dict[str, RealArray] = {}
     matrix, realization = pipeline.matrix, pipeline.realization
-    if not realization.canonical:
+    if not realization.canonical and not isinstance(matrix, Fraction):
         vectors, rows, shapes, participation = modes.vectors, modes.rows, modes.shapes, modes.participation
         if pipeline.dual:
             vectors, rows, shapes, participation = rows.T, vectors.T, participation.T, shapes.T
@@ -171,12 +171,12 @@ def indicators_of(pipeline: Pipeline, order: int, modes: Eigenmodes) -> dict[str
         inner = column_side(matrix, realization, order, modes.own, rows, participation)
         if pipeline.dual:
             outer, inner = inner, outer
-        if inner is not None:
-            found["amplitude_coherence"] = inner[1]
-        elif outer is not None:
-            found["amplitude_coherence"] = outer[1]
+        # where the columns say nothing (NaN, or None for all) the rows alone speak
+        sides = [side for side in (inner, outer) if side is not None]
+        if sides:
+            found["amplitude_coherence"] = _first_number(*(coherence for _, coherence in sides))
         if outer is not None:
-            found["emac"] = outer[0] if inner is None else outer[0] * inner[0]
+            found["emac"] = outer[0] * (1 if inner is None else np.where(np.isnan(inner[0]), 1, inner[0]))
             found["emaco"] = outer[0]
     collinear = mpc(modes.shapes)
     for group in clusters(modes.poles):
@@ -191,6 +191,12 @@ def indicators_of(pipeline: Pipeline, order: int, modes: Eigenmodes) -> dict[str
     found["msv"] = strength / strength.max() if strength.size and strength.max() > 0 else strength
     found["mpd"] = mpd(modes.shapes)
     return found
+
+
+def _first_number(first: RealArray, *others: RealArray) -> RealArray:
+    for other in others:
+        first = np.where(np.isnan(first), other, first)
+    return first
 
 
 def _highest(response: FrequencyResponse | ImpulseResponse) -> float:
@@ -315,7 +321,7 @@ def identify(
     """
     if order is None:
         probe = build(data, method=method, domain=domain, order=options.pop("largest_order", 60), **options)
-        order = recommend_order(probe.factors, probe.matrix).order
+        order = recommend_order(probe.factors).order
     pipeline = build(data, method=method, domain=domain, order=order, **options)
     return assemble(pipeline, order)
 

@@ -20,6 +20,12 @@ from modalscope.model.frequency import FrequencyResponse
 
 __all__ = ["LineMatrix", "line_weights", "real_columns"]
 
+#: So many lines of each input are compared for the indicators of the columns.
+_COMPARED = 1000
+
+#: Below this share the elimination takes a mode for a polynomial, to rounding: its columns say nothing.
+_SEEN = 1e-8
+
 
 def line_weights(response: FrequencyResponse, weights: str | ArrayLike | None) -> RealArray | None:
     """Return one positive weight a line.
@@ -93,6 +99,15 @@ class LineMatrix:
         """Return what runs along the columns of one input for modes at these poles: (2 F, k)."""
         raise NotImplementedError
 
+    def residue_scale(self, poles: Array) -> ComplexArray:
+        """Return participation as the columns have it for one of a mode: (k,)."""
+        raise NotImplementedError
+
+    @property
+    def level(self) -> RealArray:
+        """Size of the response on every line, (F,)."""
+        raise NotImplementedError
+
     @property
     def block_rows(self) -> int:
         """Block rows below the last: q."""
@@ -161,8 +176,17 @@ class LineMatrix:
         """Return which block rows a left factor of `count` blocks stands for."""
         return np.arange(count) if self.row_shifts is None else np.asarray(self.row_shifts)
 
+    @cached_property
+    def compared_lines(self) -> IntArray:
+        """Lines on which the right factor is compared with what modes must be: all, of many some evenly and the strongest."""
+        level = self.level
+        if level.size <= _COMPARED:
+            return np.arange(level.size)
+        evenly = np.linspace(0, level.size - 1, _COMPARED // 2).astype(int)
+        return np.union1d(evenly, np.argsort(-level, kind="stable")[: _COMPARED // 2])
+
     def right_factor(self, factors: Factors) -> RealArray:
-        """Return Q (m, 2 F, k): the right vectors over the lines of every input, H' P d^-1; kept for the factors last asked."""
+        """Return rows of Q (m, 2 F', k), H' P d^-1, of every input on the lines that are compared; kept for the factors last asked."""
         last: tuple[Factors, RealArray] | None = self.__dict__.get("_right")
         if last is None or last[0] is not factors:
             n = max(min(factors.rank, factors.d.size), 1)
@@ -170,7 +194,19 @@ class LineMatrix:
             everything = rows == self.outputs * (self.block_rows + 1)
             kept = np.arange(rows) if everything else self.kept_rows
             back = factors.P[:, :n] / factors.d[:n]
-            Q = np.stack([self.columns_array(i)[:, kept] @ back for i in range(self.inputs)])
-            last = (factors, Q)
+            lines = self._both_parts
+            last = (factors, np.stack([self.columns_array(i)[lines][:, kept] @ back for i in range(self.inputs)]))
             self.__dict__["_right"] = last
         return last[1]
+
+    def compared_functions(self, poles: Array) -> tuple[ComplexArray, Array]:
+        """Return `column_functions` on the lines that are compared, and whether rounding leaves enough of each to compare."""
+        return self.column_functions(poles)[self._both_parts], self.seen_share(poles) > _SEEN
+
+    def seen_share(self, poles: Array) -> RealArray:
+        """Return the share of each mode's function that is left beside the eliminated terms, 0 to 1."""
+        raise NotImplementedError
+
+    @property
+    def _both_parts(self) -> IntArray:
+        return np.concatenate([self.compared_lines, self.level.size + self.compared_lines])

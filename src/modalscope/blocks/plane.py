@@ -30,6 +30,8 @@ class Plane:
         Sampling interval when x = exp(j w dt).
     scale : float or None
         s / x in the s-plane, 1 for the exponential, None for the bilinear map.
+    residue_scale : callable
+        Poles in this plane -> residue of 1 / (x - x_j) for one of 1 / (s - s_j), or of the sampled system.
     """
 
     name: str
@@ -38,6 +40,7 @@ class Plane:
     from_s: Callable[[Array], ComplexArray]
     dt: float | None = None
     scale: float | None = None
+    residue_scale: Callable[[Array], ComplexArray] = np.ones_like
 
 
 def plane_of(domain: str, response: FrequencyResponse) -> Plane:
@@ -61,6 +64,7 @@ def plane_of(domain: str, response: FrequencyResponse) -> Plane:
             lambda x: np.asarray(x, dtype=complex) * scale,
             lambda s: np.asarray(s, dtype=complex) / scale,
             scale=scale,
+            residue_scale=lambda x: np.full(np.shape(x), 1 / scale, dtype=complex),
         )
     if rate is not None:
         dt = 1 / rate
@@ -81,4 +85,10 @@ def plane_of(domain: str, response: FrequencyResponse) -> Plane:
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray((np.asarray(z) - 1) / (np.asarray(z) + 1) / half, dtype=complex)
 
-    return Plane("z-plane, bilinear map", lambda f: into(2j * np.pi * f), back, into)
+    def residue_scale(z: Array) -> ComplexArray:
+        # 1 / (s - s_j) = constant + (T / 4) (1 + z_j)^2 / (z - z_j)
+        return np.asarray(half / 2 * (1 + np.asarray(z)) ** 2, dtype=complex)
+
+    return Plane(
+        "z-plane, bilinear map", lambda f: into(2j * np.pi * f), back, into, residue_scale=residue_scale
+    )

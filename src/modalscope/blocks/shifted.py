@@ -236,6 +236,23 @@ class Shifted(LineMatrix):
         w = (self.line_weights / np.sqrt(self.window))[:, None]
         return np.vstack([w * (g + mirrored) / 2, w * (g - mirrored) / 2j])
 
+    def seen_share(self, poles: Array) -> RealArray:
+        """1: nothing is eliminated."""
+        return np.ones(len(poles))
+
+    def residue_scale(self, poles: Array) -> ComplexArray:
+        """Participation at the first sample for that at the impulse: z^(steps between them), (k,)."""
+        late = self.response.first_sample if isinstance(self.response, ImpulseResponse) else 0
+        power = np.asarray(poles, dtype=complex) ** late
+        if isinstance(self.response, FrequencyResponse):  # periodised: B' = (I - A^M)^-1 B
+            power = power / (1 - np.asarray(poles) ** (len(self.samples) + 1))
+        return power
+
+    @property
+    def level(self) -> RealArray:
+        """Size of the response on every line, (F,)."""
+        return np.asarray(np.linalg.norm(self.transformed(self.samples), axis=(1, 2)))
+
     @property
     def full_shift(self) -> RowShift:
         """E0 drops the last block, E1 the first."""

@@ -208,10 +208,27 @@ class Transfer(LineMatrix):
         The state x follows from [Re X, Im X] with X(x_i) = (x_i I - A)^-1 B, so that a modal coordinate has the columns
         (g(x) + g(x*)) / 2 and (g(x) - g(x*)) / 2j with g = 1 / (x - s_j).
         """
+        return self._project(self._functions(poles))
+
+    def _functions(self, poles: Array) -> ComplexArray:
         x = self.plane.point(self.response.frequencies)[:, None]
         g, mirrored = 1 / (x - poles), 1 / (x.conj() - poles)
         w = 1.0 if self.weights is None else self.weights[:, None]
-        return self._project(np.vstack([w * (g + mirrored) / 2, w * (g - mirrored) / 2j]))
+        return np.vstack([w * (g + mirrored) / 2, w * (g - mirrored) / 2j])
+
+    def seen_share(self, poles: Array) -> RealArray:
+        """Return the share of each mode's function that is left beside the eliminated terms, 0 to 1."""
+        whole = self._functions(poles)
+        return np.asarray(np.linalg.norm(self._project(whole), axis=0) / np.linalg.norm(whole, axis=0))
+
+    def residue_scale(self, poles: Array) -> ComplexArray:
+        """Participation in this plane for participation of the modes: (k,)."""
+        return np.asarray(self.plane.residue_scale(poles), dtype=complex)
+
+    @property
+    def level(self) -> RealArray:
+        """Size of the scaled response on every line, (F,)."""
+        return np.asarray(np.linalg.norm(self.response.values / self.output_scale[:, None], axis=(1, 2)))
 
     @property
     def full_shift(self) -> RowShift:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from modalscope.blocks.lines import LineMatrix
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.indicators import amplitude_coherence, decay_step, emac_channels, weighted_mean
 from modalscope.model.checks import Array, ComplexArray, RealArray
@@ -57,10 +58,44 @@ def row_side(
 def column_side(
     matrix: DataMatrix, realization: Realization, n: int, poles: Array, rows: Array, participation: Array
 ) -> tuple[RealArray, RealArray] | None:
-    """Return the same for the column factor W = d^1/2 Q' against b_j z^k; None where columns are lines or not whole blocks."""
+    """Return the same for the column factor W = d^1/2 Q' against b_j z^k, on lines b_j / (x_i - s_j); None where blocks are not whole.
+
+    Parameters
+    ----------
+    rows : array of complex, (k, n)
+        Rows of the inverse of the eigenvectors.
+    participation : array of complex, (k, m)
+    """
+    if isinstance(matrix, LineMatrix):
+        return _line_side(matrix, realization, n, poles, rows, participation)
     factors, inputs = realization.factors, participation.shape[1]
     count, rest = divmod(factors.Q.shape[0], inputs)
     if not getattr(matrix, "whole", False) or rest or getattr(matrix, "column_weights", None) is not None:
         return None
     W = (factors.Q[:, :n] * factors.d[:n] ** (1 - realization.row_power)).reshape(count, inputs, n)
     return _side(W, participation.T, matrix.evolution(poles, count), np.asarray(rows).T)
+
+
+def _line_side(
+    matrix: LineMatrix, realization: Realization, n: int, poles: Array, rows: Array, participation: Array
+) -> tuple[RealArray, RealArray]:
+    """Return EMAC and amplitude coherence of the rows over the lines against b_j / (x_i - s_j), without what was eliminated.
+
+    NaN for a mode that the elimination leaves nothing of. There is no last block: EMAC is the agreement on every line at +w and -w, weighted by the expected amplitude.
+    """
+    factors = realization.factors
+    right = matrix.right_factor(factors)[:, :, :n] * factors.d[:n] ** (1 - realization.row_power)
+    found = np.einsum("ifn,kn->ifk", right, rows, optimize=True)
+    functions, seen = matrix.compared_functions(poles)
+    expected = functions * matrix.residue_scale(poles) * participation.T[:, None, :]
+    found, expected = (_at_both_signs(part) for part in (found, expected))
+    flat, ideal = found.reshape(-1, len(rows)), expected.reshape(-1, len(rows))
+    emac = weighted_mean(emac_channels(flat, ideal), ideal)
+    coherence = amplitude_coherence(flat[None], ideal, np.ones((1, len(rows))))
+    return np.where(seen, emac, np.nan), np.where(seen, coherence, np.nan)
+
+
+def _at_both_signs(columns: ComplexArray) -> ComplexArray:
+    """Turn columns of real and imaginary parts (m, 2 F, k) into the values at +w and -w."""
+    real, imaginary = np.split(columns, 2, axis=1)
+    return np.concatenate([real + 1j * imaginary, real - 1j * imaginary], axis=1)
