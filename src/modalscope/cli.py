@@ -270,9 +270,8 @@ def _write_result(options: argparse.Namespace, modes: Any, diagram: Any) -> None
 def _command(options: argparse.Namespace) -> str:
     """Return the command that repeats the result."""
     words = ["modalscope identify", str(options.file)]
-    for name in ("method", "domain", "quantity", "orders"):
-        if getattr(options, name):
-            words.append(f"--{name} {getattr(options, name)}")
+    plain = ("method", "domain", "quantity", "orders")
+    words += [f"--{name} {getattr(options, name)}" for name in plain if getattr(options, name)]
     if options.rename:
         words += [f"--rename {item}" for item in options.rename]
     for name in ("band", "exclude", "frequencies"):

@@ -63,10 +63,11 @@ def select(
 ) -> ModalModel:
     """Report the modes of a stabilization diagram with the reasons for each, or those at given frequencies.
 
-    Poles are followed over the orders, and the members of a track that agree in frequency, damping and shape are taken together. The value reported
-    is their median. A mode is found at many orders, persists from its first one on, stands above what the fit leaves, and either
-    dominates the response at its frequency or shows as a peak of a mode indicator curve. Of two that are the same, the one found at
-    fewer orders goes. Nothing is drawn at random: the same data give the same modes.
+    Poles are followed over the orders, and the members of a track that agree in frequency, damping and shape are taken
+    together. The value reported is their median. A mode is found at many orders, persists from its first one on, stands
+    above what the fit leaves, and either dominates the response at its frequency or shows as a peak of a mode indicator
+    curve. Of two that are the same, the one found at fewer orders goes. Nothing is drawn at random: the same data give
+    the same modes.
 
     Parameters
     ----------
@@ -133,6 +134,7 @@ def _evidence(diagram: StabilizationDiagram) -> _Evidence:
     response, scale = diagram.response, output_scale(diagram.response)[:, None]
     outputs, inputs = response.values.shape[1:]
     ambient = isinstance(response, ImpulseResponse) and response.kind == "correlation"
+    H: Array
     if isinstance(response, FrequencyResponse):
         f, H, count = response.frequencies, response.values / scale, response.lines
     else:
@@ -265,6 +267,10 @@ def _modal_model(diagram: StabilizationDiagram, poles: Poles, chosen: list[_Cand
     shapes = poles.shape[picked].T if chosen else np.zeros((response.values.shape[1], 0), complex)
     fitted = _fit(response, values - added, shapes)
     members = [c.members for c in chosen]
+    spreads = [
+        {"frequency_spread_hz": _spread(poles.frequency[m]), "damping_ratio_spread": _spread(poles.damping[m])}
+        for m in members
+    ]
     held = response.sampling_rate is not None if isinstance(response, FrequencyResponse) else response.kind == "pulse"
     model = ModalModel(
         poles=values,
@@ -272,8 +278,8 @@ def _modal_model(diagram: StabilizationDiagram, poles: Poles, chosen: list[_Cand
         quantity=response.quantity,
         dt=diagram.dt,
         held_input=held,
-        frequencies_spread=np.array([_spread(poles.frequency[m]) for m in members]),
-        damping_ratios_spread=np.array([_spread(poles.damping[m]) for m in members]),
+        frequencies_spread=np.array([spread["frequency_spread_hz"] for spread in spreads]),
+        damping_ratios_spread=np.array([spread["damping_ratio_spread"] for spread in spreads]),
         indicators=_indicators(diagram, members, poles),
         output_dofs=response.output_dofs,
         input_dofs=response.input_dofs,
@@ -282,7 +288,8 @@ def _modal_model(diagram: StabilizationDiagram, poles: Poles, chosen: list[_Cand
         processing=response.processing,
         **fitted,
     )
-    reasons = _reasons(model, response, added, [c.facts for c in chosen])
+    facts = [{**c.facts, **spread} for c, spread in zip(chosen, spreads, strict=True)]
+    reasons = _reasons(model, response, added, facts)
     return replace(model, reasons=reasons).normalized("unit")
 
 
@@ -318,7 +325,7 @@ def _indicators(diagram: StabilizationDiagram, members: list[Array], poles: Pole
 def _reasons(
     model: ModalModel, response: FrequencyResponse | ImpulseResponse, added: float, facts: list[dict[str, Any]]
 ) -> tuple[dict[str, Any], ...]:
-    """Complete the reasons: spreads, what the rebuilt response loses without the mode, and a sentence."""
+    """Complete the reasons: what the rebuilt response loses without the mode, and a sentence."""
     if not len(model):
         return ()
     whole = replace(model, poles=model.poles - added)
@@ -329,12 +336,8 @@ def _reasons(
     for j, known in enumerate(facts):
         alone = replace(whole.take([j]), feedthrough=None, lower_residual=None, upper_residual=None)
         loss = np.linalg.norm(left + rebuilt_from(alone, response)) / size - error
-        spread = {
-            "frequency_spread_hz": float(model.frequencies_spread[j]),
-            "damping_ratio_spread": float(model.damping_ratios_spread[j]),
-        }  # type: ignore[index]
         text = known.get("text") or _sentence(known, float(loss))
-        reasons.append({**known, **spread, "fit_loss": float(loss), "text": text})
+        reasons.append({**known, "fit_loss": float(loss), "text": text})
     return tuple(reasons)
 
 

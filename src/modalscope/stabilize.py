@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -137,7 +138,9 @@ def _build_within_reach(
     within = [n for n in asked if n <= reach]
     if not within and not automatic:
         raise DataError(
-            f"orders {asked[0]} to {asked[-1]} were asked", f"the data matrix has rank {reach}", f"Lower the orders to at most {reach}."
+            f"orders {asked[0]} to {asked[-1]} were asked",
+            f"the data matrix has rank {reach}",
+            f"Lower the orders to at most {reach}.",
         )
     exact = reach < min(pipeline.factors.P.shape[1], asked[-1])
     if (exact or not within) and reach not in within:
@@ -188,7 +191,7 @@ def _diagram(
     pipeline: Pipeline, cuts: list[_Order], limits: Mapping[str, float], notes: list[str]
 ) -> StabilizationDiagram:
     stable = [np.zeros((3, cuts[0].inside.size), bool)]
-    stable += [_stable(before, after, limits) for before, after in zip(cuts, cuts[1:], strict=False)]
+    stable += [_stable(before, after, limits) for before, after in pairwise(cuts)]
     flags = np.hstack(stable)
     added = pipeline.response.added_damping if isinstance(pipeline.response, FrequencyResponse) else 0.0
     names = set.intersection(*(set(cut.indicators) for cut in cuts))

@@ -75,8 +75,9 @@ def merge_splits(poles: Poles) -> Poles:
     """Merge, within every order, neighbours that act as one mode; their value is the energy-weighted mean.
 
     Data whose lines shift a little from run to run (a roving hammer, a structure that warms up) make one resonance come out
-    as two or three poles within their bandwidths. They are one when their summed residue is of rank one, 1 - 2.5 (s_2 / s_1)^2 at least .9; with a
-    single output or input, where every residue is, when the shapes' MAC is. Repeated modes have a summed residue of rank two and stay apart.
+    as two or three poles within their bandwidths. They are one when their summed residue is of rank one,
+    1 - 2.5 (s_2 / s_1)^2 at least .9; with a single output or input, where every residue is, when the shapes' MAC is.
+    Repeated modes have a summed residue of rank two and stay apart.
     """
     kept = [_merged(poles.take(np.flatnonzero(poles.order == order))) for order in poles.orders]
     return Poles(
@@ -108,8 +109,8 @@ def _likeness(poles: Poles) -> RealArray:
         return np.where(overlap, alike, 0.0)
     alike = np.zeros(overlap.shape)
     for a, b in zip(*np.nonzero(overlap), strict=True):
-        left = np.linalg.qr(shapes[[a, b]].T, "r")
-        right = np.linalg.qr(parts[[a, b]].T, "r")
+        left: Array = np.asarray(np.linalg.qr(shapes[[a, b]].T, mode="r"))
+        right: Array = np.asarray(np.linalg.qr(parts[[a, b]].T, mode="r"))
         s = np.linalg.svd(left @ right.T, compute_uv=False)
         alike[a, b] = max(1 - 2.5 * (s[1] / s[0]) ** 2, 0.0) if s[0] > 0 else 0.0
     return alike
