@@ -86,7 +86,7 @@ def check_labels(name: str, dofs: Iterable[DofLike] | None, count: int, prefix: 
 
 def indices_of(name: str, wanted: Iterable[DofLike] | DofLike, labels: Sequence[str]) -> list[int]:
     """Return the positions of channels given by label, or by index when they are whole numbers."""
-    items: list[Any] = [wanted] if isinstance(wanted, str | int | Dof) else list(wanted)
+    items: list[Any] = [wanted] if isinstance(wanted, str | int | Integral | Dof) else list(wanted)
     positions = {label: i for i, label in enumerate(labels)}
     found = []
     for item in items:

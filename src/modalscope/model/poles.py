@@ -56,7 +56,8 @@ def poles_from(frequencies: ArrayLike, damping_ratios: ArrayLike) -> ComplexArra
 def to_continuous(poles: ArrayLike, dt: float) -> ComplexArray:
     """Return `ln(z) / dt`. A negative real z lands on the Nyquist frequency; z = 0 far out on the negative real axis."""
     z = np.asarray(poles, dtype=np.complex128)
-    return np.asarray((np.log(np.maximum(np.abs(z), _ZERO**20)) + 1j * np.angle(z)) / dt)
+    # adding 0.0 turns an imaginary part of -0.0 around, which would put a negative real pole below the axis
+    return np.asarray((np.log(np.maximum(np.abs(z), _ZERO**20)) + 1j * np.arctan2(z.imag + 0.0, z.real)) / dt)
 
 
 def to_discrete(poles: ArrayLike, dt: float) -> ComplexArray:
