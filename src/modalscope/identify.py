@@ -71,6 +71,8 @@ class Eigenmodes:
         Direct term, or residuals of the modes below and above the band.
     powers : tuple of int, (t,)
         Powers of the relative frequency j f / f_max that the terms are factors of.
+    reach : array, (k,), optional
+        Norm of each mode's function over the lines.
     """
 
     poles: ComplexArray
@@ -81,6 +83,7 @@ class Eigenmodes:
     participation: ComplexArray
     terms: RealArray
     powers: tuple[int, ...] = (0,)
+    reach: RealArray | None = None
 
     @property
     def direct(self) -> RealArray:
@@ -89,8 +92,14 @@ class Eigenmodes:
 
     @property
     def amplitude(self) -> RealArray:
-        """Size of each residue times the root of the time it acts for, its share of the response: what tells extraneous poles."""
+        """Size of each residue times its reach, its share of the response: what tells extraneous poles.
+
+        On lines the reach is the norm of 1 / (x - s) over them: an undamped pole between two lines has little. For samples it is the
+        root of the time it acts for.
+        """
         size = np.linalg.norm(self.shapes, axis=0) * np.linalg.norm(self.participation, axis=1)
+        if self.reach is not None:
+            return np.asarray(size * self.reach)
         return np.asarray(size / np.sqrt(np.maximum(np.abs(self.poles.real), 1e-12 * np.abs(self.poles) + 1e-300)))
 
 
@@ -108,7 +117,8 @@ def eigenmodes(pipeline: Pipeline, model: Triple) -> Eigenmodes:
     if isinstance(response, FrequencyResponse):
         basis = basis_of_lines(response, poles, weights=getattr(pipeline.matrix, "weights", None))
         participation, terms = fit_participation(basis, shapes)
-        return Eigenmodes(poles, own, vectors, rows, shapes, participation, terms)
+        reach = np.linalg.norm(basis.functions.reshape(-1, poles.size, 2), axis=(0, 2))
+        return Eigenmodes(poles, own, vectors, rows, shapes, participation, terms, reach=reach)
     if isinstance(pipeline.matrix, Shifted):
         participation = fit_participation(_window_basis(pipeline.matrix, own), shapes)[0]
     else:
