@@ -213,13 +213,16 @@ def _table(path: Path) -> _Table:
     numbers = np.empty((len(body), len(header)))
     for k, row in enumerate(body):
         try:
-            numbers[k] = [float(cell) for cell in row]
+            values = [float(cell) for cell in row]
         except ValueError:
+            values = []
+        if len(values) != len(header):
             raise DataError(
                 f"reading {path.name} needs {len(header)} numbers in every row",
                 f"row {k + 1} under the header is {row[:6]}",
                 "Correct that row; decimals take a point.",
-            ) from None
+            )
+        numbers[k] = values
     return _Table(notes, [name.strip() for name in header], numbers)
 
 

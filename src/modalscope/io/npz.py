@@ -44,7 +44,8 @@ def read(path: Path, options: Options) -> Contents:
         )
     arrays: dict[str, Array] = {}
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        # opened here: numpy leaves its own handle open when the directory of the archive is damaged
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             for name in archive.files:
                 arrays[name] = archive[name]
     except _DAMAGED as error:

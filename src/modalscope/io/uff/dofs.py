@@ -59,7 +59,7 @@ def dof_fields(label: str) -> tuple[str, int, int]:
     """Return entity name, node and direction code of a label; `label_from` is the inverse."""
     dof = parse_dof(label)
     node, direction = (label, 0) if dof is None else (dof.node, _CODES.get(dof.direction, 0))
-    if dof is not None and node.isdigit() and 0 < int(node) < 10**10 and str(int(node)) == node:
+    if dof is not None and node.isdigit() and int(node) < 10**10 and str(int(node)) == node:
         return "NONE", int(node), direction
     if len(node) > _ENTITY or not node.isascii() or node != node.strip() or node.upper() == "NONE" or not node:
         raise DataError(

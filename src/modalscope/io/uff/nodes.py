@@ -236,7 +236,7 @@ def _motions(parts: Parts, nodes: dict[int, _Node], labels: Iterable[str]) -> di
 
 def _numbered(geometry: Geometry) -> list[int]:
     odd = [
-        node for node in geometry.nodes if not (node.isdigit() and str(int(node)) == node and int(node) < 10**10)
+        node for node in geometry.nodes if not (node.isdigit() and str(int(node)) == node and 0 < int(node) < 10**10)
     ]
     if odd:
         raise DataError(

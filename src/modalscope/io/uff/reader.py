@@ -157,7 +157,7 @@ def _take(sets: _Sets, name: str, want: str, options: dict[str, Any]) -> Sorted:
     for function in sets.functions:
         if function.place not in used:
             kind = kind_of(function)
-            reason = f'want="{kind}" takes it' if kind in _WANTS else f"a {function.words} is not identified from"
+            reason = f'want="{kind}" takes it' if kind in _WANTS else "no method identifies from such a function"
             sets.left[function.place] = reason if kind != "coherence" else "it belongs to frequency responses"
     sets.left |= result.left
     sets.left |= {place: 'want="modes" takes it' for place, _ in sets.shapes}
