@@ -1,0 +1,248 @@
+"""Conditioning of records: trends, filters, decimation, integration and differentiation.
+
+Every function returns new `Signals` and writes what it did into `processing`; the caller's record is untouched.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from scipy import fft, signal
+
+from modalscope.model.channels import QUANTITIES
+from modalscope.model.checks import Array, DataError, RealArray, check_choice, check_count, check_positive
+from modalscope.model.signals import Signals
+
+__all__ = ["decimate", "detrend", "differentiate", "filter_band", "integrate"]
+
+#: Order and ripple (dB) of the low-pass filter before decimation: 60 dB down at 1.5 times its edge.
+_LOW_PASS = (8, 0.05)
+
+#: Order of the high-pass filter of a band.
+_HIGH_PASS = 4
+
+#: Filter edges lie outside the band by these factors, so that the filters' own poles do, too: an identification finds them.
+_BELOW, _ABOVE = 0.8, 1.05
+
+#: A decimated record keeps at least this many samples a period of the highest frequency of its band.
+_SAMPLES_PER_PERIOD = 2.5
+
+
+def _on_all(signals: Signals, change: Callable[[RealArray], RealArray], note: str, **fields: object) -> Signals:
+    """Return the record with `change` applied to outputs and inputs along the axis of the samples."""
+    inputs = None if signals.inputs is None else change(signals.inputs)
+    changed = {"outputs": change(signals.outputs), "inputs": inputs, **fields}
+    return replace(signals, **changed).noted(note)  # type: ignore[arg-type]
+
+
+def detrend(signals: Signals, *, kind: str = "linear") -> Signals:
+    """Return the record without its mean ("constant") or its straight-line trend ("linear"), channel by channel and run by run.
+
+    Examples
+    --------
+    >>> record = Signals(outputs=np.arange(10.0)[:, None], sampling_rate=1.0)
+    >>> float(np.abs(detrend(record).outputs).max()) < 1e-12
+    True
+    """
+    check_choice("kind", kind, ("constant", "linear"))
+    if kind == "constant":
+        return _on_all(signals, lambda x: np.asarray(x - x.mean(axis=-2, keepdims=True)), "mean removed")
+    return _on_all(signals, lambda x: np.asarray(signal.detrend(x, axis=-2)), "straight-line trend removed")
+
+
+def _apply(sections: Array, x: RealArray, zero_phase: bool) -> RealArray:
+    if zero_phase:
+        pad = min(3 * (2 * len(sections) + 1), x.shape[-2] - 1)
+        return np.asarray(signal.sosfiltfilt(sections, x, axis=-2, padlen=pad))
+    # the filter starts as if the first sample had been there for ever: no step at the start of the record
+    state = signal.sosfilt_zi(sections)
+    start = np.moveaxis(np.multiply.outer(state, x[..., 0, :]), 1, -2)  # (sections, ..., 2, channels)
+    return np.asarray(signal.sosfilt(sections, x, axis=-2, zi=start)[0])
+
+
+def _low_pass(edge: float, rate: float) -> Array:
+    order, ripple = _LOW_PASS
+    return np.asarray(signal.cheby1(order, ripple, edge, fs=rate, output="sos"))
+
+
+def filter_band(
+    signals: Signals, lowest: float, highest: float, *, zero_phase: bool = False, decimate: bool = True
+) -> Signals:
+    """Return the record filtered to a band, at the lowest sampling rate that still carries it.
+
+    Outputs and inputs pass the same filters, so that what relates them stays as it was: a Butterworth high-pass of order 4
+    at 0.8 `lowest` and a Chebyshev low-pass of order 8 (0.05 dB) at 1.05 `highest`. Their poles lie outside the band: an
+    identification may find them there. Then one sample in q is kept, q the largest with at least 2.5 samples a period of
+    `highest`.
+
+    Parameters
+    ----------
+    signals : Signals
+    lowest, highest : float
+        Band in Hz; `lowest` may be 0: no high-pass.
+    zero_phase : bool
+        Filter forwards and backwards: nothing is delayed, and the amplitudes pass the filter twice.
+    decimate : bool
+        Whether the sampling rate is lowered.
+
+    Raises
+    ------
+    DataError
+        A band whose ends do not increase, or that reaches half the sampling rate.
+
+    Examples
+    --------
+    >>> record = Signals(outputs=np.random.default_rng(0).standard_normal((4000, 1)), sampling_rate=100.0)
+    >>> filter_band(record, 0.5, 4.0).sampling_rate
+    10.0
+    """
+    rate = signals.sampling_rate
+    if not (0 <= lowest < highest < rate / 2):
+        raise DataError(
+            f"the band {lowest:g} to {highest:g} Hz was asked",
+            f"a record at {rate:g} samples a second holds 0 to {rate / 2:g} Hz",
+            "Give the lower end first, and stay below half the sampling rate.",
+        )
+    filters = []
+    if lowest > 0:
+        filters.append(signal.butter(_HIGH_PASS, _BELOW * lowest, "highpass", fs=rate, output="sos"))
+    # no low-pass when the band reaches (nearly) half the sampling rate: nothing above it to take out
+    if _ABOVE * highest < 0.95 * rate / 2:
+        filters.append(_low_pass(_ABOVE * highest, rate))
+    factor = max(int(rate / (_SAMPLES_PER_PERIOD * highest)), 1) if decimate else 1
+    if signals.samples // factor < 2:
+        raise DataError(
+            f"the band up to {highest:g} Hz, one sample in {factor}, was asked",
+            f"the record has {signals.samples} samples",
+            "Measure a longer record, or give decimate=False.",
+        )
+    sections = np.concatenate(filters) if filters else None
+
+    def change(x: RealArray) -> RealArray:
+        filtered = x if sections is None else _apply(sections, x, zero_phase)
+        return np.ascontiguousarray(filtered[..., ::factor, :])
+
+    note = f"filtered to {lowest:g}-{highest:g} Hz" + (f", one sample in {factor} kept" if factor > 1 else "")
+    return _on_all(signals, change, note, sampling_rate=rate / factor)
+
+
+def decimate(signals: Signals, factor: int, *, zero_phase: bool = False) -> Signals:
+    """Return the record low-pass filtered at 0.8 of the new Nyquist frequency, one sample in `factor` kept.
+
+    Parameters
+    ----------
+    signals : Signals
+    factor : int
+        Samples of the old record for one of the new.
+    zero_phase : bool
+        Filter forwards and backwards (see `filter_band`).
+
+    Raises
+    ------
+    DataError
+        A factor below 1, or one that leaves fewer than two samples.
+    """
+    check_count("factor", factor)
+    if factor == 1:
+        return signals
+    if signals.samples // factor < 2:
+        raise DataError(
+            f"one sample in {factor} was asked", f"the record has {signals.samples}", "Lower factor, or measure longer."
+        )
+    sections = _low_pass(0.8 * signals.sampling_rate / factor / 2, signals.sampling_rate)
+    return _on_all(
+        signals,
+        lambda x: np.ascontiguousarray(_apply(sections, x, zero_phase)[..., ::factor, :]),
+        f"low-pass filtered, one sample in {factor} kept",
+        sampling_rate=signals.sampling_rate / factor,
+    )
+
+
+def _raised(signals: Signals, power: int) -> tuple[str | None, ...]:
+    """Return the outputs' quantities after differentiating `power` times; unknown ones stay unknown."""
+    names = list(QUANTITIES)
+    result: list[str | None] = []
+    for dof, quantity in zip(signals.output_dofs, signals.quantities, strict=True):
+        place = None if quantity is None else QUANTITIES[quantity] + power
+        if place is not None and not 0 <= place < len(names):
+            verb = "differentiated" if power > 0 else "integrated"
+            raise DataError(
+                f"a record {verb} {abs(power)} times was asked",
+                f"output {dof} is {'an' if quantity == 'acceleration' else 'a'} {quantity}, and the chain ends there",
+                "Lower times, or leave that output out with select(exclude=...).",
+            )
+        result.append(None if place is None else names[place])
+    return tuple(result)
+
+
+def _in_lines(x: RealArray, factor: Array) -> RealArray:
+    """Return x with its spectrum multiplied by `factor`; the record is continued by its own odd mirror image, so that it closes."""
+    closed = np.concatenate([x, -x[..., -2:0:-1, :]], axis=-2)
+    spectrum = fft.rfft(closed, axis=-2) * factor[:, None]
+    return np.asarray(fft.irfft(spectrum, n=closed.shape[-2], axis=-2)[..., : x.shape[-2], :])
+
+
+def _mirror_lines(signals: Signals) -> RealArray:
+    if signals.samples < 3:
+        raise DataError(
+            "a derivative or an integral was asked", "the record has two samples", "Give at least three samples."
+        )
+    return np.asarray(fft.rfftfreq(2 * signals.samples - 2, 1 / signals.sampling_rate))
+
+
+def differentiate(signals: Signals, *, times: int = 1) -> Signals:
+    """Return the record with its outputs differentiated `times` times, by (j 2 pi f)^times in the frequency domain.
+
+    The inputs stay as they are. The line through the first and the last sample is taken apart first and its slope added
+    again. A few samples at both ends are less accurate than the others.
+
+    Raises
+    ------
+    DataError
+        An acceleration that would be differentiated.
+    """
+    check_count("times", times)
+    quantities = _raised(signals, times)
+    y = signals.outputs
+    for _ in range(times):
+        slope = (y[..., -1:, :] - y[..., :1, :]) / (signals.samples - 1)
+        ramp = y[..., :1, :] + np.arange(signals.samples)[:, None] * slope
+        y = _in_lines(y - ramp, 2j * np.pi * _mirror_lines(signals)) + slope * signals.sampling_rate
+    return _outputs_only(signals, y, quantities, f"outputs differentiated {times} times")
+
+
+def integrate(signals: Signals, *, times: int = 1, lowest: float | None = None) -> Signals:
+    """Return the record with its outputs integrated `times` times, by division by (j 2 pi f)^times above `lowest` Hz.
+
+    What lies below `lowest` is left out: there, an integral of a measured record is drift. The straight-line trend is removed
+    first. Near the ends, within a period of the lowest frequencies, the result is less accurate.
+
+    Parameters
+    ----------
+    signals : Signals
+    times : int
+        1 takes accelerations to velocities, 2 to displacements.
+    lowest : float, optional
+        Lower end in Hz; ten periods in the record by default.
+
+    Raises
+    ------
+    DataError
+        A displacement that would be integrated.
+    """
+    check_count("times", times)
+    quantities = _raised(signals, -times)
+    edge = 10 / signals.duration if lowest is None else check_positive("lowest", lowest)
+    lines = _mirror_lines(signals)
+    inside = lines >= edge
+    factor = np.zeros(lines.size, dtype=complex)
+    factor[inside] = (2j * np.pi * lines[inside]) ** -times
+    y = _in_lines(np.asarray(signal.detrend(signals.outputs, axis=-2)), factor)
+    return _outputs_only(signals, y, quantities, f"outputs integrated {times} times above {edge:g} Hz")
+
+
+def _outputs_only(signals: Signals, y: RealArray, quantities: tuple[str | None, ...], note: str) -> Signals:
+    units = (("",) * len(signals.output_dofs), signals.units[1])
+    return replace(signals, outputs=y, quantities=quantities, units=units).noted(note)

@@ -1,0 +1,303 @@
+"""Correlations of ambient records: the impulse responses of structures whose forces nobody measured."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from scipy import fft, signal
+
+from modalscope.model.checks import Array, DataError, RealArray, check_count
+from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.labels import DofLike, indices_of
+from modalscope.model.signals import Signals
+from modalscope.preprocess.spectra import check_window, segment_starts, window_samples
+
+__all__ = ["CorrelationBlocks", "correlation_blocks", "estimate_correlation", "half_spectra"]
+
+#: By default a tenth of the samples of all runs, and no more than this many lags.
+_MOST_LAGS = 2000
+
+
+class CorrelationBlocks(NamedTuple):
+    """Sums of y(t + k) y_ref(t)' over the samples t of consecutive blocks of a record.
+
+    Attributes
+    ----------
+    sums : array, (blocks, lags + 1, l, r)
+        Sums over the products of a block; lag 0 comes first.
+    pairs : array, (blocks, lags + 1)
+        How many products each sum has.
+    """
+
+    sums: RealArray
+    pairs: RealArray
+
+    @property
+    def values(self) -> RealArray:
+        """Unbiased estimates of every block, (blocks, lags + 1, l, r)."""
+        return np.asarray(self.sums / self.pairs[:, :, None, None])
+
+    @property
+    def mean(self) -> RealArray:
+        """The estimate of the whole record, (lags + 1, l, r): all products over their number."""
+        return np.asarray(self.sums.sum(axis=0) / self.pairs.sum(axis=0)[:, None, None])
+
+
+def _references(signals: Signals, references: Iterable[DofLike] | DofLike | None) -> list[int]:
+    if references is None:
+        return list(range(len(signals.output_dofs)))
+    chosen = indices_of("reference", references, signals.output_dofs)
+    if not chosen or len(set(chosen)) < len(chosen):
+        raise DataError(
+            "references needs different outputs, at least one",
+            f"{len(chosen)} are given, {len(set(chosen))} different",
+            "Name every reference once.",
+        )
+    return chosen
+
+
+def _lags(signals: Signals, lags: int | None) -> int:
+    if lags is None:
+        lags = max(2, min(signals.runs * signals.samples // 10, signals.samples // 2, _MOST_LAGS))
+    check_count("lags", lags, least=2)
+    if lags >= signals.samples:
+        raise DataError(
+            f"lags={lags} was asked",
+            f"a run has {signals.samples} samples",
+            f"Lower lags to at most {signals.samples - 1}, a tenth of that for a steady estimate.",
+        )
+    return lags
+
+
+def _centred(signals: Signals) -> RealArray:
+    """Return the outputs (R, N, l) without the mean of every channel and run."""
+    outputs, _ = signals.by_run()
+    return np.asarray(outputs - outputs.mean(axis=1, keepdims=True))
+
+
+def _products(y: RealArray, later: RealArray, references: list[int], lags: int) -> RealArray:
+    """Return sum_t later(t + k) y(t)' for k = 0 ... lags and t over the rows of y; `later` goes on beyond y by up to `lags`."""
+    length = fft.next_fast_len(later.shape[0] + y.shape[0], real=True)
+    ahead = fft.rfft(later, n=length, axis=0)
+    behind = np.conj(fft.rfft(y[:, references], n=length, axis=0))
+    result = np.empty((lags + 1, later.shape[1], len(references)))
+    for j in range(len(references)):  # one reference at a time: memory stays that of the record
+        result[:, :, j] = fft.irfft(ahead * behind[:, j : j + 1], n=length, axis=0)[: lags + 1]
+    return result
+
+
+def correlation_blocks(
+    signals: Signals,
+    *,
+    references: Iterable[DofLike] | DofLike | None = None,
+    lags: int | None = None,
+    blocks: int = 20,
+) -> CorrelationBlocks:
+    """Sums of products y(t + k) y_ref(t)', block by block: what the uncertainty of a correlation is computed from.
+
+    The record is cut into `blocks` blocks of times t; t + k reaches into the next one, so that nothing is lost: `mean` is the
+    unbiased estimate of the whole record. Several runs are cut each into its share of the blocks, at least one a run.
+
+    Parameters
+    ----------
+    signals : Signals
+        The mean of every channel and run is removed; inputs are not used.
+    references : labels or indices, optional
+        All outputs by default.
+    lags : int, optional
+        Largest lag in samples; by default a tenth of the record, and at most 2000.
+    blocks : int
+        Number of blocks.
+
+    Raises
+    ------
+    DataError
+        Unknown references, more lags than samples, or blocks of no samples.
+    """
+    chosen, count = _references(signals, references), _lags(signals, lags)
+    records = _centred(signals)
+    each = max(1, -(-check_count("blocks", blocks) // signals.runs))
+    edges = np.linspace(0, signals.samples, each + 1).round().astype(int)
+    if np.any(np.diff(edges) < 2):
+        raise DataError(
+            f"blocks={blocks} was asked",
+            f"a run has {signals.samples} samples",
+            f"Lower blocks to at most {signals.runs * signals.samples // 2}.",
+        )
+    sums, pairs = [], []
+    for y in records:
+        for start, stop in itertools.pairwise(edges):
+            sums.append(_products(y[start:stop], y[start : stop + count], chosen, count))
+            last = np.minimum(stop, signals.samples - np.arange(count + 1))
+            pairs.append(np.maximum(last - start, 0).astype(float))
+    counts = np.array(pairs)
+    if np.any(counts == 0):
+        raise DataError(
+            f"blocks={blocks} with {count} lags was asked",
+            "the last block is shorter than the largest lag and has no products there",
+            "Lower blocks or lags.",
+        )
+    return CorrelationBlocks(np.array(sums), counts)
+
+
+def estimate_correlation(
+    signals: Signals,
+    *,
+    references: Iterable[DofLike] | DofLike | None = None,
+    lags: int | None = None,
+    window: str | None = None,
+    segment: int | None = None,
+    overlap: float = 0.5,
+) -> ImpulseResponse:
+    """Correlations R(k) = E[y(t + k) y_ref(t)'] of the outputs with some of them (the natural excitation technique).
+
+    Under white forces R(k) = C A^(k-1) G for k >= 1: a Markov sequence with the structure's own poles. It starts at lag 1;
+    R(0) does not belong to it and is kept apart, as `feedthrough`.
+
+    Parameters
+    ----------
+    signals : Signals
+        The mean of every channel and run is removed, runs are averaged; inputs are not used.
+    references : labels or indices, optional
+        All outputs by default.
+    lags : int, optional
+        Largest lag in samples; by default a tenth of the record, and at most 2000.
+    window : str, optional
+        Without it, the unbiased estimate: all products of the record over their number, 1 / (N - k) sum_t y(t + k) y_ref(t)'.
+        With it, segments under that window are averaged and divided by the window's own correlation, which leaves
+        the estimate unbiased and weighs the middle of the segments.
+    segment : int, optional
+        Samples of a segment with `window`; by default four times the lags.
+    overlap : float
+        Part of a segment that the next one shares.
+
+    Returns
+    -------
+    ImpulseResponse
+        `values[k]` = R(k + 1) of shape (lags, l, r), kind "correlation"; the references are its inputs.
+
+    Raises
+    ------
+    DataError
+        Unknown references, more lags than samples.
+
+    References
+    ----------
+    James, Carne and Lauffer, "The natural excitation technique (NExT)", 1995; Bendat and Piersol, "Random Data", section 11.4.
+
+    Examples
+    --------
+    >>> y = np.random.default_rng(0).standard_normal((2000, 2))
+    >>> r = estimate_correlation(Signals(outputs=y, sampling_rate=10.0), references=["y2"], lags=50)
+    >>> r.values.shape, r.kind
+    ((50, 2, 1), 'correlation')
+    """
+    chosen, count = _references(signals, references), _lags(signals, lags)
+    if window is None:
+        if segment is not None:
+            raise DataError(
+                "segments of a correlation were asked", "no window is given", 'Give window="hann" with segment.'
+            )
+        records = _centred(signals)
+        sums = sum(_products(y, y, chosen, count) for y in records)
+        R = np.asarray(sums) / (signals.runs * (signals.samples - np.arange(count + 1)))[:, None, None]
+        how = "unbiased"
+    else:
+        R, how = _windowed(signals, chosen, count, check_window(window), segment, overlap)
+    names = [signals.output_dofs[i] for i in chosen]
+    note = f"correlated ({how}, mean removed, {count} lags from lag 1) with {', '.join(names)}"
+    return ImpulseResponse(
+        values=R[1:],
+        feedthrough=R[0],
+        sampling_rate=signals.sampling_rate,
+        kind="correlation",
+        quantity=signals.quantity,
+        output_dofs=signals.output_dofs,
+        input_dofs=tuple(names),
+        units=(signals.units[0], tuple(signals.units[0][i] for i in chosen)),
+        geometry=signals.geometry,
+        processing=(*signals.processing, note),
+    )
+
+
+def _windowed(
+    signals: Signals, references: list[int], lags: int, window: str, segment: int | None, overlap: float
+) -> tuple[RealArray, str]:
+    """Return R(0 ... lags) averaged over windowed segments, each divided by the window's own correlation."""
+    length = min(4 * lags, signals.samples) if segment is None else check_count("segment", segment, least=2)
+    if not lags < length <= signals.samples:
+        raise DataError(
+            f"segments of {length} samples for {lags} lags were asked",
+            f"a run has {signals.samples} samples",
+            f"Choose segment above {lags} and up to {signals.samples}, or lower lags.",
+        )
+    w = window_samples(window, length)
+    # at large lags a window's own correlation vanishes, and the quotient would be noise
+    own = signal.correlate(w, w)[length - 1 : length + lags]
+    if own[-1] < 1e-3 * own[0]:
+        raise DataError(
+            f"{lags} lags of segments of {length} samples under a {window} window were asked",
+            "the window's ends leave nothing at the largest lag",
+            f"Raise segment to {2 * lags} or more, or lower lags.",
+        )
+    starts = segment_starts(signals.samples, length, overlap)
+    total = np.zeros((lags + 1, len(signals.output_dofs), len(references)))
+    for y in _centred(signals):
+        for start in starts:
+            cut = y[start : start + length] * w[:, None]
+            total += _products(cut, cut, references, lags)
+    R = total / (signals.runs * len(starts) * own)[:, None, None]
+    return R, f"{signals.runs * len(starts)} segments of {length} samples, {window} window"
+
+
+def half_spectra(correlation: ImpulseResponse, *, lines: int | None = None) -> FrequencyResponse:
+    """Half spectra S+(z) = R(0) / 2 + sum_k R(k) z^-k, k >= 1, of correlations: rational with the poles of a frequency response.
+
+    For correlations C A^(k-1) G they are R(0) / 2 + C (z I - A)^-1 G, and S+ + S+* (for all channels as references) is the
+    cross spectral matrix. What lies beyond the last lag is taken as zero.
+
+    Parameters
+    ----------
+    correlation : ImpulseResponse
+        From `estimate_correlation`, with R(0) as its feedthrough.
+    lines : int, optional
+        Lines from 0 Hz to half the sampling rate; one more than half the lags by default.
+
+    Returns
+    -------
+    FrequencyResponse
+        Of a sampled system: for the domain "z".
+
+    Raises
+    ------
+    DataError
+        A response that is no correlation, or whose R(0) is missing.
+    """
+    if correlation.kind != "correlation" or correlation.feedthrough is None:
+        raise DataError(
+            "half spectra of a correlation were asked",
+            f"this is a {correlation.kind} response" + (" without R(0)" if correlation.feedthrough is None else ""),
+            "Give the result of estimate_correlation.",
+        )
+    R: Array = np.concatenate([correlation.feedthrough[None] / 2, correlation.values])
+    count = correlation.samples // 2 + 1 if lines is None else check_count("lines", lines, least=2)
+    length = 2 * (count - 1)
+    # lines closer than the lags need zeros behind them, wider ones a sequence folded on itself
+    folded = np.zeros((-(-R.shape[0] // length) * length, *R.shape[1:]))
+    folded[: R.shape[0]] = R
+    values = fft.rfft(folded.reshape(-1, length, *R.shape[1:]).sum(axis=0), axis=0)
+    return FrequencyResponse(
+        values=values,
+        frequencies=fft.rfftfreq(length, 1 / correlation.sampling_rate),
+        sampling_rate=correlation.sampling_rate,
+        quantity=correlation.quantity,
+        output_dofs=correlation.output_dofs,
+        input_dofs=correlation.input_dofs,
+        units=correlation.units,
+        geometry=correlation.geometry,
+        processing=(*correlation.processing, f"half spectra on {count} lines"),
+    )

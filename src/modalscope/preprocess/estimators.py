@@ -1,0 +1,204 @@
+"""From cross spectra to frequency responses: one errors-in-variables problem, three estimators.
+
+Every output is y = h u + noise, with u measured under noise, too. For x = [y; u] with spectral matrix S and noise of known
+relative powers Lambda = diag(lambda_y, lambda_u), the row g = [1, -h] minimises (g S g*) / (g Lambda g*):
+
+    H1    lambda_u = 0     h = S_yu S_uu^-1, all noise on the output
+    H2    lambda_y = 0     all noise on the inputs; with one input h = S_yy / S_uy
+    Hv    both             total least squares: the smallest eigenvector of the scaled S
+
+To first order the error is dh = g dS P S_uu^-1 with P = [0; I] - g* (g Lambda)_u / (g Lambda g*), which gives its variance.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
+from modalscope.preprocess.spectra import CrossSpectra
+
+__all__ = ["ESTIMATORS", "Estimate", "NoisePowers", "check_inputs", "coherence_of", "noise_powers", "solve", "solve_h1"]
+
+ESTIMATORS = ("h1", "h2", "hv")
+
+#: Inputs are called dependent where their scaled spectral matrix has a smaller reciprocal condition than this.
+_DEPENDENT = 1e-10
+
+
+class Estimate(NamedTuple):
+    """Frequency responses (F, l, m) and the variances E|h - E h|^2 of their elements; None where nothing is left to see scatter."""
+
+    values: ComplexArray
+    variance: RealArray | None
+
+
+class NoisePowers(NamedTuple):
+    """Relative noise powers of every output (l,) and input (m,); only ratios matter."""
+
+    outputs: RealArray
+    inputs: RealArray
+
+
+def noise_powers(spectra: CrossSpectra, estimator: str, noise: tuple[ArrayLike, ArrayLike] | None) -> NoisePowers:
+    """Return the noise powers an estimator assumes: given ones, or the same fraction of every channel's own power."""
+    l, m = spectra.cross.shape[1:]
+    if noise is None:
+        outputs = spectra.output_powers.mean(axis=0)
+        inputs = np.einsum("fii->i", spectra.inputs).real / spectra.frequencies.size
+        outputs = np.where(outputs > 0, outputs, 1.0)  # a dead channel has no power, and no response either
+    else:
+        try:
+            outputs = np.broadcast_to(np.asarray(noise[0], dtype=float), (l,))
+            inputs = np.broadcast_to(np.asarray(noise[1], dtype=float), (m,))
+        except (ValueError, TypeError, IndexError):
+            raise DataError(
+                f"noise needs the powers of {l} outputs and {m} inputs",
+                f"it is {noise!r}",
+                "Give a pair (outputs, inputs), each one number or one a channel.",
+            ) from None
+        if estimator == "h1" or not (np.all(outputs > 0) and np.all(inputs > 0)):
+            raise DataError(
+                f"estimator={estimator!r} with noise={noise!r} was asked",
+                "H1 takes all noise to be on the outputs, and powers are above zero",
+                'Give positive powers with estimator="hv", or leave noise out.',
+            )
+    if estimator == "h2":
+        outputs = np.zeros(l)
+    return NoisePowers(np.asarray(outputs, dtype=float), np.asarray(inputs, dtype=float))
+
+
+def check_inputs(spectra: CrossSpectra, labels: tuple[str, ...]) -> None:
+    """Raise when the inputs cannot be told apart: fewer averages than inputs, or one that is a multiple of the others."""
+    m = len(labels)
+    if spectra.averages < m:
+        raise DataError(
+            f"frequency responses of {m} inputs were asked",
+            f"there is {spectra.averages} average" + ("s" if spectra.averages > 1 else ""),
+            f"Give at least {m} runs with different forces, or shorter segments.",
+        )
+    if m == 1:
+        return
+    root = np.sqrt(np.einsum("fii->fi", spectra.inputs).real)
+    scaled = spectra.inputs / (root[:, :, None] * root[:, None, :])
+    least = np.linalg.eigvalsh(scaled)[:, 0]
+    worst = int(np.argmin(least))
+    if least[worst] < _DEPENDENT:
+        raise DataError(
+            f"the responses to {', '.join(labels)} were asked apart from each other",
+            f"their forces are multiples of one another at {int(np.sum(least < _DEPENDENT))} of {least.size} lines, "
+            f"the first at {spectra.frequencies[np.argmax(least < _DEPENDENT)]:g} Hz",
+            "Drive them independently, in at least as many runs as there are inputs; or leave one out with select().",
+        )
+
+
+def solve(spectra: CrossSpectra, estimator: str, noise: NoisePowers) -> Estimate:
+    """Return the estimate and its variance on all lines (see the module's head for the formulas)."""
+    l, m = spectra.cross.shape[1:]
+    if estimator == "h1":
+        values = solve_h1(spectra)
+    else:
+        row = _all_on_inputs if estimator == "h2" else _on_both
+        values = np.stack([row(spectra, i, noise) for i in range(l)], axis=1)
+    free = spectra.effective - m
+    if free <= 0:
+        return Estimate(values, None)
+    if estimator == "h1":
+        return Estimate(values, _variance_h1(spectra, values, free))
+    return Estimate(values, np.stack([_variance(spectra, values, i, noise, free) for i in range(l)], axis=1))
+
+
+def solve_h1(spectra: CrossSpectra) -> ComplexArray:
+    """Return S_yu S_uu^-1 on all lines."""
+    return _right_divide(spectra.cross, spectra.inputs)
+
+
+def _right_divide(a: ComplexArray, b: ComplexArray) -> ComplexArray:
+    """Return a b^-1, line by line."""
+    return np.asarray(np.linalg.solve(b.transpose(0, 2, 1), a.transpose(0, 2, 1)).transpose(0, 2, 1))
+
+
+def _output_power(spectra: CrossSpectra, i: int) -> RealArray:
+    power = spectra.output_powers[:, i]
+    return np.asarray(np.where(power > 0, power, 1.0))  # a dead output has zero cross spectra, and so a zero response
+
+
+def _all_on_inputs(spectra: CrossSpectra, i: int, noise: NoisePowers) -> ComplexArray:
+    """H2: the output is exact, so it is eliminated first; then the smallest eigenvector of what is left of S_uu."""
+    Syy, Syu = _output_power(spectra, i), spectra.cross[:, i, :]
+    scale = np.sqrt(noise.inputs)
+    left = spectra.inputs - np.conj(Syu)[:, :, None] * Syu[:, None, :] / Syy[:, None, None]
+    vectors = np.linalg.eigh(left / np.outer(scale, scale))[1]
+    g = np.conj(vectors[:, :, 0]) / scale
+    on_output = -np.sum(g * np.conj(Syu), axis=1) / Syy
+    return _row(g, on_output)
+
+
+def _on_both(spectra: CrossSpectra, i: int, noise: NoisePowers) -> ComplexArray:
+    """Hv: the smallest eigenvector of Lambda^-1/2 S Lambda^-1/2."""
+    S = _joint(spectra, i)
+    scale = np.sqrt(np.concatenate([noise.outputs[i : i + 1], noise.inputs]))
+    vectors = np.linalg.eigh(S / np.outer(scale, scale))[1]
+    g = np.conj(vectors[:, :, 0]) / scale
+    return _row(g[:, 1:], g[:, 0])
+
+
+def _row(on_inputs: ComplexArray, on_output: ComplexArray) -> ComplexArray:
+    """Return h = -g_u / g_y; 0 for an output that does not take part (a dead channel)."""
+    away = np.abs(on_output) < np.finfo(float).tiny
+    return np.asarray(np.where(away[:, None], 0, -on_inputs / np.where(away, 1, on_output)[:, None]))
+
+
+def _joint(spectra: CrossSpectra, i: int) -> ComplexArray:
+    """Return S of x = [y_i; u], (F, 1 + m, 1 + m)."""
+    lines, m = spectra.inputs.shape[:2]
+    S = np.empty((lines, 1 + m, 1 + m), dtype=complex)
+    S[:, 0, 0] = spectra.output_powers[:, i]
+    S[:, 0, 1:], S[:, 1:, 0] = spectra.cross[:, i, :], np.conj(spectra.cross[:, i, :])
+    S[:, 1:, 1:] = spectra.inputs
+    return S
+
+
+def residual_power(spectra: CrossSpectra, values: ComplexArray) -> RealArray:
+    """Return the mean power of y - h u, (F, l): g S g* of every output."""
+    explained = 2 * np.sum(np.conj(values) * spectra.cross, axis=2).real
+    model = np.einsum("fli,fij,flj->fl", values, spectra.inputs, np.conj(values), optimize=True).real
+    return np.asarray(np.clip(spectra.output_powers - explained + model, 0, None))
+
+
+def _variance_h1(spectra: CrossSpectra, values: ComplexArray, free: float) -> RealArray:
+    """Return residual power / (n - m) times the diagonal of S_uu^-1."""
+    inverse = np.einsum("fii->fi", np.linalg.inv(spectra.inputs)).real
+    return np.asarray(residual_power(spectra, values)[:, :, None] / free * inverse[:, None, :])
+
+
+def _variance(spectra: CrossSpectra, values: ComplexArray, i: int, noise: NoisePowers, free: float) -> RealArray:
+    """Return (g S g*) / (n - m) times the diagonal of (P S_uu^-1)* S (P S_uu^-1), S_uu without its noise."""
+    S, h = _joint(spectra, i), values[:, i, :]
+    weights = np.concatenate([noise.outputs[i : i + 1], noise.inputs])
+    g = np.concatenate([np.ones((h.shape[0], 1)), -h], axis=1)
+    residual = np.einsum("fi,fij,fj->f", g, S, np.conj(g), optimize=True).real.clip(0)
+    size = np.sum(np.abs(g) ** 2 * weights, axis=1)
+    size = np.where(size > 0, size, 1.0)
+    P = np.zeros((*S.shape[:2], h.shape[1]), dtype=complex)
+    P[:, 1:] = np.eye(h.shape[1])
+    P -= np.conj(g)[:, :, None] * (g * weights)[:, None, 1:] / size[:, None, None]
+    clean = spectra.inputs - (residual / size)[:, None, None] * np.diag(noise.inputs)
+    M = _right_divide(P, clean)
+    spread = np.einsum("fia,fij,fja->fa", np.conj(M), S, M, optimize=True).real
+    return np.asarray((residual / free)[:, None] * spread.clip(0))
+
+
+def coherence_of(spectra: CrossSpectra) -> RealArray | None:
+    """Return S_yu S_uu^-1 S_uy / S_yy, (F, l): ordinary coherence of one input, multiple coherence of several.
+
+    None when there are no more averages than inputs: it would be 1 whatever the data.
+    """
+    if spectra.effective <= spectra.cross.shape[2]:
+        return None
+    explained = np.sum(_right_divide(spectra.cross, spectra.inputs) * np.conj(spectra.cross), axis=2).real
+    power = spectra.output_powers
+    ratio: Array = np.divide(explained, power, out=np.zeros_like(power), where=power > 0)
+    return np.clip(ratio, 0, 1)

@@ -1,0 +1,127 @@
+"""Kinds of excitation, told from the recorded forces: each is averaged in its own way."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import fft
+
+from modalscope.model.checks import Array, DataError, RealArray, check_choice, check_count
+from modalscope.model.signals import Signals
+from modalscope.preprocess.impacts import is_impact
+
+__all__ = ["EXCITATIONS", "find_excitation", "find_period"]
+
+#: What the forces are, and how they are averaged.
+EXCITATIONS = {
+    "random": "overlapping segments under a window",
+    "burst": "whole runs, that start and end at rest, no window",
+    "sweep": "whole runs, no window: the whole-run ratio",
+    "periodic": "the synchronous average over periods, no window",
+    "impact": "segments that start at the hits, no window or force and exponential ones",
+}
+
+#: The force is off when its RMS over the last part of a run is below this fraction of the run's.
+_LAST, _OFF = 0.05, 0.02
+
+#: A swept sine holds this part of a short stretch's energy in this part of the lines.
+_SWEPT, _LINES = 0.9, 0.1
+
+#: Pairs of stretches in order less those that are not, over all: 0 for random forces, 1 for a clean sweep.
+_IN_ORDER = 0.7
+
+#: Stretches that a run is cut into to see a sweep.
+_STRETCHES = 16
+
+#: A periodic force is like itself a period on, to this part of its power.
+_PERIODIC = 0.99
+
+
+def find_excitation(signals: Signals, asked: str = "auto") -> str:
+    """Return the kind of excitation: as asked, or told from all forces of all runs.
+
+    Impacts have nearly all energy in a few samples; the force of a burst is off at the end of a run; a sweep holds few lines
+    at a time and moves on; everything else, periodic forces included, is treated as random.
+    """
+    check_choice("excitation", asked, ("auto", *EXCITATIONS))
+    if asked != "auto":
+        return asked
+    inputs = signals.by_run()[1]
+    assert inputs is not None
+    forces = [force - np.median(force) for run in inputs for force in run.T if np.any(force)]
+    if not forces:
+        return "random"
+    if all(is_impact(force) for force in forces):
+        return "impact"
+    if all(_is_off(force) for force in forces):
+        return "burst"
+    if all(_is_sweep(force) for force in forces):
+        return "sweep"
+    return "random"
+
+
+def _is_off(force: Array) -> bool:
+    last = force[-max(2, int(_LAST * force.size)) :]
+    return bool(np.sqrt(np.mean(last**2)) < _OFF * np.sqrt(np.mean(force**2)))
+
+
+def _is_sweep(force: Array) -> bool:
+    """Whether every stretch holds few lines, and the strongest moves one way over the run."""
+    length = force.size // _STRETCHES
+    if length < 32:
+        return False
+    stretches = force[: length * _STRETCHES].reshape(_STRETCHES, length) * np.hanning(length)
+    power = np.abs(fft.rfft(stretches, axis=1)) ** 2
+    strongest = np.argmax(power, axis=1)
+    count = max(3, int(_LINES * power.shape[1]))
+    held = np.sort(power, axis=1)[:, -count:].sum(axis=1) / np.maximum(power.sum(axis=1), np.finfo(float).tiny)
+    # where a resonance takes the force away, a harmonic may be stronger: most pairs of stretches, not all, are in order
+    order = np.sign(np.subtract.outer(strongest, strongest))[np.tril_indices(_STRETCHES, -1)]
+    return bool(abs(np.mean(order)) > _IN_ORDER and np.median(held) > _SWEPT)
+
+
+def find_period(forces: RealArray, period: int | None) -> int:
+    """Return the period of forces (R, N, m) in samples: as given, or the shortest lag at which all are like themselves again.
+
+    Raises
+    ------
+    DataError
+        Forces that do not repeat, or fewer than two periods in a run.
+    """
+    samples = forces.shape[1]
+    if period is None:
+        period = _repeat(forces)
+        if period is None:
+            raise DataError(
+                "the synchronous average of a periodic excitation was asked",
+                "the forces do not repeat within half a run",
+                'Give period in samples, or excitation="random".',
+            )
+    check_count("period", period, least=2)
+    if samples < 2 * period:
+        raise DataError(
+            f"the average over periods of {period} samples was asked",
+            f"a run has {samples} samples, fewer than two periods",
+            'Measure more periods, or give excitation="random".',
+        )
+    return period
+
+
+def _repeat(forces: RealArray) -> int | None:
+    samples = forces.shape[1]
+    x = forces - forces.mean(axis=1, keepdims=True)
+    length = fft.next_fast_len(2 * samples, real=True)
+    spectrum = fft.rfft(x, n=length, axis=1)
+    products = fft.irfft(np.abs(spectrum) ** 2, n=length, axis=1)[:, : samples // 2 + 1].sum(axis=(0, 2))
+    # energy of the parts that overlap at each lag: first N - k samples, and last N - k
+    energy = np.cumsum(np.sum(x**2, axis=(0, 2)))
+    lags = np.arange(samples // 2 + 1)
+    head = energy[samples - 1 - lags]
+    tail = energy[-1] - np.concatenate([[0.0], energy[: samples // 2]])
+    likeness = products / np.maximum(np.sqrt(head * tail), np.finfo(float).tiny)
+    peaks = 1 + np.flatnonzero((likeness[1:-1] >= likeness[:-2]) & (likeness[1:-1] >= likeness[2:]))
+    peaks = peaks[peaks >= 2]
+    if peaks.size == 0 or likeness[peaks].max() < _PERIODIC:
+        return None
+    best = likeness[peaks].max()
+    # of lags nearly as good as the best, the shortest: the others are its multiples
+    return int(peaks[np.flatnonzero(likeness[peaks] > best - 0.1 * (1 - _PERIODIC))[0]])

@@ -1,0 +1,202 @@
+"""Hammer hits: where they are in a record, which of them are good, and cutting them out."""
+
+from __future__ import annotations
+
+import itertools
+from typing import NamedTuple
+
+import numpy as np
+
+from modalscope.model.checks import Array, DataError, RealArray, check_count
+
+__all__ = ["Hit", "clipped_samples", "cut_hits", "exponential_decay", "find_hits", "is_impact"]
+
+#: A pulse stands out of the record by this part of the highest peak, and by this many deviations of the noise.
+_TRIGGER, _ABOVE_NOISE = 0.03, 15.0
+
+#: A second pulse of this part of the first is a double hit.
+_SECOND = 0.1
+
+#: A hit this many times stronger than the median of all is not one of the same series.
+_OUTLIER = 5.0
+
+#: Equal consecutive samples at a channel's extreme: so many are no chance.
+_PLATEAU = 3
+
+#: An impact puts this part of its energy into this part of the record.
+_ENERGY, _PART = 0.95, 0.05
+
+
+class Hit(NamedTuple):
+    """One hit of a record.
+
+    Attributes
+    ----------
+    number : int
+        Counted from 1 over all runs, as a person at the test would.
+    run, start, stop : int
+        The run (from 0), the first sample above the trigger and the one after the first pulse.
+    peak : float
+        Largest force of the first pulse, with its sign.
+    reason : str
+        What is wrong with the hit, in words; empty for a good one.
+    overloaded : bool
+        Whether the force was recorded wrongly, so that the hit is of no use. A double hit, recorded whole, still is: it
+        only puts less force into some lines.
+    """
+
+    number: int
+    run: int
+    start: int
+    stop: int
+    peak: float
+    reason: str = ""
+    overloaded: bool = False
+
+
+def exponential_decay(end: float, duration: float) -> float:
+    """Return the decay rate in 1/s of an exponential window that falls from 1 to `end` in `duration` seconds.
+
+    It is what the window adds to the decay of every mode: `FrequencyResponse(added_damping=...)` takes it, so that poles
+    identified from windowed responses, of other programs too, are shifted back.
+
+    Examples
+    --------
+    >>> round(exponential_decay(0.01, 2.0), 4)
+    2.3026
+    """
+    if not (0 < end <= 1 and duration > 0):
+        raise DataError(
+            "an exponential window from 1 to a smaller value was asked",
+            f"its end is {end!r}, its duration {duration!r} s",
+            "Give end between 0 and 1, such as 0.01, and a duration in seconds.",
+        )
+    return float(-np.log(end) / duration)
+
+
+def is_impact(force: Array) -> bool:
+    """Whether a force (N,) has nearly all of its energy in a few samples: 95 % in 5 %."""
+    energy = np.sort(np.square(force - np.median(force)))[::-1]
+    count = max(1, int(_PART * energy.size))
+    total = float(energy.sum())
+    return total > 0 and float(energy[:count].sum()) > _ENERGY * total
+
+
+def clipped_samples(x: Array) -> int:
+    """Return how many samples of x (N,) stand in plateaus of three or more at its largest or smallest value.
+
+    A signal of few levels (a square or binary one) and a channel at rest have none.
+    """
+    largest, smallest = float(x.max()), float(x.min())
+    if largest == smallest or np.unique(x[:: max(1, x.size // 4096)]).size <= 16:
+        return 0
+    count = 0
+    for extreme in (largest, smallest):
+        if extreme == 0:  # a channel that rests at zero and swings to one side
+            continue
+        at = np.concatenate([[0], (x == extreme).astype(np.int8), [0]])
+        steps = np.diff(at)
+        lengths = np.flatnonzero(steps < 0) - np.flatnonzero(steps > 0)
+        count += int(lengths[lengths >= _PLATEAU].sum())
+    return count
+
+
+def _pulses(force: RealArray, peak: float) -> list[tuple[int, int]]:
+    """Return (start, stop) of all stretches above the trigger level; short dips below it do not part them."""
+    rest = np.median(force)
+    size = np.abs(force - rest)
+    noise = float(np.median(size)) / 0.6745  # the deviation of Gaussian noise, untouched by a few pulses
+    above = np.flatnonzero(size > max(_TRIGGER * peak, _ABOVE_NOISE * noise))
+    if above.size == 0:
+        return []
+    breaks = np.flatnonzero(np.diff(above) > 3)
+    starts = above[np.concatenate([[0], breaks + 1])]
+    stops = above[np.concatenate([breaks, [above.size - 1]])] + 1
+    return [(int(a), int(b)) for a, b in zip(starts, stops, strict=True)]
+
+
+def _grouped(pulses: list[tuple[int, int]], samples: int) -> list[list[tuple[int, int]]]:
+    """Join pulses into hits: a pulse starts a new hit when the pause before it is a quarter of the longest pause or more."""
+    pauses = [b[0] - a[1] for a, b in itertools.pairwise(pulses)]
+    longest = max([*pauses, samples - pulses[-1][1]])
+    groups = [[pulses[0]]]
+    for pulse, pause in zip(pulses[1:], pauses, strict=True):
+        if pause >= longest / 4:
+            groups.append([pulse])
+        else:
+            groups[-1].append(pulse)
+    return groups
+
+
+def find_hits(forces: RealArray) -> list[Hit]:
+    """Return all hits in forces (R, N) of one hammer, each with what is wrong with it, if anything is.
+
+    Overloaded: at least three equal samples at the peak, or a peak five times the median of three hits or more. Double: a
+    second pulse of a tenth of the first or more before the next hit.
+    """
+    found: list[Hit] = []
+    typical = float(np.median(np.abs(forces - np.median(forces, axis=1, keepdims=True)).max(axis=1)))
+    for run, force in enumerate(forces):
+        force = force - np.median(force)
+        pulses = _pulses(force, typical)
+        if not pulses:
+            continue
+        for group in _grouped(pulses, force.size):
+            start, stop = group[0]
+            place = start + int(np.argmax(np.abs(force[start:stop])))
+            peak = float(force[place])
+            later = [float(np.abs(force[a:b]).max()) for a, b in group[1:]]
+            reason, overloaded = "", False
+            if int(np.sum(force[start:stop] == peak)) >= _PLATEAU:
+                reason = f"overloaded: the force stays at {peak:.4g} for several samples"
+                overloaded = True
+            elif later and max(later) >= _SECOND * abs(peak):
+                second = group[1 + int(np.argmax(later))][0] - start
+                reason = f"double hit: a second pulse of {100 * max(later) / abs(peak):.0f} %, {second} samples later"
+            found.append(Hit(len(found) + 1, run, start, stop, peak, reason, overloaded))
+    return [_beside_others(hit, found) for hit in found]
+
+
+def _beside_others(hit: Hit, hits: list[Hit]) -> Hit:
+    usual = float(np.median([abs(h.peak) for h in hits]))
+    if len(hits) < 3 or hit.overloaded or abs(hit.peak) <= _OUTLIER * usual:
+        return hit
+    reason = f"overloaded: a peak of {hit.peak:.4g} where the others have {usual:.4g}"
+    return hit._replace(reason=reason, overloaded=True)
+
+
+def cut_hits(
+    outputs: RealArray, inputs: RealArray, hits: list[Hit], *, segment: int | None, before: int
+) -> tuple[RealArray, RealArray]:
+    """Return outputs (hits, n, l) and inputs (hits, n, m), each hit from `before` samples ahead of its trigger.
+
+    `segment` is n; by default it is as long as the shortest pause to the next hit or the end of its run allows.
+
+    Raises
+    ------
+    DataError
+        No hits, or a segment that reaches into the next hit or beyond the run.
+    """
+    if not hits:
+        raise DataError(
+            "frequency responses of hammer hits were asked",
+            "no usable hit is in the record",
+            'Give hits="all" to use the others, or another excitation.',
+        )
+    samples = outputs.shape[1]
+    starts = [max(hit.start - before, 0) for hit in hits]
+    room = []
+    for hit, start in zip(hits, starts, strict=True):
+        following = [s for h, s in zip(hits, starts, strict=True) if h.run == hit.run and s > start]
+        room.append(min([*following, samples]) - start)
+    length = min(room) if segment is None else check_count("segment", segment, least=2)
+    if length > min(room):
+        short = hits[int(np.argmin(room))]
+        raise DataError(
+            f"segments of {length} samples for every hit were asked",
+            f"hit {short.number} has {min(room)} before the next one or the end",
+            f"Lower segment to at most {min(room)}, or leave that hit out.",
+        )
+    y = np.stack([outputs[h.run, s : s + length] for h, s in zip(hits, starts, strict=True)])
+    u = np.stack([inputs[h.run, s : s + length] for h, s in zip(hits, starts, strict=True)])
+    return y, u

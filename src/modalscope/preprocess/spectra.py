@@ -1,0 +1,241 @@
+"""Cross spectral matrices averaged over segments and runs: written once, for frequency responses and for quick looks.
+
+A segment x_p (samples, channels) under a window w has the transform X_p(f) = sum_k w(k) x_p(k) exp(-j 2 pi f k / fs), and
+S(f) = 2 / (fs sum w^2) mean_p X_p X_p* is the one-sided power spectral density matrix, element (i, j) = E[X_i conj(X_j)].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from scipy import fft, signal
+
+from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_choice, check_count
+
+__all__ = [
+    "WINDOWS",
+    "CrossSpectra",
+    "Segments",
+    "Transform",
+    "check_window",
+    "cross_spectra",
+    "effective_averages",
+    "plain_transform",
+    "segment_starts",
+    "silent_lines",
+    "window_samples",
+]
+
+#: Windows by name; "none" is the rectangle.
+WINDOWS = {
+    "none": "boxcar",
+    "hann": "hann",
+    "hamming": "hamming",
+    "flattop": "flattop",
+    "blackman": "blackman",
+    "blackmanharris": "blackmanharris",
+    "tukey": "tukey",
+}
+
+#: Lines with less than this part of an input's largest power have no force, only rounding.
+_SILENT = 1e-20
+
+#: Complex numbers transformed at a time (16 bytes each).
+_AT_ONCE = 2_000_000
+
+
+def check_window(window: str | None) -> str:
+    """Return a known window's name; None and "boxcar" are "none"."""
+    if window is None or window == "boxcar":
+        return "none"
+    return check_choice("window", window, WINDOWS)
+
+
+def window_samples(window: str, length: int) -> RealArray:
+    """Return the samples of a window by name, periodic as a spectrum needs it."""
+    return np.asarray(signal.get_window(WINDOWS[check_window(window)], length, fftbins=True))
+
+
+def segment_starts(samples: int, segment: int, overlap: float) -> list[int]:
+    """Return the first samples of all whole segments of a run.
+
+    Raises
+    ------
+    DataError
+        A segment longer than a run, or an overlap outside 0 to below 1.
+    """
+    check_count("segment", segment, least=2)
+    if segment > samples:
+        raise DataError(
+            f"segments of {segment} samples were asked",
+            f"a run has {samples}",
+            f"Lower segment to at most {samples}.",
+        )
+    if not 0 <= overlap < 1:
+        raise DataError(
+            f"overlap={overlap!r} was asked", "it is a part of a segment, 0 to below 1", "Give 0.5 for one half."
+        )
+    step = max(1, round(segment * (1 - overlap)))
+    return list(range(0, samples - segment + 1, step))
+
+
+class Segments(NamedTuple):
+    """How records are cut and weighted: first samples, and the windows of outputs and inputs."""
+
+    starts: list[int]
+    output_window: RealArray
+    input_window: RealArray
+
+    @property
+    def length(self) -> int:
+        """Samples of a segment."""
+        return int(self.output_window.size)
+
+
+class Transform(NamedTuple):
+    """From segments (p, samples, channels) to lines (p, F, channels), and the lines in Hz."""
+
+    frequencies: RealArray
+    apply: Callable[[Array], ComplexArray]
+
+
+def plain_transform(length: int, sampling_rate: float) -> Transform:
+    """Return the discrete Fourier transform of real segments, 0 Hz to half the sampling rate."""
+    return Transform(np.asarray(fft.rfftfreq(length, 1 / sampling_rate)), lambda x: np.asarray(fft.rfft(x, axis=1)))
+
+
+class CrossSpectra(NamedTuple):
+    """Averaged spectral densities of l outputs and m inputs on F lines.
+
+    Attributes
+    ----------
+    frequencies : array, (F,)
+        Hz.
+    outputs : array, (F, l) or (F, l, l)
+        Powers of the outputs, or their whole matrix.
+    cross : array, (F, l, m)
+        E[Y conj(U)].
+    inputs : array, (F, m, m)
+        E[U conj(U)].
+    averages : int
+        Segments of all runs.
+    effective : float
+        Independent averages they are worth (see `effective_averages`).
+    """
+
+    frequencies: RealArray
+    outputs: Array
+    cross: ComplexArray
+    inputs: ComplexArray
+    averages: int
+    effective: float
+
+    @property
+    def output_powers(self) -> RealArray:
+        """Powers of the outputs, (F, l)."""
+        diagonal = self.outputs if self.outputs.ndim == 2 else np.einsum("fii->fi", self.outputs)
+        return np.asarray(diagonal.real)
+
+    def at_lines(self, lines: Array) -> CrossSpectra:
+        """Return the spectra on some of the lines, given by a mask or by indices."""
+        return self._replace(
+            frequencies=self.frequencies[lines],
+            outputs=self.outputs[lines],
+            cross=self.cross[lines],
+            inputs=self.inputs[lines],
+        )
+
+
+def effective_averages(window: RealArray, starts: list[int], runs: int) -> float:
+    """Return how many independent segments the overlapping ones are worth, n / (1 + 2 sum_q (1 - q/n) rho(q)^2).
+
+    rho(q) is the window's correlation with itself q steps on. Segments of different runs are independent.
+
+    References
+    ----------
+    Welch, "The use of fast Fourier transform for the estimation of power spectra", 1967.
+    """
+    n = len(starts)
+    if n == 1:
+        return float(runs)
+    step, power = starts[1] - starts[0], float(window @ window)
+    excess = 0.0
+    for q in range(1, n):
+        shift = q * step
+        if shift >= window.size:
+            break
+        excess += (1 - q / n) * (float(window[shift:] @ window[:-shift]) / power) ** 2
+    return runs * n / (1 + 2 * excess)
+
+
+def silent_lines(spectra: CrossSpectra) -> Array:
+    """Return (F,) whether an input has no power on a line, only rounding: no response is known there."""
+    power = np.einsum("fii->fi", spectra.inputs).real
+    return np.asarray(np.any(power <= _SILENT * power.max(axis=0), axis=1))
+
+
+def _pieces(records: Array, segments: Segments, at_once: int) -> Iterator[Array]:
+    """Yield groups of segments (p, samples, channels) of all runs."""
+    for run in records:
+        for first in range(0, len(segments.starts), at_once):
+            group = segments.starts[first : first + at_once]
+            yield np.stack([run[start : start + segments.length] for start in group])
+
+
+def cross_spectra(
+    outputs: Array,
+    inputs: Array | None,
+    sampling_rate: float,
+    segments: Segments,
+    *,
+    transform: Transform | None = None,
+    whole: bool = False,
+) -> CrossSpectra:
+    """Average the cross spectral matrices of records (R, N, l) and (R, N, m) over segments and runs.
+
+    Parameters
+    ----------
+    outputs, inputs : array, (R, N, l) and (R, N, m)
+        Real records, or complex ones that were shifted in frequency (see `modalscope.preprocess.zoom`).
+    sampling_rate : float
+    segments : Segments
+    transform : Transform, optional
+        The lines; by default those of the discrete Fourier transform.
+    whole : bool
+        Whether the whole matrix of the outputs is wanted, instead of their powers.
+    """
+    transform = plain_transform(segments.length, sampling_rate) if transform is None else transform
+    inputs = np.zeros((*outputs.shape[:2], 0)) if inputs is None else inputs
+    lines, l, m = transform.frequencies.size, outputs.shape[2], inputs.shape[2]
+    Syy = np.zeros((lines, l, l) if whole else (lines, l), dtype=complex if whole else float)
+    Syu, Suu = np.zeros((lines, l, m), dtype=complex), np.zeros((lines, m, m), dtype=complex)
+    at_once = max(1, _AT_ONCE // (segments.length * (l + m)))
+    pairs = zip(_pieces(outputs, segments, at_once), _pieces(inputs, segments, at_once), strict=True)
+    for y, u in pairs:
+        Y = transform.apply(y * segments.output_window[:, None]).transpose(1, 2, 0)  # (F, l, p)
+        U = transform.apply(u * segments.input_window[:, None]).transpose(1, 2, 0)
+        conjugate = np.conj(U).transpose(0, 2, 1)
+        Syu += Y @ conjugate
+        Suu += U @ conjugate
+        Syy += Y @ np.conj(Y).transpose(0, 2, 1) if whole else np.sum(np.abs(Y) ** 2, axis=2)
+    count = outputs.shape[0] * len(segments.starts)
+    density = 2 / (sampling_rate * float(np.sum(segments.output_window**2)) * count)
+    scale = _one_sided(transform.frequencies, sampling_rate, np.iscomplexobj(outputs)) * density
+    return CrossSpectra(
+        frequencies=transform.frequencies,
+        outputs=Syy * (scale[:, None, None] if whole else scale[:, None]),
+        cross=Syu * scale[:, None, None],
+        inputs=Suu * scale[:, None, None],
+        averages=count,
+        effective=effective_averages(segments.output_window, segments.starts, outputs.shape[0]),
+    )
+
+
+def _one_sided(frequencies: RealArray, sampling_rate: float, shifted: bool) -> RealArray:
+    """Return 1 for lines that stand for their negative twins, too, and 1/2 at 0 Hz and half the sampling rate."""
+    scale = np.ones(frequencies.size)
+    if not shifted:
+        scale[(frequencies == 0) | (np.abs(frequencies - sampling_rate / 2) < 1e-9 * sampling_rate)] = 0.5
+    return scale
