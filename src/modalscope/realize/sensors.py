@@ -1,0 +1,128 @@
+"""Models in the coordinates of the sensors: M^-1 K and M^-1 D (Eq. 107), and the first-order form (Eqs. 108-109)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from modalscope.model.checks import DataError, RealArray
+from modalscope.model.statespace import StateSpace
+
+__all__ = ["EquationsOfMotion", "equations_of_motion", "first_order_form"]
+
+#: Beyond this condition the sensors do not tell the states apart.
+_SINGULAR = 1e8
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class EquationsOfMotion:
+    """y'' + (M^-1 D) y' + (M^-1 K) y = 0 in the coordinates of the sensors.
+
+    Parameters
+    ----------
+    stiffness, damping : array, (l, l)
+        M^-1 K in 1/s^2 and M^-1 D in 1/s; with C_d the sensors' matrix, C_d M^-1 K C_d#.
+    frequencies : array, (n / 2,)
+        Undamped natural frequencies, Hz: the roots of the eigenvalues of M^-1 K alone.
+    shapes : array, (l, n / 2)
+        Its real modes, of length one.
+    condition : float
+        Of [C; C A / w]: what errors of the model are multiplied by.
+    """
+
+    stiffness: RealArray
+    damping: RealArray
+    frequencies: RealArray
+    shapes: RealArray
+    condition: float
+
+
+def equations_of_motion(model: StateSpace) -> EquationsOfMotion:
+    """Return M^-1 K and M^-1 D from C A^2 + (M^-1 D) C A + (M^-1 K) C = 0 (Eqs. 104-107).
+
+    Parameters
+    ----------
+    model : StateSpace
+        Continuous, identified from displacements, velocities or accelerations: all obey the same homogeneous equation.
+
+    Raises
+    ------
+    DataError
+        A sampled model; fewer sensors than degrees of freedom (n / 2), or sensors that do not tell them apart; rigid motions.
+
+    Examples
+    --------
+    >>> from modalscope.systems import chain5
+    >>> s = chain5()
+    >>> e = equations_of_motion(s.state_space(outputs=range(5)))
+    >>> bool(abs(e.stiffness - s.stiffness).max() < 1e-9)  # unit masses
+    True
+    """
+    _need_continuous(model)
+    n, l = model.order, model.C.shape[0]
+    if 2 * l < n:
+        raise DataError(
+            f"M^-1 K of {n} states was asked",
+            f"{l} sensors give {2 * l} rows of [C; CA], at least {n} are needed",
+            f"Measure at least {-(-n // 2)} degrees of freedom, or lower the order to {2 * l}.",
+        )
+    scale = float(np.abs(model.poles).max()) or 1.0
+    V = np.vstack([model.C, model.C @ model.A / scale])
+    condition = _condition(V, n)
+    if condition > _SINGULAR:
+        raise DataError(
+            f"M^-1 K of {n} states was asked",
+            f"[C; CA] has condition {condition:.1e}: the sensors do not tell the degrees of freedom apart",
+            "Measure more of them, or lower the order to the modes that the sensors see.",
+        )
+    X = -np.linalg.lstsq(V.T, (model.C @ model.A @ model.A).T, rcond=None)[0].T
+    stiffness, damping = X[:, :l], X[:, l:] / scale
+    values, vectors = np.linalg.eig(stiffness)
+    largest = np.argsort(-np.abs(values))[: n // 2]
+    order = largest[np.argsort(np.abs(values[largest]))]
+    real = np.real(vectors[:, order] * np.exp(-0.5j * np.angle(np.sum(vectors[:, order] ** 2, axis=0))))
+    return EquationsOfMotion(
+        stiffness=stiffness,
+        damping=damping,
+        frequencies=np.sqrt(np.abs(values[order])) / (2 * np.pi),
+        shapes=real / np.linalg.norm(real, axis=0),
+        condition=condition,
+    )
+
+
+def first_order_form(model: StateSpace) -> StateSpace:
+    """Return the model whose states are the outputs, y' = (C A C#) y + C B u (Eqs. 108-109), of order l.
+
+    Raises
+    ------
+    DataError
+        A sampled model, or C without full column rank: displacements alone (velocities alone) reach half of the states, whatever their
+        number; both are needed.
+    """
+    _need_continuous(model)
+    n = model.order
+    condition = _condition(model.C / np.maximum(np.linalg.norm(model.C, axis=1, keepdims=True), 1e-300), n)
+    if model.C.shape[0] < n or condition > _SINGULAR:
+        raise DataError(
+            f"the first-order form of {n} states was asked",
+            f"the {model.C.shape[0]} outputs reach {np.linalg.matrix_rank(model.C, tol=1e-8 * np.linalg.norm(model.C))} of them",
+            f"Measure at least {n} outputs, displacements and velocities both, or use the second-order form.",
+        )
+    return StateSpace(
+        A=model.C @ model.A @ np.linalg.pinv(model.C), B=model.C @ model.B, C=np.eye(model.C.shape[0]), D=model.D
+    )
+
+
+def _need_continuous(model: StateSpace) -> None:
+    if model.dt is not None:
+        raise DataError(
+            "a continuous model was asked",
+            f"this one is sampled every {model.dt:g} s",
+            "Identify in domain='s', or use to_continuous().",
+        )
+
+
+def _condition(matrix: RealArray, n: int) -> float:
+    d = np.linalg.svd(matrix, compute_uv=False)
+    return float(d[0] / d[n - 1]) if d.size >= n and d[n - 1] > 0 else np.inf
