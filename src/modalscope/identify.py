@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.blocks.fraction import Fraction
+from modalscope.blocks.hankel import Hankel
 from modalscope.blocks.shifted import Shifted
 from modalscope.blocks.transfer import Transfer
 from modalscope.indicators import cluster_mpc, clusters, mac, modal_singular_values, mpc, mpd
@@ -175,6 +176,8 @@ def indicators_of(pipeline: Pipeline, order: int, modes: Eigenmodes) -> dict[str
     matrix, realization = pipeline.matrix, pipeline.realization
     if not realization.canonical and not isinstance(matrix, Fraction):
         vectors, rows, shapes, participation = modes.vectors, modes.rows, modes.shapes, modes.participation
+        if isinstance(matrix, Hankel):  # its columns start from the first sample kept, not from the impulse
+            participation = participation * modes.own[:, None] ** matrix.response.first_sample
         if pipeline.dual:
             vectors, rows, shapes, participation = rows.T, vectors.T, participation.T, shapes.T
         outer = row_side(matrix, realization, order, modes.own, vectors, shapes)
@@ -184,7 +187,9 @@ def indicators_of(pipeline: Pipeline, order: int, modes: Eigenmodes) -> dict[str
         # where the columns say nothing (NaN, or None for all) the rows alone speak
         sides = [side for side in (inner, outer) if side is not None]
         if sides:
-            found["amplitude_coherence"] = _first_number(*(coherence for _, coherence in sides))
+            found["amplitude_coherence"] = _first_number(
+                *(coherence for _, coherence in sides if coherence is not None)
+            )
         if outer is not None:
             found["emac"] = outer[0] * (1 if inner is None else np.where(np.isnan(inner[0]), 1, inner[0]))
             found["emaco"] = outer[0]

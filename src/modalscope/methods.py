@@ -61,6 +61,11 @@ class Method:
     def __str__(self) -> str:
         return f"{self.name} ({self.domain})"
 
+    @property
+    def canonical(self) -> bool:
+        """Whether models have as many states as the block rows have rows, whatever the rank."""
+        return self.realize in (null_space_companion, least_squares_companion)
+
 
 def _row(
     name: str, realization: str, realize: Realize, factors: str, cells: dict[str, tuple[str, tuple[str, ...]]]

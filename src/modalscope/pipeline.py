@@ -37,6 +37,7 @@ _HANKEL = (
     "row_weights",
     "column_weights",
     "row_compression",
+    "column_compression",
 )
 
 #: Options that shape a matrix of transfer functions.
@@ -184,9 +185,9 @@ def build(
         dual = False
     else:
         _refuse("this method works on samples", weights=weights, **{name: options.get(name) for name in _LINES})
-        dual = _is_dual(cell, form, response)
+        dual = _is_dual(cell, form, response, block_rows, block_columns)
         given = {name: options.get(name) for name in _HANKEL}
-        matrix, settings = _hankel_of(response, dual, order, block_rows, block_columns, given)
+        matrix, settings = _hankel_of(cell, response, dual, order, block_rows, block_columns, given)
         settings["form"] = "controllable" if dual else "observable"
     factors = _factor(matrix, cell, order, factorization)
     notes.append(f"{matrix.describe()}; {factors.how}")
@@ -269,15 +270,22 @@ def _factor(matrix: Matrix, cell: Method, order: int, route: str) -> Factors:
     return factorize(matrix.tall(), order if cell.factors == "tall" else None, route)
 
 
-def _is_dual(cell: Method, form: str | None, response: ImpulseResponse) -> bool:
-    """Whether the controllable form is built, as the observable form of the transposed response; the smaller one for companions."""
-    smaller = cell.factors == "tall" and cell.name == "polyreference"
-    if form == "smaller" or (form is None and smaller):
-        return response.values.shape[2] < response.values.shape[1]
+def _is_dual(cell: Method, form: str | None, response: ImpulseResponse, rows: int | None, columns: int | None) -> bool:
+    """Whether the controllable form is built, as the observable form of the transposed response.
+
+    Canonical forms have l r or m s states; the smaller is the default. Where the blocks are not given they are chosen for equal
+    sizes, and fewer channels make the finer steps.
+    """
+    if form == "smaller" or (form is None and cell.name == "polyreference"):
+        _, outputs, inputs = response.values.shape
+        if rows is None or columns is None:
+            return bool(inputs < outputs)
+        return bool(inputs * columns < outputs * rows)
     return (form or cell.forms[0]) == "controllable"
 
 
 def _hankel_of(
+    cell: Method,
     response: ImpulseResponse,
     dual: bool,
     order: int,
@@ -285,16 +293,38 @@ def _hankel_of(
     block_columns: int | None,
     options: dict[str, Any],
 ) -> tuple[Hankel, dict[str, Any]]:
-    rows, columns = default_blocks(response, order, block_rows, block_columns)
+    spans = {
+        "block_rows": _span(block_rows, options.get("row_shifts")),
+        "block_columns": _span(block_columns, options.get("column_shifts")),
+    }
+    turned = _transposed(response) if dual else response
+    if dual and cell.canonical:  # the side of the companion's states is the short one
+        columns, rows = default_blocks(turned, order, spans["block_columns"], spans["block_rows"])
+    else:
+        rows, columns = default_blocks(response, order, spans["block_rows"], spans["block_columns"])
     settings = {"block_rows": rows, "block_columns": columns, **{k: v for k, v in options.items() if v is not None}}
     chosen = {
-        "block_rows": None if options.get("row_shifts") is not None else rows,
-        "block_columns": None if options.get("column_shifts") is not None else columns,
+        "block_rows": block_rows if options.get("row_shifts") is not None else rows,
+        "block_columns": block_columns if options.get("column_shifts") is not None else columns,
         **options,
     }
     if not dual:
         return hankel(response, **chosen), settings
-    turned = replace(
+    swap = {"row": "column", "column": "row"}
+    sides = {key: "row" if "row" in key else "column" for key in chosen}
+    return hankel(turned, **{key.replace(sides[key], swap[sides[key]]): v for key, v in chosen.items()}), settings
+
+
+def _span(blocks: int | None, shifts: Any) -> int | None:
+    """Return how many samples one side spans, when it is given."""
+    if shifts is not None and len(shifts):
+        return int(max(shifts)) + 1
+    return None if blocks is None else check_count("block_rows and block_columns", blocks)
+
+
+def _transposed(response: ImpulseResponse) -> ImpulseResponse:
+    """Return the response with inputs and outputs in each other's places."""
+    return replace(
         response,
         values=response.values.transpose(0, 2, 1),
         feedthrough=None,
@@ -302,13 +332,6 @@ def _hankel_of(
         input_dofs=tuple(f"out {dof}" for dof in response.output_dofs),
         units=response.units[::-1],
     )
-    swap = {"row": "column", "column": "row"}
-    swapped = {}
-    for key, value in chosen.items():
-        side = "row" if "row" in key else "column"
-        # compression stays on the rows of the matrix that is factored: it then combines inputs
-        swapped[key if key == "row_compression" else key.replace(side, swap[side])] = value
-    return hankel(turned, **swapped), settings
 
 
 def default_blocks(
@@ -319,7 +342,8 @@ def default_blocks(
     More rows than that mostly add noise; more columns average it. Both are at least ten blocks where the samples allow it.
     """
     samples, outputs, inputs = response.values.shape
-    rows = block_rows or min(max(-(-3 * order // outputs), 10), max(samples // 2, 1))
+    room = samples if block_columns is None else max(samples - block_columns, 1)
+    rows = block_rows or min(max(-(-3 * order // outputs), 10), max(samples // 2, 1), room)
     columns = block_columns or max(min(samples - rows, max(-(-20 * order // inputs), rows, 10)), 1)
     return rows, columns
 

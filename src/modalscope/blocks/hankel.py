@@ -1,27 +1,110 @@
 """Block Hankel matrices of Markov parameters, in full generality (Eqs. 17, 20-21).
 
 Block (j, i) of H(k) is Y_{J_j I_i}(s_j + k + t_i) = C_{J_j} A^{s_j} A^k A^{t_i} B_{I_i}: any sensors in every block row but the
-first, any inputs in every block column but the first, any shifts. Whole consecutive blocks keep their structure; anything
-else is an array of its own.
+first, any inputs in every block column but the first, any shifts. What acts alike in every block (a weight a channel, a compression
+T_0) is applied to the samples, and whole consecutive blocks keep their structure; anything else makes an array.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from math import gcd
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from modalscope.blocks.compression import adds_channels
+from modalscope.blocks.factor import Factors
+from modalscope.blocks.layout import block_entries, block_shifts, side_map, side_weights
 from modalscope.blocks.matrix import Evolution, RowShift
 from modalscope.blocks.operators import BlockHankel, DenseMatrix, Operator
-from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, check_count, real_array
+from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.poles import to_continuous, to_discrete
 
-__all__ = ["Hankel", "hankel"]
+__all__ = ["Hankel", "Side", "hankel"]
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """The rows of H(0), or its columns.
+
+    Parameters
+    ----------
+    entries : array of int, (2, rows)
+        Shift and channel of each; the channels are those after `within`.
+    whole : bool
+        All channels in every block, shifts 0, 1, 2, ...
+    within : array, (q, channels), optional
+        T_0, applied within every block: a compression, or one weight a channel.
+    weights : array, (rows,), optional
+        One weight a row, when they differ from block to block.
+    over : array, (q, rows), optional
+        T_r, applied to whole columns after the weights.
+    """
+
+    entries: IntArray
+    whole: bool
+    within: RealArray | None = None
+    weights: RealArray | None = None
+    over: RealArray | None = None
+
+    @cached_property
+    def shifts(self) -> IntArray:
+        """The different shifts, increasing."""
+        return np.unique(self.entries[0])
+
+    @property
+    def structured(self) -> bool:
+        """Whole consecutive blocks and nothing over them: what products and Gram matrices can use."""
+        return self.whole and self.weights is None and self.over is None
+
+    @property
+    def size(self) -> int:
+        """Number of rows, after compression."""
+        return int(self.entries.shape[1] if self.over is None else self.over.shape[0])
+
+    def taller(self) -> Side:
+        """Return the side with one block more: the last block again, one sample on, with its weights."""
+        last = self.entries[0] == self.shifts[-1]
+        return replace(
+            self,
+            entries=np.hstack([self.entries, self.entries[:, last] + np.array([[1], [0]])]),
+            weights=None if self.weights is None else np.concatenate([self.weights, self.weights[last]]),
+        )
+
+    def apply(self, rows: Array) -> RealArray:
+        """Return rows of the matrix weighted and combined."""
+        weighted = rows if self.weights is None else rows * self.weights[:, None]
+        return np.asarray(weighted if self.over is None else self.over @ weighted)
+
+
+def _side(
+    name: str,
+    count: int,
+    shifts: list[int],
+    subsets: Sequence[Sequence[int]] | None,
+    weights: ArrayLike | None,
+    compression: ArrayLike | None,
+) -> Side:
+    what = {"row": "outputs", "column": "inputs"}[name]
+    entries = block_entries(f"{name}_subsets", subsets, shifts, count, what)
+    full = entries.shape[1] == count * len(shifts)
+    w = side_weights(f"{name}_weights", weights, entries, count)
+    T = side_map(f"{name}_compression", compression, entries, count, full)
+    in_blocks = T is not None and full and T.shape[1] == count
+    if w is not None and w.size == count and full and (T is None or in_blocks):
+        T, w, in_blocks = np.diag(w) if T is None else T * w, None, True
+    elif w is not None and w.size == count:
+        w = w[entries[1]]
+    if T is not None and in_blocks and w is not None:  # weights that differ from block to block come first
+        T, in_blocks = np.kron(np.eye(len(shifts)), T), False
+    if in_blocks:
+        assert T is not None
+        entries = block_entries("", None, shifts, T.shape[0], what)
+    whole = full and shifts == list(range(len(shifts)))
+    return Side(entries, whole, T if in_blocks else None, w, None if in_blocks else T)
 
 
 def hankel(
@@ -36,6 +119,7 @@ def hankel(
     row_weights: ArrayLike | None = None,
     column_weights: ArrayLike | None = None,
     row_compression: ArrayLike | None = None,
+    column_compression: ArrayLike | None = None,
 ) -> Hankel:
     """Stack Markov parameters into H(0) and H(1); block (j, i) of H(k) is Y(s_j + k + t_i).
 
@@ -51,8 +135,9 @@ def hankel(
         Outputs in each block row and inputs in each block column; the first must be whole.
     row_weights, column_weights : array, optional
         Positive weights: one an output (an input), or one a row (a column) of H(0).
-    row_compression : array, optional
-        T_0 (q, l), applied within every block row, or T_r (q, rows of H(0)), applied to whole columns (Eq. 31).
+    row_compression, column_compression : array, optional
+        T_0 (q, l), applied within every block row, or T_r (q, rows of H(0)), applied to whole columns after the weights (Eq. 31);
+        the same for columns. `modalscope.blocks.compression` makes them.
 
     Returns
     -------
@@ -61,39 +146,36 @@ def hankel(
     Raises
     ------
     DataError
-        A response that is too short, shifts with a common factor, subsets whose first block is not whole.
+        A response that is too short, shifts with a common factor, subsets whose first block is not whole, weights or
+        compressions that do not fit.
 
     Notes
     -----
     Source: the report, Eqs. 17, 20-21 and 31.
+
+    Examples
+    --------
+    >>> from modalscope.systems import chain5
+    >>> response = chain5().impulse_response(12, outputs=[0], inputs=[0])
+    >>> hankel(response, block_rows=3, block_columns=4).shifted(1).dense().shape
+    (3, 4)
     """
     samples, outputs, inputs = response.values.shape
-    s = _shifts("row_shifts", row_shifts, block_rows, "block_rows")
-    t = _shifts("column_shifts", column_shifts, block_columns, "block_columns")
+    s = block_shifts("row_shifts", row_shifts, block_rows, "block_rows")
+    t = block_shifts("column_shifts", column_shifts, block_columns, "block_columns")
     need = s[-1] + t[-1] + 2
     if need > samples:
         raise DataError(
             f"hankel(block_rows={len(s)}, block_columns={len(t)}) reads samples 0 to {need - 1}",
             f"the response has {samples}",
-            f"Lower block_rows + block_columns to at most {samples}, or measure a longer response.",
-        )
-    T = None if row_compression is None else real_array("row_compression", row_compression, "(rows kept, rows)", 2)
-    rows = _entries("row_subsets", row_subsets, s, outputs, "outputs")
-    columns = _entries("column_subsets", column_subsets, t, inputs, "inputs")
-    if T is not None and T.shape[1] not in (outputs, rows.shape[1]):
-        raise DataError(
-            f"row_compression needs {outputs} columns (within blocks) or {rows.shape[1]} (rows of H)",
-            f"it has {T.shape[1]}",
-            "Give one column a row.",
+            f"Lower block_rows + block_columns to at most {samples}, or measure a longer response."
+            if row_shifts is None and column_shifts is None
+            else f"Lower the last shifts to {samples - 2} in all, or measure a longer response.",
         )
     return Hankel(
-        response=response,
-        row_entries=rows,
-        column_entries=columns,
-        row_weights=_weights("row_weights", row_weights, rows, outputs),
-        column_weights=_weights("column_weights", column_weights, columns, inputs),
-        compression=T,
-        whole=row_subsets is None and column_subsets is None and s == list(range(len(s))) and t == list(range(len(t))),
+        response,
+        _side("row", outputs, s, row_subsets, row_weights, row_compression),
+        _side("column", inputs, t, column_subsets, column_weights, column_compression),
     )
 
 
@@ -104,56 +186,51 @@ class Hankel:
     Parameters
     ----------
     response : ImpulseResponse
-    row_entries, column_entries : array of int, (2, rows), (2, columns)
-        Shift and channel of every row and column of H(0).
-    row_weights, column_weights : array, optional
-        One a row and one a column of H(0).
-    compression : array, optional
-        T_0 within blocks, or T_r over all rows.
-    whole : bool
-        Whole consecutive blocks: the structure that makes products and Gram matrices cheap.
+    rows, columns : Side
     """
 
     response: ImpulseResponse
-    row_entries: IntArray
-    column_entries: IntArray
-    row_weights: RealArray | None
-    column_weights: RealArray | None
-    compression: RealArray | None
-    whole: bool
+    rows: Side
+    columns: Side
 
     @property
     def block_rows(self) -> int:
         """Number of different row shifts in H(0)."""
-        return int(np.unique(self.row_entries[0]).size)
+        return int(self.rows.shifts.size)
 
     @property
     def block_columns(self) -> int:
         """Number of different column shifts."""
-        return int(np.unique(self.column_entries[0]).size)
+        return int(self.columns.shifts.size)
+
+    @cached_property
+    def _column_values(self) -> RealArray:
+        """Samples (N, l, m'), combined within block columns only."""
+        T = self.columns.within
+        return self.response.values if T is None else self.response.values @ T.T
+
+    @cached_property
+    def _row_values(self) -> RealArray:
+        """Samples (N, l', m), combined within block rows only."""
+        T = self.rows.within
+        return self.response.values if T is None else np.asarray(T @ self.response.values)
 
     @cached_property
     def _values(self) -> RealArray:
-        """Samples, compressed within blocks when that is asked."""
-        Y = self.response.values
-        return np.einsum("ab,kbc->kac", self.compression, Y) if self._within_blocks else Y
+        """Samples (N, l', m'), combined within blocks on both sides."""
+        T = self.rows.within
+        return self._column_values if T is None else np.asarray(T @ self._column_values)
 
-    @property
-    def _within_blocks(self) -> bool:
-        return (
-            self.compression is not None and self.compression.shape[1] == self.response.values.shape[1] and self.whole
-        )
+    def _matrix(self, rows: Side, k: int) -> Operator:
+        if rows.structured and self.columns.structured:
+            return BlockHankel(self._values, rows.shifts.size, self.block_columns, first=k)
+        (s, outputs), (t, inputs) = rows.entries, self.columns.entries
+        H = rows.apply(self._values[s[:, None] + k + t, outputs[:, None], inputs])
+        return DenseMatrix(np.ascontiguousarray(self.columns.apply(H.T).T))
 
     def shifted(self, k: int) -> Operator:
         """Return H(k), weighted and compressed."""
-        if (
-            self.whole
-            and self.row_weights is None
-            and self.column_weights is None
-            and (self.compression is None or self._within_blocks)
-        ):
-            return BlockHankel(self._values, self.block_rows, self.block_columns, first=k)
-        return DenseMatrix(self._array(self.row_entries, k))
+        return self._matrix(self.rows, k)
 
     def tall(self) -> Operator:
         """Return H(0) with one more block row, the rows of H(0) and of H(1) together.
@@ -163,77 +240,66 @@ class Hankel:
         DataError
             Shifts that are not consecutive, or compression over whole columns: A cannot be read off a row shift then.
         """
-        if (
-            self.whole
-            and self.row_weights is None
-            and self.column_weights is None
-            and (self.compression is None or self._within_blocks)
-        ):
-            return BlockHankel(self._values, self.block_rows + 1, self.block_columns)
-        return DenseMatrix(self._array(self._tall_entries, 0, tall=True))
-
-    @property
-    def row_shift(self) -> RowShift:
-        """Return E0 and E1 for factors of `tall()`: E0 drops the last block, E1 the first (Eq. 57, with the words the right way)."""
-        entries = self._tall_entries
-        rows = {(int(a), int(b)): i for i, (a, b) in enumerate(entries.T)}
-        pairs = [(i, rows[(a + 1, b)]) for (a, b), i in rows.items() if (a + 1, b) in rows]
-        before, after = np.array(pairs).T
-        weight = None if self.row_weights is None else self._tall_weights
-        channels = self._values.shape[1]
-        return RowShift.selection(before, after, weight, block=channels)
+        return self._matrix(self._tall_rows, 0)
 
     @cached_property
-    def _tall_entries(self) -> IntArray:
-        if self.compression is not None and not self._within_blocks:
+    def _tall_rows(self) -> Side:
+        asked = "a realization from the row shift was asked (alternate, polyreference and prce in this form)"
+        others = "use the other form (controllable when this is the observable one), or method='era' or 'least_squares'"
+        if self.rows.over is not None:
             raise DataError(
-                "a realization from the row shift was asked (alternate or polyreference, observable form)",
-                "row_compression acts over whole columns and destroys that shift",
-                "Compress within blocks (one column an output), or use form='controllable', method='era' or 'least_squares'.",
+                asked,
+                "a compression over whole columns leaves nothing of that shift",
+                f"Compress within blocks (one column a channel), or {others}.",
             )
-        shifts = np.unique(self.row_entries[0])
+        shifts = self.rows.shifts
         if not np.array_equal(shifts, np.arange(shifts.size)):
             raise DataError(
-                "a realization from the row shift was asked (alternate or polyreference, observable form)",
-                f"the row shifts {shifts[:8].tolist()} are not consecutive",
-                "Use consecutive row shifts, form='controllable', or method='era' or 'least_squares'.",
+                asked, f"the shifts {shifts[:8].tolist()} are not consecutive", f"Use consecutive shifts, or {others}."
             )
-        if self._within_blocks:
-            count = self._values.shape[1]
-            whole = np.array([(a, b) for a in range(shifts.size + 1) for b in range(count)]).T
-            return whole
-        last = self.row_entries[:, self.row_entries[0] == shifts[-1]]
-        return np.hstack([self.row_entries, np.vstack([last[0] + 1, last[1]])])
+        return self.rows.taller()
 
-    @property
-    def _tall_weights(self) -> RealArray:
-        assert self.row_weights is not None
-        last = self.row_weights[self.row_entries[0] == self.row_entries[0].max()]
-        return np.concatenate([self.row_weights, last])
+    @cached_property
+    def row_shift(self) -> RowShift:
+        """E0 and E1 for factors of `tall()`: E0 drops the last block, E1 the first (Eq. 57, with the words the right way)."""
+        side = self._tall_rows
+        place = {(int(a), int(b)): i for i, (a, b) in enumerate(side.entries.T)}
+        pairs = [(i, place[(a + 1, b)]) for (a, b), i in place.items() if (a + 1, b) in place]
+        before, after = np.array(pairs).T
+        whole = self.rows.whole
+        return RowShift.selection(before, after, side.weights, block=self._values.shape[1], whole=whole)
 
-    def _array(self, entries: IntArray, k: int, *, tall: bool = False) -> RealArray:
-        """Rows given by `entries`, at shift k: Y[s + k + t, output, input], weighted, compressed."""
-        t, inputs = self.column_entries
-        values = self._values if self._within_blocks else self.response.values
-        H = values[entries[0][:, None] + k + t, entries[1][:, None], inputs]
-        if self.column_weights is not None:
-            H = H * self.column_weights
-        if self.row_weights is not None:
-            H = H * (self._tall_weights if tall else self.row_weights)[:, None]
-        if self.compression is not None and not self._within_blocks:
-            H = self.compression @ H
-        return np.ascontiguousarray(H)
+    def first_block(self, shapes: Array) -> Array:
+        """Return T_0 C: what the first block row of the factor V holds for shapes (l, n)."""
+        T = self.rows.within
+        return np.asarray(shapes) if T is None else np.asarray(T @ shapes)
+
+    def first_block_of_inputs(self, participation: Array) -> Array:
+        """Return B T_0': what the first block column of the factor W holds for participation (n, m)."""
+        T = self.columns.within
+        return np.asarray(participation) if T is None else np.asarray(participation @ T.T)
 
     def first_rows(self, right: Array, k: int = 0) -> RealArray:
         """Return E_l' H(k) X of the uncompressed, unweighted first block row: C = E_l' H(0) Q d^-1/2 (Eqs. 28, 39)."""
-        t, inputs = self.column_entries
-        row = self.response.values[t + k, :, inputs].T
-        return np.asarray((row if self.column_weights is None else row * self.column_weights) @ right)
+        t, inputs = self.columns.entries
+        row = self._column_values[t + k, :, inputs]
+        return np.asarray(self.columns.apply(row).T @ right)
 
-    def first_columns(self, right: Array) -> RealArray:
-        """Return the first block column's rows of the right factor, unweighted, (m, k): B = d^1/2 (first_columns(Q))' (Eqs. 28, 37)."""
-        inputs = self.response.values.shape[2]
-        return right[:inputs] if self.column_weights is None else right[:inputs] / self.column_weights[:inputs, None]
+    def first_block_column(self, *, tall: bool = False) -> RealArray:
+        """Return H(0) E_m, or that of `tall()`, with the inputs themselves: B of the companion forms (Eqs. 53, 54, 65)."""
+        rows = self._tall_rows if tall else self.rows
+        s, outputs = rows.entries
+        return rows.apply(self._row_values[s, outputs])
+
+    def first_columns(self, factors: Factors) -> RealArray:
+        """Return X (m, k) such that B = d^1/2 X' (Eqs. 28, 37): the first rows of Q, or from P where columns are combined."""
+        if self.columns.within is None and self.columns.over is None:
+            inputs = self.response.values.shape[2]
+            w = self.columns.weights
+            return factors.Q[:inputs] if w is None else factors.Q[:inputs] / w[:inputs, None]
+        tall = factors.P.shape[0] != self.rows.size
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(self.first_block_column(tall=tall).T @ factors.P / factors.d)
 
     def to_s(self, poles: Array) -> ComplexArray:
         """Continuous poles ln(z) fs, rad/s."""
@@ -257,73 +323,25 @@ class Hankel:
         """Say what the matrix is, in words."""
         shape = f"{self.block_rows} x {self.block_columns} blocks of {self.response.values.shape[1]} x {self.response.values.shape[2]}"
         extra = [
-            name
-            for name, there in (
-                ("chosen rows and columns", not self.whole),
-                ("row weights", self.row_weights is not None),
-                ("column weights", self.column_weights is not None),
-                ("row compression", self.compression is not None),
+            f"{name} {what}"
+            for name, side in (("rows", self.rows), ("columns", self.columns))
+            for what, there in (
+                ("chosen", not side.whole),
+                ("combined or weighted within blocks", side.within is not None),
+                ("weighted", side.weights is not None),
+                ("compressed", side.over is not None),
             )
             if there
         ]
         return f"Hankel matrix of {shape}" + (f", {', '.join(extra)}" if extra else "")
 
-
-def _shifts(name: str, shifts: Sequence[int] | None, blocks: int | None, other: str) -> list[int]:
-    if shifts is None:
-        if blocks is None:
-            raise DataError(f"a Hankel matrix needs {other} or {name}", "neither is given", f"Give {other}.")
-        return list(range(check_count(other, blocks)))
-    found = [int(v) for v in shifts]
-    if not found or found[0] != 0 or any(b <= a for a, b in zip(found, found[1:], strict=False)):
-        raise DataError(
-            f"{name} needs whole numbers that increase from 0",
-            f"they are {found[:8]}",
-            "Start at 0 and give each shift once.",
-        )
-    factor = gcd(*found)
-    if factor > 1:
-        raise DataError(
-            f"{name} needs shifts without a common factor",
-            f"all are multiples of {factor}, and A^{factor} may have coinciding poles",
-            "Add a shift that is not a multiple.",
-        )
-    return found
-
-
-def _entries(name: str, subsets: Sequence[Sequence[int]] | None, shifts: list[int], count: int, what: str) -> IntArray:
-    if subsets is None:
-        return np.array([(s, c) for s in shifts for c in range(count)], dtype=np.int64).T
-    chosen = [[int(c) for c in subset] for subset in subsets]
-    if len(chosen) != len(shifts):
-        raise DataError(
-            f"{name} needs {len(shifts)} sets, one a block", f"there are {len(chosen)}", "Give one a block."
-        )
-    if chosen[0] != list(range(count)):
-        raise DataError(
-            f"{name} needs all {count} {what} in the first block",
-            f"it holds {chosen[0]}",
-            "Leave channels out of later blocks only, or use select().",
-        )
-    if any(c < 0 or c >= count for subset in chosen for c in subset):
-        raise DataError(f"{name} names {what} 0 to {count - 1}", "there is an index outside", "Correct the index.")
-    return np.array([(s, c) for s, subset in zip(shifts, chosen, strict=True) for c in subset], dtype=np.int64).T
-
-
-def _weights(name: str, weights: ArrayLike | None, entries: IntArray, count: int) -> RealArray | None:
-    if weights is None:
-        return None
-    array = real_array(name, weights, "(channels,) or (rows,)", 1)
-    if array.size not in (count, entries.shape[1]):
-        raise DataError(
-            f"{name} needs {count} or {entries.shape[1]} entries",
-            f"it has {array.size}",
-            "Give one a channel, or one a row.",
-        )
-    if np.any(array <= 0):
-        raise DataError(
-            f"{name} needs positive weights",
-            f"the smallest is {array.min():g}",
-            "Leave channels out with select() instead of weighting by 0.",
-        )
-    return array if array.size == entries.shape[1] and array.size != count else array[entries[1]]
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a result made from this matrix must say."""
+        maps = (self.rows.within, self.rows.over, self.columns.within, self.columns.over)
+        if any(T is not None and adds_channels(T) for T in maps):
+            return (
+                "compression by sums: modes whose sum over the added channels vanishes (antisymmetric ones, and all but one "
+                "of repeated ones) are lost, and noise weighs more",
+            )
+        return ()

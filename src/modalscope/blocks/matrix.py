@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from modalscope.blocks.factor import Factors
 from modalscope.blocks.operators import Operator
 from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
 
@@ -32,6 +33,8 @@ class RowShift:
         Rows in a block.
     weight : array, optional
         Row weights that the factor still carries; they are removed first.
+    whole : bool
+        Whether every block row holds all `block` channels, as companion forms need.
     """
 
     block: int
@@ -39,11 +42,14 @@ class RowShift:
     after: IntArray | None = None
     recurrence: RealArray | None = None
     weight: RealArray | None = None
+    whole: bool = True
 
     @classmethod
-    def selection(cls, before: IntArray, after: IntArray, weight: RealArray | None, *, block: int) -> RowShift:
+    def selection(
+        cls, before: IntArray, after: IntArray, weight: RealArray | None, *, block: int, whole: bool
+    ) -> RowShift:
         """Return the shift of a Hankel matrix' rows; as slices in effect when the blocks are whole."""
-        return cls(block=block, before=before, after=after, weight=weight)
+        return cls(block=block, before=before, after=after, weight=weight, whole=whole)
 
     def unweighted(self, V: Array) -> RealArray:
         """Return V without the row weights."""
@@ -53,7 +59,8 @@ class RowShift:
         """Return E0 V and E1 V."""
         V = self.unweighted(V)
         if self.recurrence is None:
-            assert self.before is not None and self.after is not None
+            assert self.before is not None
+            assert self.after is not None
             return _rows(V, self.before), _rows(V, self.after)
         h = self.recurrence
         blocks = V.reshape(h.shape[0], self.block, -1)
@@ -93,8 +100,18 @@ class DataMatrix(Protocol):
     def first_rows(self, right: Array, k: int = 0) -> RealArray:
         """The first block row of H(k), times X, in outputs: C = first_rows(Q d^-1/2), C A = first_rows(Q d^-1/2, 1)."""
 
-    def first_columns(self, right: Array) -> RealArray | None:
-        """The rows of Q that belong to the first block column, such that B = d^1/2 first_columns(Q)'; None where columns are lines."""
+    def first_block_column(self, *, tall: bool = False) -> RealArray | None:
+        """H(0) E_m, or that of tall(), with the inputs themselves; None where columns are lines."""
+
+    def first_columns(self, factors: Factors) -> RealArray | None:
+        """X (m, k) such that B = d^1/2 X', as a rule the first rows of Q; None where columns are lines."""
+
+    def first_block(self, shapes: Array) -> Array:
+        """What the first block row of the factor V holds for given shapes (l, n): T_0 C, or C p_0 on polynomials."""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a result made from this matrix must say."""
 
     def to_s(self, poles: Array) -> ComplexArray:
         """Continuous poles, rad/s."""

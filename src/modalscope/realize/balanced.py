@@ -22,7 +22,7 @@ def first_blocks(matrix: DataMatrix, factors: Factors) -> tuple[RealArray, RealA
     root = np.sqrt(factors.d)
     with np.errstate(divide="ignore", invalid="ignore"):
         C = matrix.first_rows(factors.Q / root)
-    first = matrix.first_columns(factors.Q)
+    first = matrix.first_columns(factors)
     return C, None if first is None else np.ascontiguousarray((first * root).T)
 
 

@@ -7,6 +7,8 @@ them; an arbitrary choice of as many columns as outputs would give extraneous po
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import scipy.linalg as sla
 
@@ -22,46 +24,49 @@ __all__ = ["companion_matrix", "least_squares_companion", "null_space_companion"
 def companion_matrix(last: Array, shift: RowShift, degree: int) -> RealArray:
     """Return the block companion matrix whose last block row expresses V_degree = `last` [V_0; ...; V_(degree-1)].
 
-    Plain shifts give zeros, identities and `last` (Eq. 53a, 54a with the sign of V_r = R V); a polynomial basis gives its recurrence, h' (x) I, with
-    h[degree, degree - 1] `last` added to the last block row.
+    Plain shifts give zeros, identities and `last` (Eqs. 53a, 54a with the sign of V_r = R V); a polynomial basis gives its
+    recurrence, h' (x) I, with h[degree, degree - 1] `last` added to the last block row.
     """
     block = shift.block
     size = block * degree
     if shift.recurrence is None:
-        A = np.zeros((size, size))
-        A[: size - block, block:] = np.eye(size - block)
+        A = np.eye(size, k=block)
         A[size - block :] = last
         return A
     h = shift.recurrence
-    A = np.kron(h[:degree, :degree].T, np.eye(block))
-    A[size - block :] += h[degree, degree - 1] * last
-    return A
+    combined = np.asarray(np.kron(h[:degree, :degree].T, np.eye(block)))
+    combined[size - block :] += h[degree, degree - 1] * last
+    return combined
 
 
-def _output(matrix: DataMatrix, block: int, degree: int) -> RealArray:
-    """C = [I 0 ... 0], over p_0 on a polynomial basis; compression within blocks is undone by `first_rows` elsewhere."""
-    first = float(getattr(matrix, "first_value", 1.0))
-    return np.hstack([np.eye(block) / first, np.zeros((block, block * (degree - 1)))])
-
-
-def _input(matrix: DataMatrix, degree: int) -> RealArray | None:
-    """B = [Y(0); ...; Y(r-1)], the first block column of the data matrix; None where columns are lines."""
-    columns = matrix.shifted(0).shape[1]
-    unit = matrix.first_columns(np.eye(columns))
-    if unit is None:
+def _input(matrix: DataMatrix) -> RealArray | None:
+    """B = [Y(0); ...; Y(r-1)], the first block column of the data matrix, unweighted; None where columns are lines."""
+    column = matrix.first_block_column(tall=True)
+    if column is None:
         return None
-    column = matrix.row_shift.split(matrix.tall().times(np.ascontiguousarray(unit.T)))[0]
-    return column[: matrix.row_shift.block * degree]
+    return matrix.row_shift.split(column)[0]
 
 
-def _needs_whole_blocks(matrix: DataMatrix, factors: Factors) -> tuple[RowShift, int]:
+def _output(matrix: DataMatrix, factors: Factors, block: int, states: Array) -> RealArray:
+    """C [T_0 V_0; T_0 V_1; ...] = V_0: by the first block where it holds all outputs, else by regression on all blocks.
+
+    `states` is the row factor of the companion's states with Q' the column factor of both.
+    """
+    outputs = matrix.first_rows(factors.Q[:, :1]).shape[0]
+    head = np.asarray(matrix.first_block(np.eye(outputs)))
+    if np.linalg.matrix_rank(head) == head.shape[1]:
+        return np.hstack([np.linalg.pinv(head), np.zeros((outputs, states.shape[0] - block))])
+    seen = matrix.first_rows(np.ascontiguousarray(factors.Q[:, : states.shape[1]]))
+    return np.asarray(np.linalg.lstsq(states.T, seen.T, rcond=None)[0].T)
+
+
+def _needs_whole_blocks(matrix: DataMatrix) -> tuple[RowShift, int]:
     shift = matrix.row_shift
-    rows, outputs = factors.P.shape[0], matrix.first_rows(factors.Q[:, :1]).shape[0]
-    if shift.block != outputs or rows != shift.block * (matrix.block_rows + 1):
+    if not shift.whole:
         raise DataError(
             "a companion form was asked",
-            "its block rows are not whole: sensors were left out of some, or compressed",
-            "Leave the sensors out altogether with select(), or use method='alternate', 'era' or 'least_squares'.",
+            "its block rows are not whole: channels were left out of some",
+            "Leave these channels out altogether with select(), or use method='alternate', 'era' or 'least_squares'.",
         )
     return shift, matrix.block_rows
 
@@ -80,23 +85,24 @@ def null_space_companion(matrix: DataMatrix, factors: Factors) -> Realization:
     Realization
         Models with l r poles at any rank n; the l r - n that the truncation does not explain are extraneous.
     """
-    shift, r = _needs_whole_blocks(matrix, factors)
+    shift, r = _needs_whole_blocks(matrix)
     gram, _ = shift_grams(matrix, factors)
     P = shift.unweighted(factors.P)
     block = shift.block
     before, last = P[: block * r], P[block * r :]
-    C, B = _output(matrix, block, r), _input(matrix, r)
+    B = _input(matrix)
 
     def triple(n: int) -> Triple:
         factors.check_order(n)
         if block * r < n:
             raise DataError(
                 f"order={n} in canonical form was asked",
-                f"{r} block rows of {block} outputs carry {block * r} states",
-                "Raise block_rows.",
+                f"{r} block rows of {block} channels carry {block * r} states",
+                "Raise block_rows (block_columns in the controllable form).",
             )
         check_blocks(gram, n, r)
         R = last[:, :n] @ sla.solve(gram[:n, :n], before[:, :n].T, assume_a="pos", check_finite=False)
+        C = _output(matrix, factors, block, before[:, :n] * factors.d[:n])
         return Triple(companion_matrix(R, shift, r), B, C, n)
 
     return Realization(factors, triple, canonical=True)
@@ -105,8 +111,10 @@ def null_space_companion(matrix: DataMatrix, factors: Factors) -> Realization:
 def least_squares_companion(matrix: DataMatrix, factors: Factors) -> Realization:
     """Least-squares form without truncation: the last block row H_p [H_0; ...; H_(p-1)]#, every degree p from one factorization.
 
-    The regression of Eq. 65 without truncation, and with the roles of inputs and outputs exchanged the polyreference complex exponential (PRCE; LSCE with
-    one input). The order is the number of states, p times the size of a block.
+    The regression of Eq. 65 without truncation, and with the roles of inputs and outputs exchanged the polyreference complex
+    exponential (PRCE; LSCE with one input). The order is the number of states, p times the size of a block. With H = L Q' and L
+    lower triangular the degrees are nested: the last block row is L[p, :p] L[:p, :p]^-1, whatever follows. Where L[:p, :p] has
+    lost rank (no noise, or more rows than columns) the minimum-norm solution takes its place.
 
     Parameters
     ----------
@@ -114,22 +122,33 @@ def least_squares_companion(matrix: DataMatrix, factors: Factors) -> Realization
     factors : Factors
         Of the matrix with one block row more, complete.
     """
-    shift, r = _needs_whole_blocks(matrix, factors)
+    shift, r = _needs_whole_blocks(matrix)
     block = shift.block
     # P diag(d) differs from the matrix by orthonormal columns only
     stand_in = shift.unweighted(factors.P * factors.d)
     rcond = max(stand_in.shape) * np.finfo(float).eps
+    B = _input(matrix)
+
+    @cache
+    def triangle() -> RealArray:
+        return np.asarray(sla.qr(stand_in.T, mode="r", check_finite=False)[0].T)
 
     def triple(n: int) -> Triple:
         p, rest = divmod(n, block)
         if rest or not 1 <= p <= r:
             raise DataError(
                 f"order={n} of a least-squares companion was asked",
-                f"its order is a multiple of {block}, at most {block * r} with block_rows={r}",
-                "Choose such an order, or raise block_rows.",
+                f"its order is a multiple of {block}, at most {block * r} with {r} blocks",
+                "Choose such an order, or raise block_rows (block_columns in the controllable form).",
             )
-        known, target = stand_in[: block * p], stand_in[block * p : block * (p + 1)]
-        R = np.linalg.lstsq(known.T, target.T, rcond=rcond)[0].T
-        return Triple(companion_matrix(R, shift, p), _input(matrix, p), _output(matrix, block, p), n)
+        L = triangle()
+        known, target = L[:n, :n], L[n : n + block, :n]
+        pivots = np.abs(np.diag(known))
+        if n <= L.shape[1] and pivots.min() > np.sqrt(rcond) * pivots.max():
+            R = sla.solve_triangular(known, target.T, lower=True, trans="T", check_finite=False).T
+        else:
+            R = np.linalg.lstsq(known.T, target.T, rcond=rcond)[0].T
+        C = _output(matrix, factors, block, stand_in[:n])
+        return Triple(companion_matrix(R, shift, p), None if B is None else B[:n], C, n)
 
     return Realization(factors, triple, canonical=True)

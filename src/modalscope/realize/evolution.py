@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from modalscope.blocks.hankel import Hankel
 from modalscope.blocks.lines import LineMatrix
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.indicators import amplitude_coherence, decay_step, emac_channels, weighted_mean
@@ -13,21 +14,19 @@ from modalscope.realize.triple import Realization
 __all__ = ["column_side", "row_side"]
 
 
-def _side(blocks: Array, first: Array, evolution: Array, vectors: ComplexArray) -> tuple[RealArray, RealArray]:
-    """Return EMAC and amplitude coherence of one side: identified blocks (K, c, N) in states, first block (c, n) of the modes."""
+def _last_blocks(blocks: Array, first: Array, evolution: Array, vectors: ComplexArray) -> RealArray:
+    """Return the EMAC of one side: identified blocks (K, c, N) in states against the first block (c, n) of the modes, grown."""
     step = decay_step(evolution)
-    modes = np.arange(step.size)
     identified = np.einsum("jcN,Nj->cj", blocks[step], vectors, optimize=True)
-    emac = weighted_mean(emac_channels(identified, first * evolution[step, modes]), first)
-    whole = blocks.reshape(-1, blocks.shape[2]) @ vectors
-    coherence = amplitude_coherence(whole.reshape(*blocks.shape[:2], -1), first, evolution)
-    return emac, coherence
+    return weighted_mean(emac_channels(identified, first * evolution[step, np.arange(step.size)]), first)
 
 
 def row_side(
     matrix: DataMatrix, realization: Realization, n: int, poles: Array, vectors: Array, shapes: Array
-) -> tuple[RealArray, RealArray] | None:
+) -> tuple[RealArray, RealArray | None] | None:
     """Return EMAC and amplitude coherence of the row factor V = P d^1/2 against c_j g_k; None when its blocks are not whole.
+
+    The coherence is left out where the columns give it: it needs all rows, of which there may be many more.
 
     Parameters
     ----------
@@ -40,19 +39,21 @@ def row_side(
     shapes : array of complex, (l, k)
         C times the eigenvectors.
     """
-    factors, outputs = realization.factors, shapes.shape[0]
-    count, rest = divmod(factors.P.shape[0], outputs)
-    if (
-        rest
-        or count not in (matrix.block_rows, matrix.block_rows + 1)
-        or getattr(matrix, "row_weights", None) is not None
-    ):
+    first = matrix.first_block(shapes)
+    if isinstance(matrix, Hankel):
+        whole = matrix.rows.structured
+    else:
+        whole = realization.factors.P.shape[0] >= matrix.block_rows * first.shape[0]
+    if not whole:
         return None
-    V = (factors.P[:, :n] * factors.d[:n] ** realization.row_power).reshape(count, outputs, n)
-    # on a polynomial basis V_0 is C p_0
-    scale = getattr(matrix, "output_scale", None)
-    first = (shapes if scale is None else shapes / scale[:, None]) * getattr(matrix, "first_value", 1.0)
-    return _side(V, first, matrix.evolution(poles, count), np.asarray(vectors))
+    blocks = realization.factors.P.reshape(-1, first.shape[0], realization.factors.P.shape[1])[:, :, :n]
+    states = realization.factors.d[:n, None] ** realization.row_power * vectors
+    evolution = matrix.evolution(poles, blocks.shape[0])
+    emac = _last_blocks(blocks, first, evolution, states)
+    if isinstance(matrix, Hankel) and matrix.columns.structured:
+        return emac, None
+    grown = (blocks.reshape(-1, n) @ states).reshape(*blocks.shape[:2], -1)
+    return emac, amplitude_coherence(grown, first, evolution)
 
 
 def column_side(
@@ -68,12 +69,15 @@ def column_side(
     """
     if isinstance(matrix, LineMatrix):
         return _line_side(matrix, realization, n, poles, rows, participation)
-    factors, inputs = realization.factors, participation.shape[1]
-    count, rest = divmod(factors.Q.shape[0], inputs)
-    if not getattr(matrix, "whole", False) or rest or getattr(matrix, "column_weights", None) is not None:
+    if not (isinstance(matrix, Hankel) and matrix.columns.structured):
         return None
-    W = (factors.Q[:, :n] * factors.d[:n] ** (1 - realization.row_power)).reshape(count, inputs, n)
-    return _side(W, participation.T, matrix.evolution(poles, count), np.asarray(rows).T)
+    first = matrix.first_block_of_inputs(participation).T
+    factors = realization.factors
+    blocks = factors.Q.reshape(-1, first.shape[0], factors.Q.shape[1])[:, :, :n]
+    states = factors.d[:n, None] ** (1 - realization.row_power) * np.asarray(rows).T
+    evolution = matrix.evolution(poles, blocks.shape[0])
+    whole = (blocks.reshape(-1, n) @ states).reshape(*blocks.shape[:2], -1)
+    return _last_blocks(blocks, first, evolution, states), amplitude_coherence(whole, first, evolution)
 
 
 def _line_side(
@@ -81,7 +85,8 @@ def _line_side(
 ) -> tuple[RealArray, RealArray]:
     """Return EMAC and amplitude coherence of the rows over the lines against b_j / (x_i - s_j), without what was eliminated.
 
-    NaN for a mode that the elimination leaves nothing of. There is no last block: EMAC is the agreement on every line at +w and -w, weighted by the expected amplitude.
+    NaN for a mode that the elimination leaves nothing of. There is no last block: EMAC is the agreement on every line at +w and
+    -w, weighted by the expected amplitude.
     """
     factors = realization.factors
     right = matrix.right_factor(factors)[:, :, :n] * factors.d[:n] ** (1 - realization.row_power)

@@ -63,5 +63,8 @@ def recommend_order(factors: Factors, matrix: DataMatrix | None = None) -> Order
         confidence = "certain"
     else:
         confidence = "fair" if abs(by_gap - by_threshold) <= 2 else "poor"
-    reason = f"the largest gap (a factor {width:.3g}) lies after {by_gap} singular values, {by_threshold} exceed the noise threshold {floor:.3g}"
+    reason = (
+        f"the largest gap (a factor {width:.3g}) lies after {by_gap} singular values, "
+        f"{by_threshold} exceed the noise threshold {floor:.3g}"
+    )
     return OrderAdvice(order, by_gap, by_threshold, floor, confidence, reason)

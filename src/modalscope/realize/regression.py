@@ -16,8 +16,8 @@ __all__ = ["regression", "regression_matrix"]
 def regression(matrix: DataMatrix, factors: Factors) -> Realization:
     """Regression A = H(1) H(0)#_n (Eq. 65): the n states in which its nonzero poles lie.
 
-    The matrix of Eq. 65 is of the order of the rows of H(0); with the rank-n pseudo-inverse H(0)#_n = Q d^-1 P' all but n of its poles are zero, and
-    those n are the poles of P' H(1) Q d^-1. In these states B = d Q' E_m and C A = E_l' H(1) Q d^-1, so that
+    The matrix of Eq. 65 is of the order of the rows of H(0); with the rank-n pseudo-inverse H(0)#_n = Q d^-1 P' all but n of
+    its poles are zero, and those n are the poles of P' H(1) Q d^-1. In these states B = d Q' E_m and C A = E_l' H(1) Q d^-1, so that
     C A^k B = E_l' [H(1) H(0)#_n]^k H(0)_n E_m for every k >= 1.
 
     Parameters
@@ -30,7 +30,7 @@ def regression(matrix: DataMatrix, factors: Factors) -> Realization:
     with np.errstate(divide="ignore", invalid="ignore"):
         A = projected(matrix, factors) / d
         CA = matrix.first_rows(factors.Q / d, 1)
-    first = matrix.first_columns(factors.Q)
+    first = matrix.first_columns(factors)
     B = None if first is None else np.ascontiguousarray((first * d).T)
 
     def triple(n: int) -> Triple:
