@@ -6,6 +6,7 @@ and `select` reports the modes with the reasons for each.
 """
 
 from modalscope import plot, systems
+from modalscope.compare import Comparison, compare
 from modalscope.identify import Identification, identify, realize
 from modalscope.indicators import cmif, mac
 from modalscope.io import read, write
@@ -27,6 +28,7 @@ from modalscope.stabilize import stabilize
 __version__ = "0.1.0"
 
 __all__ = [
+    "Comparison",
     "DataError",
     "FrequencyResponse",
     "Geometry",
@@ -37,6 +39,7 @@ __all__ = [
     "StabilizationDiagram",
     "StateSpace",
     "cmif",
+    "compare",
     "identify",
     "mac",
     "methods",

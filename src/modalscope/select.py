@@ -18,7 +18,7 @@ from modalscope.residues import basis_of_lines, basis_of_samples, fit_error, fit
 from modalscope.stabilize import output_scale
 from modalscope.tracking import Poles, consensus, join_broken, merge_splits, tracks
 
-__all__ = ["fit_of", "rebuilt_from", "select"]
+__all__ = ["fit_of", "fitted_terms", "rebuilt_from", "select"]
 
 #: A mode is found at this many orders at least, and at this share of all that are used.
 LEAST_ORDERS, LEAST_SHARE = 5, 0.15
@@ -265,7 +265,7 @@ def _modal_model(diagram: StabilizationDiagram, poles: Poles, chosen: list[_Cand
     )
     added = response.added_damping if isinstance(response, FrequencyResponse) else 0.0
     shapes = poles.shape[picked].T if chosen else np.zeros((response.values.shape[1], 0), complex)
-    fitted = _fit(response, values - added, shapes)
+    fitted = fitted_terms(response, values - added, shapes)
     members = [c.members for c in chosen]
     spreads = [
         {"frequency_spread_hz": _spread(poles.frequency[m]), "damping_ratio_spread": _spread(poles.damping[m])}
@@ -293,8 +293,8 @@ def _modal_model(diagram: StabilizationDiagram, poles: Poles, chosen: list[_Cand
     return replace(model, reasons=reasons).normalized("unit")
 
 
-def _fit(response: FrequencyResponse | ImpulseResponse, poles: Array, shapes: Array) -> dict[str, Any]:
-    """Fit participation and, on lines, the residuals of the modes outside the band."""
+def fitted_terms(response: FrequencyResponse | ImpulseResponse, poles: Array, shapes: Array) -> dict[str, Any]:
+    """Fit participation and, on lines, the residuals of the modes outside the band: fields of a `ModalModel`."""
     if isinstance(response, ImpulseResponse):
         participation, _ = fit_participation(basis_of_samples(response, poles), shapes)
         return {"participation": participation, "feedthrough": response.feedthrough}

@@ -1,0 +1,178 @@
+"""The verb: every technique on the same data, in one call."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from modalscope.compare.agreement import Group, pair
+from modalscope.compare.causes import Cause
+from modalscope.compare.channels import channel_causes, dead_channels, sign_causes
+from modalscope.compare.diagnosis import disagreements, mode_causes, order_cause
+from modalscope.compare.identities import check_identities
+from modalscope.compare.kinship import kinship
+from modalscope.compare.plan import Response, plan
+from modalscope.compare.result import Comparison
+from modalscope.compare.run import MethodResult, Progress, run
+from modalscope.compare.scatter import noise_floor, stated
+from modalscope.compare.verdict import judge, words
+from modalscope.model.labels import DofLike
+from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.modes import ModalModel
+from modalscope.model.signals import Signals
+from modalscope.pipeline import Data, prepare
+from modalscope.residues import fit_error
+from modalscope.select import fitted_terms, rebuilt_from
+
+__all__ = ["compare"]
+
+#: Rank at which identities are checked: the consensus' own, but no more.
+_IDENTITY_ORDER = 20
+
+
+def compare(
+    data: Data,
+    methods: str | Iterable[Any] = "all",
+    *,
+    orders: Iterable[int] | None = None,
+    band: tuple[float, float] | None = None,
+    exclude: Iterable[DofLike] | DofLike | None = None,
+    progress: Progress | None = None,
+    workers: int | None = None,
+    **options: Any,
+) -> Comparison:
+    """Identify the same data by every method of the table and say what they agree on, where they differ and why.
+
+    Records are turned into responses once, for all methods. Each method has its own stabilization diagram and selection; modes are paired across methods by
+    frequency, damping and shape. A method that fails is a row that says why. What has to be transformed from lines to samples or back is compared, but
+    has no vote.
+
+    Parameters
+    ----------
+    data : FrequencyResponse, ImpulseResponse or Signals
+    methods : "all" or iterable of str, (str, str) or Method
+        Rows of the table ("era") or cells ("era/s").
+    orders : iterable of int, optional
+        Numbers of states, for every method.
+    band : (float, float), optional
+        Lowest and highest frequency in Hz.
+    exclude : labels, optional
+        Channels to leave out. Channels of zeros are left out in any case, as a finding.
+    progress : callable, optional
+        Called with (orders done, orders in all), over all methods.
+    workers : int, optional
+        Methods at a time.
+    **options
+        Of `stabilize`, for every method.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    DataError
+        Data that no method can use, an unknown method, or none that the data allow.
+
+    Examples
+    --------
+    >>> from modalscope.systems import chain5
+    >>> c = compare(
+    ...     chain5().impulse_response(300, noise=0.01, seed=0), ["era", "least_squares"], orders=range(2, 21, 2)
+    ... )
+    >>> len(c.modes), c.results[0].name, bool(c.kinship.distances[0, 1] < 1e-9)
+    (5, 'era (time)', True)
+    """
+    left_out = [str(dof) for dof in ([exclude] if isinstance(exclude, str) else exclude or ())]
+    dead = [dof for dof in dead_channels(data) if dof not in left_out]
+    if left_out or dead:
+        data = data.select(exclude=[*left_out, *dead])
+    findings = [Cause("dead channel", f"{dof} is zero throughout and was left out", dof) for dof in dead]
+    _, response, notes = prepare(data, None, None, band)
+    cells, more = plan(response, methods, orders)
+    results = run(response, cells, band=band, progress=progress, workers=workers, **options)
+    kin = kinship(results)
+    groups = pair(results, kin)
+    modes = _consensus(response, groups)
+    rebuilt = (
+        rebuilt_from(replace(modes, poles=modes.poles - _added(response)), response) if groups else 0 * response.values
+    )
+    if groups:
+        findings += [*sign_causes(response), *channel_causes(response, rebuilt)]
+    low = order_cause(results)
+    findings += [] if low is None else [low]
+    scatter = stated(groups, noise_floor(response, modes, rebuilt, _duration(data)))
+    trust = tuple(
+        judge(g, scatter.frequency[k], scatter.damping[k], mode_causes(k, groups, response, results), findings)
+        for k, g in enumerate(groups)
+    )
+    return Comparison(
+        response=response,
+        results=results,
+        modes=modes,
+        groups=groups,
+        scatter=scatter,
+        fit_error=fit_error(response.values, rebuilt)[0],
+        trust=trust,
+        kinship=kin,
+        identities=check_identities(response, min(max(2 * len(groups), 2), _IDENTITY_ORDER)),
+        disagreements=disagreements(groups, response, results, findings),
+        findings=tuple(findings),
+        verdict=words(groups, trust, scatter, results, findings),
+        settings=_settings(methods, orders, band, [*left_out, *dead], options),
+        notes=(*notes, *more, *_equals(kin.names, kin.classes)),
+    )
+
+
+def _added(response: Response) -> float:
+    return response.added_damping if isinstance(response, FrequencyResponse) else 0.0
+
+
+def _duration(data: Data) -> float | None:
+    """Seconds of record behind correlations, where they are known."""
+    if not isinstance(data, Signals):
+        return None
+    return float(np.prod(data.outputs.shape[:-1])) / data.sampling_rate
+
+
+def _consensus(response: Response, groups: Sequence[Group]) -> ModalModel:
+    """Return the modes in the middle of all methods, with participation fitted to the data."""
+    poles = np.array([g.pole for g in groups], dtype=complex)
+    shapes = np.array([g.shape for g in groups], dtype=complex).reshape(len(groups), -1).T
+    if not len(groups):
+        shapes = np.zeros((len(response.output_dofs), 0), complex)
+    held = response.sampling_rate is not None if isinstance(response, FrequencyResponse) else response.kind == "pulse"
+    dt = None if response.sampling_rate is None else 1 / response.sampling_rate
+    return ModalModel(
+        poles=poles,
+        shapes=shapes,
+        quantity=response.quantity,
+        dt=dt,
+        held_input=held,
+        frequencies_spread=np.array([g.frequency_between for g in groups]),
+        damping_ratios_spread=np.array([g.damping_between for g in groups]),
+        indicators={"found_by": np.array([float(len(g.members)) for g in groups])},
+        output_dofs=response.output_dofs,
+        input_dofs=response.input_dofs,
+        units=response.units,
+        geometry=response.geometry,
+        processing=response.processing,
+        **fitted_terms(response, poles - _added(response), shapes),
+    ).normalized("unit")
+
+
+def _settings(methods: Any, orders: Any, band: Any, excluded: Sequence[str], options: dict[str, Any]) -> dict[str, Any]:
+    named = methods if isinstance(methods, str) else tuple(str(m) for m in methods)
+    asked = None if orders is None else tuple(int(n) for n in orders)
+    return {"methods": named, "orders": asked, "band": band, "exclude": tuple(excluded) or None, **options}
+
+
+def _equals(names: Sequence[str], classes: Sequence[Sequence[int]]) -> list[str]:
+    return [
+        f"one and the same on these data, with one vote: {', '.join(names[i] for i in members)}"
+        for members in classes
+        if len(members) > 1
+    ]
