@@ -126,6 +126,13 @@ def test_transforms_that_cannot_be_made_say_why(call, message: str) -> None:  # 
         call(response)
 
 
+def test_a_sampled_response_on_lines_that_do_not_divide_the_rate_has_no_inverse() -> None:
+    f = 0.3 * np.arange(1, 100)
+    response = FIVE["chain5"]().state_space(dt=0.01).frequency_response(f)
+    with pytest.raises(DataError, match=r"100 Hz holds 333.333 steps of 0.3 Hz"):
+        response.to_impulse_response()
+
+
 def test_an_integrated_response_needs_its_first_line_above_0_hz() -> None:
     response = FrequencyResponse(values=np.full((3, 1, 1), 1j), frequencies=[0, 1, 2], quantity="velocity")  # type: ignore[arg-type]
     with pytest.raises(DataError, match="its first line lies at 0 Hz, where that divides by zero"):

@@ -183,10 +183,17 @@ class FrequencyResponse(Channels):
         spectrum[whole] = self.values
         held = self.sampling_rate is not None
         length = 2 * (spectrum.shape[0] - 1)
-        if held and self.sampling_rate is not None:
-            length = round(self.sampling_rate / step)
-        samples = np.fft.irfft(spectrum, n=length, axis=0)
         rate = length * step
+        if self.sampling_rate is not None:
+            rate = self.sampling_rate
+            length = round(rate / step)
+            if abs(rate / step - length) > 1e-3:
+                raise DataError(
+                    "the inverse transform of a sampled response needs lines that divide the sampling rate",
+                    f"{rate:g} Hz holds {rate / step:.6g} steps of {step:g} Hz",
+                    "Use a frequency-domain method (domain='z'), which takes any lines.",
+                )
+        samples = np.fft.irfft(spectrum, n=length, axis=0)
         return ImpulseResponse(
             values=samples[1:] if held else samples[1:] * rate,
             feedthrough=samples[0],
