@@ -202,7 +202,9 @@ def indicators_of(pipeline: Pipeline, order: int, modes: Eigenmodes) -> dict[str
     if "emac" in found:
         found["cmi"] = found["emac"] * collinear
     dt = matrix.dt or 1 / (2 * _highest(pipeline.response))
-    strength = modal_singular_values(modes.shapes, modes.participation, np.exp(modes.poles * dt), _length(pipeline))
+    # growing poles count as undamped ones there
+    z = np.exp(np.minimum(modes.poles.real, 0) * dt + 1j * modes.poles.imag * dt)
+    strength = modal_singular_values(modes.shapes, modes.participation, z, _length(pipeline))
     found["msv"] = strength / strength.max() if strength.size and strength.max() > 0 else strength
     found["mpd"] = mpd(modes.shapes)
     return found
