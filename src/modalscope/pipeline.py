@@ -62,6 +62,8 @@ class Pipeline:
         Block sizes and options used.
     notes : tuple of str
         What was chosen, converted or left out.
+    band : (float, float), optional
+        Hz; modes outside are not reported.
     """
 
     method: Method
@@ -71,6 +73,7 @@ class Pipeline:
     dual: bool
     settings: Mapping[str, Any]
     notes: tuple[str, ...]
+    band: tuple[float, float] | None = None
 
     @property
     def factors(self) -> Factors:
@@ -189,10 +192,20 @@ def build(
         given = {name: options.get(name) for name in _HANKEL}
         matrix, settings = _hankel_of(cell, response, dual, order, block_rows, block_columns, given)
         settings["form"] = "controllable" if dual else "observable"
+        response = _lags_read(response, settings, notes)
     factors = _factor(matrix, cell, order, factorization)
     notes.append(f"{matrix.describe()}; {factors.how}")
     notes.extend(matrix.warnings)
-    return Pipeline(cell, response, matrix, cell.realize(matrix, factors), dual, settings, tuple(notes))
+    return Pipeline(cell, response, matrix, cell.realize(matrix, factors), dual, settings, tuple(notes), band)
+
+
+def _lags_read(response: ImpulseResponse, settings: dict[str, Any], notes: list[str]) -> ImpulseResponse:
+    """Return a correlation without the lags that no block holds: they carry estimation errors and little else."""
+    read = settings["block_rows"] + settings["block_columns"]
+    if response.kind != "correlation" or response.samples <= read:
+        return response
+    notes.append(f"{read} of {response.samples} lags are used")
+    return replace(response, values=response.values[:read])
 
 
 def _check_form(cell: Method, form: str | None) -> None:
@@ -340,11 +353,14 @@ def default_blocks(
     """Return block sizes: three times as many rows as states, and the rest of the samples, up to twenty times, as columns.
 
     More rows than that mostly add noise; more columns average it. Both are at least ten blocks where the samples allow it.
+    Correlations get four times as many columns as rows and at least eighty: their errors do not fade with the lag as
+    the modes do, so that long ones harm.
     """
     samples, outputs, inputs = response.values.shape
     room = samples if block_columns is None else max(samples - block_columns, 1)
     rows = block_rows or min(max(-(-3 * order // outputs), 10), max(samples // 2, 1), room)
-    columns = block_columns or max(min(samples - rows, max(-(-20 * order // inputs), rows, 10)), 1)
+    ample = max(4 * rows, 80) if response.kind == "correlation" else max(-(-20 * order // inputs), rows, 10)
+    columns = block_columns or max(min(samples - rows, ample), 1)
     return rows, columns
 
 

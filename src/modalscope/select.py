@@ -30,8 +30,9 @@ LEAST_SIGNAL = 6.0
 LEAST_PEAK = 1 / 3
 #: ... or it stands out of a mode indicator curve by this ratio.
 LEAST_PROMINENCE = 1.2
-#: Correlations carry estimation errors that every order fits as well as the modes: there the indicator must show the mode.
-LEAST_PROMINENCE_AMBIENT = 1.5
+#: Correlations carry estimation errors that every order fits as well as the modes: there the indicator must show the mode
+#: more clearly and the mode must have some part in the peak, unless it is the whole response and found at half of the orders.
+LEAST_PROMINENCE_AMBIENT, LEAST_PEAK_AMBIENT, WHOLE_PEAK = 1.5, 0.1, 0.9
 #: Orders are used up to twice (at least 20 above) the first whose fit is within this factor of the best.
 SLACK = 1.2
 
@@ -139,8 +140,9 @@ def _evidence(diagram: StabilizationDiagram) -> _Evidence:
         f, H, count = response.frequencies, response.values / scale, response.lines
     else:
         count = response.samples
-        f = np.fft.rfftfreq(2 * count, 1 / response.sampling_rate)
-        H = np.fft.rfft(response.values / scale, n=2 * count, axis=0) / response.sampling_rate
+        # zeros behind the samples: lines fine enough that a neighbour's peak is not taken for a mode's own
+        f = np.fft.rfftfreq(8 * count, 1 / response.sampling_rate)
+        H = np.fft.rfft(response.values / scale, n=8 * count, axis=0) / response.sampling_rate
     curves = cmif(H)
     size = np.sqrt(count * outputs * inputs / (outputs + inputs))
     return _Evidence(f, np.linalg.norm(H, axis=(1, 2)), np.sqrt(curves) if ambient else curves, float(size), ambient)
@@ -193,7 +195,6 @@ def _judge(poles: Poles, group: Array, peak: RealArray, fit: float, evidence: _E
     signal = float(np.median(poles.own[group])) / max(fit, 1e-15) * evidence.samples
     stands_out = prominence(evidence.curves, evidence.frequencies, f, zeta)
     share = float(np.median(peak[group]))
-    visible = LEAST_PROMINENCE_AMBIENT if evidence.ambient else LEAST_PROMINENCE
     against = []
     if group.size < max(min(LEAST_ORDERS, len(orders)), LEAST_SHARE * len(orders)):
         against.append(f"found at {group.size} of {len(orders)} orders only")
@@ -201,7 +202,7 @@ def _judge(poles: Poles, group: Array, peak: RealArray, fit: float, evidence: _E
         against.append(f"comes and goes: at {100 * persistence:.0f} % of the orders since its first")
     if not evidence.ambient and signal < LEAST_SIGNAL:
         against.append(f"within the noise: {signal:.1f} standard deviations")
-    if stands_out < visible and (evidence.ambient or share < LEAST_PEAK):
+    if not _visible(stands_out, share, group.size / len(orders), evidence.ambient):
         against.append("weak, and no peak of the mode indicator")
     facts = {
         "orders_found": int(group.size),
@@ -214,6 +215,15 @@ def _judge(poles: Poles, group: Array, peak: RealArray, fit: float, evidence: _E
         "indicator_prominence": stands_out,
     }
     return _Candidate(group, f, zeta, facts, tuple(against))
+
+
+def _visible(stands_out: float, share: float, found: float, ambient: bool) -> bool:
+    """Whether the data show a mode at its frequency, as a peak or as most of the response there."""
+    if not ambient:
+        return stands_out >= LEAST_PROMINENCE or share >= LEAST_PEAK
+    return (stands_out >= LEAST_PROMINENCE_AMBIENT and share >= LEAST_PEAK_AMBIENT) or (
+        share >= WHOLE_PEAK and found >= 0.5
+    )
 
 
 def _none_twice(poles: Poles, chosen: list[_Candidate]) -> list[_Candidate]:

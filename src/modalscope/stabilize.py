@@ -91,9 +91,10 @@ def stabilize(
     asked = _orders_asked(data, orders)
     pipeline, asked, notes = _build_within_reach(data, method, domain, asked, orders is None, options)
     cuts: list[_Order] = []
+    misfit = _misfit_of(pipeline)
     for done, order in enumerate(asked):
         try:
-            cuts.append(_one_order(pipeline, order))
+            cuts.append(_one_order(pipeline, order, misfit))
         except DataError as error:
             notes.append(f"order {order} left out: {error.found}")
         if progress is not None:
@@ -148,20 +149,22 @@ def _build_within_reach(
     return pipeline, within, notes
 
 
-def _one_order(pipeline: Pipeline, order: int) -> _Order:
+def _one_order(pipeline: Pipeline, order: int, misfit: Callable[[Eigenmodes], float]) -> _Order:
     model = pipeline.triple(order)
     modes = eigenmodes(pipeline, model)
     own, _ = split_extraneous(modes, model)
     f, _ = frequencies_and_damping(modes.poles)
     low, high = _band(pipeline)
     inside = own[(f[own] >= low) & (f[own] <= high)]
-    return _Order(order, modes, inside, indicators_of(pipeline, order, modes), _misfit(pipeline, modes))
+    return _Order(order, modes, inside, indicators_of(pipeline, order, modes), misfit(modes))
 
 
 def _band(pipeline: Pipeline) -> tuple[float, float]:
     response = pipeline.response
     if isinstance(response, FrequencyResponse):
         return float(response.frequencies[0]), float(response.frequencies[-1])
+    if pipeline.band is not None:
+        return pipeline.band
     # real poles of a sampled system may lie above half the sampling rate
     return 0.0, np.inf
 
@@ -171,20 +174,27 @@ def output_scale(response: FrequencyResponse | ImpulseResponse) -> RealArray:
     return np.asarray(np.sqrt(np.mean(np.abs(response.values) ** 2, axis=(0, 2))))
 
 
-def _misfit(pipeline: Pipeline, modes: Eigenmodes) -> float:
+def _misfit_of(pipeline: Pipeline) -> Callable[[Eigenmodes], float]:
+    """Return the measure of what modes leave unexplained, outputs brought level, with what all orders share computed once."""
     response = pipeline.response
-    if isinstance(response, FrequencyResponse):
-        basis = basis_of_lines(response, modes.poles, modes.powers)
-        terms = modes.terms
-    else:
-        basis = basis_of_samples(response, modes.poles)
-        terms = np.zeros((0, *response.values.shape[1:]))
-    with np.errstate(over="ignore", invalid="ignore"):
-        left = (basis.data - rebuilt_rows(basis, modes.shapes, modes.participation, terms)) / output_scale(response)[
-            :, None
-        ]
-        ratio = np.linalg.norm(left) / np.linalg.norm(basis.data / output_scale(response)[:, None])
-    return float(ratio) if np.isfinite(ratio) else np.inf
+    scale = output_scale(response)[:, None]
+    level = response.values / scale
+    target = np.concatenate([level.real, level.imag]) if isinstance(response, FrequencyResponse) else level
+    whole = np.linalg.norm(target)
+
+    def misfit(modes: Eigenmodes) -> float:
+        if isinstance(response, FrequencyResponse):
+            basis = basis_of_lines(response, modes.poles, modes.powers)
+            terms = modes.terms / scale
+        else:
+            basis = basis_of_samples(response, modes.poles)
+            terms = np.zeros((0, *response.values.shape[1:]))
+        with np.errstate(over="ignore", invalid="ignore"):
+            left = np.subtract(target, rebuilt_rows(basis, modes.shapes / scale, modes.participation, terms))
+            ratio = np.linalg.norm(left) / whole
+        return float(ratio) if np.isfinite(ratio) else np.inf
+
+    return misfit
 
 
 def _diagram(
