@@ -22,7 +22,7 @@ from modalscope.model.statespace import StateSpace
 from modalscope.pipeline import Data, Pipeline, build
 from modalscope.realize.evolution import column_side, row_side
 from modalscope.realize.order import recommend_order
-from modalscope.realize.triple import Triple
+from modalscope.realize.triple import Triple, inverse_vectors
 from modalscope.residues import (
     ModalBasis,
     basis_of_lines,
@@ -109,10 +109,10 @@ def eigenmodes(pipeline: Pipeline, model: Triple) -> Eigenmodes:
     if isinstance(pipeline.matrix, Fraction):
         return _fraction_modes(pipeline, pipeline.matrix, model)
     own, vectors = np.linalg.eig(model.A)
-    inverse = np.linalg.pinv(vectors) if np.linalg.cond(vectors) > 1e12 else np.linalg.inv(vectors)
+    inverse = inverse_vectors(vectors)
     poles = pipeline.matrix.to_s(own)
     kept = one_of_each_pair(poles)
-    poles, own, vectors, rows = poles[kept], own[kept], vectors[:, kept].astype(complex), inverse[kept].astype(complex)
+    poles, own, vectors, rows = poles[kept], own[kept], vectors[:, kept].astype(complex), inverse[kept]
     shapes = _shapes(pipeline, model, own, vectors)
     response = pipeline.response
     if isinstance(response, FrequencyResponse):
@@ -423,8 +423,10 @@ def _state_space(pipeline: Pipeline, model: Triple, modal: Eigenmodes) -> StateS
     """Return the model as it was realized; from lines in real modal coordinates, which do not depend on the polynomials."""
     if model.B is not None and not isinstance(pipeline.matrix, Fraction):
         return StateSpace(A=model.A, B=model.B, C=model.C, D=modal.direct, dt=pipeline.matrix.dt)
-    poles = modal.poles if pipeline.matrix.dt is None else modal.own
-    return from_modes(poles, modal.shapes, modal.participation, modal.direct, pipeline.matrix.dt)
+    poles, participation = modal.poles if pipeline.matrix.dt is None else modal.own, modal.participation
+    if isinstance(pipeline.response, ImpulseResponse):  # Y(0) is the first sample there is
+        participation = participation * modal.own[:, None] ** pipeline.response.first_sample
+    return from_modes(poles, modal.shapes, participation, modal.direct, pipeline.matrix.dt)
 
 
 def from_modes(poles: Array, shapes: Array, participation: Array, direct: Array, dt: float | None) -> StateSpace:

@@ -21,7 +21,7 @@ from modalscope.blocks.matrix import Evolution, RowShift
 from modalscope.blocks.operators import BlockHankel, DenseMatrix, Operator
 from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray
 from modalscope.model.impulse import ImpulseResponse
-from modalscope.model.poles import to_continuous, to_discrete
+from modalscope.model.poles import powers_of, to_continuous, to_discrete
 
 __all__ = ["Hankel", "Side", "hankel"]
 
@@ -316,8 +316,7 @@ class Hankel:
 
     def evolution(self, poles: Array, blocks: int) -> Evolution:
         """Return z^k for blocks k = 0, 1, ...: how a mode runs down the rows."""
-        with np.errstate(over="ignore", under="ignore"):
-            return np.asarray(poles, dtype=complex)[None, :] ** np.arange(blocks)[:, None]
+        return powers_of(poles, blocks)
 
     def describe(self) -> str:
         """Say what the matrix is, in words."""

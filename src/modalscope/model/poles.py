@@ -17,6 +17,7 @@ __all__ = [
     "one_of_each_pair",
     "pole_kinds",
     "poles_from",
+    "powers_of",
     "to_continuous",
     "to_discrete",
 ]
@@ -63,6 +64,25 @@ def to_continuous(poles: ArrayLike, dt: float) -> ComplexArray:
 def to_discrete(poles: ArrayLike, dt: float) -> ComplexArray:
     """Return `exp(s dt)`."""
     return np.exp(np.asarray(poles, dtype=np.complex128) * dt)
+
+
+def powers_of(poles: ArrayLike, count: int, first: int = 0) -> ComplexArray:
+    """Return z^first, z^(first + 1), ... of each z, (count, n), by doubling: log2(count) products instead of powers.
+
+    Examples
+    --------
+    >>> powers_of([0.5], 4).real.ravel()
+    array([1.   , 0.5  , 0.25 , 0.125])
+    """
+    z = np.atleast_1d(np.asarray(poles, dtype=np.complex128))
+    out = np.empty((count, z.size), dtype=np.complex128)
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        out[:1], step, done = z**first, z, 1
+        while done < count:
+            fresh = min(done, count - done)
+            np.multiply(out[:fresh], step, out=out[done : done + fresh])
+            done, step = done + fresh, step * step
+    return out
 
 
 def one_of_each_pair(poles: ArrayLike) -> Array:

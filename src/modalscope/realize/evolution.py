@@ -21,6 +21,13 @@ def _last_blocks(blocks: Array, first: Array, evolution: Array, vectors: Complex
     return weighted_mean(emac_channels(identified, first * evolution[step, np.arange(step.size)]), first)
 
 
+def _times(blocks: Array, states: ComplexArray) -> ComplexArray:
+    """Return blocks (K, c, N) times states (N, k), as one product of real arrays."""
+    real = np.ascontiguousarray(states).view(np.float64)
+    product = np.ascontiguousarray(blocks.reshape(-1, blocks.shape[2]) @ real)
+    return product.view(np.complex128).reshape(*blocks.shape[:2], -1)
+
+
 def row_side(
     matrix: DataMatrix, realization: Realization, n: int, poles: Array, vectors: Array, shapes: Array
 ) -> tuple[RealArray, RealArray | None] | None:
@@ -47,12 +54,12 @@ def row_side(
     if not whole:
         return None
     blocks = realization.factors.P.reshape(-1, first.shape[0], realization.factors.P.shape[1])[:, :, :n]
-    states = realization.factors.d[:n, None] ** realization.row_power * vectors
+    states = realization.factors.d[:n, None] ** realization.row_power * np.asarray(vectors, dtype=np.complex128)
     evolution = matrix.evolution(poles, blocks.shape[0])
     emac = _last_blocks(blocks, first, evolution, states)
     if isinstance(matrix, Hankel) and matrix.columns.structured:
         return emac, None
-    grown = (blocks.reshape(-1, n) @ states).reshape(*blocks.shape[:2], -1)
+    grown = _times(blocks, states)
     return emac, amplitude_coherence(grown, first, evolution)
 
 
@@ -74,10 +81,10 @@ def column_side(
     first = matrix.first_block_of_inputs(participation).T
     factors = realization.factors
     blocks = factors.Q.reshape(-1, first.shape[0], factors.Q.shape[1])[:, :, :n]
-    states = factors.d[:n, None] ** (1 - realization.row_power) * np.asarray(rows).T
+    states = factors.d[:n, None] ** (1 - realization.row_power) * np.asarray(rows, dtype=np.complex128).T
     evolution = matrix.evolution(poles, blocks.shape[0])
-    whole = (blocks.reshape(-1, n) @ states).reshape(*blocks.shape[:2], -1)
-    return _last_blocks(blocks, first, evolution, states), amplitude_coherence(whole, first, evolution)
+    grown = _times(blocks, states)
+    return _last_blocks(blocks, first, evolution, states), amplitude_coherence(grown, first, evolution)
 
 
 def _line_side(

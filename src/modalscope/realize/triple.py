@@ -10,7 +10,10 @@ import numpy as np
 from modalscope.blocks.factor import Factors
 from modalscope.model.checks import Array, ComplexArray, RealArray
 
-__all__ = ["Realization", "Triple"]
+__all__ = ["Realization", "Triple", "inverse_vectors"]
+
+#: Condition of eigenvectors beyond which their inverse is rounding.
+_DEFECTIVE = 1e13
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +65,13 @@ class Realization:
     notes: tuple[str, ...] = field(default=())
 
 
-def eigen(A: Array) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-    """Return eigenvalues, right vectors X and the rows X^-1."""
-    values, vectors = np.linalg.eig(A)
-    return values.astype(complex), vectors.astype(complex), np.linalg.pinv(vectors.astype(complex))
+def inverse_vectors(vectors: Array) -> ComplexArray:
+    """Return X^-1 of eigenvectors as columns; the pseudo-inverse where they have nearly lost independence (defective poles)."""
+    X = np.asarray(vectors, dtype=np.complex128)
+    try:
+        inverse = np.linalg.inv(X)
+    except np.linalg.LinAlgError:
+        return np.linalg.pinv(X)
+    if np.linalg.norm(X, 1) * np.linalg.norm(inverse, 1) < _DEFECTIVE:
+        return inverse
+    return np.linalg.pinv(X)

@@ -17,7 +17,7 @@ from modalscope.model.channels import QUANTITIES
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
-from modalscope.model.poles import to_discrete
+from modalscope.model.poles import powers_of, to_discrete
 
 __all__ = [
     "ModalBasis",
@@ -133,9 +133,7 @@ def _stacked(
 def basis_of_samples(response: ImpulseResponse, poles: Array) -> ModalBasis:
     """Return the functions Re and Im of exp(s t_k) at the samples, counted from the impulse."""
     z = to_discrete(np.asarray(poles, dtype=complex), 1 / response.sampling_rate)
-    steps = np.arange(response.samples) + response.first_sample
-    with np.errstate(under="ignore"):
-        decay = z ** steps[:, None]
+    decay = powers_of(z, response.samples, response.first_sample)
     alone = (np.asarray(poles).imag == 0) | (z.imag == 0)
     g1 = np.where(alone, decay.real, 2 * decay.real)
     g2 = np.where(alone, 0.0, -2 * decay.imag)
@@ -175,7 +173,7 @@ def fit_participation(basis: ModalBasis, shapes: Array) -> tuple[ComplexArray, R
     known = np.einsum("kj,ojp->okp", R[t:, t:], spread[:, kept])[:, :, kept]
     theta = np.zeros((2 * n, inputs))
     target = coefficients[t:].transpose(1, 0, 2)
-    theta[kept] = _solve(known.reshape(-1, kept.size), target.reshape(-1, inputs))
+    theta[kept] = _solve(known.reshape(outputs * (len(R) - t), kept.size), target.reshape(-1, inputs))
     rest = (spread[:, kept] @ theta).transpose(1, 0, 2)
     left = coefficients[:t] - np.tensordot(R[:t, t:], rest, axes=1)
     terms = sla.solve_triangular(R[:t, :t], left.reshape(t, outputs * inputs)) if t else left
