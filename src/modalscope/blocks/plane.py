@@ -89,6 +89,4 @@ def plane_of(domain: str, response: FrequencyResponse) -> Plane:
         # 1 / (s - s_j) = constant + (T / 4) (1 + z_j)^2 / (z - z_j)
         return np.asarray(half / 2 * (1 + np.asarray(z)) ** 2, dtype=complex)
 
-    return Plane(
-        "z-plane, bilinear map", lambda f: into(2j * np.pi * f), back, into, residue_scale=residue_scale
-    )
+    return Plane("z-plane, bilinear map", lambda f: into(2j * np.pi * f), back, into, residue_scale=residue_scale)
