@@ -386,8 +386,11 @@ def _measured_and_rebuilt(pipeline: Pipeline, modal: Eigenmodes, model: StateSpa
     if isinstance(response, FrequencyResponse) and modal.powers != (0,):
         basis = basis_of_lines(response, modal.poles, modal.powers)
         return basis.data, rebuilt_rows(basis, modal.shapes, modal.participation, modal.terms)
+    if isinstance(response, FrequencyResponse):
+        s = 2j * np.pi * response.frequencies
+        return response.values, model.transfer(s if model.dt is None else np.exp(s * model.dt))
     rebuilt = rebuild(model, response).values
-    if isinstance(matrix, Shifted) and isinstance(response, ImpulseResponse):
+    if isinstance(matrix, Shifted):
         return matrix.transformed(response.values), matrix.transformed(rebuilt)
     return response.values, rebuilt
 
