@@ -88,10 +88,13 @@ def joined(name: str, links: RealArray, masses: int) -> RealArray:
 
 
 def row_geometry(count: int, axis: int = 0, spacing: float = 1.0) -> Geometry:
-    """Return `count` nodes called 1, 2, ... in a row along an axis, from a node 0 on the ground."""
+    """Return `count` nodes called 1, 2, ... in a row along an axis, from a last-numbered node on the ground.
+
+    The ground has the number after the last mass, because file formats do not know a node 0.
+    """
     coordinates = np.zeros((count + 1, 3))
     coordinates[:, axis] = spacing * np.arange(count + 1)
-    nodes = tuple(str(i) for i in range(count + 1))
+    nodes = tuple(str(i) for i in (count + 1, *range(1, count + 1)))
     return Geometry(nodes=nodes, coordinates=coordinates, lines=np.column_stack([nodes[:-1], nodes[1:]]))
 
 

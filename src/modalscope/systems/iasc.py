@@ -80,19 +80,20 @@ def iasc_asce(*, without_braces: Iterable[int] = (), damping_ratio: float = 0.01
     )
 
 
+def _corner(floor: int, k: int) -> str:
+    """Number of a corner: 1 to 4 on the ground, 101 to 104 on the first floor, and so on."""
+    return str(100 * floor + k + 1)
+
+
 def _frame() -> Geometry:
     """Return the frame's corners, which move with their floor's centre and turn about it."""
     corners = [(-_HALF, -_HALF), (_HALF, -_HALF), (_HALF, _HALF), (-_HALF, _HALF)]
-    nodes = [
-        (f"{floor}{letter}", x, y, floor * _HEIGHT)
-        for floor in range(5)
-        for letter, (x, y) in zip("abcd", corners, strict=True)
-    ]
-    lines = [(f"{floor}{a}", f"{floor}{b}") for floor in range(1, 5) for a, b in zip("abcd", "bcda", strict=True)]
-    lines += [(f"{floor}{a}", f"{floor + 1}{a}") for floor in range(4) for a in "abcd"]
+    nodes = [(_corner(floor, k), x, y, floor * _HEIGHT) for floor in range(5) for k, (x, y) in enumerate(corners)]
+    lines = [(_corner(floor, k), _corner(floor, (k + 1) % 4)) for floor in range(1, 5) for k in range(4)]
+    lines += [(_corner(floor, k), _corner(floor + 1, k)) for floor in range(4) for k in range(4)]
     motions = {}
     for floor in range(1, 5):
-        here = [(f"{floor}{letter}", x, y) for letter, (x, y) in zip("abcd", corners, strict=True)]
+        here = [(_corner(floor, k), x, y) for k, (x, y) in enumerate(corners)]
         motions[f"{floor}:+X"] = tuple((node, (1.0, 0.0, 0.0)) for node, _, _ in here)
         motions[f"{floor}:+Y"] = tuple((node, (0.0, 1.0, 0.0)) for node, _, _ in here)
         motions[f"{floor}:+RZ"] = tuple((node, (-y, x, 0.0)) for node, x, y in here)
