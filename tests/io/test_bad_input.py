@@ -229,7 +229,8 @@ def test_a_table_of_modes_has_its_numbers_and_shapes(tmp_path):
 def test_modes_json_without_poles_is_read_by_frequency_and_damping(tmp_path):
     path = tmp_path / "modes.json"
     path.write_text(
-        '{"modalscope": "0.1", "data": {}, "method": "era", "domain": "time", "orders": null, "modes": [{"frequency_hz": 2.0, "damping_ratio": 0.01,'
+        '{"modalscope": "0.1", "data": {}, "method": "era", "domain": "time", "orders": null, '
+        '"modes": [{"frequency_hz": 2.0, "damping_ratio": 0.01,'
         ' "frequency_spread_hz": null, "shape": {"dof": ["1:+Z", "2:+Z"], "real": [1, -1], "imag": [0, 0]}}]}'
     )
     modes = mio.read(path)

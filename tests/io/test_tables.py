@@ -60,8 +60,10 @@ def test_measured_folders_are_read(name, channels):
     coordinates = np.loadtxt(DATA / name / "sens_coord.txt", skiprows=1, usecols=(1, 2, 3))
     for sensor, place, direction in zip(sensors, coordinates, directions, strict=True):
         # the second route: each sensor's own place and direction, in tables that the reader does not use
-        own = [vector for node, vector in geometry.motion_of(sensor) if np.array_equal(points[node], place)]
-        assert [np.abs(v).tolist() for v in own] == [np.abs(direction).tolist()]
+        motions = geometry.motion_of(sensor)
+        assert {tuple(np.abs(vector)) for _, vector in motions} == {tuple(np.abs(direction))}
+        # in the simulated building one sensor stands for all points of a stiff floor, in the house for its own point
+        assert name != "palisaden" or [points[node].tolist() for node, _ in motions] == [place.tolist()]
 
 
 def test_measured_records_are_read_under_their_own_names():

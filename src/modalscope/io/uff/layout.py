@@ -10,8 +10,10 @@ from modalscope.model import DataError
 
 __all__ = ["Field", "Record", "form", "number", "parse", "thirteen", "whole"]
 
-_WHOLE = re.compile(r"[+-]?\d+\Z")
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([EeDd][+-]?\d+)?\Z")
+#: Blanks of a record; no other white space is one.
+_BLANK = " \t"
+_WHOLE = re.compile(r"[+-]?[0-9]+\Z")
+_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([EeDd][+-]?[0-9]+)?\Z")
 
 
 class Field(NamedTuple):
@@ -27,7 +29,7 @@ Record = Sequence[Field]
 
 def whole(where: str, name: str, text: str) -> int:
     """Return a whole number; blank columns are 0, as Fortran reads them."""
-    stripped = text.strip()
+    stripped = text.strip(_BLANK)
     if stripped and not _WHOLE.match(stripped):
         raise _unreadable(where, name, "a whole number", text)
     return int(stripped) if stripped else 0
@@ -35,7 +37,7 @@ def whole(where: str, name: str, text: str) -> int:
 
 def number(where: str, name: str, text: str) -> float:
     """Return a real number, D exponents too; blank columns are 0. NaN and infinity are not numbers here."""
-    stripped = text.strip()
+    stripped = text.strip(_BLANK)
     if stripped and not _NUMBER.match(stripped):
         raise _unreadable(where, name, "a finite number", text)
     value = float(stripped.upper().replace("D", "E")) if stripped else 0.0
