@@ -87,7 +87,9 @@ def wrong_endian(folder: Path) -> Path:
 def nan_in_uff(folder: Path) -> Path:
     path = good_uff(folder)
     raw = bytearray(path.read_bytes())
-    at = raw.rindex(b"\n    -1") - 64
+    at = raw.index(b"58b")
+    for _ in range(12):  # the line of the dataset's number and eleven lines of header
+        at = raw.index(b"\n", at) + 1
     raw[at : at + 8] = struct.pack("<d", float("nan"))
     path.write_bytes(bytes(raw))
     return path
@@ -120,7 +122,11 @@ CASES = {
     "two axes": (npz(values=response()[:, :, 0]), [], "axes"),
     "empty": (npz(values=np.zeros((0, 4, 2), complex), frequencies=np.zeros(0)), [], "at least one line"),
     "one sample": (only(sampling_rate=10.0, values=np.ones((1, 2, 1))), [], "two samples"),
-    "order too large": (only(sampling_rate=10.0, values=RNG.standard_normal((12, 2, 1))), ["--orders", "50:60:2"], "50"),
+    "order too large": (
+        only(sampling_rate=10.0, values=RNG.standard_normal((12, 2, 1))),
+        ["--orders", "50:60:2"],
+        "50",
+    ),
     "all-zero channel": (npz(values=response() * np.array([1, 0, 1, 1])[:, None]), [], "--exclude y2"),
     "labels twice": (npz(output_dofs=np.array(["1:+Z", "1:+Z", "2:+Z", "3:+Z"])), [], "more than once"),
     "descending lines": (npz(frequencies=LINES[::-1], values=response()[::-1]), [], "increas"),
@@ -176,7 +182,9 @@ def test_an_output_that_cannot_be_written_is_refused_before_the_work(output, tmp
     assert "was asked, but" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("arguments", [[], ["identify"], ["identify", "a", "--band", "1"], ["nonsense"], ["identify", "a", "--wrong"]])
+@pytest.mark.parametrize(
+    "arguments", [[], ["identify"], ["identify", "a", "--band", "1"], ["nonsense"], ["identify", "a", "--wrong"]]
+)
 def test_wrong_use_ends_with_status_2_and_one_line(arguments, capsys):
     with pytest.raises(SystemExit) as stop:
         main(arguments)

@@ -45,7 +45,9 @@ def test_every_result_format_is_written(test_file, tmp_path, suffix):
 
 
 def test_progress_goes_to_stderr_and_results_to_stdout(test_file):
-    run = subprocess.run([sys.executable, "-m", "modalscope", "identify", str(test_file)], capture_output=True, text=True, check=True)
+    run = subprocess.run(
+        [sys.executable, "-m", "modalscope", "identify", str(test_file)], capture_output=True, text=True, check=True
+    )
     assert "f [Hz]" in run.stdout
     assert "order/s" not in run.stdout
 
