@@ -339,6 +339,8 @@ def identify(
     if order is None:
         probe = build(data, method=method, domain=domain, order=options.pop("largest_order", 60), **options)
         order = recommend_order(probe.factors).order
+        if probe.method.factors == "complete":  # untruncated: room for the noise beside the modes, in whole blocks
+            order = -(-2 * order // probe.matrix.outputs) * probe.matrix.outputs
     pipeline = build(data, method=method, domain=domain, order=order, **options)
     return assemble(pipeline, order)
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.blocks.factor import Factors, factorize
+from modalscope.blocks.factor import Factors, factorize, left_factor
 from modalscope.blocks.fraction import Fraction, fraction
 from modalscope.blocks.hankel import Hankel, hankel
 from modalscope.blocks.shifted import Shifted, is_full_grid, shifted
@@ -280,7 +280,9 @@ def _factor(matrix: Matrix, cell: Method, order: int, route: str) -> Factors:
         return fraction_factors(matrix)
     if cell.factors == "h0":
         return factorize(matrix.shifted(0), order, route)
-    return factorize(matrix.tall(), order if cell.factors == "tall" else None, route)
+    if cell.factors == "complete":
+        return left_factor(matrix.tall(), route)
+    return factorize(matrix.tall(), order, route)
 
 
 def _is_dual(cell: Method, form: str | None, response: ImpulseResponse, rows: int | None, columns: int | None) -> bool:
@@ -311,6 +313,9 @@ def _hankel_of(
         "block_columns": _span(block_columns, options.get("column_shifts")),
     }
     turned = _transposed(response) if dual else response
+    side = "block_columns" if dual else "block_rows"
+    if cell.factors == "complete" and spans[side] is None:  # the order says how many blocks, every one more is for nothing
+        spans[side] = -(-order // turned.values.shape[1])
     if dual and cell.canonical:  # the side of the companion's states is the short one
         columns, rows = default_blocks(turned, order, spans["block_columns"], spans["block_rows"])
     else:

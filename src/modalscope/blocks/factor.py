@@ -8,15 +8,16 @@ decomposition) brings them back.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg as sla
 
 from modalscope.blocks.operators import Operator
-from modalscope.model.checks import DataError, RealArray
+from modalscope.model.checks import DataError, RealArray, check_choice
 
-__all__ = ["Factors", "factorize"]
+__all__ = ["Factors", "factorize", "left_factor"]
 
 #: Up to this many entries, and while the shorter side stays below `_DENSE_SIDE`, the dense route takes a fraction of a second.
 _DENSE_ENTRIES = 250_000
@@ -27,6 +28,12 @@ _EXTRA = 20
 
 #: Ratio of singular values below which the Gram route alone loses more digits than noise-free work may.
 _PASS_BELOW = 1e-3
+
+#: Condition of all rows up to which their Gram matrix serves a regression: its error, eps times the square, stays below 1e-8.
+_GRAM_CONDITION = 1e4
+
+#: Rows that a streamed triangular factorization takes at a time, in multiples of the columns.
+_CHUNK = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +49,13 @@ class Factors:
     Q : array, (columns, k)
         Orthonormal right vectors.
     spectrum : array
-        All singular values that the route gives (the Gram route's smallest ones are uncertain).
+        All singular values that the route gives: the dense one all, the Gram route those it carried.
     rank : int
         Number of singular values above rounding.
     how : str
         The route, in words.
+    gram : array, optional
+        The Gram matrix that was decomposed in part.
     """
 
     P: RealArray
@@ -55,10 +64,19 @@ class Factors:
     spectrum: RealArray
     rank: int
     how: str
+    gram: RealArray | None = field(default=None, repr=False)
 
     def transposed(self) -> Factors:
         """Return the factors of H'."""
-        return Factors(self.Q, self.d, self.P, self.spectrum, self.rank, self.how)
+        return Factors(self.Q, self.d, self.P, self.spectrum, self.rank, self.how, self.gram)
+
+    @cached_property
+    def complete_spectrum(self) -> RealArray:
+        """All singular values, down to sqrt(eps) of the first where they come from the Gram matrix."""
+        if self.gram is None:
+            return self.spectrum
+        values = sla.eigvalsh(self.gram, check_finite=False)[::-1]
+        return np.concatenate([self.spectrum, np.sqrt(np.clip(values[self.spectrum.size :], 0, None))])
 
     def check_order(self, order: int) -> None:
         """Raise when `order` states cannot be told from rounding."""
@@ -89,6 +107,7 @@ def factorize(matrix: Operator, rank: int | None = None, route: str = "auto") ->
     rows, columns = matrix.shape
     if rows < columns:
         return factorize(matrix.transposed(), rank, route).transposed()
+    check_choice("factorization", route, ("auto", "dense", "gram"))
     wanted = columns if rank is None else min(rank, columns)
     small = rows * columns <= _DENSE_ENTRIES and columns <= _DENSE_SIDE
     if route == "dense" or (route == "auto" and (small or wanted + _EXTRA >= columns)):
@@ -105,10 +124,44 @@ def factorize(matrix: Operator, rank: int | None = None, route: str = "auto") ->
     return _dense(matrix, wanted)
 
 
-def _finish(P: RealArray, d: RealArray, Q: RealArray, spectrum: RealArray, floor: float, how: str) -> Factors:
+def left_factor(matrix: Operator, route: str = "auto") -> Factors:
+    """Return all of P and d, Q without columns: what a regression on whole rows needs, with nothing of the columns' size kept.
+
+    From the Gram matrix of the rows where it is known and well conditioned; else by an orthogonal triangularization that takes
+    the columns in chunks; small matrices by the dense decomposition.
+    """
+    rows, columns = matrix.shape
+    nothing = np.zeros((columns, 0))
+    if route == "dense" or rows * columns <= _DENSE_ENTRIES or rows > columns:
+        found = _dense(matrix, min(rows, columns))
+        return Factors(found.P, found.d, nothing, found.spectrum, found.rank, found.how)
+    gram = matrix.transposed().gram()
+    if gram is not None:
+        weights, P = sla.eigh(gram, check_finite=False)
+        if weights[0] * _GRAM_CONDITION**2 > weights[-1]:
+            d = np.sqrt(weights[::-1])
+            how = f"structured Gram matrix of the rows of {rows} x {columns}"
+            return Factors(np.ascontiguousarray(P[:, ::-1]), d, nothing, d, d.size, how)
+    R = np.zeros((0, rows))
+    for chunk in matrix.transposed().row_chunks(_CHUNK * rows):
+        R = np.asarray(sla.qr(np.vstack([R, chunk]), mode="r", check_finite=False)[0])[:rows]
+    P, d, _ = sla.svd(R.T, full_matrices=False, check_finite=False)
+    how = f"triangular factor of {rows} x {columns}"
+    return _finish(P, d, nothing, d, max(rows, columns) * float(np.finfo(float).eps), how)
+
+
+def _finish(
+    P: RealArray,
+    d: RealArray,
+    Q: RealArray,
+    spectrum: RealArray,
+    floor: float,
+    how: str,
+    gram: RealArray | None = None,
+) -> Factors:
     if d.size == 0 or d[0] <= 0:
         raise DataError("a data matrix with content was asked", "it is zero", "Give data with a response in them.")
-    return Factors(P, d, Q, spectrum, _rank(d, floor), how)
+    return Factors(P, d, Q, spectrum, _rank(d, floor), how, gram)
 
 
 def _rank(d: RealArray, floor: float) -> int:
@@ -145,9 +198,10 @@ def _by_gram(matrix: Operator, gram: RealArray, wanted: int) -> Factors:
     size = f"{matrix.shape[0]} x {columns}"
     if d[0] > 0 and d[wanted - 1] > _PASS_BELOW * d[0]:
         P = matrix.times(np.ascontiguousarray(Q[:, :wanted])) / d[:wanted]
-        return _finish(P, d[:wanted], Q[:, :wanted], d, columns * eps, f"structured Gram matrix of {size}")
+        how = f"structured Gram matrix of {size}"
+        return _finish(P, d[:wanted], Q[:, :wanted], d, columns * eps, how, gram)
     left, _ = np.linalg.qr(matrix.times(np.ascontiguousarray(Q)))
     U, d, Vt = np.linalg.svd(matrix.transposed_times(left).T, full_matrices=False)
     how = f"structured Gram matrix of {size} with a refinement pass"
     # directions below the Gram matrix' resolution are not separated by it: what the pass finds there is not rank
-    return _finish(left @ U[:, :wanted], d[:wanted], Vt[:wanted].T, d, max(matrix.shape) * eps, how)
+    return _finish(left @ U[:, :wanted], d[:wanted], Vt[:wanted].T, d, max(matrix.shape) * eps, how, gram)

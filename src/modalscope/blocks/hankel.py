@@ -194,6 +194,11 @@ class Hankel:
     columns: Side
 
     @property
+    def outputs(self) -> int:
+        """Outputs of the response."""
+        return int(self.response.values.shape[1])
+
+    @property
     def block_rows(self) -> int:
         """Number of different row shifts in H(0)."""
         return int(self.rows.shifts.size)

@@ -84,6 +84,10 @@ class DataMatrix(Protocol):
     """
 
     @property
+    def outputs(self) -> int:
+        """Outputs of the response (inputs, when it was transposed)."""
+
+    @property
     def block_rows(self) -> int:
         """Blocks in a column of H(0)."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -35,6 +36,9 @@ class Operator(Protocol):
     def transposed(self) -> Operator:
         """H'."""
 
+    def row_chunks(self, rows: int) -> Iterator[RealArray]:
+        """The rows from first to last, about `rows` at a time."""
+
 
 @dataclass(frozen=True, eq=False)
 class DenseMatrix:
@@ -67,6 +71,11 @@ class DenseMatrix:
     def transposed(self) -> DenseMatrix:
         """H'."""
         return DenseMatrix(self.array.T)
+
+    def row_chunks(self, rows: int) -> Iterator[RealArray]:
+        """The rows from first to last, `rows` at a time."""
+        for i in range(0, len(self.array), rows):
+            yield self.array[i : i + rows]
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +141,12 @@ class BlockHankel:
             gram[below, (i + 1) * m :] = gram[row, i * m : (s - 1) * m] + update
         upper = np.triu(gram)
         return np.asarray(upper + np.triu(gram, 1).T)
+
+    def row_chunks(self, rows: int) -> Iterator[RealArray]:
+        """The rows from first to last, whole blocks and about `rows` at a time."""
+        step = max(rows // self.values.shape[1], 1)
+        for i in range(0, self.block_rows, step):
+            yield np.vstack([self._row(k) for k in range(i, min(i + step, self.block_rows))])
 
     def transposed(self) -> BlockHankel:
         """H': the block Hankel matrix of the transposed samples."""

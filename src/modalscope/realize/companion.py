@@ -52,11 +52,13 @@ def _output(matrix: DataMatrix, factors: Factors, block: int, states: Array) -> 
 
     `states` is the row factor of the companion's states with Q' the column factor of both.
     """
-    outputs = matrix.first_rows(factors.Q[:, :1]).shape[0]
+    outputs = matrix.outputs
     head = np.asarray(matrix.first_block(np.eye(outputs)))
-    if np.linalg.matrix_rank(head) == head.shape[1]:
+    if np.linalg.matrix_rank(head) == outputs:
         return np.hstack([np.linalg.pinv(head), np.zeros((outputs, states.shape[0] - block))])
-    seen = matrix.first_rows(np.ascontiguousarray(factors.Q[:, : states.shape[1]]))
+    k = states.shape[1]
+    Q = factors.Q if factors.Q.size else matrix.tall().transposed_times(factors.P[:, :k]) / factors.d[:k]
+    seen = matrix.first_rows(np.ascontiguousarray(Q[:, :k]))
     return np.asarray(np.linalg.lstsq(states.T, seen.T, rcond=None)[0].T)
 
 
@@ -149,6 +151,6 @@ def least_squares_companion(matrix: DataMatrix, factors: Factors) -> Realization
         else:
             R = np.linalg.lstsq(known.T, target.T, rcond=rcond)[0].T
         C = _output(matrix, factors, block, stand_in[:n])
-        return Triple(companion_matrix(R, shift, p), None if B is None else B[:n], C, n)
+        return Triple(companion_matrix(R, shift, p), None if B is None else B[:n], C, min(n, factors.rank))
 
     return Realization(factors, triple, canonical=True)
