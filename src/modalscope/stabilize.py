@@ -88,7 +88,7 @@ def stabilize(
             f"there are {', '.join(TOLERANCES)}",
             "Correct the names.",
         )
-    asked = _orders_asked(data, orders)
+    asked = _orders_asked(data, orders, options.get("band"))
     pipeline, asked, notes = _build_within_reach(data, method, domain, asked, orders is None, options)
     cuts: list[_Order] = []
     misfit = _misfit_of(pipeline)
@@ -106,14 +106,9 @@ def stabilize(
     return _diagram(pipeline, cuts, limits, notes)
 
 
-def _orders_asked(data: Data, orders: Iterable[int] | None) -> list[int]:
+def _orders_asked(data: Data, orders: Iterable[int] | None, band: tuple[float, float] | None) -> list[int]:
     if orders is None:
-        largest = 60
-        if isinstance(data, FrequencyResponse) or getattr(data, "inputs", None) is not None:
-            largest = 80
-        elif not isinstance(data, ImpulseResponse) or data.kind == "correlation":
-            largest = 40
-        return list(range(2, largest + 1, 2))
+        return list(range(2, _largest_order(data, band) + 1, 2))
     found = sorted({check_count("order", int(n)) for n in orders})
     if not found:
         raise DataError(
@@ -122,6 +117,17 @@ def _orders_asked(data: Data, orders: Iterable[int] | None) -> list[int]:
             "Give orders, for instance range(2, 61, 2) or 2:60:2.",
         )
     return found
+
+
+def _largest_order(data: Data, band: tuple[float, float] | None) -> int:
+    """Return the largest order to try when none is given: half of what the lines could carry, and no more than is useful."""
+    if isinstance(data, FrequencyResponse):
+        f = data.frequencies
+        lines = data.lines if band is None else int(np.count_nonzero((f >= band[0]) & (f <= band[1])))
+        return max(min(80, lines * data.values.shape[2]), 2)
+    if getattr(data, "inputs", None) is not None:
+        return 80
+    return 40 if not isinstance(data, ImpulseResponse) or data.kind == "correlation" else 60
 
 
 def _build_within_reach(

@@ -198,7 +198,7 @@ def _solve(known: RealArray, target: RealArray) -> RealArray:
 def rebuilt_rows(basis: ModalBasis, shapes: Array, participation: Array, terms: Array) -> RealArray:
     """Return what modes and terms give on the rows of a basis, (K, l, m): the counterpart of `fit_participation`."""
     residues = shapes.T[:, :, None] * participation[:, None, :]
-    coefficients = np.stack([residues.real, residues.imag], axis=1).reshape(2 * len(residues), -1)
+    coefficients = np.stack([residues.real, residues.imag], axis=1).reshape(2 * len(residues), basis.data[0].size)
     flat = basis.functions @ coefficients + basis.terms @ terms.reshape(len(terms), coefficients.shape[1])
     return np.asarray(flat.reshape(basis.data.shape))
 
