@@ -85,8 +85,10 @@ class _Flat:
     shape: ComplexArray
 
 
-def pair(results: Sequence[MethodResult], kin: Kinship) -> tuple[Group, ...]:
+def pair(results: Sequence[MethodResult], kin: Kinship) -> tuple[tuple[Group, ...], tuple[Group, ...]]:
     """Pair the modes of all methods by frequency, damping and shape, one mode of a method in a group, and sum every group up.
+
+    Returns the modes that at least one method with a vote found, and those that only transformed data show.
 
     Parameters
     ----------
@@ -96,13 +98,14 @@ def pair(results: Sequence[MethodResult], kin: Kinship) -> tuple[Group, ...]:
     """
     kept = [r for r in results if r.modes is not None]
     if not kept or not sum(len(r.modes) for r in kept if r.modes is not None):
-        return ()
+        return (), ()
     flat = _flatten(kept)
     votes = _voters(kept, kin)
     names = [r.name for r in kept]
     groups = _grouped(flat, len(kept), votes)
     found = [_summed(members, flat, kept, names, votes) for members in groups]
-    return tuple(sorted(found, key=lambda g: g.frequency))
+    found.sort(key=lambda g: g.frequency)
+    return tuple(g for g in found if g.votes), tuple(g for g in found if not g.votes)
 
 
 def _flatten(kept: Sequence[MethodResult]) -> _Flat:

@@ -1,11 +1,12 @@
 """Rules about channels: dead, turned in sign, or bad. Each names its evidence.
 
 dead channel
-    Zero throughout (it is left out before anything is identified), or explained by no mode: its fit error is above .9 where the median is below .3.
+    Zero throughout (it is left out before anything is identified), or explained by no mode: its fit error is above .9
+    where the median is below .3.
 swapped sign
     At a driving point a structure cannot give energy: Im of the accelerance (Re of the mobility, -Im of the receptance) is
-    positive in sum. Reciprocity: H_ij = H_ji; a correlation below -.8 means that one side is turned. A single response that is the opposite of
-    what the modes of all others say (correlation below -.3) is turned by itself.
+    positive in sum. Reciprocity: H_ij = H_ji; a correlation below -.8 means that one side is turned. A single response that is
+    the opposite of what the modes of all others say (correlation below -.3) is turned by itself.
 bad channel
     Its fit error is above .25 and three times the median.
 """
@@ -20,34 +21,33 @@ from modalscope.model.checks import Array, RealArray
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.signals import Signals
+from modalscope.pipeline import Data
 
-__all__ = ["channel_causes", "dead_channels", "sign_causes"]
+__all__ = ["channel_causes", "sign_causes", "without_dead"]
 
 _DEAD, _HEALTHY = 0.9, 0.3
 _BAD, _TIMES = 0.25, 3.0
 _RECIPROCAL, _OPPOSITE, _PASSIVE = -0.8, -0.3, -0.5
 
 
-def dead_channels(data: Signals | Response) -> tuple[str, ...]:
-    """Return the labels of channels that are zero throughout."""
+def without_dead(data: Data) -> tuple[Data, list[Cause]]:
+    """Return the data without channels that are zero throughout, and one finding for each."""
     if isinstance(data, Signals):
-        sides = [(data.outputs, data.output_dofs)]
-        if data.inputs is not None:
-            sides.append((data.inputs, data.input_dofs))
-        found = [
-            label
-            for values, labels in sides
-            for label, alive in zip(labels, np.any(values.reshape(-1, values.shape[-1]), axis=0), strict=True)
-            if not alive
-        ]
+        rows = np.any(data.outputs.reshape(-1, data.outputs.shape[-1]), axis=0)
+        inputs = data.inputs
+        columns = None if inputs is None else np.any(inputs.reshape(-1, inputs.shape[-1]), axis=0)
     else:
-        found = [
-            label
-            for axes, labels in (((0, 2), data.output_dofs), ((0, 1), data.input_dofs))
-            for label, alive in zip(labels, np.any(data.values, axis=axes), strict=True)
-            if not alive
+        rows, columns = np.any(data.values, axis=(0, 2)), np.any(data.values, axis=(0, 1))
+    causes, kept = [], {}
+    for side, alive, labels in (("output", rows, data.output_dofs), ("input", columns, data.input_dofs)):
+        if alive is None or alive.all() or not alive.any():
+            continue
+        kept[f"{side}s"] = [int(i) for i in np.flatnonzero(alive)]
+        causes += [
+            Cause("dead channel", f"{side} {labels[i]} is zero throughout and was left out", labels[i])
+            for i in np.flatnonzero(~alive)
         ]
-    return tuple(dict.fromkeys(found))
+    return (data.select(**kept) if kept else data), causes
 
 
 def channel_causes(response: Response, rebuilt: Array) -> list[Cause]:
@@ -78,7 +78,8 @@ def _turned_alone(response: Response, rebuilt: Array, size: Array) -> list[Cause
     return [
         Cause(
             "swapped sign",
-            f"output {response.output_dofs[o]}, input {response.input_dofs[i]}: correlation {inner[o, i]:.2f} with what the modes of all others say",
+            f"output {response.output_dofs[o]}, input {response.input_dofs[i]}: "
+            f"correlation {inner[o, i]:.2f} with what the modes of all others say",
             response.output_dofs[o],
         )
         for o, i in np.argwhere(loud & (inner < _OPPOSITE))

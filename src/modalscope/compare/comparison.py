@@ -9,18 +9,17 @@ from typing import Any
 import numpy as np
 
 from modalscope.compare.agreement import Group, pair
-from modalscope.compare.causes import Cause
-from modalscope.compare.channels import channel_causes, dead_channels, sign_causes
+from modalscope.compare.channels import channel_causes, sign_causes, without_dead
 from modalscope.compare.diagnosis import disagreements, mode_causes, order_cause
 from modalscope.compare.identities import check_identities
 from modalscope.compare.kinship import kinship
 from modalscope.compare.plan import Response, plan
 from modalscope.compare.result import Comparison
-from modalscope.compare.run import MethodResult, Progress, run
+from modalscope.compare.run import Progress, run
 from modalscope.compare.scatter import noise_floor, stated
 from modalscope.compare.verdict import judge, words
-from modalscope.model.labels import DofLike
 from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.labels import DofLike
 from modalscope.model.modes import ModalModel
 from modalscope.model.signals import Signals
 from modalscope.pipeline import Data, prepare
@@ -46,9 +45,9 @@ def compare(
 ) -> Comparison:
     """Identify the same data by every method of the table and say what they agree on, where they differ and why.
 
-    Records are turned into responses once, for all methods. Each method has its own stabilization diagram and selection; modes are paired across methods by
-    frequency, damping and shape. A method that fails is a row that says why. What has to be transformed from lines to samples or back is compared, but
-    has no vote.
+    Records are turned into responses once, for all methods. Each method has its own stabilization diagram and selection; modes are
+    paired across methods by frequency, damping and shape. A method that fails is a row that says why. What has to be transformed from lines
+    to samples or back is compared, but has no vote.
 
     Parameters
     ----------
@@ -86,16 +85,14 @@ def compare(
     >>> len(c.modes), c.results[0].name, bool(c.kinship.distances[0, 1] < 1e-9)
     (5, 'era (time)', True)
     """
-    left_out = [str(dof) for dof in ([exclude] if isinstance(exclude, str) else exclude or ())]
-    dead = [dof for dof in dead_channels(data) if dof not in left_out]
-    if left_out or dead:
-        data = data.select(exclude=[*left_out, *dead])
-    findings = [Cause("dead channel", f"{dof} is zero throughout and was left out", dof) for dof in dead]
+    if exclude is not None:
+        data = data.select(exclude=exclude)
+    data, findings = without_dead(data)
     _, response, notes = prepare(data, None, None, band)
     cells, more = plan(response, methods, orders)
     results = run(response, cells, band=band, progress=progress, workers=workers, **options)
     kin = kinship(results)
-    groups = pair(results, kin)
+    groups, unconfirmed = pair(results, kin)
     modes = _consensus(response, groups)
     rebuilt = (
         rebuilt_from(replace(modes, poles=modes.poles - _added(response)), response) if groups else 0 * response.values
@@ -114,6 +111,7 @@ def compare(
         results=results,
         modes=modes,
         groups=groups,
+        unconfirmed=unconfirmed,
         scatter=scatter,
         fit_error=fit_error(response.values, rebuilt)[0],
         trust=trust,
@@ -122,7 +120,7 @@ def compare(
         disagreements=disagreements(groups, response, results, findings),
         findings=tuple(findings),
         verdict=words(groups, trust, scatter, results, findings),
-        settings=_settings(methods, orders, band, [*left_out, *dead], options),
+        settings=_settings(methods, orders, band, exclude, options),
         notes=(*notes, *more, *_equals(kin.names, kin.classes)),
     )
 
@@ -164,10 +162,10 @@ def _consensus(response: Response, groups: Sequence[Group]) -> ModalModel:
     ).normalized("unit")
 
 
-def _settings(methods: Any, orders: Any, band: Any, excluded: Sequence[str], options: dict[str, Any]) -> dict[str, Any]:
+def _settings(methods: Any, orders: Any, band: Any, exclude: Any, options: dict[str, Any]) -> dict[str, Any]:
     named = methods if isinstance(methods, str) else tuple(str(m) for m in methods)
     asked = None if orders is None else tuple(int(n) for n in orders)
-    return {"methods": named, "orders": asked, "band": band, "exclude": tuple(excluded) or None, **options}
+    return {"methods": named, "orders": asked, "band": band, "exclude": exclude, **options}
 
 
 def _equals(names: Sequence[str], classes: Sequence[Sequence[int]]) -> list[str]:

@@ -15,8 +15,8 @@ too few blocks
 transformed data
     The methods that differ are those whose data were transformed from lines to samples or back.
 order too low
-    The fit error still falls at the largest order: it is below .8 of what three quarters of that order leave; or more singular values stand
-    out of the noise than the largest order has states.
+    The fit error still falls at the largest order of most methods: by 15 % with every two states over the last quarter of the
+    orders; or by a fifth over that quarter while more than a tenth is left.
 not separated
     None of the others.
 """
@@ -46,7 +46,8 @@ _OFF_FREQUENCY, _OFF_DAMPING, _OFF_SHAPE = 0.25, 0.25, 0.1
 
 _WEAK_SIGNAL = 4 * LEAST_SIGNAL
 _LINES = 3
-_FALLS, _SHARE = 0.8, 0.75
+_FALLS, _MUCH, _STEEP, _SHARE = 0.8, 0.1, 0.85, 0.75
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +91,8 @@ def _close(case: _Case) -> Cause | None:
     apart = abs(o.frequency - g.frequency)
     return Cause(
         "close pair",
-        f"{o.frequency:.5g} Hz is {100 * apart / g.frequency:.2g} % away, half bandwidths {g.half_bandwidth:.2g} and {o.half_bandwidth:.2g} Hz",
+        f"{o.frequency:.5g} Hz is {100 * apart / g.frequency:.2g} % away, "
+        f"half bandwidths {g.half_bandwidth:.2g} and {o.half_bandwidth:.2g} Hz",
     )
 
 
@@ -146,7 +148,7 @@ def _blocks(case: _Case) -> Cause | None:
         if r.diagram is None or r.method.domain != "time" or not r.exact:
             continue
         rows = r.diagram.settings.get("block_rows")
-        if isinstance(rows, int) and r.diagram.dt is not None and "companion" not in r.method.realization:
+        if isinstance(rows, int) and r.diagram.dt is not None and not r.method.canonical:
             spans.append((rows * r.diagram.dt, rows))
     if not spans or min(spans)[0] * case.group.frequency >= 1:
         return None
@@ -168,28 +170,31 @@ def _transformed(case: _Case) -> Cause | None:
 def order_cause(results: Sequence[MethodResult]) -> Cause | None:
     """Whether the largest order is too low, by most of the methods that worked on the data themselves."""
     diagrams = [r.diagram for r in results if r.diagram is not None and r.exact]
-    falls = [f for d in diagrams if (f := _fall(d)) is not None]
-    short = [f for f in falls if f < _FALLS]
+    short = [found for d in diagrams if (found := _still_falls(d)) is not None]
     if not diagrams or 2 * len(short) <= len(diagrams):
         return None
     largest = max(d.orders[-1] for d in diagrams)
+    left, fall = (100 * float(v) for v in np.median(np.array(short), axis=0))
     return Cause(
         "order too low",
-        f"at order {largest} the fit error is still falling: to {100 * float(np.median(short)):.0f} % of what three quarters of that order leave",
+        f"at order {largest} {left:.2g} % is left to explain, and the last quarter of the orders still took it to {fall:.0f} % of what it was",
     )
 
 
-def _fall(diagram: StabilizationDiagram) -> float | None:
-    """Fit error at the largest order over the best up to three quarters of it; None where there is nothing below."""
-    if diagram.exact_rank is not None or np.min(diagram.fit_errors) < 1e-9:
-        return None
+def _still_falls(diagram: StabilizationDiagram) -> tuple[float, float] | None:
+    """Return the fit error at the largest order, and that over the best up to three quarters of it; None when it has settled."""
     orders, errors = np.asarray(diagram.orders), np.asarray(diagram.fit_errors)
+    if diagram.exact_rank is not None or errors.min() < _ROUNDING:
+        return None
     below = orders <= _SHARE * orders[-1]
     if not below.any():
         below = orders < orders[-1]
     if not below.any():
         return None
-    return float(errors.min() / errors[below].min())
+    fall = float(errors.min() / errors[below].min())
+    pairs = max((orders[-1] - orders[below][-1]) / 2, 1.0)
+    steep = fall ** (1 / pairs) < _STEEP
+    return (float(errors.min()), fall) if steep or (fall < _FALLS and errors.min() > _MUCH) else None
 
 
 def disagreements(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.linalg as sla
@@ -63,9 +64,9 @@ def check_identities(response: Response, order: int) -> tuple[Identity, ...]:
         Rank of the truncation; lowered where small data matrices carry less.
     """
     if isinstance(response, FrequencyResponse):
-        domains = ("z",) if response.sampling_rate is not None else ("z", "s")
+        domains: tuple[str, ...] = ("z",) if response.sampling_rate is not None else ("z", "s")
     else:
-        domains = ("time",)
+        domains = ("time", "z")
     checks = [c for domain in domains for c in _checks(domain)]
     return tuple(_checked(response, max(order, 2), *c) for c in checks)
 
@@ -114,7 +115,7 @@ def pole_residual(a: Array, b: Array) -> float:
     return float(apart[rows, columns].max() / np.abs(t).max())
 
 
-def _sizes(response: Response, domain: str) -> dict[str, int]:
+def _sizes(response: Response, domain: str) -> dict[str, Any]:
     outputs = response.values.shape[1]
     if isinstance(response, ImpulseResponse):
         rows = min(_ROWS, response.samples // 3)
@@ -132,13 +133,14 @@ def _era_and_least_squares(response: Response, domain: str, order: int) -> float
 
 
 def _alternate_and_polyreference(response: Response, domain: str, order: int) -> float:
-    sizes, form = _sizes(response, domain), {"form": "observable"} if domain == "time" else {}
+    sizes, form = _sizes(response, domain), "observable" if domain == "time" else None
     shift, companion = (
-        build(response, method=name, domain=domain, order=order, **sizes, **form)
+        build(response, method=name, domain=domain, order=order, form=form, **sizes)
         for name in ("alternate", "polyreference")
     )
     n = min(order, shift.factors.rank)
-    V = companion.matrix.row_shift.split(companion.factors.P[:, :n])[0]
+    matrix: Any = companion.matrix
+    V = matrix.row_shift.split(companion.factors.P[:, :n])[0]
     reduced = np.linalg.lstsq(V, companion.triple(n).A @ V, rcond=None)[0]
     return pole_residual(np.linalg.eigvals(reduced), np.linalg.eigvals(shift.triple(n).A))
 
@@ -161,7 +163,8 @@ def _factorization(response: Response, domain: str, order: int) -> float:
     mix = np.eye(n) + np.triu(np.full((n, n), 0.1), 1)
     other = Q * d @ np.linalg.inv(mix).T
     l, m = response.values.shape[1:]
-    shifted = pipeline.matrix.shifted(1).dense()
+    matrix: Any = pipeline.matrix
+    shifted = matrix.shifted(1).dense()
     mixed = projected_general(P @ mix, np.ones(n), other, shifted, np.arange(l), np.arange(m))
     return pole_residual(np.linalg.eigvals(mixed.A), np.linalg.eigvals(pipeline.triple(n).A))
 
@@ -175,7 +178,8 @@ def _prce(response: Response, domain: str, order: int) -> float:
     if isinstance(response, ImpulseResponse):
         sizes["block_rows"] = min(10 * _ROWS, response.samples - degree - 1)
     companion = build(response, method="prce", domain=domain, order=degree * inputs, form="controllable", **sizes)
-    M = companion.matrix.tall().dense()
+    matrix: Any = companion.matrix
+    M = matrix.tall().dense()
     known, target = M[: degree * inputs], M[inputs : (degree + 1) * inputs]
     A = sla.lstsq(known.T, target.T)[0].T
     return pole_residual(np.linalg.eigvals(A), np.linalg.eigvals(companion.triple(degree * inputs).A))

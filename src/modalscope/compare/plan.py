@@ -20,6 +20,9 @@ Response = FrequencyResponse | ImpulseResponse
 #: Canonical forms have a block for every block row: beyond about this many states their eigenvalues cost more than they tell.
 _COMPANION_STATES = 200
 
+#: ... and of that many orders every second one will do.
+_COMPANION_ORDERS = 30
+
 #: A response has decayed when its last tenth holds less than this share of the energy.
 _DECAYED = 1e-3
 
@@ -100,8 +103,8 @@ def _orders(response: Response, orders: Iterable[int] | None) -> tuple[int, ...]
 def _named(item: Any, response: Response, notes: list[str]) -> list[Method]:
     if isinstance(item, Method):
         return [item]
-    name, domain = item if isinstance(item, tuple) else (*str(item).split("/"), None)[:2]
-    if domain is not None:
+    name, _, domain = item.partition("/") if isinstance(item, str) else (item[0], "", item[1])
+    if domain:
         return [find_method(name, check_choice("domain", domain, DOMAINS), domain)]
     find_method(name, None, "time")  # an unknown name is an error
     return [m for m in methods() if m.name == name and _allowed(m, response, notes)]
@@ -116,15 +119,13 @@ def _allowed(method: Method, response: Response, notes: list[str]) -> bool:
             notes.append("domain s left out: the lines are those of a sampled system, which domain z takes as they are")
             return False
         return True
-    if method.domain == "time":
-        return True
-    if method.domain == "s" or response.kind != "pulse":
-        notes.append(
-            f"domain {method.domain} left out: the lines of these samples ({response.kind} response) are not those of a continuous structure"
-        )
+    if method.domain == "s":
+        notes.append("domain s left out: the transform of samples is no rational function of j w")
         return False
-    if not has_decayed(response):
-        notes.append("domain z left out: the response has not decayed at its last sample, so that its lines are biased")
+    if method.factors == "fraction" and not has_decayed(response):
+        notes.append(
+            f"{method} left out: the response has not decayed at its last sample, so that its lines are biased"
+        )
         return False
     return True
 
@@ -146,24 +147,24 @@ def has_decayed(response: ImpulseResponse) -> bool:
 
 def _cell(method: Method, response: Response, asked: tuple[int, ...]) -> Cell:
     lines = isinstance(response, FrequencyResponse)
-    exact = lines == (method.domain != "time")
-    if lines and response.sampling_rate is not None and method.domain == "time":
-        exact = response.frequencies[0] == 0 and np.isclose(response.frequencies[-1], response.sampling_rate / 2)
     outputs, inputs = response.values.shape[1:]
-    largest = asked[-1]
-    if "companion" not in method.realization:
-        return Cell(method, asked, exact=bool(exact))
-    # twice the largest order leaves room for noise, and no more
-    if method.domain != "time":
-        degree = max(min(48, _COMPANION_STATES // outputs), -(-largest // outputs) + 2)
-        return Cell(method, asked, {"block_rows": degree} if lines else {}, bool(exact))
-    samples = response.samples if isinstance(response, ImpulseResponse) else 2 * (response.lines - 1)
-    channels = min(outputs, inputs) if method.factors != "complete" else inputs
-    if method.factors == "complete":
-        asked = tuple(sorted({channels * max(-(-n // channels), 1) for n in asked}))
-        return Cell(method, asked, {}, bool(exact))
-    short = min(max(-(-2 * largest // channels), 4), samples // 2)
-    long = max(min(samples - short - 1, 10 * short), 1)
-    narrow = inputs < outputs
-    sizes = {"block_columns": short, "block_rows": long} if narrow else {"block_rows": short, "block_columns": long}
-    return Cell(method, asked, sizes, bool(exact))
+    if method.factors == "fraction":  # its order is a degree, of as many states for every input
+        degrees = sorted({max(n // 2, 2) for n in asked})
+        return Cell(method, tuple(degrees), exact=lines)
+    if method.factors == "complete":  # whole blocks only
+        whole = sorted({inputs * max(-(-n // inputs), 1) for n in asked})
+        return Cell(method, tuple(whole), exact=not lines)
+    exact = not lines or method.domain != "time" or _whole_spectrum(response)
+    if not method.canonical or method.domain == "time":
+        return Cell(method, asked, exact=exact)
+    degree = max(min(48, _COMPANION_STATES // outputs), -(-asked[-1] // outputs) + 2)
+    few = asked if len(asked) <= _COMPANION_ORDERS else tuple(n for n in asked if (asked[-1] - n) % 4 == 0)
+    return Cell(method, few or asked, {"block_rows": degree} if lines else {}, exact)
+
+
+def _whole_spectrum(response: Response) -> bool:
+    """Whether the lines of a sampled system's response cover everything from zero to half the sampling rate."""
+    if not isinstance(response, FrequencyResponse) or response.sampling_rate is None:
+        return False
+    f = response.frequencies
+    return bool(f[0] == 0 and np.isclose(f[-1], response.sampling_rate / 2))

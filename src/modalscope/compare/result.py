@@ -33,6 +33,8 @@ class Comparison:
         The consensus; `frequencies_spread` and `damping_ratios_spread` are the standard deviations between methods.
     groups : tuple of Group
         For every mode of the consensus what each method found.
+    unconfirmed : tuple of Group
+        What only methods on transformed data found: not in the consensus.
     scatter : Scatter
         Stated scatter of every mode.
     fit_error : float
@@ -53,6 +55,7 @@ class Comparison:
     results: tuple[MethodResult, ...]
     modes: ModalModel
     groups: tuple[Group, ...]
+    unconfirmed: tuple[Group, ...]
     scatter: Scatter
     fit_error: float
     trust: tuple[Trust, ...]

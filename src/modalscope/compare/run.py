@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import Any
 
-import numpy as np
-
 from modalscope.compare.plan import Cell, Response
 from modalscope.methods import Method
 from modalscope.model.checks import DataError
@@ -89,7 +87,7 @@ def run(
     response : FrequencyResponse or ImpulseResponse
     cells : sequence of Cell
     band : (float, float), optional
-        Modes outside are not reported.
+        Of `stabilize`.
     progress : callable, optional
         Called with (orders done, orders in all), over all methods.
     workers : int, optional
@@ -124,11 +122,10 @@ def _one(
             domain=method.domain,
             orders=cell.orders,
             progress=progress,
+            band=band,
             **{**cell.options, **options},
         )
         modes = select(diagram)
-        if band is not None:
-            modes = modes.take(np.flatnonzero((modes.frequencies >= band[0]) & (modes.frequencies <= band[1])))
         error = fit_of(modes, diagram.response)
     except DataError as problem:
         failure = " ".join(str(problem).split())

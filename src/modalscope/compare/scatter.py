@@ -1,7 +1,8 @@
 """How far a value may be from the truth: between methods, over orders, and what the noise alone leaves open.
 
-Methods that read the same record share its noise, so that their scatter alone says too little. What the noise leaves open is the
-Cramer-Rao bound of each pole: residues are free in every channel, the noise is what the rebuilt responses leave, white over lines or samples.
+Methods that read the same record share its noise, so that their scatter alone says too little. What the noise leaves open is
+the Cramer-Rao bound of each pole: residues are free in every channel, the noise is what the rebuilt responses leave, white
+over lines or samples.
 For an ambient record of known length Au's uncertainty laws take its place (S.-K. Au, Mech. Syst. Signal Process. 48, 2014).
 """
 
@@ -114,8 +115,8 @@ def _of_poles(poles: Array, covariance: RealArray) -> tuple[RealArray, RealArray
 def _information(response: Response, modes: ModalModel, rebuilt: Array) -> RealArray:
     """Fisher information of (Re s_1, Im s_1, Re s_2, ...) with residues and direct terms of all channels eliminated.
 
-    In channel c the derivative with respect to Re s is a e1 + b e2 and to Im s it is -b e1 + a e2, with the residue a + j b and the functions
-    e1, e2 of the squared pole; sum_c S_c' E'(I - Q Q')E S_c / variance_c, Q spanning what residues can explain.
+    In channel c the derivative with respect to Re s is a e1 + b e2 and to Im s it is -b e1 + a e2, with the residue a + j b and
+    the functions e1, e2 of the squared pole; sum_c S_c' E'(I - Q Q')E S_c / variance_c, Q spanning what residues can explain.
     """
     added = response.added_damping if isinstance(response, FrequencyResponse) else 0.0
     poles = modes.poles - added

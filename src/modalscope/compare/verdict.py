@@ -1,8 +1,8 @@
 """Which modes to trust, which not, and why, in words.
 
-A mode is **trusted** when at least two thirds of the methods with a vote (and two at least, where two have one) found it, and its stated scatter is
-within a half bandwidth in frequency and within 30 % in damping. It is trusted **in frequency only** when its damping scatters more. Otherwise it is
-**doubtful**. When the largest order is too low, or a channel is turned in sign, no mode is trusted.
+A mode is **trusted** when at least two thirds of the methods with a vote (and two at least, where two have one) found it, and
+its stated scatter is within a half bandwidth in frequency and within 30 % in damping. It is trusted **in frequency only** when its
+damping scatters more. Otherwise it is **doubtful**. When the largest order is too low no mode is trusted.
 """
 
 from __future__ import annotations
@@ -106,7 +106,8 @@ def words(
         worst = max(sure, key=lambda k: scatter.damping[k] / groups[k].damping)
         said.append(
             f"{count} can be trusted in frequency and damping: {which} Hz. "
-            f"The widest stated scatter among them is ±{100 * scatter.damping[worst] / groups[worst].damping:.2g} % of the damping, at {groups[worst].frequency:.5g} Hz."
+            f"The widest stated scatter among them is ±{100 * scatter.damping[worst] / groups[worst].damping:.2g} % "
+            f"of the damping, at {groups[worst].frequency:.5g} Hz."
         )
     elif groups:
         said.append(f"None of the {len(groups)} modes can be trusted in full.")
