@@ -372,7 +372,7 @@ def default_blocks(
 def _default_shifts(response: Response, order: int) -> int:
     """Return three times as many rows as states, at least ten blocks, at most a third of the samples."""
     count = response.samples if isinstance(response, ImpulseResponse) else 2 * response.lines - 3
-    return max(min(max(-(-3 * order // response.values.shape[1]), 10), count // 3), 1)
+    return int(max(min(max(-(-3 * order // response.values.shape[1]), 10), count // 3), 1))
 
 
 def _default_degree(response: FrequencyResponse, order: int) -> int:
@@ -383,4 +383,4 @@ def _default_degree(response: FrequencyResponse, order: int) -> int:
     lines, outputs, inputs = response.values.shape
     wanted = max(min(48, lines // 4, 600 // outputs), 8, -(-order // outputs) + 1)
     carried = (2 * lines * inputs - order) // inputs - 1
-    return max(min(wanted, carried), 1)
+    return int(max(min(wanted, carried), 1))

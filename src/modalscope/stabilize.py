@@ -124,7 +124,7 @@ def _largest_order(data: Data, band: tuple[float, float] | None) -> int:
     if isinstance(data, FrequencyResponse):
         f = data.frequencies
         lines = data.lines if band is None else int(np.count_nonzero((f >= band[0]) & (f <= band[1])))
-        return max(min(80, lines * data.values.shape[2]), 2)
+        return int(max(min(80, lines * data.values.shape[2]), 2))
     if getattr(data, "inputs", None) is not None:
         return 80
     return 40 if not isinstance(data, ImpulseResponse) or data.kind == "correlation" else 60
