@@ -315,7 +315,9 @@ def identify(
         source is "samples" (impulse responses and full DFT grids, exact) or "elimination" (any lines).
     factorization : {"auto", "dense", "gram"}, optional
         The route to the singular vectors.
-    row_shifts, column_shifts, row_subsets, column_subsets, row_weights, column_weights, row_compression : optional
+    reduction : {"projection", "markov", "reversed"}, optional
+        Of polyreference in the time domain to minimum order, see `modalscope.realize.reduced`.
+    row_shifts, column_shifts, row_subsets, column_subsets, row_weights, column_weights, row_compression, column_compression : optional
         The data matrix in its generality, see `modalscope.blocks.hankel`.
 
     Returns
@@ -340,7 +342,8 @@ def identify(
         probe = build(data, method=method, domain=domain, order=options.pop("largest_order", 60), **options)
         order = recommend_order(probe.factors).order
         if probe.method.factors == "complete":  # untruncated: room for the noise beside the modes, in whole blocks
-            order = -(-2 * order // probe.matrix.outputs) * probe.matrix.outputs
+            block = probe.factors.P.shape[0] // (probe.matrix.block_rows + 1)
+            order = -(-2 * order // block) * block
     pipeline = build(data, method=method, domain=domain, order=order, **options)
     return assemble(pipeline, order)
 
@@ -462,12 +465,13 @@ def from_modes(poles: Array, shapes: Array, participation: Array, direct: Array,
 
 
 def split_extraneous(modal: Eigenmodes, model: Triple) -> tuple[Array, Array]:
-    """Return the modes that a rank explains and the extraneous ones of a canonical form: the largest amplitudes up to the rank."""
+    """Return the modes that a rank explains, and the extraneous ones of a canonical form: what the truncated factor holds best."""
     count = modal.poles.size
     if model.A.shape[0] <= model.rank:
         return np.arange(count), np.arange(0)
     states = np.where(modal.poles.imag == 0, 1, 2)
-    by_size = np.argsort(-modal.amplitude, kind="stable")
+    held = model.held(modal.vectors, modal.rows)
+    by_size = np.argsort(-(modal.amplitude if held is None else held), kind="stable")
     kept = by_size[np.cumsum(states[by_size]) <= model.rank]
     own = np.sort(kept)
     return own, np.setdiff1d(np.arange(count), own)

@@ -20,6 +20,7 @@ from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.signals import Signals
 from modalscope.realize.fraction import fraction_factors
+from modalscope.realize.reduction import reduced
 from modalscope.realize.triple import Realization, Triple
 
 __all__ = ["Data", "Pipeline", "build", "prepare"]
@@ -169,6 +170,7 @@ def build(
     form: str | None = None,
     weights: str | ArrayLike | None = None,
     factorization: str = "auto",
+    reduction: str | None = None,
     **options: Any,
 ) -> Pipeline:
     """Take data to the realization of all orders up to `order`; the options are those of `identify`."""
@@ -196,7 +198,23 @@ def build(
     factors = _factor(matrix, cell, order, factorization)
     notes.append(f"{matrix.describe()}; {factors.how}")
     notes.extend(matrix.warnings)
-    return Pipeline(cell, response, matrix, cell.realize(matrix, factors), dual, settings, tuple(notes), band)
+    realization = cell.realize(matrix, factors)
+    if reduction is not None:
+        realization = _reduced(cell, matrix, realization, reduction)
+        settings["reduction"] = reduction
+    notes.extend(realization.notes)
+    return Pipeline(cell, response, matrix, realization, dual, settings, tuple(notes), band)
+
+
+def _reduced(cell: Method, matrix: Matrix, realization: Realization, how: str) -> Realization:
+    """Return the models of a canonical form at minimum order."""
+    if cell.name != "polyreference" or not isinstance(matrix, Hankel):
+        raise DataError(
+            f"reduction={how!r} of method {cell.name!r} in domain {cell.domain!r} was asked",
+            "only the canonical form of the null space, in the time domain, has extraneous poles to be rid of",
+            "Leave it out, or use method='polyreference', domain='time'.",
+        )
+    return reduced(matrix, realization, how)
 
 
 def _lags_read(response: ImpulseResponse, settings: dict[str, Any], notes: list[str]) -> ImpulseResponse:

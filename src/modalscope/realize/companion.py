@@ -105,7 +105,8 @@ def null_space_companion(matrix: DataMatrix, factors: Factors) -> Realization:
         check_blocks(gram, n, r)
         R = last[:, :n] @ sla.solve(gram[:n, :n], before[:, :n].T, assume_a="pos", check_finite=False)
         C = _output(matrix, factors, block, before[:, :n] * factors.d[:n])
-        return Triple(companion_matrix(R, shift, r), B, C, n)
+        span = np.linalg.qr(before[:, :n])[0] if n < block * r else None
+        return Triple(companion_matrix(R, shift, r), B, C, n, span)
 
     return Realization(factors, triple, canonical=True)
 
