@@ -95,8 +95,8 @@ class LineMatrix:
         """Return all block rows for input i, transposed: (2 F, l (q + 1))."""
         raise NotImplementedError
 
-    def column_functions(self, poles: Array) -> ComplexArray:
-        """Return what runs along the columns of one input for modes at these poles: (2 F, k)."""
+    def column_functions(self, poles: Array) -> tuple[ComplexArray, RealArray]:
+        """Return what runs along the columns of one input for modes at these poles, (2 F, k), and the share not eliminated (k,)."""
         raise NotImplementedError
 
     def residue_scale(self, poles: Array) -> ComplexArray:
@@ -201,11 +201,8 @@ class LineMatrix:
 
     def compared_functions(self, poles: Array) -> tuple[ComplexArray, Array]:
         """Return `column_functions` on the lines that are compared, and whether rounding leaves enough of each to compare."""
-        return self.column_functions(poles)[self._both_parts], self.seen_share(poles) > _SEEN
-
-    def seen_share(self, poles: Array) -> RealArray:
-        """Return the share of each mode's function that is left beside the eliminated terms, 0 to 1."""
-        raise NotImplementedError
+        functions, share = self.column_functions(poles)
+        return functions[self._both_parts], share > _SEEN
 
     @property
     def _both_parts(self) -> IntArray:

@@ -230,15 +230,11 @@ class Shifted(LineMatrix):
             found[..., 0].transpose(1, 0, 2).reshape(self.points.size, -1), self.line_weights / np.sqrt(self.window)
         )
 
-    def column_functions(self, poles: Array) -> ComplexArray:
-        """Return sum_(k < K) (s_j / z_i)^k along the columns of one input: (2 F, k)."""
+    def column_functions(self, poles: Array) -> tuple[ComplexArray, RealArray]:
+        """Return sum_(k < K) (s_j / z_i)^k along the columns of one input, (2 F, k), of which nothing is eliminated."""
         g, mirrored = (_window_sum(poles, x, self.window) for x in (self.points, self.points.conj()))
         w = (self.line_weights / np.sqrt(self.window))[:, None]
-        return np.vstack([w * (g + mirrored) / 2, w * (g - mirrored) / 2j])
-
-    def seen_share(self, poles: Array) -> RealArray:
-        """1: nothing is eliminated."""
-        return np.ones(len(poles))
+        return np.vstack([w * (g + mirrored) / 2, w * (g - mirrored) / 2j]), np.ones(len(poles))
 
     def residue_scale(self, poles: Array) -> ComplexArray:
         """Participation at the first sample for that at the impulse: z^(steps between them), (k,)."""

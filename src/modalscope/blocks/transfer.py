@@ -198,28 +198,23 @@ class Transfer(LineMatrix):
         return self._project(columns)
 
     def _project(self, columns: Array) -> Array:
+        real = np.ascontiguousarray(columns).view(float)  # complex columns as twice as many real ones
         for _ in range(2):  # twice, so that what is left is orthogonal to rounding
-            columns = columns - self.eliminated @ (self.eliminated.T @ columns)
-        return columns
+            real = real - self.eliminated @ (self.eliminated.T @ real)
+        return real.view(columns.dtype)
 
-    def column_functions(self, poles: Array) -> ComplexArray:
-        """Return 1 / (x_i - s_j) along the columns of one input, as the elimination leaves it: (2 F, k).
+    def column_functions(self, poles: Array) -> tuple[ComplexArray, RealArray]:
+        """Return 1 / (x_i - s_j) along the columns of one input, as the elimination leaves it (2 F, k), and the share it leaves (k,).
 
         The state x follows from [Re X, Im X] with X(x_i) = (x_i I - A)^-1 B, so that a modal coordinate has the columns
         (g(x) + g(x*)) / 2 and (g(x) - g(x*)) / 2j with g = 1 / (x - s_j).
         """
-        return self._project(self._functions(poles))
-
-    def _functions(self, poles: Array) -> ComplexArray:
         x = self.plane.point(self.response.frequencies)[:, None]
         g, mirrored = 1 / (x - poles), 1 / (x.conj() - poles)
         w = 1.0 if self.weights is None else self.weights[:, None]
-        return np.vstack([w * (g + mirrored) / 2, w * (g - mirrored) / 2j])
-
-    def seen_share(self, poles: Array) -> RealArray:
-        """Return the share of each mode's function that is left beside the eliminated terms, 0 to 1."""
-        whole = self._functions(poles)
-        return np.asarray(np.linalg.norm(self._project(whole), axis=0) / np.linalg.norm(whole, axis=0))
+        whole = np.vstack([w * (g + mirrored) / 2, w * (g - mirrored) / 2j])
+        left = self._project(whole)
+        return left, np.asarray(np.linalg.norm(left, axis=0) / np.linalg.norm(whole, axis=0))
 
     def residue_scale(self, poles: Array) -> ComplexArray:
         """Participation in this plane for participation of the modes: (k,)."""
