@@ -233,7 +233,7 @@ def _check_output(path: Path) -> None:
 
 
 def _print_modes(modes: Any, diagram: Any) -> None:
-    from modalscope.select import fit_of
+    from modalscope.residues.rebuilt import fit_of
 
     print(f"{diagram.method} ({diagram.domain}), orders {diagram.orders[0]} to {diagram.orders[-1]}")
     for note in diagram.notes:

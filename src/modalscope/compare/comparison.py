@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,7 @@ from modalscope.model.modes import ModalModel
 from modalscope.model.signals import Signals
 from modalscope.pipeline import Data, prepare
 from modalscope.residues import fit_error
-from modalscope.select import fitted_terms, rebuilt_from
+from modalscope.residues.rebuilt import fitted_terms, rebuilt
 
 __all__ = ["compare"]
 
@@ -94,14 +93,12 @@ def compare(
     kin = kinship(results)
     groups, unconfirmed = pair(results, kin)
     modes = _consensus(response, groups)
-    rebuilt = (
-        rebuilt_from(replace(modes, poles=modes.poles - _added(response)), response) if groups else 0 * response.values
-    )
+    explained = rebuilt(response, modes) if groups else 0 * response.values
     if groups:
-        findings += [*sign_causes(response), *channel_causes(response, rebuilt)]
+        findings += [*sign_causes(response), *channel_causes(response, explained)]
     low = order_cause(results)
     findings += [] if low is None else [low]
-    scatter = stated(groups, noise_floor(response, modes, rebuilt, _duration(data)))
+    scatter = stated(groups, noise_floor(response, modes, explained, _duration(data)))
     trust = tuple(
         judge(g, scatter.frequency[k], scatter.damping[k], mode_causes(k, groups, response, results), findings)
         for k, g in enumerate(groups)
@@ -113,7 +110,7 @@ def compare(
         groups=groups,
         unconfirmed=unconfirmed,
         scatter=scatter,
-        fit_error=fit_error(response.values, rebuilt)[0],
+        fit_error=fit_error(response.values, explained)[0],
         trust=trust,
         kinship=kin,
         identities=check_identities(response, min(max(2 * len(groups), 2), _IDENTITY_ORDER)),
@@ -158,7 +155,7 @@ def _consensus(response: Response, groups: Sequence[Group]) -> ModalModel:
         units=response.units,
         geometry=response.geometry,
         processing=response.processing,
-        **fitted_terms(response, poles - _added(response), shapes),
+        **fitted_terms(response, poles, shapes),
     ).normalized("unit")
 
 

@@ -32,9 +32,9 @@ from modalscope.compare.agreement import Group
 from modalscope.compare.causes import Cause, Disagreement
 from modalscope.compare.plan import Response
 from modalscope.compare.run import MethodResult
+from modalscope.evidence import LEAST_PEAK, LEAST_SIGNAL
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.frequency import FrequencyResponse
-from modalscope.select import LEAST_PEAK, LEAST_SIGNAL
 
 __all__ = ["HEAVY", "disagreements", "mode_causes", "order_cause"]
 

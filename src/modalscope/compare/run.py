@@ -15,7 +15,8 @@ from modalscope.methods import Method
 from modalscope.model.checks import DataError
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.modes import ModalModel
-from modalscope.select import fit_of, select
+from modalscope.residues.rebuilt import fit_of
+from modalscope.select import select
 from modalscope.stabilize import stabilize
 
 __all__ = ["MethodResult", "Progress", "run"]

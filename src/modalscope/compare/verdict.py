@@ -93,7 +93,7 @@ def words(
     results: Sequence[MethodResult],
     data_causes: Sequence[Cause],
 ) -> str:
-    """Return the verdict as a few sentences."""
+    """Return the verdict, one statement a line."""
     ran = [r for r in results if r.modes is not None]
     failed = [r for r in results if r.modes is None]
     if not ran:
@@ -113,11 +113,12 @@ def words(
         said.append(f"None of the {len(groups)} modes can be trusted in full.")
     else:
         said.append("No mode stands out of the data by any method.")
-    for grade, lead in (("frequency only", "Trust the frequency but not the damping of"), ("doubtful", "Do not trust")):
-        which_ones = [f"{groups[k].frequency:.5g} Hz ({t.why})" for k, t in enumerate(trust) if t.grade == grade]
-        if which_ones:
-            said.append(f"{lead} {'; '.join(which_ones)}.")
+    for grade, lead in (
+        ("frequency only", "Trust the frequency, but not the damping, of"),
+        ("doubtful", "Do not trust"),
+    ):
+        said += [f"{lead} {groups[k].frequency:.5g} Hz: {t.why}." for k, t in enumerate(trust) if t.grade == grade]
     said += [f"{c.name.capitalize()}: {c.evidence}. {c.remedy}" for c in data_causes]
     if failed:
         said.append(f"{len(failed)} of {len(results)} methods failed: {', '.join(r.name for r in failed)}.")
-    return " ".join(said)
+    return "\n".join(said)

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from modalscope.model import FrequencyResponse, ImpulseResponse, ModalModel
-from modalscope.model.checks import Array, DataError
+from modalscope.model.checks import Array
 from modalscope.plot._style import DPI, INK, MUTED, SIZE, VERMILLION, aside, channel, dress, key, unit_of
+from modalscope.residues.rebuilt import rebuilt
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Identified", "rebuilt", "response"]
+__all__ = ["Identified", "response"]
 
 
 class Identified(Protocol):
@@ -23,25 +23,6 @@ class Identified(Protocol):
     @property
     def modes(self) -> ModalModel:
         """The modes."""
-
-
-def rebuilt(data: FrequencyResponse | ImpulseResponse, modes: ModalModel | Identified) -> Array:
-    """Return the responses that the modes give on the lines or samples of the data, in the shape of its values."""
-    model = modes if isinstance(modes, ModalModel) else modes.modes
-    if isinstance(data, FrequencyResponse):
-        # an exponential window is still in the data, but no longer in the modes
-        model = replace(model, poles=model.poles - data.added_damping) if data.added_damping else model
-        values: Array = model.frequency_response(data.frequencies).values
-    else:
-        values = model.impulse_response(data.samples, data.sampling_rate, first_sample=data.first_sample).values
-    if values.shape != data.values.shape:
-        (_, l, m), (_, outputs, inputs) = data.values.shape, values.shape
-        raise DataError(
-            "measured against rebuilt responses were asked",
-            f"the data have {l} outputs and {m} inputs, the modes {outputs} and {inputs}",
-            "Give the data that the modes were identified from, or select the same channels in both.",
-        )
-    return values
 
 
 def response(
@@ -81,7 +62,7 @@ def response(
     j = channel("input", input, data.input_dofs, int(np.argmax(power[i])))
     upper, lower = _panels(ax)
     measured = data.values[:, i, j]
-    fit = None if modes is None else rebuilt(data, modes)[:, i, j]
+    fit = None if modes is None else rebuilt(data, modes if isinstance(modes, ModalModel) else modes.modes)[:, i, j]
     if isinstance(data, FrequencyResponse):
         _spectrum(data, measured, fit, upper, lower, unit_of(data, i, j))
     else:

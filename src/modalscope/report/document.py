@@ -7,18 +7,20 @@ from datetime import date
 from importlib.metadata import version
 from pathlib import Path
 
+from modalscope.compare import Comparison
 from modalscope.io.atomic import replacing
 from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, ModalModel, StabilizationDiagram
-from modalscope.plot.responses import rebuilt
 from modalscope.report import record, sections
+from modalscope.report.comparison import comparison_sections
 from modalscope.report.html import Section, page
 from modalscope.residues import fit_error
+from modalscope.residues.rebuilt import rebuilt
 
 __all__ = ["identification_sections", "report", "report_modes", "write_page"]
 
 
 def report(
-    thing: tuple[ModalModel, StabilizationDiagram],
+    thing: tuple[ModalModel, StabilizationDiagram] | Comparison,
     path: str | Path,
     *,
     title: str | None = None,
@@ -29,8 +31,8 @@ def report(
 
     Parameters
     ----------
-    thing : (ModalModel, StabilizationDiagram)
-        Selected modes and the diagram that they were selected from.
+    thing : (ModalModel, StabilizationDiagram) or Comparison
+        Selected modes and the diagram that they were selected from; or a comparison of methods.
     path : path
         Ends in .html. An earlier file is replaced only by a complete new one.
     title, source, command : str, optional
@@ -44,8 +46,12 @@ def report(
     Raises
     ------
     DataError
-        Something else than modes and their diagram, another suffix, or a file that cannot be written.
+        Something else than modes with their diagram or a comparison, another suffix, or a file that cannot be written.
     """
+    if isinstance(thing, Comparison):
+        heading = title or (f"Methods compared on {Path(source).name}" if source else "Methods compared")
+        parts = comparison_sections(thing, source=source, command=command)
+        return write_page(path, heading, _subtitle(thing.response), parts)
     if isinstance(thing, tuple) and len(thing) == 2:
         modes, diagram = thing if isinstance(thing[0], ModalModel) else thing[::-1]
         if isinstance(modes, ModalModel) and isinstance(diagram, StabilizationDiagram):
@@ -53,7 +59,7 @@ def report(
     raise DataError(
         "a report was asked",
         f"it was given {type(thing).__name__}",
-        "Give the pair (modes, diagram), modes = select(diagram).",
+        "Give the pair (modes, diagram), modes = select(diagram), or a comparison.",
     )
 
 

@@ -12,7 +12,7 @@ from modalscope.model.checks import Array
 from modalscope.report.html import Section, listing, paragraph, script, table
 from modalscope.report.numbers import heading, list_some, value
 
-__all__ = ["data_section", "notes_section", "program", "repeat_section", "settings_section"]
+__all__ = ["data_section", "notes_section", "program", "repeat_section", "settings_section", "versions"]
 
 Response = FrequencyResponse | ImpulseResponse
 
@@ -110,9 +110,13 @@ def repeat_section(diagram: StabilizationDiagram, source: str | None, command: s
     """The command and the script that give the same result, and the versions that gave this one."""
     parts = [paragraph("At the command line:"), script(command)] if command else []
     parts += [paragraph("In Python:"), script(program(diagram, source))]
+    return Section("repeat", "How to repeat it", "".join(parts) + paragraph(versions(), "muted"))
+
+
+def versions() -> str:
+    """Return the programs that gave a result, with their versions."""
     names = ("modalscope", "numpy", "scipy")
-    versions = ", ".join([f"Python {platform.python_version()}", *(f"{name} {version(name)}" for name in names)])
-    return Section("repeat", "How to repeat it", "".join(parts) + paragraph(versions, "muted"))
+    return ", ".join([f"Python {platform.python_version()}", *(f"{name} {version(name)}" for name in names)])
 
 
 def program(diagram: StabilizationDiagram, source: str | None) -> str:
