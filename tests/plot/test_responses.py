@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from modalscope import plot
 from modalscope.model import DataError
-from modalscope.plot.responses import rebuilt
+from modalscope.residues.rebuilt import rebuilt
 from tests.plot import examples
 
 
@@ -76,7 +76,7 @@ def test_one_pair_of_axes_or_one_alone_can_be_given() -> None:
 
 def test_an_identification_stands_for_its_modes() -> None:
     found = SimpleNamespace(modes=examples.modes())
-    assert rebuilt(examples.response(), found) == pytest.approx(examples.response().values)
+    assert rebuilt(examples.response(), found.modes) == pytest.approx(examples.response().values)
 
 
 def test_the_window_left_in_the_data_is_put_back_into_the_modes() -> None:
