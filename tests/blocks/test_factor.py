@@ -30,8 +30,8 @@ def response_of(
 
 @pytest.mark.parametrize(
     ("weak", "frequency", "damping"),
-    # the table of measured accuracies with a factor of thirty for other data: the Gram matrix alone 2e-12 / 1e-9, the pass 2e-15 / 4e-13 at 6e-4,
-    # 2e-15 / 1e-12 at 1e-4, 6e-12 / 4e-10 at 2e-7 and 6e-10 / 5e-8 at 2.5e-9
+    # the table of measured accuracies with a factor of thirty for other data: the Gram matrix alone 2e-12 / 1e-9,
+    # the pass 2e-15 / 4e-13 at 6e-4, 2e-15 / 1e-12 at 1e-4, 6e-12 / 4e-10 at 2e-7 and 6e-10 / 5e-8 at 2.5e-9
     [(1e-2, 3e-11, 3e-8), (1e-4, 1e-12, 1e-10), (1e-6, 2e-10, 1e-8), (1e-8, 2e-8, 1.5e-6)],
 )
 def test_refinement_brings_the_structured_route_to_the_dense_one(weak, frequency, damping):

@@ -133,7 +133,7 @@ def test_i3_with_columns_is_the_controllable_form(case):
     m, n = case.m, case.n
     Y = case.response.values
     wide = np.block([[Y[i + j] for j in range(COLUMNS + 1)] for i in range(ROWS)])
-    P, d, Qt = np.linalg.svd(wide, full_matrices=False)
+    _, d, Qt = np.linalg.svd(wide, full_matrices=False)
     d, Q = d[:n], Qt[:n].T
     want = (Q[m:].T @ np.linalg.pinv(Q[:-m].T)) * (d[:, None] ** 0.5 / d**0.5)
     p = build(case.response, method="alternate", form="controllable", order=n, block_rows=ROWS, block_columns=COLUMNS)

@@ -259,8 +259,11 @@ class Hankel:
             )
         shifts = self.rows.shifts
         if not np.array_equal(shifts, np.arange(shifts.size)):
+            last = int(np.flatnonzero(shifts != np.arange(shifts.size))[0]) - 1
             raise DataError(
-                asked, f"the shifts {shifts[:8].tolist()} are not consecutive", f"Use consecutive shifts, or {others}."
+                asked,
+                f"the shifts are not consecutive: {shifts[last + 1]} follows {shifts[last]}",
+                f"Use consecutive shifts, or {others}.",
             )
         return self.rows.taller()
 
