@@ -59,6 +59,23 @@ def _parser() -> argparse.ArgumentParser:
     identify.add_argument("-o", "--output", type=Path, help="write .json, .csv, .uff or an .html report")
     identify.set_defaults(run=_identify)
 
+    compare = commands.add_parser(
+        "compare",
+        help="try every method on a file, and say which modes to trust",
+        description="Identify a file by every method of the table; say what they agree on, where they differ and why.",
+    )
+    compare.add_argument("file", type=Path, help="universal file, .npz, .mat, .h5 or .csv")
+    compare.add_argument(
+        "--methods",
+        nargs="+",
+        default=["all"],
+        metavar="METHOD",
+        help="rows or cells of the table, such as era alternate/s (default: all)",
+    )
+    _add_analysis(compare, by_hand=False)
+    compare.add_argument("-o", "--output", type=Path, help="write .json, .csv, .uff (the consensus) or an .html report")
+    compare.set_defaults(run=_compare)
+
     info = commands.add_parser("info", help="tell what a file holds, what is taken and how good it is")
     info.add_argument("file", type=Path)
     _add_reading(info)
@@ -99,14 +116,15 @@ def _add_reading(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _add_analysis(parser: argparse.ArgumentParser) -> None:
+def _add_analysis(parser: argparse.ArgumentParser, *, by_hand: bool = True) -> None:
     _add_reading(parser)
     parser.add_argument("--orders", metavar="A:B:STEP", help="orders to try, both ends included, such as 2:60:2")
     parser.add_argument("--band", nargs=2, type=float, metavar=("F1", "F2"), help="lowest and highest frequency, Hz")
     parser.add_argument("--exclude", nargs="+", metavar="DOF", help="channels to leave out")
-    parser.add_argument(
-        "--frequencies", nargs="+", type=float, metavar="HZ", help="report the modes at these frequencies"
-    )
+    if by_hand:
+        parser.add_argument(
+            "--frequencies", nargs="+", type=float, metavar="HZ", help="report the modes at these frequencies"
+        )
 
 
 def _version_or_help(parser: argparse.ArgumentParser) -> Any:
@@ -218,6 +236,47 @@ def _identify(options: argparse.Namespace) -> None:
         _write_result(options, modes, diagram)
 
 
+def _compare(options: argparse.Namespace) -> None:
+    from modalscope.compare import compare
+    from modalscope.model import ModalModel
+
+    orders = parse_orders(options.orders)
+    if options.output is not None:
+        _check_output(options.output)
+    data = _read(options, options.file)
+    if isinstance(data, ModalModel):
+        raise DataError(
+            f"methods compared on {options.file} were asked",
+            "the file holds modes already",
+            "Give a file of responses or records.",
+        )
+    bar = _Progress("comparing")
+    try:
+        found = compare(
+            data,
+            "all" if options.methods == ["all"] else options.methods,
+            orders=orders,
+            band=None if options.band is None else tuple(options.band),
+            exclude=options.exclude,
+            progress=bar,
+        )
+    finally:
+        bar.close()
+    print(found.table())
+    if options.output is None:
+        return
+    if options.output.suffix.lower() in (".html", ".htm"):
+        from modalscope.report import report
+
+        report(found, options.output, source=str(options.file), command=_command(options))
+    else:
+        from modalscope.io import write
+
+        beside = {"method": "consensus", "domain": "all", "orders": orders or (), "data": {"file": options.file.name}}
+        write(options.output, found.modes, **(beside if options.output.suffix.lower() == ".json" else {}))
+    print(f"written: {options.output}")
+
+
 def _check_output(path: Path) -> None:
     """Refuse a name that cannot be written before the work is done, not after it."""
     known = (".json", ".csv", ".uff", ".unv", ".html", ".htm", ".npz", ".h5", ".mat")
@@ -269,16 +328,15 @@ def _write_result(options: argparse.Namespace, modes: Any, diagram: Any) -> None
 
 def _command(options: argparse.Namespace) -> str:
     """Return the command that repeats the result."""
-    words = ["modalscope identify", str(options.file)]
-    plain = ("method", "domain", "quantity", "orders")
-    words += [f"--{name} {getattr(options, name)}" for name in plain if getattr(options, name)]
+    given = vars(options)
+    words = ["modalscope", "compare" if "methods" in given else "identify", str(options.file)]
+    for name in ("method", "domain", "quantity", "orders"):
+        words += [f"--{name} {given[name]}"] if given.get(name) else []
     if options.rename:
         words += [f"--rename {item}" for item in options.rename]
-    for name in ("band", "exclude", "frequencies"):
-        if getattr(options, name):
-            words.append(
-                f"--{name} {' '.join(f'{v:g}' if isinstance(v, float) else str(v) for v in getattr(options, name))}"
-            )
+    for name in ("methods", "band", "exclude", "frequencies"):
+        values = [f"{v:g}" if isinstance(v, float) else str(v) for v in given.get(name) or ()]
+        words += [f"--{name} {' '.join(values)}"] if values else []
     return " ".join([*words, f"-o {options.output}"])
 
 

@@ -177,7 +177,7 @@ def order_cause(results: Sequence[MethodResult]) -> Cause | None:
     left, fall = (100 * float(v) for v in np.median(np.array(short), axis=0))
     return Cause(
         "order too low",
-        f"at order {largest} {left:.2g} % is left to explain, and the last quarter of the orders still took it to {fall:.0f} % of what it was",
+        f"at order {largest} {left:.2g} % is left to explain; the last quarter of the orders still took it to {fall:.0f} % of what it was",
     )
 
 

@@ -71,9 +71,8 @@ def kinship(results: Sequence[MethodResult]) -> Kinship:
     distances, angles = np.zeros((k, k)), np.zeros((k, k))
     for a in range(k):
         for b in range(a):
-            shared = sorted(set(diagrams[a].orders) & set(diagrams[b].orders))
-            n = min(shared, key=lambda n: (abs(n - order), n)) if shared else order
-            distances[a, b] = distances[b, a] = pole_distance(_poles(diagrams[a], n), _poles(diagrams[b], n))
+            n, there = _orders_to_compare(kept[a], kept[b], order)
+            distances[a, b] = distances[b, a] = pole_distance(_poles(diagrams[a], n), _poles(diagrams[b], there))
             angles[a, b] = angles[b, a] = subspace_angle(models[a], models[b])
     names = tuple(r.name for r in kept)
     return Kinship(names, order, distances, angles, _map(distances), _classes(distances))
@@ -83,6 +82,27 @@ def _order(diagrams: Sequence[StabilizationDiagram]) -> int:
     """Return the median over methods of the first order whose fit error is within a fifth of the method's best."""
     first = [d.orders[int(np.argmax(d.fit_errors <= 1.2 * d.fit_errors.min()))] for d in diagrams]
     return int(np.median(first))
+
+
+def _orders_to_compare(a: MethodResult, b: MethodResult, order: int) -> tuple[int, int]:
+    """Return the order of each at which two methods are compared: a shared one where both count states, else the nearest in states."""
+    orders = [r.diagram.orders if r.diagram is not None else () for r in (a, b)]
+    states = [_states(r) for r in (a, b)]
+    shared = set(orders[0]) & set(orders[1])
+    if shared and states[0] == states[1]:
+        n = min(shared, key=lambda n: (abs(n - order), n))
+        return n, n
+    first, second = (min(o, key=lambda n: abs(n * s - order)) for o, s in zip(orders, states, strict=True))
+    return first, second
+
+
+def _states(result: MethodResult) -> int:
+    """States an order: one, or as many as inputs where the order is a degree."""
+    return (
+        result.diagram.participation.shape[1]
+        if result.diagram is not None and result.method.factors == "fraction"
+        else 1
+    )
 
 
 def _poles(diagram: StabilizationDiagram, order: int) -> tuple[ComplexArray, RealArray]:

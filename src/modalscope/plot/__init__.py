@@ -2,8 +2,21 @@
 
 from modalscope.plot.diagrams import fit_errors, indicator, stabilization
 from modalscope.plot.matrices import mac, singular_values
+from modalscope.plot.methods import deviations, method_distances, method_map
 from modalscope.plot.phases import complexity
 from modalscope.plot.responses import response
 from modalscope.plot.shapes import shape
 
-__all__ = ["complexity", "fit_errors", "indicator", "mac", "response", "shape", "singular_values", "stabilization"]
+__all__ = [
+    "complexity",
+    "deviations",
+    "fit_errors",
+    "indicator",
+    "mac",
+    "method_distances",
+    "method_map",
+    "response",
+    "shape",
+    "singular_values",
+    "stabilization",
+]

@@ -1,0 +1,212 @@
+"""Methods side by side: the map of which are the same on the data at hand, their distances, and how far each is from the consensus."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from modalscope.compare import Comparison
+from modalscope.compare.kinship import SAME, Kinship
+from modalscope.model.checks import RealArray
+from modalscope.plot._style import (
+    BLUE,
+    GREEN,
+    INK,
+    MUTED,
+    PALE,
+    VERMILLION,
+    aside,
+    dodge,
+    dress,
+    key,
+    new_axes,
+    sequential,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["deviations", "method_distances", "method_map"]
+
+#: Colour and marker of each domain.
+_DOMAINS = {"time": (BLUE, "o"), "z": (VERMILLION, "s"), "s": (GREEN, "^")}
+
+#: Degrees below which an angle is rounding.
+_NO_ANGLE = 1e-4
+
+
+def _domain(name: str) -> str:
+    return name.rpartition("(")[2].rstrip(")")
+
+
+def method_map(kin: Comparison | Kinship, ax: Axes | None = None) -> Axes:
+    """Draw the map of methods: what lies together found the same poles, what lies apart did not.
+
+    Parameters
+    ----------
+    kin : Comparison or Kinship
+    ax : Axes, optional
+    """
+    kin = kin.kinship if isinstance(kin, Comparison) else kin
+    ax = new_axes(ax, (8.0, 6.0))
+    places = kin.places
+    dress(ax, title="Map of methods", xlabel="distance [half bandwidths]", ylabel="distance [half bandwidths]")
+    if not len(places):
+        return ax
+    seen: set[str] = set()
+    for members in kin.classes:
+        for i in members:
+            domain = _domain(kin.names[i])
+            colour, marker = _DOMAINS.get(domain, (INK, "D"))
+            label = None if domain in seen else f"domain {domain}"
+            seen.add(domain)
+            # equals lie on one point: rings of different size keep all of them in sight
+            size = 46 * (1 + 1.3 * members.index(i))
+            face = colour if members.index(i) == 0 else "none"
+            ax.plot(
+                places[i, 0],
+                places[i, 1],
+                marker,
+                markersize=np.sqrt(size),
+                markerfacecolor=face,
+                markeredgecolor=colour,
+                markeredgewidth=1.4,
+                label=label,
+                zorder=3,
+            )
+    _square(ax, places)
+    _name(ax, kin, places)
+    key(ax)
+    aside(ax, f"poles of order {kin.order}")
+    return ax
+
+
+def _square(ax: Axes, places: RealArray) -> None:
+    """Give both axes one scale, with room for names at the right."""
+    low, high = places.min(axis=0), places.max(axis=0)
+    size = max(float(high[0] - low[0]), 1.8 * float(high[1] - low[1]), 1e-3)
+    middle = (low + high) / 2
+    ax.set_xlim(middle[0] - 0.6 * size, middle[0] + 1.15 * size)
+    ax.set_ylim(middle[1] - 0.45 * size, middle[1] + 0.45 * size)
+    ax.set_aspect("equal", adjustable="box")
+
+
+def _name(ax: Axes, kin: Kinship, places: RealArray) -> None:
+    """Write names at the right of their points, moved apart where they would cover each other."""
+    order = sorted(kin.classes, key=lambda members: float(places[members[0], 1]))
+    (x0, x1), (y0, y1) = ax.get_xlim(), ax.get_ylim()
+    heights = dodge((places[[m[0] for m in order], 1] - y0) / (y1 - y0), gap=0.05, low=0.02, high=0.98)
+    for members, height in zip(order, heights, strict=True):
+        x, y = places[members[0]]
+        text = " = ".join(kin.names[i] for i in members)
+        at = (float(places[:, 0].max()) + 0.06 * (x1 - x0), y0 + height * (y1 - y0))
+        ax.annotate(
+            text,
+            xy=(x, y),
+            xytext=at,
+            fontsize=8.5,
+            color=INK,
+            va="center",
+            arrowprops={"arrowstyle": "-", "color": PALE, "linewidth": 0.7, "shrinkA": 1, "shrinkB": 5},
+        )
+
+
+def method_distances(kin: Comparison | Kinship, ax: Axes | None = None) -> Axes:
+    """Draw pole-set distances (below the diagonal) and principal angles in degrees (above it) between all methods.
+
+    Parameters
+    ----------
+    kin : Comparison or Kinship
+    ax : Axes, optional
+    """
+    kin = kin.kinship if isinstance(kin, Comparison) else kin
+    ax = new_axes(ax, (8.0, 7.0))
+    k = len(kin.names)
+    lower = np.tril(np.ones((k, k), bool), -1)
+    shown = np.where(lower, kin.distances, kin.angles / 90)
+    ax.imshow(np.sqrt(shown), cmap=sequential(), vmin=0, vmax=1, aspect="equal")
+    for a, b in np.ndindex(k, k):
+        if a == b:
+            continue
+        text = (
+            _short(float(kin.distances[a, b]))
+            if a > b
+            else f"{kin.angles[a, b] if kin.angles[a, b] > _NO_ANGLE else 0:.2g}°"
+        )
+        dark = np.sqrt(shown[a, b]) > 0.55
+        ax.text(
+            b,
+            a,
+            text,
+            ha="center",
+            va="center",
+            fontsize=float(np.clip(100 / k, 5.5, 9)),
+            color="white" if dark else INK,
+        )
+    dress(ax, title="Distances between methods", grid=False)
+    aside(ax, "below: poles, above: subspaces")
+    ax.set_xticks(range(k), kin.names, rotation=90)
+    ax.set_yticks(range(k), kin.names)
+    ax.tick_params(length=0)
+    for spine in ax.spines.values():
+        spine.set_visible(False)
+    return ax
+
+
+def _short(distance: float) -> str:
+    return "0" if distance < SAME else f"{distance:.2g}".removeprefix("0")
+
+
+def deviations(comparison: Comparison, axes: tuple[Axes, Axes] | None = None) -> tuple[Axes, Axes]:
+    """Draw how far every method is from the consensus, mode by mode, over the stated scatter.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    axes : (Axes, Axes), optional
+        For frequency (in half bandwidths) and damping (in per cent of its value).
+    """
+    upper, lower = axes or _two_axes()
+    groups = comparison.groups
+    names = [r.name for r in comparison.results if r.modes is not None]
+    exact = {r.name: r.exact for r in comparison.results}
+    offsets = np.linspace(-0.32, 0.32, max(len(names), 2))
+    for ax, kind, unit in ((upper, "frequency", "half bandwidths"), (lower, "damping", "% of its value")):
+        seen: set[str] = set()
+        reach = []
+        for k, g in enumerate(groups):
+            size = g.half_bandwidth if kind == "frequency" else g.damping / 100
+            width = getattr(comparison.scatter, kind)[k] / size
+            if comparison.trust[k].grade != "doubtful":
+                reach.append(width)
+            ax.fill_between([k - 0.42, k + 0.42], -width, width, color=PALE, alpha=0.35, linewidth=0)
+            found = g.frequencies if kind == "frequency" else g.damping_ratios
+            for name, offset in zip(names, offsets, strict=False):
+                if name not in found:
+                    continue
+                colour, marker = _DOMAINS.get(_domain(name), (INK, "D"))
+                label = None if _domain(name) in seen else f"domain {_domain(name)}"
+                seen.add(_domain(name))
+                face = colour if exact[name] else "white"
+                value = (found[name] - getattr(g, kind)) / size
+                if comparison.trust[k].grade != "doubtful":
+                    reach.append(abs(value))
+                ax.plot(k + offset, value, marker, color=colour, markerfacecolor=face, markersize=4.5, label=label)
+        ax.axhline(0, color=MUTED, linewidth=0.8)
+        # modes that nobody trusts must not set the scale
+        limit = 1.15 * max(reach) if reach and max(reach) > 0 else 1.0
+        ax.set_ylim(-limit, limit)
+        dress(ax, title=kind.capitalize(), ylabel=unit)
+    lower.set_xticks(range(len(groups)), [f"{g.frequency:.5g}" for g in groups], rotation=90 if len(groups) > 9 else 0)
+    lower.set_xlabel("mode [Hz]", fontsize=10.5, color=INK)
+    if groups:
+        upper.legend(frameon=False, fontsize=9, ncols=3, loc="lower right", bbox_to_anchor=(1, 1), borderaxespad=0.2)
+    return upper, lower
+
+
+def _two_axes() -> tuple[Axes, Axes]:
+    from matplotlib import pyplot
+
+    upper, lower = pyplot.figure(figsize=(9.0, 6.0), layout="constrained").subplots(2, 1, sharex=True)
+    return upper, lower
