@@ -33,7 +33,7 @@ def fit_residues(
     *,
     kind: str = "complex",
     residuals: bool = True,
-    participation: str = "given",
+    participation: str = "free",
     weights: ArrayLike | None = None,
 ) -> ModalModel:
     """Fit residues of rank one a mode, and residuals of the modes outside the band, to all lines; poles are kept.
@@ -51,9 +51,10 @@ def fit_residues(
     kind : {"complex", "real"}
     residuals : bool
         Whether modes below and above the band are allowed for, by the response's quantity; without, a constant stands in their place.
-    participation : {"given", "free"}
-        "given": the rows of `modes`, and shapes by one linear fit. "free": residue matrices first, of which the leading singular
-        vectors are kept: one for a mode, for repeated modes as many as there are, or as many as references can tell.
+    participation : {"free", "given"}
+        "free": residue matrices first, of which the leading singular vectors are kept: one for a mode, for repeated modes as many as
+        there are, or as many as references can tell. "given": the rows of `modes`, and shapes by one linear fit; rows that
+        were read off one order of a model may belong to two halves of a mode and then fit badly.
     weights : array, (F,), optional
         Weights of the lines.
 
@@ -74,7 +75,7 @@ def fit_residues(
     >>> from modalscope.systems import chain5
     >>> s = chain5()
     >>> frf = s.frequency_response(np.linspace(0.3, 7, 400))
-    >>> fit_residues(frf, s.modes(), participation="free").scaling
+    >>> fit_residues(frf, s.modes()).scaling
     'unit modal mass, driving point 2:+X, 5:+X'
     """
     check_choice("kind", kind, ("complex", "real"))
