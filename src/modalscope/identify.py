@@ -469,7 +469,8 @@ def split_extraneous(modal: Eigenmodes, model: Triple) -> tuple[Array, Array]:
     count = modal.poles.size
     if model.A.shape[0] <= model.rank:
         return np.arange(count), np.arange(0)
-    states = np.where(modal.poles.imag == 0, 1, 2)
+    # a negative real pole of a sampled system is one state, although its logarithm is not real
+    states = np.where(modal.own.imag == 0, 1, 2)
     held = model.held(modal.vectors, modal.rows)
     by_size = np.argsort(-(modal.amplitude if held is None else held), kind="stable")
     kept = by_size[np.cumsum(states[by_size]) <= model.rank]

@@ -12,7 +12,7 @@ from modalscope.model.checks import Array, RealArray
 __all__ = ["OrderAdvice", "gap_after", "noise_floor", "recommend_order"]
 
 #: A gap this many times wider than any after it is clear: in white noise of ten to sixty decibels those of the bulk reached 5.
-_CLEAR = 7.0
+_CLEAR = 6.5
 
 #: Below this fraction of the largest singular value a sudden end of the spectrum is rounding, and the data have no noise.
 _NOISE_FREE = 1e-10
@@ -92,8 +92,8 @@ def gap_after(singular_values: Array, rounding: float = 0.0) -> tuple[int, float
 def recommend_order(factors: Factors) -> OrderAdvice:
     """Recommend an order from the singular values of a data matrix.
 
-    Without noise the spectrum ends at rounding, and the rank is the order. In noise the gap decides when it is clear and leaves
-    at least half of what the threshold counts; else the threshold does.
+    Without noise the spectrum ends at rounding, and the rank is the order. In noise the gap decides when it is clear and
+    leaves half to twice what the threshold counts; else the threshold does.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def recommend_order(factors: Factors) -> OrderAdvice:
     if rank < factors.spectrum.size and factors.spectrum[rank] < _NOISE_FREE * d[0]:
         reason = f"the data have no noise: singular values end at rounding after {rank}"
         return OrderAdvice(rank, rank, rank, rounding, "certain", reason)
-    clear = width >= _CLEAR and 2 * by_gap >= by_threshold
+    clear = width >= _CLEAR and by_threshold <= 2 * by_gap <= 4 * by_threshold
     order = min(by_gap if clear else by_threshold, rank)
     apart = abs(by_gap - by_threshold)
     if clear and apart == 0:
