@@ -46,8 +46,17 @@ def test_at_40_decibels_the_gap_is_right(name):
 
 @pytest.mark.parametrize(
     ("name", "snr", "above"),
-    [("chain5", 40.0, 2), ("chain5", 20.0, 2), ("ring5", 40.0, 0), ("ring5", 20.0, 0)]
-    + [("close4", 40.0, 2), ("close4", 20.0, 2), ("heavy4", 40.0, 4), ("heavy4", 20.0, 3), ("over4", 40.0, 7)],
+    [
+        ("chain5", 40.0, 2),
+        ("chain5", 20.0, 2),
+        ("ring5", 40.0, 0),
+        ("ring5", 20.0, 0),
+        ("close4", 40.0, 2),
+        ("close4", 20.0, 2),
+        ("heavy4", 40.0, 4),
+        ("heavy4", 20.0, 3),
+        ("over4", 40.0, 7),
+    ],
 )
 def test_the_threshold_is_right_or_a_little_high(name, snr, above):
     states = 2 * FIVE[name]().degrees
