@@ -5,8 +5,9 @@ dead channel
     where the median is below .3.
 swapped sign
     At a driving point a structure cannot give energy: Im of the accelerance (Re of the mobility, -Im of the receptance) is
-    positive in sum. Reciprocity: H_ij = H_ji; a correlation below -.8 means that one side is turned. A single response that is
-    the opposite of what the modes of all others say (correlation below -.3) is turned by itself.
+    positive in sum. Reciprocity: H_ij = H_ji; a correlation below -.8 means that one side is turned. A single response is turned
+    when more than 2 % of the residues is beyond rank one (a shape times a participation), and less than a third of that with
+    its sign changed.
 bad channel
     Its fit error is above .25 and three times the median.
 """
@@ -17,17 +18,23 @@ import numpy as np
 
 from modalscope.compare.causes import Cause
 from modalscope.compare.plan import Response
+from modalscope.model.channels import QUANTITIES
 from modalscope.model.checks import Array, RealArray
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.signals import Signals
 from modalscope.pipeline import Data
+from modalscope.residues import basis_of_lines, basis_of_samples
 
 __all__ = ["channel_causes", "sign_causes", "without_dead"]
 
 _DEAD, _HEALTHY = 0.9, 0.3
 _BAD, _TIMES = 0.25, 3.0
-_RECIPROCAL, _OPPOSITE, _PASSIVE = -0.8, -0.3, -0.5
+_RECIPROCAL, _PASSIVE = -0.8, -0.5
+_MIXED, _REPAIRED = 0.02, 1 / 3
+
+#: Decay of the window over the record, in nepers.
+_WINDOW = 5.0
 
 
 def without_dead(data: Data) -> tuple[Data, list[Cause]]:
@@ -50,8 +57,16 @@ def without_dead(data: Data) -> tuple[Data, list[Cause]]:
     return (data.select(**kept) if kept else data), causes
 
 
-def channel_causes(response: Response, rebuilt: Array) -> list[Cause]:
-    """Judge every channel by what the consensus modes leave of it."""
+def channel_causes(response: Response, rebuilt: Array, poles: Array) -> list[Cause]:
+    """Judge every channel by what the consensus modes leave of it.
+
+    Parameters
+    ----------
+    response : FrequencyResponse or ImpulseResponse
+    rebuilt : array, shape of the response
+    poles : array of complex, (n,)
+        Of the consensus as they are in the data, rad/s.
+    """
     left = np.abs(response.values - rebuilt) ** 2
     size = np.abs(response.values) ** 2
     causes: list[Cause] = []
@@ -66,24 +81,50 @@ def channel_causes(response: Response, rebuilt: Array) -> list[Cause]:
                 f"{side} {labels[i]}: the modes leave {100 * error[i]:.0f} % of it, {100 * median:.2g} % of the others"
             )
             causes.append(Cause("dead channel" if dead else "bad channel", evidence, labels[i]))
-    return causes + _turned_alone(response, rebuilt, size)
+    return causes + _turned_alone(response, poles)
 
 
-def _turned_alone(response: Response, rebuilt: Array, size: Array) -> list[Cause]:
-    """Single responses that are the opposite of what the others say."""
-    H, R = response.values, rebuilt
-    norm = np.sqrt(size.sum(axis=0) * np.sum(np.abs(R) ** 2, axis=0))
-    inner = np.real(np.sum(H * np.conj(R), axis=0)) / np.maximum(norm, 1e-300)
-    loud = np.sum(np.abs(R) ** 2, axis=0) > 0.01 * size.sum(axis=0)
-    return [
-        Cause(
-            "swapped sign",
-            f"output {response.output_dofs[o]}, input {response.input_dofs[i]}: "
-            f"correlation {inner[o, i]:.2f} with what the modes of all others say",
-            response.output_dofs[o],
-        )
-        for o, i in np.argwhere(loud & (inner < _OPPOSITE))
-    ]
+def _turned_alone(response: Response, poles: Array) -> list[Cause]:
+    """Name the single response whose sign, when turned, makes the residues of rank one that were not."""
+    _, outputs, inputs = response.values.shape
+    if min(outputs, inputs) < 2 or max(outputs, inputs) < 3 or not poles.size:
+        return []
+    residues = _free_residues(response, poles)
+    before = _beyond_rank_one(residues)
+    after = np.empty((outputs, inputs))
+    for o, i in np.ndindex(outputs, inputs):
+        turned = residues.copy()
+        turned[:, o, i] *= -1
+        after[o, i] = _beyond_rank_one(turned)
+    best = float(after.min())
+    if before < _MIXED or best > _REPAIRED * before:
+        return []
+    # with two inputs the one response of a sensor cannot be told from its other one
+    named = np.argwhere(after <= 1.5 * best + 1e-12)
+    o = int(named[0, 0])
+    sides = " or ".join(f"output {response.output_dofs[a]} with input {response.input_dofs[b]}" for a, b in named[:4])
+    evidence = f"{sides}: turned, it lowers what no single shape explains from {100 * before:.2g} to {100 * best:.2g} %"
+    return [Cause("swapped sign", evidence, response.output_dofs[o])]
+
+
+def _free_residues(response: Response, poles: Array) -> Array:
+    """Return residues (n, l, m) of every channel by least squares, not tied to a shape."""
+    if isinstance(response, FrequencyResponse):
+        basis = basis_of_lines(response, poles)
+    else:
+        basis = basis_of_samples(response, poles)
+    columns = np.hstack([basis.terms, basis.functions])
+    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    rows, outputs, inputs = basis.data.shape
+    found = np.linalg.lstsq(columns / scale, basis.data.reshape(rows, -1), rcond=None)[0] / scale[:, None]
+    modal = found[basis.terms.shape[1] :].reshape(-1, 2, outputs, inputs)
+    return np.asarray(modal[:, 0] + 1j * modal[:, 1])
+
+
+def _beyond_rank_one(residues: Array) -> float:
+    """Return the median over modes of the share of the squared residue that its largest singular direction leaves."""
+    s2 = np.linalg.svd(residues, compute_uv=False) ** 2
+    return float(np.median(1 - s2[:, 0] / np.maximum(s2.sum(axis=1), 1e-300)))
 
 
 def sign_causes(response: Response) -> list[Cause]:
@@ -113,18 +154,22 @@ def _from_driving_points(response: Response, H: Array, common: list[str]) -> lis
 
 
 def _power(response: Response, driving: Array) -> RealArray:
-    """Return sum / sum of magnitudes of the power taken at each driving point, -1 to 1."""
+    """Return the power taken at each driving point over the sum of its magnitudes, -1 to 1; strong lines count more."""
     if isinstance(response, FrequencyResponse):
-        values = driving
+        s, values = 2j * np.pi * response.frequencies, driving
     else:
-        # lines of the samples, phases counted from the impulse
-        steps = np.arange(response.samples) + response.first_sample
+        # an exponential window keeps the mobility positive real, at s = alpha + j w, and the end of the record out of it
+        t = (np.arange(response.samples) + response.first_sample) / response.sampling_rate
+        t = t + (0.5 / response.sampling_rate if response.kind == "pulse" else 0.0)
+        alpha = _WINDOW / t[-1]
         f = np.fft.rfftfreq(2 * response.samples, 1 / response.sampling_rate)
-        delay = steps[0] + (0.5 if response.kind == "pulse" else 0.0)
-        values = np.fft.rfft(driving, n=2 * response.samples, axis=0)
-        values = values * np.exp(-2j * np.pi * f / response.sampling_rate * delay)[:, None]
-    turn = {"displacement": -1j, "velocity": 1.0, "acceleration": 1j}[response.quantity or "velocity"]
-    taken = np.real(values * np.conj(turn))
+        s = alpha + 2j * np.pi * f
+        values = np.fft.rfft(driving * np.exp(-alpha * t)[:, None], n=2 * response.samples, axis=0)
+        values = values * np.exp(-2j * np.pi * f * t[0])[:, None]
+    power = 1 - QUANTITIES[response.quantity or "velocity"]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mobility = np.nan_to_num(values * s[:, None] ** power)
+    taken = np.real(mobility) * np.abs(values) ** 2
     return np.asarray(taken.sum(axis=0) / np.maximum(np.abs(taken).sum(axis=0), 1e-300))
 
 

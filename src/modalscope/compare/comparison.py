@@ -23,7 +23,7 @@ from modalscope.model.modes import ModalModel
 from modalscope.model.signals import Signals
 from modalscope.pipeline import Data, prepare
 from modalscope.residues import fit_error
-from modalscope.residues.rebuilt import fitted_terms, rebuilt
+from modalscope.residues.rebuilt import fitted_terms, rebuilt, window_damping
 
 __all__ = ["compare"]
 
@@ -95,7 +95,10 @@ def compare(
     modes = _consensus(response, groups)
     explained = rebuilt(response, modes) if groups else 0 * response.values
     if groups:
-        findings += [*sign_causes(response), *channel_causes(response, explained)]
+        findings += [
+            *sign_causes(response),
+            *channel_causes(response, explained, modes.poles - window_damping(response)),
+        ]
     low = order_cause(results)
     findings += [] if low is None else [low]
     scatter = stated(groups, noise_floor(response, modes, explained, _duration(data)))
@@ -136,9 +139,9 @@ def _duration(data: Data) -> float | None:
 def _consensus(response: Response, groups: Sequence[Group]) -> ModalModel:
     """Return the modes in the middle of all methods, with participation fitted to the data."""
     poles = np.array([g.pole for g in groups], dtype=complex)
-    shapes = np.array([g.shape for g in groups], dtype=complex).reshape(len(groups), -1).T
-    if not len(groups):
-        shapes = np.zeros((len(response.output_dofs), 0), complex)
+    shapes = np.zeros((len(response.output_dofs), len(groups)), complex)
+    for k, g in enumerate(groups):
+        shapes[:, k] = g.shape
     held = response.sampling_rate is not None if isinstance(response, FrequencyResponse) else response.kind == "pulse"
     dt = None if response.sampling_rate is None else 1 / response.sampling_rate
     return ModalModel(

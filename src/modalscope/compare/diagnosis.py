@@ -16,7 +16,8 @@ transformed data
     The methods that differ are those whose data were transformed from lines to samples or back.
 order too low
     The fit error still falls at the largest order of most methods: by 15 % with every two states over the last quarter of the
-    orders; or by a fifth over that quarter while more than a tenth is left.
+    orders; or by a fifth over that quarter while more than a tenth is left. Or more than 3 % is left, and more singular values
+    than the largest order has states exceed 2.86 times their median (Gavish and Donoho's threshold for square matrices).
 not separated
     None of the others.
 """
@@ -46,8 +47,8 @@ _OFF_FREQUENCY, _OFF_DAMPING, _OFF_SHAPE = 0.25, 0.25, 0.1
 
 _WEAK_SIGNAL = 4 * LEAST_SIGNAL
 _LINES = 3
-_FALLS, _MUCH, _STEEP, _SHARE = 0.8, 0.1, 0.85, 0.75
-_ROUNDING = 1e-9
+_FALLS, _MUCH, _SOME, _STEEP, _SHARE = 0.8, 0.1, 0.03, 0.85, 0.75
+_ROUNDING, _THRESHOLD = 1e-9, 2.858
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +195,16 @@ def _still_falls(diagram: StabilizationDiagram) -> tuple[float, float] | None:
     fall = float(errors.min() / errors[below].min())
     pairs = max((orders[-1] - orders[below][-1]) / 2, 1.0)
     steep = fall ** (1 / pairs) < _STEEP
-    return (float(errors.min()), fall) if steep or (fall < _FALLS and errors.min() > _MUCH) else None
+    much = errors.min() > _MUCH
+    hidden = errors.min() > _SOME and _stand_out(diagram) > orders[-1]
+    short = steep or hidden or (much and fall < _FALLS)
+    return (float(errors.min()), fall) if short else None
+
+
+def _stand_out(diagram: StabilizationDiagram) -> int:
+    """Return how many singular values stand out of the noise."""
+    d = diagram.singular_values
+    return int(np.count_nonzero(d > _THRESHOLD * np.median(d))) if d.size else 0
 
 
 def disagreements(

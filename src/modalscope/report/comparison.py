@@ -176,7 +176,8 @@ def _kinship(c: Comparison) -> Section:
     equal = [" = ".join(kin.names[i] for i in members) for members in kin.classes if len(members) > 1]
     body = paragraph(
         f"Distance of two methods: how far their poles of order {kin.order} lie apart, in half bandwidths, "
-        "each weighted by its share of the response (0: the same poles, 1: none in common). The map places the methods so that these distances are kept as well as a plane can; "
+        "each weighted by its share of the response (0: the same poles, 1: none in common). "
+        "The map places the methods so that these distances are kept as well as a plane can; "
         "the table adds the largest angle between the subspaces that the reported modes span in time and space."
     )
     if equal:
