@@ -6,7 +6,9 @@ and `select` reports the modes with the reasons for each.
 """
 
 from modalscope import plot, systems
+from modalscope.bands import merge_bands
 from modalscope.compare import Comparison, compare
+from modalscope.dwell import Dwell, mmif, tuned_dwell
 from modalscope.identify import Identification, identify, realize
 from modalscope.indicators import cmif, mac
 from modalscope.io import read, write
@@ -21,7 +23,9 @@ from modalscope.model import (
     StabilizationDiagram,
     StateSpace,
 )
+from modalscope.realize.sensors import EquationsOfMotion, equations_of_motion, first_order_form
 from modalscope.report import report
+from modalscope.residues import fit_residues
 from modalscope.select import select
 from modalscope.stabilize import stabilize
 
@@ -30,6 +34,8 @@ __version__ = "0.1.0"
 __all__ = [
     "Comparison",
     "DataError",
+    "Dwell",
+    "EquationsOfMotion",
     "FrequencyResponse",
     "Geometry",
     "Identification",
@@ -40,9 +46,14 @@ __all__ = [
     "StateSpace",
     "cmif",
     "compare",
+    "equations_of_motion",
+    "first_order_form",
+    "fit_residues",
     "identify",
     "mac",
+    "merge_bands",
     "methods",
+    "mmif",
     "plot",
     "read",
     "realize",
@@ -50,5 +61,6 @@ __all__ = [
     "select",
     "stabilize",
     "systems",
+    "tuned_dwell",
     "write",
 ]

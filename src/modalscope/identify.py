@@ -51,6 +51,10 @@ __all__ = [
 SPLIT_SHAPE = 0.9
 
 
+#: Degree of a matrix fraction when none is asked: enough for the modes of a usual band, whatever is left over turns out unstable.
+_DEGREE = 30
+
+
 @dataclass(frozen=True, eq=False)
 class Eigenmodes:
     """The modal form of one model: one pole of each pair, rad/s, with what belongs to it.
@@ -270,7 +274,10 @@ class Identification:
         return self.modes.poles
 
     def rebuild(self) -> ImpulseResponse | FrequencyResponse:
-        """Return the response of the whole model on the lines or samples of the data."""
+        """Return the response of the whole model on the lines or samples of the data.
+
+        Residuals of modes outside the band, which "lscf" has, belong to `modes.frequency_response` and to `fit_error`: no state has them.
+        """
         return rebuild(self.state_space, self.response)
 
 
@@ -299,7 +306,8 @@ def identify(
     domain : {"time", "z", "s"}, optional
         A column of the table; by default the one that suits the data.
     order : int, optional
-        Number of states, the rank of the truncation; two for every mode. By default what stands out of the noise.
+        Number of states, the rank of the truncation; two for every mode. By default what stands out of the noise. Of "lscf" the
+        degree of the polynomials, 30 by default.
     band : (float, float), optional
         Lowest and highest frequency in Hz that is used.
     exclude : labels, optional
@@ -312,7 +320,7 @@ def identify(
         Weights of the lines.
     initial_values, basis, source : optional
         Known initial terms, the polynomials and where shifted transfer functions come from, see `modalscope.blocks.transfer`;
-        source is "samples" (impulse responses and full DFT grids, exact) or "elimination" (any lines).
+        source is "samples" (of impulse responses; of a sampled system's full grid of lines, periodised) or "elimination" (any lines).
     factorization : {"auto", "dense", "gram"}, optional
         The route to the singular vectors.
     reduction : {"projection", "markov", "reversed"}, optional
@@ -338,10 +346,13 @@ def identify(
     >>> len(found.modes), found.fit_error < 1e-9
     (5, True)
     """
+    if order is None and method == "lscf":
+        order = _DEGREE
     if order is None:
         probe = build(data, method=method, domain=domain, order=options.pop("largest_order", 60), **options)
         order = recommend_order(probe.factors).order
-        if probe.method.factors == "complete":  # untruncated: room for the noise beside the modes, in whole blocks
+        if probe.method.factors == "complete" and not isinstance(probe.matrix, Fraction):
+            # untruncated: room for the noise beside the modes, in whole blocks
             block = probe.factors.P.shape[0] // (probe.matrix.block_rows + 1)
             order = -(-2 * order // block) * block
     pipeline = build(data, method=method, domain=domain, order=order, **options)

