@@ -85,7 +85,10 @@ _TABLE: tuple[Method, ...] = (
         balanced,
         "h0",
         {
-            "time": ("II-3, Eqs. 24-41", ("ERA", "Ho-Kalman", "ERA/DC on correlations", "NExT-ERA on correlations")),
+            "time": (
+                "II-3, Eqs. 24-41",
+                ("ERA", "Ho-Kalman", "ERA/DC with column_compression=H(0)", "NExT-ERA on correlations"),
+            ),
             "z": ("III-2, Eqs. 82-88", ("ERA-FD",)),
             "s": ("III-2, Eqs. 89-94", ("ERA-FD, continuous",)),
         },
@@ -107,7 +110,7 @@ _TABLE: tuple[Method, ...] = (
         shift,
         "tall",
         {
-            "time": ("II-5, Eqs. 55-64", ("SSI-cov, MOESP-type on correlations", "ERA without H(1)")),
+            "time": ("II-5, Eqs. 55-64", ("SSI-cov on correlations", "Kung", "LS-ESPRIT", "ERA without H(1)")),
             "z": ("III-4, Eq. 110", ("alternate FD",)),
             "s": ("III-4, Eq. 110", ("alternate FD, continuous", "frequency-domain subspace identification")),
         },
@@ -118,7 +121,10 @@ _TABLE: tuple[Method, ...] = (
         regression,
         "h0",
         {
-            "time": ("II-6, Eqs. 65-66", ("least squares regression", "ITD (Ibrahim) with one input")),
+            "time": (
+                "II-6, Eqs. 65-66",
+                ("least squares regression, truncated", "ITD (Ibrahim), truncated", "delay-embedded DMD"),
+            ),
             "z": ("left to the reader", ("least squares FD",)),
             "s": ("left to the reader", ("least squares FD, continuous", "first-order form, Eq. 109")),
         },
@@ -128,7 +134,12 @@ _TABLE: tuple[Method, ...] = (
         "time",
         "least squares, companion form",
         "II-4 and II-6, Eqs. 53b, 66",
-        ("PRCE, polyreference complex exponential", "LSCE with one input", "untruncated least squares"),
+        (
+            "PRCE, polyreference complex exponential",
+            "LSCE with one input",
+            "Prony with one channel",
+            "ITD (Ibrahim) with one input, form='observable'",
+        ),
         least_squares_companion,
         "complete",
         ("controllable", "observable"),
