@@ -81,3 +81,19 @@ def test_every_kind_of_simulated_test_is_identified(kind, tmp_path):
 def test_both_ends_of_a_range_of_orders_belong_to_it():
     assert list(parse_orders("2:60:2")) == list(range(2, 61, 2))
     assert list(parse_orders("4:6")) == [4, 5, 6]
+
+
+def test_bands_given_one_by_one_are_merged_and_no_mode_stands_twice(test_file, tmp_path, capsys):
+    target = tmp_path / "modes.json"
+    bands = ["--band", "0.5", "4.5", "--band", "3.5", "7"]
+    assert main(["identify", str(test_file), *bands, "-o", str(target)]) == 0
+    assert len(ms.read(target)) == 5
+    assert "2 bands merged" in capsys.readouterr().out
+
+
+def test_arrays_with_other_names_and_axes_are_read(tmp_path):
+    clean = ms.systems.chain5().frequency_response(np.linspace(0.3, 8, 200), quantity="acceleration")
+    path = tmp_path / "other.npz"
+    np.savez(path, freq=clean.frequencies, H=clean.values.transpose(2, 1, 0))
+    words = ["--rename", "freq=frequencies", "--rename", "H=values", "--axes", "values=inputs,outputs,lines"]
+    assert main(["identify", str(path), *words, "--quantity", "acceleration"]) == 0

@@ -1,0 +1,78 @@
+"""What the commands share: files and ranges as users write them."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from modalscope.model.checks import DataError
+
+__all__ = ["parse_orders", "read_data", "read_responses", "reading_options"]
+
+
+def read_data(options: argparse.Namespace, path: Path) -> Any:
+    """Read a file with the options given on the command line."""
+    from modalscope.io import read
+
+    return read(path, **reading_options(options))
+
+
+def read_responses(options: argparse.Namespace, asked: str) -> Any:
+    """Read a file of responses or records; one that holds modes already is refused."""
+    from modalscope.model import ModalModel
+
+    data = read_data(options, options.file)
+    if isinstance(data, ModalModel):
+        raise DataError(
+            f"{asked} in {options.file} were asked",
+            "the file holds modes already",
+            "Give a file of responses or records.",
+        )
+    return data
+
+
+def reading_options(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the options of `modalscope.io.read`."""
+    given: dict[str, Any] = {"quantity": options.quantity} if options.quantity else {}
+    for name, example in (("rename", "y=outputs"), ("axes", "values=inputs,outputs,lines")):
+        items = getattr(options, name)
+        if items:
+            given[name] = _pairs(name, items, example)
+    return given
+
+
+def _pairs(name: str, items: list[str], example: str) -> dict[str, str]:
+    pairs = [item.partition("=") for item in items]
+    for item, (old, sign, new) in zip(items, pairs, strict=True):
+        if not (old and sign and new):
+            raise DataError(
+                f"--{name} {item} was asked",
+                "it is not of the form NAME=VALUE",
+                f"Write for instance --{name} {example}.",
+            )
+    return {old: new.replace(",", " ") for old, _, new in pairs}
+
+
+def parse_orders(text: str | None) -> range | None:
+    """Read `2:60:2`, `2:60` or `40`; both ends belong to the range.
+
+    Examples
+    --------
+    >>> parse_orders("2:10:4"), parse_orders("12")
+    (range(2, 11, 4), range(12, 13))
+    """
+    if text is None:
+        return None
+    try:
+        parts = [int(part) for part in text.split(":")]
+    except ValueError:
+        parts = []
+    first, last, step = {1: (*parts, *parts, 1), 2: (*parts, 1), 3: tuple(parts)}.get(len(parts), (0, 0, 0))
+    if not (1 <= first <= last and step >= 1):
+        raise DataError(
+            f"orders {text!r} were asked",
+            "they are not of the form FIRST:LAST:STEP, FIRST at least 1",
+            "Write for instance --orders 2:60:2.",
+        )
+    return range(first, last + 1, step)
