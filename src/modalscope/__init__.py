@@ -23,6 +23,16 @@ from modalscope.model import (
     StabilizationDiagram,
     StateSpace,
 )
+from modalscope.preprocess import (
+    decomposition,
+    estimate_correlation,
+    estimate_frf,
+    estimate_markov,
+    examine,
+    filter_band,
+    half_spectra,
+    merge,
+)
 from modalscope.realize.sensors import EquationsOfMotion, equations_of_motion, first_order_form
 from modalscope.report import report
 from modalscope.residues import fit_residues
@@ -46,11 +56,19 @@ __all__ = [
     "StateSpace",
     "cmif",
     "compare",
+    "decomposition",
     "equations_of_motion",
+    "estimate_correlation",
+    "estimate_frf",
+    "estimate_markov",
+    "examine",
+    "filter_band",
     "first_order_form",
     "fit_residues",
+    "half_spectra",
     "identify",
     "mac",
+    "merge",
     "merge_bands",
     "methods",
     "mmif",
