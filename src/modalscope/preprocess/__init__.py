@@ -3,14 +3,17 @@
 from modalscope.preprocess.conditioning import decimate, detrend, differentiate, filter_band, integrate
 from modalscope.preprocess.correlation import correlation_blocks, estimate_correlation, half_spectra
 from modalscope.preprocess.decomposition import Decomposition, decomposition
+from modalscope.preprocess.findings import Finding
 from modalscope.preprocess.frf import estimate_frf
 from modalscope.preprocess.impacts import exponential_decay
 from modalscope.preprocess.markov import Observer, estimate_markov, estimate_observer
 from modalscope.preprocess.merge import merge
+from modalscope.preprocess.quality import examine
 from modalscope.preprocess.setups import merge_setups
 
 __all__ = [
     "Decomposition",
+    "Finding",
     "Observer",
     "correlation_blocks",
     "decimate",
@@ -21,6 +24,7 @@ __all__ = [
     "estimate_frf",
     "estimate_markov",
     "estimate_observer",
+    "examine",
     "exponential_decay",
     "filter_band",
     "half_spectra",

@@ -20,8 +20,8 @@ _SECOND = 0.1
 #: A hit this many times stronger than the median of all is not one of the same series.
 _OUTLIER = 5.0
 
-#: Equal consecutive samples at a channel's extreme: so many are no chance.
-_PLATEAU = 3
+#: Equal consecutive samples at a channel's extreme that are no chance, in one place and in all.
+_PLATEAU, _CLIPPED = 3, 6
 
 #: An impact puts this part of its energy into this part of the record.
 _ENERGY, _PART = 0.95, 0.05
@@ -83,9 +83,10 @@ def is_impact(force: Array) -> bool:
 
 
 def clipped_samples(x: Array) -> int:
-    """Return how many samples of x (N,) stand in plateaus of three or more at its largest or smallest value.
+    """Return how many samples of x (N,) stand in plateaus of three or more at its largest or smallest value, 0 if below six.
 
-    A signal of few levels (a square or binary one) and a channel at rest have none.
+    One plateau of three is what a coarse converter makes of a smooth peak. A signal of few levels (a square or binary one)
+    and a channel at rest have none.
     """
     largest, smallest = float(x.max()), float(x.min())
     if largest == smallest or np.unique(x[:: max(1, x.size // 4096)]).size <= 16:
@@ -98,7 +99,7 @@ def clipped_samples(x: Array) -> int:
         steps = np.diff(at)
         lengths = np.flatnonzero(steps < 0) - np.flatnonzero(steps > 0)
         count += int(lengths[lengths >= _PLATEAU].sum())
-    return count
+    return count if count >= _CLIPPED else 0
 
 
 def _pulses(force: RealArray, peak: float) -> list[tuple[int, int]]:

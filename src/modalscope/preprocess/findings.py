@@ -1,0 +1,105 @@
+"""What an examination of data finds, in words: which channels, why, and what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from modalscope.model.checks import Array
+
+__all__ = ["KINDS", "Finding", "dead_channels", "identical_channels"]
+
+#: All kinds of findings.
+KINDS = (
+    "overload",
+    "double hit",
+    "clipped",
+    "dead",
+    "noisy",
+    "duplicate",
+    "swapped",
+    "polarity",
+    "leakage",
+    "low coherence",
+    "reciprocity",
+    "wrong quantity",
+    "short record",
+)
+
+#: Channels of a smaller RMS than this part of the median of all are dead: a sensor shows more noise than that.
+_DEAD = 1e-6
+
+#: Channels are the same when what one has beside a multiple of the other is below this part of it.
+_SAME = 1e-6
+
+
+class Finding(NamedTuple):
+    """One thing that is wrong, or may be, with data.
+
+    Attributes
+    ----------
+    kind : str
+        One of `KINDS`.
+    channels : tuple of str
+        Labels of the channels concerned.
+    reason : str
+        What was seen.
+    change : str
+        What to do about it.
+    """
+
+    kind: str
+    channels: tuple[str, ...]
+    reason: str
+    change: str
+
+    def __str__(self) -> str:
+        return f"{self.kind}: {', '.join(self.channels)}: {self.reason}. {self.change}"
+
+
+def dead_channels(samples: Array, labels: Sequence[str]) -> list[Finding]:
+    """Find channels (N, c) that are constant, or a million times weaker than the median of all."""
+    rms = np.sqrt(np.mean(np.abs(samples - samples.mean(axis=0)) ** 2, axis=0))
+    usual = float(np.median(rms))
+    found = []
+    for label, size in zip(labels, rms, strict=True):
+        if size == 0 or size < _DEAD * usual:
+            what = (
+                "it never changes"
+                if size == 0
+                else f"its RMS, {size:.3g}, is {usual / size:.1g} times below the others'"
+            )
+            found.append(
+                Finding("dead", (label,), what, f"Check cable and sensor, or leave it out: exclude={[label]!r}.")
+            )
+    return found
+
+
+def identical_channels(samples: Array, labels: Sequence[str]) -> list[Finding]:
+    """Find pairs of channels (N, c) that are multiples of each other to 1e-6; channels at rest are passed over."""
+    x = samples - samples.mean(axis=0)
+    size = np.sqrt(np.sum(np.abs(x) ** 2, axis=0))
+    alive = np.flatnonzero(size > 0)
+    if alive.size < 2:
+        return []
+    unit = x[:, alive] / size[alive]
+    likeness = unit.conj().T @ unit
+    found = []
+    for i, j in zip(*np.triu_indices(alive.size, 1), strict=True):
+        # the difference itself: 1 - |likeness|^2 would lose half of the digits
+        if abs(likeness[i, j]) > 1 - 1e-6:
+            rest = float(np.linalg.norm(unit[:, j] - likeness[i, j] * unit[:, i]))
+            if rest < _SAME:
+                a, b = labels[alive[i]], labels[alive[j]]
+                factor = float((likeness[i, j] * size[alive[j]] / size[alive[i]]).real)
+                found.append(
+                    Finding(
+                        "duplicate",
+                        (a, b),
+                        f"{b} is {factor:.6g} times {a}, to rounding",
+                        "Leave one out if a channel was recorded twice; of a symmetric structure without noise it is to be expected.",
+                    )
+                )
+    return found

@@ -1,0 +1,163 @@
+"""The measurement doctor: what is wrong with records and responses, before anything is identified from them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modalscope.model.checks import DataError, RealArray
+from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.signals import Signals
+from modalscope.preprocess.excitation import find_excitation
+from modalscope.preprocess.findings import Finding, dead_channels, identical_channels
+from modalscope.preprocess.frf import estimate_frf
+from modalscope.preprocess.record_checks import bad_hits, clipped, leakage, noisy_channels, too_short, useful_lines
+from modalscope.preprocess.response_checks import examine_response
+from modalscope.preprocess.spectra import Segments, cross_spectra, window_samples
+
+__all__ = ["examine"]
+
+
+#: What is looked for in the response that a record gives; the rest is seen in the record itself.
+_SHOWN_BY_RESPONSES = {"low coherence", "reciprocity", "polarity", "swapped", "wrong quantity"}
+
+
+def examine(data: Signals | FrequencyResponse | ImpulseResponse) -> tuple[Finding, ...]:
+    """Look for what commonly goes wrong in a test: each finding names channels and reason, and says what to do.
+
+    Looked for are overloaded, double and clipped hits, clipped, dead, noisy, duplicate and swapped channels, wrong polarity,
+    leakage, low coherence, responses that are not reciprocal, a quantity that cannot be right, and records too short for the
+    damping in them. What of these can be seen depends on the data: polarity needs driving points, reciprocity two
+    inputs at output dofs.
+
+    Parameters
+    ----------
+    data : Signals, FrequencyResponse or ImpulseResponse
+
+    Returns
+    -------
+    tuple of Finding
+        Empty for clean data.
+
+    Examples
+    --------
+    >>> y = np.random.default_rng(0).standard_normal((1000, 3))
+    >>> y[:, 1] = 0.0
+    >>> for finding in examine(Signals(outputs=y, sampling_rate=10.0)):
+    ...     print(finding)
+    dead: y2: it never changes. Check cable and sensor, or leave it out: exclude=['y2'].
+    """
+    if isinstance(data, FrequencyResponse):
+        return tuple(examine_response(data))
+    if isinstance(data, ImpulseResponse):
+        flat = data.values.transpose(0, 2, 1).reshape(-1, len(data.output_dofs))
+        return tuple(dead_channels(flat, data.output_dofs) + identical_channels(flat, data.output_dofs))
+    if not isinstance(data, Signals):
+        raise DataError(
+            "Signals, a FrequencyResponse or an ImpulseResponse was asked",
+            f"this is {type(data).__name__}",
+            "Wrap the arrays in one of these, or read a file.",
+        )
+    return tuple(_examine_record(data))
+
+
+def _examine_record(signals: Signals) -> list[Finding]:
+    outputs, inputs = signals.by_run()
+    kind = "ambient" if inputs is None else find_excitation(signals)
+    found = []
+    for records, labels in ((outputs, signals.output_dofs), (inputs, signals.input_dofs)):
+        if records is not None:
+            flat = records.reshape(-1, records.shape[2])
+            found += dead_channels(flat, labels) + identical_channels(flat, labels)
+    found += clipped(signals, kind)
+    dead = {finding.channels[0] for finding in found if finding.kind == "dead"}
+    forced = inputs is not None and not dead & set(signals.input_dofs)
+    alive = signals.select(exclude=sorted(dead & set(signals.output_dofs))) if _some_left(signals, dead) else None
+    if alive is None:
+        return found
+    if kind == "impact":
+        found += bad_hits(signals)
+    if kind in ("impact", "burst"):
+        found += leakage(alive)
+    short = too_short(alive) if kind in ("random", "ambient") else []
+    found += short
+    noisy = noisy_channels(alive, kind)
+    found += noisy
+    if forced:
+        found += _of_response(alive, bool(short), {finding.channels[0] for finding in noisy})
+    return found
+
+
+def _some_left(signals: Signals, dead: set[str]) -> bool:
+    return any(dof not in dead for dof in signals.output_dofs)
+
+
+def _of_response(signals: Signals, short: bool, noisy: set[str]) -> list[Finding]:
+    """Return what the estimated response shows beyond what its record did."""
+    assert signals.inputs is not None
+    if signals.runs == 1 and signals.samples < 64 * len(signals.input_dofs):
+        return []
+    try:
+        response = estimate_frf(signals)
+    except DataError:  # inputs that cannot be told apart, or no usable hit: an error of its own where it is asked for
+        return []
+    # a held force comes half a sample late, which turns phases in the upper half of the spectrum
+    lines = response.frequencies <= signals.sampling_rate / 4
+    if find_excitation(signals) == "impact":
+        lines &= useful_lines(signals, response.frequencies)
+    response = response.at_lines(lines)
+    found = [finding for finding in examine_response(response) if finding.kind in _SHOWN_BY_RESPONSES]
+    # coherence falls at resonances that a short record does not resolve, and with noise: one cause, one finding
+    found = [f for f in found if not (f.kind == "low coherence" and (short or f.channels[0] in noisy))]
+    return found + _runs(signals)
+
+
+def _runs(signals: Signals) -> list[Finding]:
+    """Compare the runs of one test with their mean: an output of other sign, or two that changed places."""
+    if signals.runs < 3 or len(signals.input_dofs) > 1:
+        return []
+    outputs, inputs = signals.by_run()
+    assert inputs is not None
+    w = window_samples("hann", signals.samples)
+    segments = Segments([0], w, w)
+    rows = []
+    for y, u in zip(outputs, inputs, strict=True):
+        S = cross_spectra(y[None], u[None], signals.sampling_rate, segments)
+        rows.append(S.cross[:, :, 0] / np.maximum(np.sqrt(S.inputs[:, 0, 0].real), np.finfo(float).tiny)[:, None])
+    shape = np.array(rows)
+    shape /= np.maximum(np.linalg.norm(shape, axis=1, keepdims=True), np.finfo(float).tiny)
+    found = []
+    for r in range(signals.runs):
+        usual = np.median(np.delete(shape, r, axis=0).real, axis=0) + 1j * np.median(
+            np.delete(shape, r, axis=0).imag, axis=0
+        )
+        size = np.maximum(np.linalg.norm(usual, axis=0), np.finfo(float).tiny)
+        likeness = (usual.conj().T @ shape[r]).real / size[:, None]
+        found += _changed(likeness, signals, r)
+    return found
+
+
+def _changed(likeness: RealArray, signals: Signals, run: int) -> list[Finding]:
+    """Read off the real correlations (usual output, output of this run) what changed in a run."""
+    found, own = [], np.diag(likeness)
+    for i, dof in enumerate(signals.output_dofs):
+        if own[i] < -0.7:
+            found.append(
+                Finding(
+                    "polarity",
+                    (dof,),
+                    f"in run {run + 1} it has the opposite sign of the other runs",
+                    "Turn its sign in that run, or leave the run out.",
+                )
+            )
+        found += [
+            Finding(
+                "swapped",
+                (signals.output_dofs[j], dof),
+                f"in run {run + 1} they have changed places",
+                "Exchange them in that run, or leave the run out.",
+            )
+            for j in range(i)
+            if likeness[i, j] > 0.9 and likeness[j, i] > 0.9 and max(own[i], own[j]) < 0.7
+        ]
+    return found

@@ -1,0 +1,207 @@
+"""Examination of records: clipped and noisy channels, bad hits, leakage, records too short for their damping."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import fft, signal
+
+from modalscope.model.checks import Array, DataError, RealArray
+from modalscope.model.signals import Signals
+from modalscope.preprocess.findings import Finding
+from modalscope.preprocess.frf import estimate_frf
+from modalscope.preprocess.impacts import clipped_samples, find_hits
+from modalscope.preprocess.spectra import Segments, cross_spectra, segment_starts, window_samples
+
+__all__ = ["bad_hits", "clipped", "leakage", "noisy_channels", "too_short", "useful_lines"]
+
+#: A channel is noisy when less than this part of its power follows from the inputs, and this much less than the median's.
+_NOISY, _BELOW = 0.5, 0.25
+
+#: The same when only other outputs are there to compare with: what its own force does to a damped mass follows from none.
+_NOISY_ALONE = 0.08
+
+#: A hammer's useful lines have at least this part of its largest power.
+_USEFUL = 0.01
+
+#: Vibration left at the end of a run, as a part of the largest, that an untapered transform turns into leakage.
+_LEFT = 0.05
+
+#: A random record shorter than this many times 1 / (zeta omega) tells little of the damping.
+_TIME_CONSTANTS = 10.0
+
+
+def clipped(signals: Signals, kind: str) -> list[Finding]:
+    """Find channels that stand at their extremes; a hammer's force is looked at hit by hit instead."""
+    outputs, inputs = signals.by_run()
+    sides = [(outputs, signals.output_dofs)]
+    if inputs is not None and kind != "impact":  # a hammer's force is looked at hit by hit
+        sides.append((inputs, signals.input_dofs))
+    found = []
+    for records, labels in sides:
+        for i, dof in enumerate(labels):
+            counts = [clipped_samples(run[:, i]) for run in records]
+            if sum(counts):
+                runs = [str(r + 1) for r, count in enumerate(counts) if count]
+                where = f" in run {', '.join(runs)}" if signals.runs > 1 else ""
+                found.append(
+                    Finding(
+                        "clipped",
+                        (dof,),
+                        f"{sum(counts)} samples stand at its largest or smallest value{where}",
+                        "Measure again with a wider range, or leave these runs or this channel out.",
+                    )
+                )
+    return found
+
+
+def bad_hits(signals: Signals) -> list[Finding]:
+    """Find overloaded and double hits, and say what the coherence is without them."""
+    _, inputs = signals.by_run()
+    assert inputs is not None
+    if inputs.shape[2] != 1:
+        return []
+    hits = find_hits(inputs[:, :, 0])
+    found = []
+    for hit in hits:
+        if not hit.reason:
+            continue
+        others = [h.number for h in hits if h.number != hit.number and not h.overloaded]
+        effect = _without(signals, hit.number, others)
+        if hit.overloaded:
+            kind, change = "overload", f"estimate_frf leaves it out by itself{effect}"
+        else:
+            kind, change = "double hit", f"It was kept, the force being recorded; hits={others} leaves it out{effect}"
+        found.append(Finding(kind, signals.input_dofs, f"hit {hit.number}: {hit.reason}", change))
+    return found
+
+
+def _without(signals: Signals, number: int, others: list[int]) -> str:
+    """Return the coherence with and without a hit, in words."""
+    if len(others) < 2:
+        return "."
+    medians = []
+    for chosen in ([*others, number], others):
+        try:
+            response = estimate_frf(signals, excitation="impact", hits=chosen)
+        except DataError:  # an overload too near to the next hit to be cut: nothing to compare
+            return "."
+        assert response.coherence is not None
+        medians.append(float(np.median(response.coherence[useful_lines(signals, response.frequencies)])))
+    return f": coherence {medians[0]:.3f} with it, {medians[1]:.3f} without."
+
+
+def useful_lines(signals: Signals, frequencies: RealArray) -> Array:
+    """Return the lines into which good hits put a hundredth of their largest power or more."""
+    _, inputs = signals.by_run()
+    assert inputs is not None
+    hits = [hit for hit in find_hits(inputs[:, :, 0]) if not hit.overloaded]
+    pulses = [inputs[h.run, h.start : h.stop, 0] - np.median(inputs[h.run, :, 0]) for h in hits]
+    phase = np.arange(max(p.size for p in pulses)) / signals.sampling_rate
+    turn = np.exp(-2j * np.pi * np.outer(frequencies, phase))
+    power = sum(np.abs(turn[:, : p.size] @ p) ** 2 for p in pulses)
+    return np.asarray(power >= _USEFUL * np.max(power))
+
+
+def leakage(signals: Signals) -> list[Finding]:
+    """Look at what is left of the vibration at the end of runs that are transformed whole."""
+    outputs, _ = signals.by_run()
+    x = outputs - np.median(outputs, axis=1, keepdims=True)
+    length = max(2, signals.samples // 20)
+    blocks = x[:, : signals.samples // length * length].reshape(signals.runs, -1, length, x.shape[2])
+    rms = np.sqrt(np.mean(blocks**2, axis=2)).max(axis=0)  # (blocks, l), the worst run
+    left = rms[-1] / np.maximum(rms.max(axis=0), np.finfo(float).tiny)
+    # a decay that has ended in noise stays at one level; one that goes on is lower from block to block
+    falling = rms[-1] < 0.9 * rms[len(rms) // 2]
+    return [
+        Finding(
+            "leakage",
+            (dof,),
+            f"{100 * part:.0f} % of its largest vibration is left at the end of the run",
+            "Measure longer runs, or give exponential=0.01: its damping is taken off again.",
+        )
+        for dof, part, going in zip(signals.output_dofs, left, falling, strict=True)
+        if part > _LEFT and going
+    ]
+
+
+def noisy_channels(signals: Signals, kind: str) -> list[Finding]:
+    """Compare how much of every output's power follows from the inputs, or from the other outputs when nothing was driven."""
+    outputs, inputs = signals.by_run()
+    l = outputs.shape[2]
+    total = signals.runs * signals.samples
+    others = l - 1 if inputs is None else inputs.shape[2]
+    length = min(signals.samples, total // (8 * (others + 1)))
+    if l < 3 or length < 32 or kind in ("impact", "sweep", "burst"):
+        return []
+    w = window_samples("hann", length)
+    segments = Segments(segment_starts(signals.samples, length, 0.5), w, w)
+    y = outputs - outputs.mean(axis=1, keepdims=True)
+    u = None if inputs is None else inputs - inputs.mean(axis=1, keepdims=True)
+    spectra = cross_spectra(y, u, signals.sampling_rate, segments, whole=inputs is None)
+    power = spectra.output_powers
+    if inputs is None:
+        explained = _from_others(spectra.outputs)
+    else:
+        rows = np.linalg.solve(spectra.inputs.transpose(0, 2, 1), spectra.cross.transpose(0, 2, 1)).transpose(0, 2, 1)
+        explained = np.sum(rows * np.conj(spectra.cross), axis=2).real
+    part = explained.sum(axis=0) / power.sum(axis=0)
+    # so much of nothing is "explained" by so many channels from so few averages
+    part = 1 - (1 - part) * spectra.effective / (spectra.effective - others)
+    limit = _NOISY_ALONE if inputs is None else _NOISY
+    usual = float(np.median(part))
+    source = "the other outputs" if inputs is None else "the inputs"
+    return [
+        Finding(
+            "noisy",
+            (dof,),
+            f"{100 * own:.0f} % of its power follows from {source}, of the usual channel's {100 * usual:.0f} %",
+            f"Check sensor and cable, or leave it out: exclude={[dof]!r}.",
+        )
+        for dof, own in zip(signals.output_dofs, part, strict=True)
+        if own < limit and own < usual - _BELOW
+    ]
+
+
+def _from_others(S: Array) -> RealArray:
+    """Return the power of every output that all others explain, (F, l): S_ii - 1 / (S^-1)_ii."""
+    root = np.sqrt(np.maximum(np.einsum("fii->fi", S).real, np.finfo(float).tiny))
+    scaled = S / (root[:, :, None] * root[:, None, :])
+    # identical channels explain each other wholly: the small term only keeps the inverse finite
+    inverse = np.linalg.inv(scaled + 1e-12 * np.eye(S.shape[1]))
+    rest = 1 / np.maximum(np.einsum("fii->fi", inverse).real, 1.0)
+    return np.asarray((1 - rest) * root**2)
+
+
+def too_short(signals: Signals) -> list[Finding]:
+    """Estimate the decay of the strongest resonance from its correlation, and compare it with the length of the record."""
+    outputs, _ = signals.by_run()
+    y = outputs - outputs.mean(axis=1, keepdims=True)
+    i = int(np.argmax(np.mean(y**2, axis=(0, 1)) / np.maximum(np.median(y**2, axis=(0, 1)), np.finfo(float).tiny)))
+    length = fft.next_fast_len(2 * signals.samples, real=True)
+    power = np.mean(np.abs(fft.rfft(y[:, :, i], n=length, axis=1)) ** 2, axis=0)
+    lines = fft.rfftfreq(length, 1 / signals.sampling_rate)
+    smooth = signal.oaconvolve(power, np.ones(17) / 17, mode="same")
+    top = int(np.argmax(smooth))
+    f0 = float(lines[top])
+    if f0 * signals.duration < 4 or smooth[top] < 20 * float(np.median(smooth)):
+        return []
+    # a band around the peak, wide against any light damping, leaves the correlation of that resonance alone
+    band = np.exp(-0.5 * ((lines - f0) / (0.05 * f0 + 4 / signals.duration)) ** 2)
+    spectrum = np.zeros(length, dtype=complex)
+    spectrum[: lines.size] = power * band
+    envelope = np.abs(fft.ifft(spectrum))[: signals.samples // 2]
+    below = np.flatnonzero(envelope < envelope[0] * np.exp(-1))
+    constant = float(below[0] if below.size else envelope.size) / signals.sampling_rate
+    count = signals.runs * signals.duration / constant
+    if count >= _TIME_CONSTANTS:
+        return []
+    damping = 1 / (2 * np.pi * f0 * constant)
+    return [
+        Finding(
+            "short record",
+            (signals.output_dofs[i],),
+            f"{signals.runs * signals.duration:.4g} s are {count:.1f} times the decay time of the resonance at {f0:.4g} Hz "
+            f"(damping near {100 * damping:.2g} %)",
+            f"Damping will scatter by some {100 / np.sqrt(count):.0f} %: measure {10 * _TIME_CONSTANTS * constant:.4g} s or more.",
+        )
+    ]
