@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -225,11 +225,15 @@ def identify(
         order = _DEGREE
     if order is None:
         probe = build(data, method=method, domain=domain, order=options.pop("largest_order", 60), **options)
-        order = recommend_order(probe.factors).order
+        advice = recommend_order(probe.factors)
+        order = advice.order
         if probe.method.factors == "complete" and not isinstance(probe.matrix, Fraction):
             # untruncated: room for the noise beside the modes, in whole blocks
             block = probe.factors.P.shape[0] // (probe.matrix.block_rows + 1)
             order = -(-2 * order // block) * block
+        chosen = f"order {order} was chosen ({advice.confidence}): {advice.reason}"
+        pipeline = build(data, method=method, domain=domain, order=order, **options)
+        return assemble(replace(pipeline, notes=(*pipeline.notes, chosen)), order)
     pipeline = build(data, method=method, domain=domain, order=order, **options)
     return assemble(pipeline, order)
 

@@ -41,6 +41,12 @@ _HANKEL = (
     "column_compression",
 )
 
+#: What the columns of a sequence without inputs are, and participation with them.
+_PARTICIPATION = {
+    "free decay": "participation is the amplitude of each mode in each initial state, not a modal input vector",
+    "correlation": "participation is the correlation of each mode with each reference channel, not a modal input vector",
+}
+
 #: Options that shape a matrix of transfer functions.
 _LINES = ("initial_values", "basis", "source")
 
@@ -198,6 +204,8 @@ def build(
     factors = _factor(matrix, cell, order, factorization)
     notes.append(f"{matrix.describe()}; {factors.how}")
     notes.extend(matrix.warnings)
+    if isinstance(response, ImpulseResponse) and response.kind in _PARTICIPATION:
+        notes.append(_PARTICIPATION[response.kind])
     realization = cell.realize(matrix, factors)
     if reduction is not None:
         realization = _reduced(cell, matrix, realization, reduction)

@@ -108,4 +108,6 @@ def test_noise_alone_stays_below_its_own_floor():
 
 def test_identify_without_an_order_takes_the_advice():
     response = FIVE["ring5"]().impulse_response(400, noise=0.01, seed=3)
-    assert identify(response, method="era").order == 10
+    found = identify(response, method="era")
+    assert found.order == 10
+    assert any("order 10 was chosen (certain)" in note for note in found.notes)

@@ -57,7 +57,7 @@ def noise_floor(singular_values: Array, rows: int, columns: int) -> float:
     >>> import numpy as np
     >>> noise = np.random.default_rng(0).standard_normal((200, 100))
     >>> d = np.linalg.svd(noise, compute_uv=False)
-    >>> 1 < noise_floor(d, 200, 100) / d[0] < 1.3
+    >>> bool(1 < noise_floor(d, 200, 100) / d[0] < 1.3)
     True
     """
     beta = min(rows, columns) / max(rows, columns)
@@ -73,7 +73,7 @@ def gap_after(singular_values: Array, rounding: float = 0.0) -> tuple[int, float
 
     Examples
     --------
-    >>> order, width = gap_after([100, 90, 10, 9, 1.1, 1.05, 1.0, 0.98, 0.95, 0.93])
+    >>> order, width = gap_after([100, 90, 10, 9, 1.1, 1.05, 1, 0.98, 0.95, 0.93, 0.92, 0.91, 0.9, 0.89, 0.88, 0.87])
     >>> order, width > 10
     (4, True)
     """
