@@ -28,7 +28,8 @@ def identify_all(frf: FrequencyResponse, method: str, domain: str, order: int) -
         try:
             return assemble(pipeline, n)
         except DataError as error:  # a state at the edge of rounding, refused by the shift of one factor
-            assert "observability index" in str(error)
+            if "observability index" not in str(error):
+                raise
     raise AssertionError("no order is left")
 
 
