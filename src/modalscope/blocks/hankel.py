@@ -8,7 +8,7 @@ T_0) is applied to the samples, and whole consecutive blocks keep their structur
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -16,95 +16,15 @@ from numpy.typing import ArrayLike
 
 from modalscope.blocks.compression import adds_channels
 from modalscope.blocks.factor import Factors
-from modalscope.blocks.layout import block_entries, block_shifts, side_map, side_weights
+from modalscope.blocks.layout import block_shifts
 from modalscope.blocks.matrix import Evolution, RowShift
 from modalscope.blocks.operators import BlockHankel, DenseMatrix, Operator
-from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray
+from modalscope.blocks.side import Side, side_of
+from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.poles import powers_of, to_continuous, to_discrete
 
-__all__ = ["Hankel", "Side", "hankel"]
-
-
-@dataclass(frozen=True, eq=False)
-class Side:
-    """The rows of H(0), or its columns.
-
-    Parameters
-    ----------
-    entries : array of int, (2, rows)
-        Shift and channel of each; the channels are those after `within`.
-    whole : bool
-        All channels in every block, shifts 0, 1, 2, ...
-    within : array, (q, channels), optional
-        T_0, applied within every block: a compression, or one weight a channel.
-    weights : array, (rows,), optional
-        One weight a row, when they differ from block to block.
-    over : array, (q, rows), optional
-        T_r, applied to whole columns after the weights.
-    """
-
-    entries: IntArray
-    whole: bool
-    within: RealArray | None = None
-    weights: RealArray | None = None
-    over: RealArray | None = None
-
-    @cached_property
-    def shifts(self) -> IntArray:
-        """The different shifts, increasing."""
-        return np.unique(self.entries[0])
-
-    @property
-    def structured(self) -> bool:
-        """Whole consecutive blocks and nothing over them: what products and Gram matrices can use."""
-        return self.whole and self.weights is None and self.over is None
-
-    @property
-    def size(self) -> int:
-        """Number of rows, after compression."""
-        return int(self.entries.shape[1] if self.over is None else self.over.shape[0])
-
-    def taller(self) -> Side:
-        """Return the side with one block more: the last block again, one sample on, with its weights."""
-        last = self.entries[0] == self.shifts[-1]
-        return replace(
-            self,
-            entries=np.hstack([self.entries, self.entries[:, last] + np.array([[1], [0]])]),
-            weights=None if self.weights is None else np.concatenate([self.weights, self.weights[last]]),
-        )
-
-    def apply(self, rows: Array) -> RealArray:
-        """Return rows of the matrix weighted and combined."""
-        weighted = rows if self.weights is None else rows * self.weights[:, None]
-        return np.asarray(weighted if self.over is None else self.over @ weighted)
-
-
-def _side(
-    name: str,
-    count: int,
-    shifts: list[int],
-    subsets: Sequence[Sequence[int]] | None,
-    weights: ArrayLike | None,
-    compression: ArrayLike | None,
-) -> Side:
-    what = {"row": "outputs", "column": "inputs"}[name]
-    entries = block_entries(f"{name}_subsets", subsets, shifts, count, what)
-    full = entries.shape[1] == count * len(shifts)
-    w = side_weights(f"{name}_weights", weights, entries, count)
-    T = side_map(f"{name}_compression", compression, entries, count, full)
-    in_blocks = T is not None and full and T.shape[1] == count
-    if w is not None and w.size == count and full and (T is None or in_blocks):
-        T, w, in_blocks = np.diag(w) if T is None else T * w, None, True
-    elif w is not None and w.size == count:
-        w = w[entries[1]]
-    if T is not None and in_blocks and w is not None:  # weights that differ from block to block come first
-        T, in_blocks = np.kron(np.eye(len(shifts)), T), False
-    if in_blocks:
-        assert T is not None
-        entries = block_entries("", None, shifts, T.shape[0], what)
-    whole = full and shifts == list(range(len(shifts)))
-    return Side(entries, whole, T if in_blocks else None, w, None if in_blocks else T)
+__all__ = ["Hankel", "hankel"]
 
 
 def hankel(
@@ -174,8 +94,8 @@ def hankel(
         )
     return Hankel(
         response,
-        _side("row", outputs, s, row_subsets, row_weights, row_compression),
-        _side("column", inputs, t, column_subsets, column_weights, column_compression),
+        side_of("row", outputs, s, row_subsets, row_weights, row_compression),
+        side_of("column", inputs, t, column_subsets, column_weights, column_compression),
     )
 
 
