@@ -12,6 +12,7 @@ from modalscope.blocks.transfer import Transfer
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.poles import one_of_each_pair
+from modalscope.model.statespace import StateSpace
 from modalscope.pipeline import Pipeline
 from modalscope.realize.triple import Triple, inverse_vectors
 from modalscope.residues import (
@@ -23,7 +24,7 @@ from modalscope.residues import (
     residual_powers,
 )
 
-__all__ = ["Eigenmodes", "eigenmodes", "split_extraneous"]
+__all__ = ["Eigenmodes", "eigenmodes", "from_modes", "split_extraneous"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,3 +158,30 @@ def split_extraneous(modal: Eigenmodes, model: Triple) -> tuple[Array, Array]:
     kept = by_size[np.cumsum(states[by_size]) <= model.rank]
     own = np.sort(kept)
     return own, np.setdiff1d(np.arange(count), own)
+
+
+def from_modes(poles: Array, shapes: Array, participation: Array, direct: Array, dt: float | None) -> StateSpace:
+    """Return the real model of modes: a block [[a, w], [-w, a]] for each pair, one state for each real pole.
+
+    With c = c_r + j c_i and l = l_r + j l_i a pair contributes C = 2 [c_r, c_i] and B = [l_r'; -l_i'], both scaled to one size.
+    """
+    n = np.where(poles.imag == 0, 1, 2)
+    A, B, C = (
+        np.zeros((n.sum(), n.sum())),
+        np.zeros((n.sum(), participation.shape[1])),
+        np.zeros((shapes.shape[0], n.sum())),
+    )
+    for j, k in enumerate(np.cumsum(n) - n):
+        size = np.sqrt(np.linalg.norm(shapes[:, j]) * np.linalg.norm(participation[j])) or 1.0
+        c, b = (
+            shapes[:, j] / (np.linalg.norm(shapes[:, j]) or 1.0) * size,
+            participation[j] / (np.linalg.norm(participation[j]) or 1.0) * size,
+        )
+        if n[j] == 1:
+            A[k, k], B[k], C[:, k] = poles[j].real, b.real, c.real
+            continue
+        a, w = poles[j].real, poles[j].imag
+        A[k : k + 2, k : k + 2] = [[a, w], [-w, a]]
+        C[:, k], C[:, k + 1] = 2 * c.real, 2 * c.imag
+        B[k], B[k + 1] = b.real, -b.imag
+    return StateSpace(A=A, B=B, C=C, D=direct, dt=dt)

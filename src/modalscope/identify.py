@@ -8,18 +8,17 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.accuracy import indicators_of
 from modalscope.blocks.fraction import Fraction
-from modalscope.blocks.hankel import Hankel
 from modalscope.blocks.shifted import Shifted
-from modalscope.eigenmodes import Eigenmodes, eigenmodes, split_extraneous
-from modalscope.indicators import cluster_mpc, clusters, mac, modal_singular_values, mpc, mpd
+from modalscope.eigenmodes import Eigenmodes, eigenmodes, from_modes, split_extraneous
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.modes import ModalModel
 from modalscope.model.statespace import StateSpace
-from modalscope.pipeline import Data, Pipeline, build
-from modalscope.realize.evolution import column_side, row_side
+from modalscope.pipeline import Pipeline, build
+from modalscope.prepare import Data
 from modalscope.realize.order import recommend_order
 from modalscope.realize.triple import Triple
 from modalscope.residues import (
@@ -29,79 +28,11 @@ from modalscope.residues import (
     scaled_terms,
 )
 
-__all__ = [
-    "Eigenmodes",
-    "Identification",
-    "eigenmodes",
-    "identify",
-    "indicators_of",
-    "realize",
-    "rebuild",
-    "split_extraneous",
-]
-
-
-#: Shapes of repeated modes are independent; above this MAC two poles are one mode.
-SPLIT_SHAPE = 0.9
+__all__ = ["Identification", "assemble", "identify", "realize", "rebuild"]
 
 
 #: Degree of a matrix fraction when none is asked: enough for the modes of a usual band, whatever is left over turns out unstable.
 _DEGREE = 30
-
-
-def indicators_of(pipeline: Pipeline, order: int, modes: Eigenmodes) -> dict[str, RealArray]:
-    """Return the accuracy indicators of the modes of one order; those that the structure of the data matrix does not give are left out."""
-    found: dict[str, RealArray] = {}
-    matrix, realization = pipeline.matrix, pipeline.realization
-    if not realization.canonical and not isinstance(matrix, Fraction):
-        vectors, rows, shapes, participation = modes.vectors, modes.rows, modes.shapes, modes.participation
-        if isinstance(matrix, Hankel):  # its columns start from the first sample kept, not from the impulse
-            participation = participation * modes.own[:, None] ** matrix.response.first_sample
-        if pipeline.dual:
-            vectors, rows, shapes, participation = rows.T, vectors.T, participation.T, shapes.T
-        outer = row_side(matrix, realization, order, modes.own, vectors, shapes)
-        inner = column_side(matrix, realization, order, modes.own, rows, participation)
-        if pipeline.dual:
-            outer, inner = inner, outer
-        # where the columns say nothing (NaN, or None for all) the rows alone speak
-        sides = [side for side in (inner, outer) if side is not None]
-        if sides:
-            found["amplitude_coherence"] = _first_number(
-                *(coherence for _, coherence in sides if coherence is not None)
-            )
-        if outer is not None:
-            found["emac"] = outer[0] * (1 if inner is None else np.where(np.isnan(inner[0]), 1, inner[0]))
-            found["emaco"] = outer[0]
-    collinear = mpc(modes.shapes)
-    for group in clusters(modes.poles):
-        # poles this close with one shape are one mode that was split, not repeated modes
-        if group.size > 1 and np.max(mac(modes.shapes[:, group]) - np.eye(group.size)) < SPLIT_SHAPE:
-            collinear[group] = cluster_mpc(modes.shapes[:, group])
-    found["mpc"] = collinear
-    if "emac" in found:
-        found["cmi"] = found["emac"] * collinear
-    dt = matrix.dt or 1 / (2 * _highest(pipeline.response))
-    # growing poles count as undamped ones there
-    z = np.exp(np.minimum(modes.poles.real, 0) * dt + 1j * modes.poles.imag * dt)
-    strength = modal_singular_values(modes.shapes, modes.participation, z, _length(pipeline))
-    found["msv"] = strength / strength.max() if strength.size and strength.max() > 0 else strength
-    found["mpd"] = mpd(modes.shapes)
-    return found
-
-
-def _first_number(first: RealArray, *others: RealArray) -> RealArray:
-    for other in others:
-        first = np.where(np.isnan(first), other, first)
-    return first
-
-
-def _highest(response: FrequencyResponse | ImpulseResponse) -> float:
-    return float(response.frequencies[-1]) if isinstance(response, FrequencyResponse) else response.sampling_rate / 2
-
-
-def _length(pipeline: Pipeline) -> int:
-    response = pipeline.response
-    return response.samples if isinstance(response, ImpulseResponse) else response.lines
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -325,30 +256,3 @@ def _state_space(pipeline: Pipeline, model: Triple, modal: Eigenmodes) -> StateS
     if isinstance(pipeline.response, ImpulseResponse):  # Y(0) is the first sample there is
         participation = participation * modal.own[:, None] ** pipeline.response.first_sample
     return from_modes(poles, modal.shapes, participation, modal.direct, pipeline.matrix.dt)
-
-
-def from_modes(poles: Array, shapes: Array, participation: Array, direct: Array, dt: float | None) -> StateSpace:
-    """Return the real model of modes: a block [[a, w], [-w, a]] for each pair, one state for each real pole.
-
-    With c = c_r + j c_i and l = l_r + j l_i a pair contributes C = 2 [c_r, c_i] and B = [l_r'; -l_i'], both scaled to one size.
-    """
-    n = np.where(poles.imag == 0, 1, 2)
-    A, B, C = (
-        np.zeros((n.sum(), n.sum())),
-        np.zeros((n.sum(), participation.shape[1])),
-        np.zeros((shapes.shape[0], n.sum())),
-    )
-    for j, k in enumerate(np.cumsum(n) - n):
-        size = np.sqrt(np.linalg.norm(shapes[:, j]) * np.linalg.norm(participation[j])) or 1.0
-        c, b = (
-            shapes[:, j] / (np.linalg.norm(shapes[:, j]) or 1.0) * size,
-            participation[j] / (np.linalg.norm(participation[j]) or 1.0) * size,
-        )
-        if n[j] == 1:
-            A[k, k], B[k], C[:, k] = poles[j].real, b.real, c.real
-            continue
-        a, w = poles[j].real, poles[j].imag
-        A[k : k + 2, k : k + 2] = [[a, w], [-w, a]]
-        C[:, k], C[:, k + 1] = 2 * c.real, 2 * c.imag
-        B[k], B[k + 1] = b.real, -b.imag
-    return StateSpace(A=A, B=B, C=C, D=direct, dt=dt)

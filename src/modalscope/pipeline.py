@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.blocks.factor import Factors, factorize, left_factor
@@ -14,19 +13,18 @@ from modalscope.blocks.fraction import Fraction, fraction
 from modalscope.blocks.hankel import Hankel, hankel
 from modalscope.blocks.shifted import Shifted, shifted
 from modalscope.blocks.transfer import Transfer, line_weights, transfer
-from modalscope.methods import Method, find_method
+from modalscope.methods import Method
 from modalscope.model.checks import DataError, check_choice, check_count
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
-from modalscope.model.signals import Signals
+from modalscope.prepare import Data, Response, prepare
 from modalscope.realize.fraction import fraction_factors
 from modalscope.realize.reduction import reduced
 from modalscope.realize.triple import Realization, Triple
+from modalscope.sizes import default_blocks, default_degree, default_shifts
 
-__all__ = ["Data", "Pipeline", "build", "prepare"]
+__all__ = ["Pipeline", "build"]
 
-Data = Signals | ImpulseResponse | FrequencyResponse
-Response = ImpulseResponse | FrequencyResponse
 Matrix = Hankel | Transfer | Shifted | Fraction
 
 #: Options of `identify` and `stabilize` that shape the Hankel matrix.
@@ -91,76 +89,6 @@ class Pipeline:
         """Return the model of one order, with inputs and outputs in their own places."""
         model = self.realization.triple(order)
         return model.dual() if self.dual else model
-
-
-def prepare(
-    data: Data, method: str | None, domain: str | None, band: tuple[float, float] | None
-) -> tuple[Method, Response, list[str]]:
-    """Return the cell of the table, the response in its domain, and notes on what was converted.
-
-    Raises
-    ------
-    DataError
-        A channel of zeros, a band without lines, an unknown method or domain.
-    """
-    notes: list[str] = []
-    response = _to_response(data, band, notes)
-    of_lines = isinstance(response, FrequencyResponse)
-    records = isinstance(data, Signals)
-    default = "alternate" if of_lines or records else "era"
-    cell = find_method(
-        method or default, domain, "s" if of_lines and response.sampling_rate is None else "z" if of_lines else "time"
-    )
-    if isinstance(response, FrequencyResponse) and band is not None:
-        response = response.band(*band)
-    if cell.domain == "time" and isinstance(response, FrequencyResponse):
-        response = response.to_impulse_response()
-        notes.append("the lines were transformed to samples: damping is biased unless they cover the whole spectrum")
-    elif cell.domain == "s" and isinstance(response, ImpulseResponse):
-        raise DataError(
-            f"method {cell.name!r} in domain 's' was asked",
-            "the data are samples: their transform is no rational function of j w",
-            "Use domain='z', which is exact for samples, or give measured frequency responses.",
-        )
-    elif cell.factors == "fraction" and isinstance(response, ImpulseResponse):
-        response = response.to_frequency_response()
-        if band is not None:
-            response = response.band(*band)
-        notes.append("the samples were transformed to lines as if nothing followed the last one")
-    _check_channels(response)
-    return cell, response, notes
-
-
-def _to_response(data: Data, band: tuple[float, float] | None, notes: list[str]) -> Response:
-    if isinstance(data, ImpulseResponse | FrequencyResponse):
-        return data
-    if not isinstance(data, Signals):
-        raise DataError(
-            "Signals, an ImpulseResponse or a FrequencyResponse was asked",
-            f"this is {type(data).__name__}",
-            "Wrap the arrays in one of these, or read a file.",
-        )
-    from modalscope.preprocess import estimate_correlation, estimate_frf, filter_band
-
-    if data.inputs is not None:
-        notes.append("frequency responses were estimated from the records (H1)")
-        return estimate_frf(data)
-    if band is not None:
-        data = filter_band(data, *band)
-    notes.append("correlations with all channels as references were estimated from the records")
-    return estimate_correlation(data)
-
-
-def _check_channels(response: Response) -> None:
-    """Raise on a channel of zeros: nothing can be read off it, and it hides a wrong cable or a wrong column."""
-    for side, axes, labels in (("output", (0, 2), response.output_dofs), ("input", (0, 1), response.input_dofs)):
-        dead = [labels[i] for i in np.flatnonzero(~np.any(response.values, axis=axes))]
-        if dead:
-            raise DataError(
-                f"data with a response in every {side} were asked",
-                f"{side} {', '.join(dead)} is zero throughout",
-                f"Leave it out: exclude={dead!r}, or --exclude {' '.join(dead)}.",
-            )
 
 
 def build(
@@ -275,7 +203,7 @@ def _matrix_of_lines(
             _refuse("shifted transfer functions of samples have no initial terms to eliminate", **{name: chosen[name]})
         if isinstance(response, FrequencyResponse):
             _refuse("the lines were transformed to samples", weights=weights)
-        q = rows or _default_shifts(response, order)
+        q = rows or default_shifts(response, order)
         made = shifted(response, block_rows=q, block_columns=columns, band=band, row_shifts=chosen["row_shifts"])
         return made, {"block_rows": made.block_rows, "block_columns": made.window, "source": source, **said}
     if isinstance(response, ImpulseResponse):
@@ -283,7 +211,7 @@ def _matrix_of_lines(
             "source='elimination' was asked", "the data are samples, not lines", "Leave it out: samples are exact."
         )
     _refuse("the columns of a frequency-domain matrix are lines", block_columns=columns)
-    q = rows or _default_degree(response, order)
+    q = rows or default_degree(response, order)
     made_of_lines = transfer(
         response,
         domain=cell.domain,
@@ -374,37 +302,3 @@ def _transposed(response: ImpulseResponse) -> ImpulseResponse:
         input_dofs=tuple(f"out {dof}" for dof in response.output_dofs),
         units=response.units[::-1],
     )
-
-
-def default_blocks(
-    response: ImpulseResponse, order: int, block_rows: int | None, block_columns: int | None
-) -> tuple[int, int]:
-    """Return block sizes: three times as many rows as states, and the rest of the samples, up to twenty times, as columns.
-
-    More rows than that mostly add noise; more columns average it. Both are at least ten blocks where the samples allow it.
-    Correlations get four times as many columns as rows and at least eighty: their errors do not fade with the lag as
-    the modes do, so that long ones harm.
-    """
-    samples, outputs, inputs = response.values.shape
-    room = samples if block_columns is None else max(samples - block_columns, 1)
-    rows = block_rows or min(max(-(-3 * order // outputs), 10), max(samples // 2, 1), room)
-    ample = max(4 * rows, 80) if response.kind == "correlation" else max(-(-20 * order // inputs), rows, 10)
-    columns = block_columns or max(min(samples - rows, ample), 1)
-    return rows, columns
-
-
-def _default_shifts(response: Response, order: int) -> int:
-    """Return three times as many rows as states, at least ten blocks, at most a third of the samples."""
-    count = response.samples if isinstance(response, ImpulseResponse) else 2 * response.lines - 3
-    return int(max(min(max(-(-3 * order // response.values.shape[1]), 10), count // 3), 1))
-
-
-def _default_degree(response: FrequencyResponse, order: int) -> int:
-    """Return the degree q: up to 48, fewer with many outputs (600 rows in all) or few lines, at least 8 and what the order needs.
-
-    A high degree steadies the damping of modes near the edge of the band; the triangular factor has outputs x (q + 1) rows.
-    """
-    lines, outputs, inputs = response.values.shape
-    wanted = max(min(48, lines // 4, 600 // outputs), 8, -(-order // outputs) + 1)
-    carried = (2 * lines * inputs - order) // inputs - 1
-    return int(max(min(wanted, carried), 1))

@@ -9,14 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.identify import Eigenmodes, eigenmodes, indicators_of, split_extraneous
+from modalscope.accuracy import indicators_of
+from modalscope.eigenmodes import Eigenmodes, eigenmodes, split_extraneous
 from modalscope.indicators import mac
 from modalscope.model.checks import Array, DataError, RealArray, check_count, check_positive
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.poles import frequencies_and_damping
-from modalscope.pipeline import Data, Pipeline, build
+from modalscope.pipeline import Pipeline, build
+from modalscope.prepare import Data
 from modalscope.residues import basis_of_lines, basis_of_samples, rebuilt_rows
 
 __all__ = ["TOLERANCES", "stabilize"]

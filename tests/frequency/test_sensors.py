@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from modalscope import DataError, StateSpace, identify
-from modalscope.identify import from_modes
+from modalscope.eigenmodes import from_modes
 from modalscope.realize.sensors import equations_of_motion, first_order_form
 from modalscope.systems import chain
 from tests.support import FIVE, match_poles, relative

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.identify import eigenmodes, identify, split_extraneous
+from modalscope.eigenmodes import eigenmodes, split_extraneous
+from modalscope.identify import identify
 from modalscope.pipeline import build
 from modalscope.realize.reduction import reversed_companion
 from tests.support import FIVE, add_noise, match_poles

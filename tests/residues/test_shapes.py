@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from modalscope import DataError, FrequencyResponse, ModalModel, StateSpace
-from modalscope.identify import from_modes
+from modalscope.eigenmodes import from_modes
 from modalscope.residues import basis_of_lines, fit_participation, fit_residues, rebuilt_rows
 from modalscope.systems import chain
 from tests.support import FIVE, random_system, relative

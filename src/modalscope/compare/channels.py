@@ -23,7 +23,7 @@ from modalscope.model.checks import Array, RealArray
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.signals import Signals
-from modalscope.pipeline import Data
+from modalscope.prepare import Data
 from modalscope.residues import basis_of_lines, basis_of_samples
 
 __all__ = ["channel_causes", "sign_causes", "without_dead"]

@@ -21,7 +21,7 @@ from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.labels import DofLike
 from modalscope.model.modes import ModalModel
 from modalscope.model.signals import Signals
-from modalscope.pipeline import Data, prepare
+from modalscope.prepare import Data, prepare
 from modalscope.residues import fit_error
 from modalscope.residues.rebuilt import fitted_terms, rebuilt, window_damping
 
@@ -78,9 +78,8 @@ def compare(
     Examples
     --------
     >>> from modalscope.systems import chain5
-    >>> c = compare(
-    ...     chain5().impulse_response(300, noise=0.01, seed=0), ["era", "least_squares"], orders=range(2, 21, 2)
-    ... )
+    >>> response = chain5().impulse_response(300, noise=0.01, seed=0)
+    >>> c = compare(response, ["era/time", "least_squares/time"], orders=range(2, 21, 2))
     >>> len(c.modes), c.results[0].name, bool(c.kinship.distances[0, 1] < 1e-9)
     (5, 'era (time)', True)
     """

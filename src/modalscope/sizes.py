@@ -1,0 +1,42 @@
+"""Block sizes where none are given: from samples or lines, channels and the largest order."""
+
+from __future__ import annotations
+
+from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.impulse import ImpulseResponse
+
+__all__ = ["default_blocks", "default_degree", "default_shifts"]
+
+
+def default_blocks(
+    response: ImpulseResponse, order: int, block_rows: int | None, block_columns: int | None
+) -> tuple[int, int]:
+    """Return block sizes: three times as many rows as states, and the rest of the samples, up to twenty times, as columns.
+
+    More rows than that mostly add noise; more columns average it. Both are at least ten blocks where the samples allow it.
+    Correlations get four times as many columns as rows and at least eighty: their errors do not fade with the lag as
+    the modes do, so that long ones harm.
+    """
+    samples, outputs, inputs = response.values.shape
+    room = samples if block_columns is None else max(samples - block_columns, 1)
+    rows = block_rows or min(max(-(-3 * order // outputs), 10), max(samples // 2, 1), room)
+    ample = max(4 * rows, 80) if response.kind == "correlation" else max(-(-20 * order // inputs), rows, 10)
+    columns = block_columns or max(min(samples - rows, ample), 1)
+    return rows, columns
+
+
+def default_shifts(response: ImpulseResponse | FrequencyResponse, order: int) -> int:
+    """Return three times as many rows as states, at least ten blocks, at most a third of the samples."""
+    count = response.samples if isinstance(response, ImpulseResponse) else 2 * response.lines - 3
+    return int(max(min(max(-(-3 * order // response.values.shape[1]), 10), count // 3), 1))
+
+
+def default_degree(response: FrequencyResponse, order: int) -> int:
+    """Return the degree q: up to 48, fewer with many outputs (600 rows in all) or few lines, at least 8 and what the order needs.
+
+    A high degree steadies the damping of modes near the edge of the band; the triangular factor has outputs x (q + 1) rows.
+    """
+    lines, outputs, inputs = response.values.shape
+    wanted = max(min(48, lines // 4, 600 // outputs), 8, -(-order // outputs) + 1)
+    carried = (2 * lines * inputs - order) // inputs - 1
+    return int(max(min(wanted, carried), 1))
