@@ -20,8 +20,11 @@ _SECOND = 0.1
 #: A hit this many times stronger than the median of all is not one of the same series.
 _OUTLIER = 5.0
 
-#: Equal consecutive samples at a channel's extreme that are no chance, in one place and in all.
-_PLATEAU, _CLIPPED = 3, 6
+#: Equal consecutive samples at the peak of a hit that are no chance.
+_PLATEAU = 3
+
+#: A converter's limit is reached this often at least, and this many times as often as the level before it.
+_OFTEN, _MORE = 6, 3
 
 #: An impact puts this part of its energy into this part of the record.
 _ENERGY, _PART = 0.95, 0.05
@@ -83,23 +86,17 @@ def is_impact(force: Array) -> bool:
 
 
 def clipped_samples(x: Array) -> int:
-    """Return how many samples of x (N,) stand in plateaus of three or more at its largest or smallest value, 0 if below six.
+    """Return how many samples of x (N,) stand at a limit: its largest or smallest value, reached often and all of a sudden.
 
-    One plateau of three is what a coarse converter makes of a smooth peak. A signal of few levels (a square or binary one)
-    and a channel at rest have none.
+    Levels of a signal that is not clipped are rarer the further out they are, repeated and binary ones alike at most. The
+    level at which a channel rests is no limit.
     """
-    largest, smallest = float(x.max()), float(x.min())
-    if largest == smallest or np.unique(x[:: max(1, x.size // 4096)]).size <= 16:
+    levels, counts = np.unique(x, return_counts=True)
+    if levels.size < 3:
         return 0
-    count = 0
-    for extreme in (largest, smallest):
-        if extreme == 0:  # a channel that rests at zero and swings to one side
-            continue
-        at = np.concatenate([[0], (x == extreme).astype(np.int8), [0]])
-        steps = np.diff(at)
-        lengths = np.flatnonzero(steps < 0) - np.flatnonzero(steps > 0)
-        count += int(lengths[lengths >= _PLATEAU].sum())
-    return count if count >= _CLIPPED else 0
+    rest = float(np.median(x))
+    ends = ((levels[0], counts[0], counts[1]), (levels[-1], counts[-1], counts[-2]))
+    return sum(int(at) for level, at, before in ends if level != rest and at >= _OFTEN and at >= _MORE * before)
 
 
 def _pulses(force: RealArray, peak: float) -> list[tuple[int, int]]:

@@ -18,6 +18,9 @@ from modalscope.preprocess.spectra import Segments, cross_spectra, window_sample
 __all__ = ["examine"]
 
 
+#: Outputs of single runs, untouched by averaging, are this much like what they were in the others, or more.
+_ALIKE = 0.5
+
 #: What is looked for in the response that a record gives; the rest is seen in the record itself.
 _SHOWN_BY_RESPONSES = {"low coherence", "reciprocity", "polarity", "swapped", "wrong quantity"}
 
@@ -81,10 +84,14 @@ def _examine_record(signals: Signals) -> list[Finding]:
         found += leakage(alive)
     short = too_short(alive) if kind in ("random", "ambient") else []
     found += short
-    noisy = noisy_channels(alive, kind)
+    changed = _runs(alive) if forced else []
+    found += changed
+    # what a change between runs does to coherence is no finding of its own
+    explained = {dof for finding in changed for dof in finding.channels}
+    noisy = [finding for finding in noisy_channels(alive, kind) if finding.channels[0] not in explained]
     found += noisy
     if forced:
-        found += _of_response(alive, bool(short), {finding.channels[0] for finding in noisy})
+        found += _of_response(alive, bool(short), explained | {finding.channels[0] for finding in noisy})
     return found
 
 
@@ -92,7 +99,7 @@ def _some_left(signals: Signals, dead: set[str]) -> bool:
     return any(dof not in dead for dof in signals.output_dofs)
 
 
-def _of_response(signals: Signals, short: bool, noisy: set[str]) -> list[Finding]:
+def _of_response(signals: Signals, short: bool, explained: set[str]) -> list[Finding]:
     """Return what the estimated response shows beyond what its record did."""
     assert signals.inputs is not None
     if signals.runs == 1 and signals.samples < 64 * len(signals.input_dofs):
@@ -108,8 +115,8 @@ def _of_response(signals: Signals, short: bool, noisy: set[str]) -> list[Finding
     response = response.at_lines(lines)
     found = [finding for finding in examine_response(response) if finding.kind in _SHOWN_BY_RESPONSES]
     # coherence falls at resonances that a short record does not resolve, and with noise: one cause, one finding
-    found = [f for f in found if not (f.kind == "low coherence" and (short or f.channels[0] in noisy))]
-    return found + _runs(signals)
+    found = [f for f in found if not (f.kind == "low coherence" and (short or f.channels[0] in explained))]
+    return found
 
 
 def _runs(signals: Signals) -> list[Finding]:
@@ -141,7 +148,7 @@ def _changed(likeness: RealArray, signals: Signals, run: int) -> list[Finding]:
     """Read off the real correlations (usual output, output of this run) what changed in a run."""
     found, own = [], np.diag(likeness)
     for i, dof in enumerate(signals.output_dofs):
-        if own[i] < -0.7:
+        if own[i] < -_ALIKE:
             found.append(
                 Finding(
                     "polarity",
@@ -158,6 +165,6 @@ def _changed(likeness: RealArray, signals: Signals, run: int) -> list[Finding]:
                 "Exchange them in that run, or leave the run out.",
             )
             for j in range(i)
-            if likeness[i, j] > 0.9 and likeness[j, i] > 0.9 and max(own[i], own[j]) < 0.7
+            if min(likeness[i, j], likeness[j, i]) > max(_ALIKE, 2 * own[i], 2 * own[j])
         ]
     return found

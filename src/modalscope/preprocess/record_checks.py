@@ -27,7 +27,7 @@ _USEFUL = 0.01
 _LEFT = 0.05
 
 #: A random record shorter than this many times 1 / (zeta omega) tells little of the damping.
-_TIME_CONSTANTS = 10.0
+_TIME_CONSTANTS = 6.0
 
 
 def clipped(signals: Signals, kind: str) -> list[Finding]:
@@ -190,8 +190,9 @@ def too_short(signals: Signals) -> list[Finding]:
     spectrum = np.zeros(length, dtype=complex)
     spectrum[: lines.size] = power * band
     envelope = np.abs(fft.ifft(spectrum))[: signals.samples // 2]
-    below = np.flatnonzero(envelope < envelope[0] * np.exp(-1))
-    constant = float(below[0] if below.size else envelope.size) / signals.sampling_rate
+    # half an e-fold: further down a short record's correlation is scatter
+    below = np.flatnonzero(envelope < envelope[0] * np.exp(-0.5))
+    constant = 2 * float(below[0] if below.size else envelope.size) / signals.sampling_rate
     count = signals.runs * signals.duration / constant
     if count >= _TIME_CONSTANTS:
         return []
@@ -202,6 +203,6 @@ def too_short(signals: Signals) -> list[Finding]:
             (signals.output_dofs[i],),
             f"{signals.runs * signals.duration:.4g} s are {count:.1f} times the decay time of the resonance at {f0:.4g} Hz "
             f"(damping near {100 * damping:.2g} %)",
-            f"Damping will scatter by some {100 / np.sqrt(count):.0f} %: measure {10 * _TIME_CONSTANTS * constant:.4g} s or more.",
+            f"Damping will scatter by some {100 / np.sqrt(count):.0f} %: measure {100 * constant:.4g} s or more.",
         )
     ]

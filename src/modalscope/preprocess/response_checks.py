@@ -186,23 +186,30 @@ def _level(response: FrequencyResponse) -> RealArray:
 
 
 def _low_slope(response: FrequencyResponse) -> float | None:
-    """Return the slope of log |H| over log f from a tenth to a third of the first resonance; None with fewer than six lines there."""
+    """Return the slope of log |H| over log f from a sixth to half of the first resonance, of what a spring or a mass alone does.
+
+    None with fewer than six lines there, or where H is neither: a static response is real for an even slope, imaginary for
+    an odd one, and what leaks from a resonance is not.
+    """
     f, level = response.frequencies, _level(response)
     peaks = signal.find_peaks(level, prominence=np.log(5))[0]
     if peaks.size == 0:
         return None
     first = f[peaks[0]]
-    low = (f > first / 10) & (f < first / 3) & (f > 0)
+    low = (f > first / 6) & (f < first / 2) & (f > 0)
     if int(low.sum()) < 6 or f[low][-1] < 1.5 * f[low][0]:
         return None
-    x, y = np.log(f[low]), level[low]
+    x, y = np.log(f[low]), level[low] + np.log(1 - (f[low] / first) ** 2)  # without the resonance's own rise
     if response.variance is not None:
         scatter = response.variance[low].sum(axis=(1, 2)) / np.sum(np.abs(response.values[low]) ** 2, axis=(1, 2))
         if float(scatter.max()) > 0.1:
             return None  # the estimates' own scatter hides the slope
     slope, at = np.polyfit(x, y, 1)
     # noise and suspension modes are no straight line
-    return float(slope) if float(np.std(y - slope * x - at)) < 0.1 else None
+    straight = float(np.std(y - slope * x - at)) < 0.1
+    H = response.values[low]
+    on_axis = float(np.sum((H.real if round(slope) % 2 == 0 else H.imag) ** 2)) > 0.9 * float(np.sum(np.abs(H) ** 2))
+    return float(slope) if straight and on_axis else None
 
 
 def _slope(response: FrequencyResponse) -> list[Finding]:
