@@ -124,3 +124,17 @@ def test_a_mode_that_hardly_shows_is_called_weak() -> None:
     c = run(systems.add_noise(replace(modes, participation=part).impulse_response(400, 20.0), 0.001, 0))
     weak = [k for k, t in enumerate(c.trust) if "weak mode" in {x.name for x in t.causes}]
     assert [round(c.groups[k].frequency, 1) for k in weak] == [round(float(modes.frequencies[4]), 1)]
+
+
+def test_no_channel_is_blamed_for_what_real_poles_carry() -> None:
+    c = run(systems.over4().impulse_response(600, noise=NOISE, seed=0))
+    assert not c.findings
+
+
+def test_a_noisy_channel_is_named_bad() -> None:
+    clean = chain_lines()
+    values = np.array(clean.values)
+    rng = np.random.default_rng(0)
+    noise = rng.standard_normal((2, *values[:, 2].shape)) * np.std(values[:, 2]) * 0.5
+    values[:, 2] += noise[0] + 1j * noise[1]
+    assert channels(run(replace(clean, values=values)), "bad channel") == {"4:+X"}

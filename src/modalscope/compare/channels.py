@@ -9,7 +9,7 @@ swapped sign
     when more than 2 % of the residues is beyond rank one (a shape times a participation), and less than a third of that with
     its sign changed.
 bad channel
-    Its fit error is above .25 and three times the median.
+    Its fit error is above .25 and three times the median, and the modes leave no more than three times what the best model leaves.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def without_dead(data: Data) -> tuple[Data, list[Cause]]:
     return (data.select(**kept) if kept else data), causes
 
 
-def channel_causes(response: Response, rebuilt: Array, poles: Array) -> list[Cause]:
+def channel_causes(response: Response, rebuilt: Array, poles: Array, best: float = np.inf) -> list[Cause]:
     """Judge every channel by what the consensus modes leave of it.
 
     Parameters
@@ -66,10 +66,14 @@ def channel_causes(response: Response, rebuilt: Array, poles: Array) -> list[Cau
     rebuilt : array, shape of the response
     poles : array of complex, (n,)
         Of the consensus as they are in the data, rad/s.
+    best : float
+        What the best model of any order leaves. When the modes leave much more, real poles carry the rest, and no channel is blamed for it.
     """
     left = np.abs(response.values - rebuilt) ** 2
     size = np.abs(response.values) ** 2
     causes: list[Cause] = []
+    if np.sqrt(left.sum() / size.sum()) > _TIMES * best:
+        return _turned_alone(response, poles)
     for side, axes, labels in (("output", (0, 2), response.output_dofs), ("input", (0, 1), response.input_dofs)):
         if len(labels) < 3:  # too few to say which is the odd one
             continue

@@ -14,7 +14,7 @@ from modalscope.compare.identities import check_identities
 from modalscope.compare.kinship import kinship
 from modalscope.compare.plan import Response, plan
 from modalscope.compare.result import Comparison
-from modalscope.compare.run import Progress, run
+from modalscope.compare.run import MethodResult, Progress, run
 from modalscope.compare.scatter import noise_floor, stated
 from modalscope.compare.verdict import judge, words
 from modalscope.model.frequency import FrequencyResponse
@@ -96,7 +96,7 @@ def compare(
     if groups:
         findings += [
             *sign_causes(response),
-            *channel_causes(response, explained, modes.poles - window_damping(response)),
+            *channel_causes(response, explained, modes.poles - window_damping(response), _best_fit(results)),
         ]
     low = order_cause(results)
     findings += [] if low is None else [low]
@@ -126,6 +126,13 @@ def compare(
 
 def _added(response: Response) -> float:
     return response.added_damping if isinstance(response, FrequencyResponse) else 0.0
+
+
+def _best_fit(results: Sequence[MethodResult]) -> float:
+    """Return what the best model of any order leaves of the data, real poles and all."""
+    return min(
+        (float(r.diagram.fit_errors.min()) for r in results if r.diagram is not None and r.exact), default=np.inf
+    )
 
 
 def _duration(data: Data) -> float | None:
