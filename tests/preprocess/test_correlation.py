@@ -100,6 +100,7 @@ def test_half_spectra_are_rational_and_give_the_whole_spectrum():
     # damping of 10 % at .02 of the sampling rate: decayed to rounding in 2000 samples
     assert relative(half.values, resolvent + R.feedthrough / 2) < 1e-10
     assert half.sampling_rate == R.sampling_rate
+    assert relative(R.to_frequency_response(half.frequencies).values, half.values) < 1e-10
 
 
 def test_half_spectra_refuse_what_is_no_correlation():

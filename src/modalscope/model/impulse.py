@@ -103,12 +103,13 @@ class ImpulseResponse(Channels):
         """Return the transform of the sequence on the given lines (Hz), by default on its own DFT lines.
 
         For a pulse response H(z) = D + sum_k Y(k) z^-(k+1) with z = exp(j 2 pi f / fs); for samples of a continuous
-        impulse response dt * sum_k Y(k) z^-(k + first_sample), an approximation of the integral whose direct term is D.
+        impulse response dt * sum_k Y(k) z^-(k + first_sample), an approximation of the integral whose direct term is D. A
+        correlation gives its half spectra R(0) / 2 + sum_k R(k) z^-k.
         What lies beyond the last sample is taken as zero.
         """
         from modalscope.model.frequency import FrequencyResponse
 
-        held = self.kind == "pulse"
+        held = self.kind in ("pulse", "correlation")  # sequences of a sampled system, which start one step late
         if frequencies is None:
             length = self.samples + 1
             lines = np.fft.rfftfreq(length, 1 / self.sampling_rate)
@@ -120,7 +121,7 @@ class ImpulseResponse(Channels):
         shift = np.exp(-2j * np.pi * lines * delay / self.sampling_rate) * (1 if held else 1 / self.sampling_rate)
         values = values * shift[:, None, None]
         if self.feedthrough is not None:
-            values = values + self.feedthrough
+            values = values + (self.feedthrough / 2 if self.kind == "correlation" else self.feedthrough)
         return FrequencyResponse(
             values=values,
             frequencies=lines,
