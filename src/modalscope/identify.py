@@ -11,6 +11,7 @@ import numpy as np
 from modalscope.accuracy import indicators_of
 from modalscope.blocks.fraction import Fraction
 from modalscope.blocks.shifted import Shifted
+from modalscope.blocks.threads import one_thread
 from modalscope.eigenmodes import Eigenmodes, eigenmodes, from_modes, split_extraneous
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.frequency import FrequencyResponse
@@ -97,6 +98,7 @@ def rebuild(model: StateSpace, response: ImpulseResponse | FrequencyResponse) ->
     return model.impulse_response(response.samples, kind=response.kind, first_sample=response.first_sample, **channels)
 
 
+@one_thread
 def identify(
     data: Data, *, method: str | None = None, domain: str | None = None, order: int | None = None, **options: Any
 ) -> Identification:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from modalscope.blocks.threads import one_thread
 from modalscope.evidence import Candidate, Evidence, evidence_of, judge, oscillations, peaks
 from modalscope.indicators import mac
 from modalscope.model.checks import DataError
@@ -21,6 +22,7 @@ __all__ = ["select"]
 SLACK = 1.2
 
 
+@one_thread
 def select(
     diagram: StabilizationDiagram, *, frequencies: Iterable[float] | None = None, tolerance: float = 0.01
 ) -> ModalModel:

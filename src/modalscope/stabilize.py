@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.accuracy import indicators_of
+from modalscope.blocks.threads import one_thread
 from modalscope.eigenmodes import Eigenmodes, eigenmodes, split_extraneous
 from modalscope.indicators import mac
 from modalscope.model.checks import Array, DataError, RealArray, check_count, check_positive
@@ -40,6 +41,7 @@ class _Order:
     misfit: float
 
 
+@one_thread
 def stabilize(
     data: Data,
     *,
