@@ -7,6 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from modalscope.blocks.threads import one_thread
 from modalscope.model.checks import DataError, RealArray, check_choice, check_count
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.signals import Signals
@@ -20,6 +21,7 @@ from modalscope.preprocess.zoom import ZOOMS
 __all__ = ["estimate_frf"]
 
 
+@one_thread
 def estimate_frf(
     signals: Signals,
     *,

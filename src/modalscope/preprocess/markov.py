@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg as sla
 
+from modalscope.blocks.threads import one_thread
 from modalscope.model.checks import DataError, RealArray, check_choice, check_count
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.signals import Signals
@@ -87,6 +88,7 @@ class Observer(NamedTuple):
         return np.asarray(np.linalg.lstsq(observability, wanted, rcond=None)[0])
 
 
+@one_thread
 def estimate_markov(
     signals: Signals,
     *,
@@ -141,6 +143,7 @@ def estimate_markov(
     return _least_squares(signals, samples)
 
 
+@one_thread
 def estimate_observer(
     signals: Signals, *, observer_order: int | None = None, samples: int | None = None, longest: int | None = None
 ) -> Observer:
