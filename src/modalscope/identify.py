@@ -135,6 +135,10 @@ def identify(
         Of polyreference in the time domain to minimum order, see `modalscope.realize.reduced`.
     row_shifts, column_shifts, row_subsets, column_subsets, row_weights, column_weights, row_compression, column_compression : optional
         The data matrix in its generality, see `modalscope.blocks.hankel`.
+    largest_order : int, optional
+        How many singular values are looked at when no order is given; 60 by default.
+    **options
+        Those from `band` on.
 
     Returns
     -------
@@ -174,7 +178,13 @@ def identify(
 def realize(
     data: Data, *, method: str | None = None, domain: str | None = None, order: int | None = None, **options: Any
 ) -> StateSpace:
-    """Return the state-space model alone, for control work; the options are those of `identify`."""
+    """Return the state-space model alone, for control work.
+
+    Parameters
+    ----------
+    data, method, domain, order, **options
+        As in `identify`.
+    """
     return identify(data, method=method, domain=domain, order=order, **options).state_space
 
 

@@ -127,7 +127,13 @@ def clusters(poles: ArrayLike, width: float = 2e-3) -> list[Array]:
 
 
 def cmif(values: ArrayLike) -> RealArray:
-    """Complex mode indicator function: the singular values of H at every line, (F, min(l, m)), largest first."""
+    """Complex mode indicator function: the singular values of H at every line, (F, min(l, m)), largest first.
+
+    Parameters
+    ----------
+    values : array of complex, (F, l, m)
+        H on F lines.
+    """
     return np.asarray(np.linalg.svd(np.asarray(values), compute_uv=False))
 
 

@@ -100,7 +100,13 @@ class Channels:
         }
 
     def noted(self, step: str) -> Self:
-        """Return the same data with one more step of processing written down."""
+        """Return the same data with one more step of processing written down.
+
+        Parameters
+        ----------
+        step : str
+            What was done, in words.
+        """
         return replace(self, processing=(*self.processing, step))
 
     def select(

@@ -103,7 +103,18 @@ class FrequencyResponse(Channels):
         return int(self.frequencies.size)
 
     def band(self, lowest: float, highest: float) -> FrequencyResponse:
-        """Return the lines from `lowest` to `highest` Hz, both included."""
+        """Return the lines from `lowest` to `highest` Hz, both included.
+
+        Parameters
+        ----------
+        lowest, highest : float
+            Hz.
+
+        Raises
+        ------
+        DataError
+            Ends that do not increase, or a band that holds no line.
+        """
         if not lowest < highest:
             raise DataError(
                 f"the band {lowest:g} to {highest:g} Hz was asked",
@@ -120,7 +131,13 @@ class FrequencyResponse(Channels):
         return self.at_lines(slice(int(inside[0]), int(inside[-1]) + 1))
 
     def at_lines(self, lines: slice | Array) -> FrequencyResponse:
-        """Return the response at some of its lines, given by index."""
+        """Return the response at some of its lines.
+
+        Parameters
+        ----------
+        lines : slice or array of int or bool
+            Which, by index.
+        """
         cut: dict[str, Any] = {
             name: None if (a := getattr(self, name)) is None else a[lines]
             for name in ("values", "frequencies", "coherence", "variance")
@@ -129,6 +146,11 @@ class FrequencyResponse(Channels):
 
     def as_quantity(self, wanted: str) -> FrequencyResponse:
         """Return the response in another quantity: multiplied by (j 2 pi f)^p, the caller's data untouched.
+
+        Parameters
+        ----------
+        wanted : {"displacement", "velocity", "acceleration"}
+            p is how often that is differentiated more than the response's own quantity.
 
         Raises
         ------

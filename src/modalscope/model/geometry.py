@@ -94,7 +94,13 @@ class Geometry:
         )
 
     def motion_of(self, label: str) -> tuple[Motion, ...]:
-        """Return the (node, direction) pairs that a channel moves; empty when the geometry does not know it."""
+        """Return the (node, direction) pairs that a channel moves; empty when the geometry does not know it.
+
+        Parameters
+        ----------
+        label : str
+            Of the channel.
+        """
         if label in self.motions:
             return self.motions[label]
         dof = parse_dof(label)
@@ -103,7 +109,15 @@ class Geometry:
         return ((dof.node, dof.vector),)
 
     def displaced(self, labels: tuple[str, ...], shape: Array) -> Array:
-        """Return the displacement (nodes, 3) of every node for one shape (values a label), zero where nothing was measured."""
+        """Return the displacement of every node for one shape, (nodes, 3), zero where nothing was measured.
+
+        Parameters
+        ----------
+        labels : tuple of str, (l,)
+            Channels of the shape.
+        shape : array, (l,)
+            One value a channel.
+        """
         moved = np.zeros((len(self.nodes), 3), dtype=np.asarray(shape).dtype)
         position = {node: i for i, node in enumerate(self.nodes)}
         for label, value in zip(labels, shape, strict=True):

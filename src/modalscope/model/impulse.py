@@ -106,6 +106,11 @@ class ImpulseResponse(Channels):
         impulse response dt * sum_k Y(k) z^-(k + first_sample), an approximation of the integral whose direct term is D. A
         correlation gives its half spectra R(0) / 2 + sum_k R(k) z^-k.
         What lies beyond the last sample is taken as zero.
+
+        Parameters
+        ----------
+        frequencies : array, (F,), optional
+            Lines in Hz.
         """
         from modalscope.model.frequency import FrequencyResponse
 

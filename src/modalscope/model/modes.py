@@ -174,7 +174,13 @@ class ModalModel(Channels):
         return np.asarray(self.shapes.T[:, :, None] * part[:, None, :])
 
     def take(self, modes: ArrayLike) -> ModalModel:
-        """Return some of the modes, by index."""
+        """Return some of the modes.
+
+        Parameters
+        ----------
+        modes : array of int or bool
+            Which, counted from zero.
+        """
         index = np.atleast_1d(np.asarray(modes))
         index = np.flatnonzero(index) if index.dtype == bool else index.astype(int)
         known = {name: getattr(self, name) for name in ("participation", *_PER_MODE)}
@@ -247,7 +253,21 @@ class ModalModel(Channels):
     def impulse_response(
         self, samples: int, sampling_rate: float | None = None, *, first_sample: int = 0
     ) -> ImpulseResponse:
-        """Return sum_j phi_j exp(s_j (k + first_sample) dt) l_j' and conjugates, k = 0 ... samples - 1."""
+        """Return sum_j phi_j exp(s_j (k + first_sample) dt) l_j' and conjugates, k = 0 ... samples - 1.
+
+        Parameters
+        ----------
+        samples : int
+        sampling_rate : float, optional
+            Samples per second; that of the identified system by default.
+        first_sample : int
+            Sampling intervals from the impulse to the first value.
+
+        Raises
+        ------
+        DataError
+            No participation, no sampling rate, or another rate than that of a held input.
+        """
         part = self._need_participation("an impulse response")
         own = None if self.dt is None else 1 / self.dt
         rate = own if sampling_rate is None else check_positive("sampling_rate", sampling_rate)
@@ -275,7 +295,20 @@ class ModalModel(Channels):
         )
 
     def frequency_response(self, frequencies: ArrayLike, *, residuals: bool = True) -> FrequencyResponse:
-        """Return the response of the modes, the direct term and (unless left out) the residuals, on lines in Hz."""
+        """Return the response of the modes, the direct term and the residuals.
+
+        Parameters
+        ----------
+        frequencies : array, (F,)
+            Lines in Hz.
+        residuals : bool
+            Whether modes outside the band take part, where they are known.
+
+        Raises
+        ------
+        DataError
+            No participation.
+        """
         f = np.asarray(frequencies, dtype=float)
         values = self._modal_sum(f)
         if self.feedthrough is not None:

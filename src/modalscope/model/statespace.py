@@ -122,6 +122,11 @@ class StateSpace:
         The logarithm is taken of the eigenvalues, never of the matrix. Frequencies above half the sampling rate cannot
         be told from their aliases below it.
 
+        Parameters
+        ----------
+        input : {"held", "dirac"}
+            What the sampled model's input does between samples (see `to_discrete`).
+
         Raises
         ------
         DataError
@@ -134,7 +139,17 @@ class StateSpace:
         return StateSpace(A=A, B=B, C=self.C, D=self.D)
 
     def markov_parameters(self, samples: int) -> RealArray:
-        """Return Y(k) = C A^k B, k = 0 ... samples - 1, as (samples, l, m) (Eq. 11)."""
+        """Return Y(k) = C A^k B, k = 0 ... samples - 1, of a sampled model as (samples, l, m) (Eq. 11).
+
+        Parameters
+        ----------
+        samples : int
+
+        Raises
+        ------
+        DataError
+            A continuous model.
+        """
         self._need("markov_parameters", continuous=False)
         values = np.empty((check_count("samples", samples), self.C.shape[0], self.B.shape[1]))
         state = np.array(self.B)
@@ -146,7 +161,11 @@ class StateSpace:
     def impulse_response(self, samples: int, **channels: Any) -> ImpulseResponse:
         """Return the Markov parameters of a sampled model as a pulse response, with its direct term.
 
-        Keyword arguments are those of `ImpulseResponse` (labels, units, kind ...).
+        Parameters
+        ----------
+        samples : int
+        **channels
+            Fields of `ImpulseResponse` (labels, units, kind ...).
         """
         values = self.markov_parameters(samples)
         assert self.dt is not None
@@ -155,13 +174,29 @@ class StateSpace:
         )
 
     def transfer(self, points: ArrayLike) -> ComplexArray:
-        """Return D + C (x I - A)^-1 B at complex points x (rad/s, or on the z-plane), as (points, l, m) (Eq. 75)."""
+        """Return D + C (x I - A)^-1 B, (points, l, m) (Eq. 75).
+
+        Parameters
+        ----------
+        points : array of complex, (points,)
+            x, in rad/s for a continuous model and on the z-plane for a sampled one.
+
+        Raises
+        ------
+        DataError
+            A point that is a pole.
+        """
         return transfer(self.A, self.B, self.C, self.D, np.atleast_1d(np.asarray(points, dtype=np.complex128)))
 
     def frequency_response(self, frequencies: ArrayLike, **channels: Any) -> FrequencyResponse:
         """Return the frequency response on lines in Hz: at j 2 pi f, or at exp(j 2 pi f dt) for a sampled model.
 
-        Keyword arguments are those of `FrequencyResponse` (labels, units, quantity ...).
+        Parameters
+        ----------
+        frequencies : array, (F,)
+            Lines in Hz.
+        **channels
+            Fields of `FrequencyResponse` (labels, units, quantity ...).
         """
         f = np.asarray(frequencies, dtype=float)
         points = 2j * np.pi * f if self.dt is None else np.exp(2j * np.pi * f * self.dt)
@@ -171,7 +206,20 @@ class StateSpace:
         )
 
     def simulate(self, inputs: ArrayLike, initial_state: ArrayLike | None = None) -> RealArray:
-        """Return the outputs (N, l) of a sampled model for inputs (N, m): x(k+1) = A x(k) + B u(k), y = C x + D u (Eq. 5)."""
+        """Return the outputs (N, l) of a sampled model: x(k+1) = A x(k) + B u(k), y = C x + D u (Eq. 5).
+
+        Parameters
+        ----------
+        inputs : array, (N, m)
+            u.
+        initial_state : array, (n,), optional
+            x(0); zero by default.
+
+        Raises
+        ------
+        DataError
+            A continuous model, or inputs or a state of another size.
+        """
         self._need("simulate", continuous=False)
         u = real_array("inputs", inputs, "(samples, inputs)", 2)
         if u.shape[1] != self.B.shape[1]:
@@ -195,7 +243,13 @@ class StateSpace:
         return np.asarray(states @ self.C.T + u @ self.D.T)
 
     def transformed(self, T: ArrayLike) -> StateSpace:
-        """Return the model in new coordinates x = T z: (T^-1 A T, T^-1 B, C T, D) (Eqs. 12-14)."""
+        """Return the model in new coordinates x = T z: (T^-1 A T, T^-1 B, C T, D) (Eqs. 12-14).
+
+        Parameters
+        ----------
+        T : array, (n, n)
+            Regular.
+        """
         matrix = real_array("T", T, "(states, states)", 2)
         if matrix.shape != self.A.shape or np.linalg.cond(matrix) > 1 / np.finfo(float).eps:
             raise DataError(
@@ -207,11 +261,23 @@ class StateSpace:
         return StateSpace(A=inverse @ self.A @ matrix, B=inverse @ self.B, C=self.C @ matrix, D=self.D, dt=self.dt)
 
     def controllability_matrix(self, blocks: int | None = None) -> RealArray:
-        """Return [B, A B, ..., A^(blocks-1) B], (n, m blocks); as many blocks as states by default."""
+        """Return [B, A B, ..., A^(blocks-1) B], (n, m blocks).
+
+        Parameters
+        ----------
+        blocks : int, optional
+            As many as states by default.
+        """
         return krylov(self.A, self.B, check_count("blocks", self.order if blocks is None else blocks))
 
     def observability_matrix(self, blocks: int | None = None) -> RealArray:
-        """Return [C; C A; ...; C A^(blocks-1)], (l blocks, n); as many blocks as states by default."""
+        """Return [C; C A; ...; C A^(blocks-1)], (l blocks, n).
+
+        Parameters
+        ----------
+        blocks : int, optional
+            As many as states by default.
+        """
         return krylov(self.A.T, self.C.T, check_count("blocks", self.order if blocks is None else blocks)).T
 
     def controllability_gramian(self, horizon: float | None = None) -> RealArray:
@@ -230,7 +296,13 @@ class StateSpace:
         return gramian(self.A, self.B, horizon, self.dt is not None)
 
     def observability_gramian(self, horizon: float | None = None) -> RealArray:
-        """Return sum_k A'^k C' C A^k, or the integral of exp(A' t) C' C exp(A t); see `controllability_gramian`."""
+        """Return sum_k A'^k C' C A^k, or the integral of exp(A' t) C' C exp(A t), (n, n).
+
+        Parameters
+        ----------
+        horizon : int or float, optional
+            As in `controllability_gramian`.
+        """
         return gramian(self.A.T, self.C.T, horizon, self.dt is not None)
 
     def balanced(self, order: int | None = None, *, steady_state: bool = False) -> Balanced:
@@ -290,7 +362,18 @@ class StateSpace:
 
     @classmethod
     def from_other(cls, system: Any) -> StateSpace:
-        """Take over a state-space model of scipy or python-control: anything with A, B, C, D and dt."""
+        """Take over a state-space model of scipy or python-control.
+
+        Parameters
+        ----------
+        system : object
+            Anything with A, B, C, D and dt (None or 0 when it is continuous).
+
+        Raises
+        ------
+        DataError
+            One of these is missing, or a sampled model does not say its interval.
+        """
         return cls(**matrices_of(system))
 
     def _need(self, asked: str, *, continuous: bool) -> None:

@@ -94,6 +94,11 @@ def equations_of_motion(model: StateSpace) -> EquationsOfMotion:
 def first_order_form(model: StateSpace) -> StateSpace:
     """Return the model whose states are the outputs, y' = (C A C#) y + C B u (Eqs. 108-109), of order l.
 
+    Parameters
+    ----------
+    model : StateSpace
+        Continuous, with at least as many outputs as states.
+
     Raises
     ------
     DataError

@@ -119,6 +119,13 @@ def clamped_beam_frequencies(
     """Return the frequencies f_j = b_j^2 / (2 pi L^2) sqrt(E I / (rho A)) in Hz of the continuous beam.
 
     b_j are the roots of cos b cosh b = -1 (far end free), cos b cosh b = 1 (clamped), tan b = tanh b (pinned).
+
+    Parameters
+    ----------
+    modes : int
+        How many of the lowest.
+    far_end, length, bending_stiffness, mass_per_length
+        As in `clamped_beam`.
     """
     check_choice("far_end", far_end, FAR_ENDS)
 

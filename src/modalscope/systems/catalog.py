@@ -40,6 +40,11 @@ def names() -> tuple[str, ...]:
 def build(name: str) -> Structure:
     """Return a structure by its name in the catalog.
 
+    Parameters
+    ----------
+    name : str
+        One of `names()`.
+
     Raises
     ------
     DataError

@@ -40,6 +40,8 @@ def chain(
         Masses that are measured and forced, counted from zero; all by default. They are called `1:+X`, `2:+X`, ...
     dt : float, optional
         Sampling interval that suits the chain, seconds.
+    name : str
+        What the chain is called.
 
     Raises
     ------
@@ -127,6 +129,17 @@ def spring_chain(n: int = 5, *, mass: float = 25.91, stiffness: float = 1e4, dam
 
     See `spring_chain_modes` for the closed form. With 5 masses, 100 samples per second, white force on every mass and
     measured accelerations it is the example that the pyOMA packages publish results for.
+
+    Parameters
+    ----------
+    n : int
+        Number of masses.
+    mass : float
+        Of each, kg.
+    stiffness : float
+        Of every spring, N/m.
+    damping_ratio : float
+        Of every mode.
     """
     m, k = (
         np.full(check_count("n", n), check_positive("mass", mass)),

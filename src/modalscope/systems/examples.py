@@ -68,6 +68,11 @@ def three_masses_record(*, noisy: bool = True) -> ImpulseResponse:
     """Return 100 samples of the velocities of `three_masses` after all start at 1 m/s, with the published noise.
 
     The noise is normal with a standard deviation of 0.05 m/s, drawn by numpy's PCG64DXSM of seed 1 as (outputs, samples).
+
+    Parameters
+    ----------
+    noisy : bool
+        Whether the noise is there.
     """
     decay = three_masses().free_decay(100, velocity=np.ones(3), quantity="velocity")
     if not noisy:

@@ -38,7 +38,15 @@ def undamped_modes(M: RealArray, K: RealArray) -> tuple[RealArray, RealArray]:
 
 
 def modal_damping(M: RealArray, K: RealArray, ratios: Array | float) -> RealArray:
-    """Return the damping matrix M Phi diag(2 zeta w) Phi' M that gives the modes, by rising frequency, these ratios."""
+    """Return the damping matrix M Phi diag(2 zeta w) Phi' M that gives the modes, by rising frequency, these ratios.
+
+    Parameters
+    ----------
+    M, K : array, (n, n)
+        Mass and stiffness, kg and N/m.
+    ratios : float or array, (n,)
+        Damping ratios; one for all modes, or one each.
+    """
     w, Phi = undamped_modes(M, K)
     carried = M @ Phi
     return np.asarray((carried * (2 * np.broadcast_to(ratios, w.shape) * w)) @ carried.T)

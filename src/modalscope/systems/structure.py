@@ -150,6 +150,11 @@ class Structure:
         The sum over the modes, with the direct term, is the exact frequency response; motions of the rigid body, whose
         double pole at zero has no modal sum, are its `lower_residual`.
 
+        Parameters
+        ----------
+        outputs, inputs, quantity
+            As in `state_space`.
+
         Raises
         ------
         DataError
@@ -205,9 +210,19 @@ class Structure:
         noise: float | None = None,
         seed: Seed = None,
     ) -> ImpulseResponse:
-        """Return the Markov parameters of the exactly sampled structure; arguments as in `state_space`.
+        """Return the Markov parameters of the exactly sampled structure.
 
         A Dirac impulse's direct term is not a number, so that of an acceleration is left out there.
+
+        Parameters
+        ----------
+        samples : int
+        sampling_rate : float, optional
+            Samples per second; 1 / `dt` of the structure by default.
+        outputs, inputs, quantity, input
+            As in `state_space`.
+        noise, seed
+            As in `frequency_response`.
         """
         check_choice("quantity", quantity, QUANTITIES)
         rows, columns = self._positions(outputs, inputs)
@@ -229,7 +244,18 @@ class Structure:
         outputs: Dofs = None,
         quantity: str = "displacement",
     ) -> ImpulseResponse:
-        """Return the decay from initial displacements and velocities, values[k] at t = k dt, as one input's response."""
+        """Return the decay from initial displacements and velocities, values[k] at t = k dt, as one input's response.
+
+        Parameters
+        ----------
+        samples : int
+        displacement, velocity : array, (n,), optional
+            Of every degree of freedom at the start; zero by default.
+        sampling_rate : float, optional
+            Samples per second; 1 / `dt` of the structure by default.
+        outputs, quantity
+            As in `state_space`.
+        """
         check_choice("quantity", quantity, QUANTITIES)
         n = self.degrees
         start = np.zeros(2 * n)

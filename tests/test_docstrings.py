@@ -1,0 +1,89 @@
+"""What `modalscope` offers is described: every public name has a numpydoc docstring that names its parameters."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+import modalscope
+
+#: `**options` are described in words, by reference to the verb that takes them.
+_NAMED = (
+    inspect.Parameter.POSITIONAL_ONLY,
+    inspect.Parameter.POSITIONAL_OR_KEYWORD,
+    inspect.Parameter.KEYWORD_ONLY,
+    inspect.Parameter.VAR_KEYWORD,
+)
+
+
+def public_callables() -> Iterator[tuple[str, Callable[..., Any]]]:
+    """Yield classes, functions and the public methods of classes, by name."""
+    for name in modalscope.__all__:
+        found = getattr(modalscope, name)
+        members = {f"{name}.{part}": getattr(found, part) for part in getattr(found, "__all__", ())}
+        for label, thing in (members or {name: found}).items():
+            if not callable(thing):
+                continue
+            yield label, thing
+            if inspect.isclass(thing):
+                methods = inspect.getmembers(thing, lambda m: inspect.isfunction(m) or inspect.ismethod(m))
+                yield from ((f"{label}.{part}", method) for part, method in methods if not part.startswith("_"))
+
+
+CALLABLES = dict(public_callables())
+
+
+def described(thing: Callable[..., Any]) -> set[str]:
+    """Return the names in the Parameters section of a docstring."""
+    section = re.search(r"^Parameters\n-+\n(.*?)(?=^\S[^\n]*\n-+$|\Z)", inspect.getdoc(thing) or "", re.S | re.M)
+    heads = [line for line in (section[1].splitlines() if section else ()) if line and not line[0].isspace()]
+    return {name.strip().lstrip("*") for head in heads for name in head.partition(" : ")[0].split(",")}
+
+
+def taken(thing: Callable[..., Any]) -> set[str]:
+    """Return the names of the parameters that a caller may give."""
+    parameters = inspect.signature(thing).parameters.values()
+    return {p.name for p in parameters if p.kind in _NAMED and p.name not in ("self", "cls")}
+
+
+def inherited(thing: Callable[..., Any]) -> set[str]:
+    """Return what a noun's docstring leaves to those of the classes that it extends."""
+    return set().union(*(described(base) for base in thing.__mro__[1:-1])) if inspect.isclass(thing) else set()
+
+
+@pytest.mark.parametrize("name", CALLABLES)
+def test_a_docstring_opens_with_one_sentence(name: str) -> None:
+    text = inspect.getdoc(CALLABLES[name]) or ""
+    assert text, f"{name} has no docstring"
+    assert re.match(r"[^\n]+[.?]\n?(\n|\Z)", text), f"{name} does not open with a sentence on a line of its own"
+
+
+@pytest.mark.parametrize("name", CALLABLES)
+def test_every_parameter_is_described(name: str) -> None:
+    thing = CALLABLES[name]
+    missing = taken(thing) - described(thing) - inherited(thing)
+    assert not missing, f"{name} does not describe {', '.join(sorted(missing))}"
+
+
+@pytest.mark.parametrize("name", CALLABLES)
+def test_no_parameter_is_described_that_is_not_there(name: str) -> None:
+    """Options that verbs hand on by `**options` may be described by their names."""
+    thing = CALLABLES[name]
+    open_ended = any(p.kind is p.VAR_KEYWORD for p in inspect.signature(thing).parameters.values())
+    surplus = set() if open_ended else described(thing) - taken(thing)
+    assert not surplus, f"{name} describes {', '.join(sorted(surplus))}"
+
+
+def test_properties_say_what_they_are() -> None:
+    classes = [thing for thing in CALLABLES.values() if inspect.isclass(thing)]
+    silent = [
+        f"{kind.__name__}.{name}"
+        for kind in classes
+        for name, _ in inspect.getmembers(kind, lambda m: isinstance(m, property))
+        if not name.startswith("_") and not inspect.getdoc(inspect.getattr_static(kind, name))
+    ]
+    assert not silent
