@@ -9,7 +9,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from scipy import fft, signal
+import scipy
+from scipy import fft
 
 from modalscope.model.channels import QUANTITIES
 from modalscope.model.checks import Array, DataError, RealArray, check_choice, check_count, check_positive
@@ -49,22 +50,22 @@ def detrend(signals: Signals, *, kind: str = "linear") -> Signals:
     check_choice("kind", kind, ("constant", "linear"))
     if kind == "constant":
         return _on_all(signals, lambda x: np.asarray(x - x.mean(axis=-2, keepdims=True)), "mean removed")
-    return _on_all(signals, lambda x: np.asarray(signal.detrend(x, axis=-2)), "straight-line trend removed")
+    return _on_all(signals, lambda x: np.asarray(scipy.signal.detrend(x, axis=-2)), "straight-line trend removed")
 
 
 def _apply(sections: Array, x: RealArray, zero_phase: bool) -> RealArray:
     if zero_phase:
         pad = min(3 * (2 * len(sections) + 1), x.shape[-2] - 1)
-        return np.asarray(signal.sosfiltfilt(sections, x, axis=-2, padlen=pad))
+        return np.asarray(scipy.signal.sosfiltfilt(sections, x, axis=-2, padlen=pad))
     # the filter starts as if the first sample had been there for ever: no step at the start of the record
-    state = signal.sosfilt_zi(sections)
+    state = scipy.signal.sosfilt_zi(sections)
     start = np.moveaxis(np.multiply.outer(state, x[..., 0, :]), 1, -2)  # (sections, ..., 2, channels)
-    return np.asarray(signal.sosfilt(sections, x, axis=-2, zi=start)[0])
+    return np.asarray(scipy.signal.sosfilt(sections, x, axis=-2, zi=start)[0])
 
 
 def _low_pass(edge: float, rate: float) -> Array:
     order, ripple = _LOW_PASS
-    return np.asarray(signal.cheby1(order, ripple, edge, fs=rate, output="sos"))
+    return np.asarray(scipy.signal.cheby1(order, ripple, edge, fs=rate, output="sos"))
 
 
 def filter_band(
@@ -107,7 +108,7 @@ def filter_band(
         )
     filters = []
     if lowest > 0:
-        filters.append(signal.butter(_HIGH_PASS, _BELOW * lowest, "highpass", fs=rate, output="sos"))
+        filters.append(scipy.signal.butter(_HIGH_PASS, _BELOW * lowest, "highpass", fs=rate, output="sos"))
     # no low-pass when the band reaches (nearly) half the sampling rate: nothing above it to take out
     if _ABOVE * highest < 0.95 * rate / 2:
         filters.append(_low_pass(_ABOVE * highest, rate))
@@ -239,7 +240,7 @@ def integrate(signals: Signals, *, times: int = 1, lowest: float | None = None) 
     inside = lines >= edge
     factor = np.zeros(lines.size, dtype=complex)
     factor[inside] = (2j * np.pi * lines[inside]) ** -times
-    y = _in_lines(np.asarray(signal.detrend(signals.outputs, axis=-2)), factor)
+    y = _in_lines(np.asarray(scipy.signal.detrend(signals.outputs, axis=-2)), factor)
     return _outputs_only(signals, y, quantities, f"outputs integrated {times} times above {edge:g} Hz")
 
 

@@ -7,7 +7,8 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-from scipy import fft, signal
+import scipy
+from scipy import fft
 
 from modalscope.model.checks import Array, DataError, RealArray, check_count
 from modalscope.model.frequency import FrequencyResponse
@@ -237,7 +238,7 @@ def _windowed(
         )
     w = window_samples(window, length)
     # at large lags a window's own correlation vanishes, and the quotient would be noise
-    own = signal.correlate(w, w)[length - 1 : length + lags]
+    own = scipy.signal.correlate(w, w)[length - 1 : length + lags]
     if own[-1] < 1e-3 * own[0]:
         raise DataError(
             f"{lags} lags of segments of {length} samples under a {window} window were asked",

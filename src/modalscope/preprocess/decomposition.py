@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from modalscope.model.checks import ComplexArray, RealArray, check_count
 from modalscope.model.signals import Signals
@@ -43,9 +43,9 @@ class Decomposition(NamedTuple):
         A peak stands out of its surroundings by at least 6 dB; with `count`, the `count` that stand out most.
         """
         level = np.log(np.maximum(self.singular_values[:, 0], np.finfo(float).tiny))
-        places = signal.find_peaks(level, prominence=np.log(_STANDS_OUT))[0]
+        places = scipy.signal.find_peaks(level, prominence=np.log(_STANDS_OUT))[0]
         if count is not None:
-            most = np.argsort(signal.peak_prominences(level, places)[0])[::-1][: check_count("count", count)]
+            most = np.argsort(scipy.signal.peak_prominences(level, places)[0])[::-1][: check_count("count", count)]
             places = np.sort(places[most])
         return self.frequencies[places], np.ascontiguousarray(self.vectors[places, :, 0].T)
 

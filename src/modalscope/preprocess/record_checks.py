@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy import fft, signal
+import scipy
+from scipy import fft
 
 from modalscope.model.checks import Array, DataError, RealArray
 from modalscope.model.signals import Signals
@@ -180,7 +181,7 @@ def too_short(signals: Signals) -> list[Finding]:
     length = fft.next_fast_len(2 * signals.samples, real=True)
     power = np.mean(np.abs(fft.rfft(y[:, :, i], n=length, axis=1)) ** 2, axis=0)
     lines = fft.rfftfreq(length, 1 / signals.sampling_rate)
-    smooth = signal.oaconvolve(power, np.ones(17) / 17, mode="same")
+    smooth = scipy.signal.oaconvolve(power, np.ones(17) / 17, mode="same")
     top = int(np.argmax(smooth))
     f0 = float(lines[top])
     if f0 * signals.duration < 4 or smooth[top] < 20 * float(np.median(smooth)):

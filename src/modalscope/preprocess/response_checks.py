@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import combinations
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from modalscope.model.channels import QUANTITIES
 from modalscope.model.checks import Array, ComplexArray, RealArray
@@ -192,7 +192,7 @@ def _low_slope(response: FrequencyResponse) -> float | None:
     an odd one, and what leaks from a resonance is not.
     """
     f, level = response.frequencies, _level(response)
-    peaks = signal.find_peaks(level, prominence=np.log(5))[0]
+    peaks = scipy.signal.find_peaks(level, prominence=np.log(5))[0]
     if peaks.size == 0:
         return None
     first = f[peaks[0]]
@@ -236,9 +236,9 @@ def _quantity_finding(given: str, better: str, dofs: tuple[str, ...], why: str) 
 def bandwidths(response: FrequencyResponse) -> tuple[Array, RealArray]:
     """Return the lines of the peaks of all channels together, and their half-power bandwidths in Hz."""
     level = _level(response)
-    peaks = signal.find_peaks(level, prominence=np.log(5))[0]
+    peaks = scipy.signal.find_peaks(level, prominence=np.log(5))[0]
     # half power is log sqrt(2) below the top
-    widths = signal.peak_widths(np.exp(2 * level), peaks, rel_height=0.5)[0]
+    widths = scipy.signal.peak_widths(np.exp(2 * level), peaks, rel_height=0.5)[0]
     step = np.gradient(response.frequencies) if response.lines > 1 else np.ones(1)
     return peaks, np.asarray(widths * step[peaks])
 

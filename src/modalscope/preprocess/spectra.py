@@ -10,7 +10,8 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
-from scipy import fft, signal
+import scipy
+from scipy import fft
 
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_choice, check_count
 
@@ -55,7 +56,7 @@ def check_window(window: str | None) -> str:
 
 def window_samples(window: str, length: int) -> RealArray:
     """Return the samples of a window by name, periodic as a spectrum needs it."""
-    return np.asarray(signal.get_window(WINDOWS[check_window(window)], length, fftbins=True))
+    return np.asarray(scipy.signal.get_window(WINDOWS[check_window(window)], length, fftbins=True))
 
 
 def segment_starts(samples: int, segment: int, overlap: float) -> list[int]:

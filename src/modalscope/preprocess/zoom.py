@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy import fft, signal
+import scipy
+from scipy import fft
 
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_count
 from modalscope.preprocess.spectra import Transform
@@ -113,16 +114,16 @@ def heterodyne(
     middle = round(float(frequencies[0] + frequencies[-1]) / 2 / step)
     rate = sampling_rate / factor
     # the edge of the pass-band is the band's own; what folds back into it starts at rate - width / 2
-    taps, beta = signal.kaiserord(_STOP, (rate - width) / (sampling_rate / 2))
+    taps, beta = scipy.signal.kaiserord(_STOP, (rate - width) / (sampling_rate / 2))
     low_pass = (
-        signal.firwin(taps | 1, rate / 2, window=("kaiser", beta), fs=sampling_rate) if factor > 1 else np.ones(1)
+        scipy.signal.firwin(taps | 1, rate / 2, window=("kaiser", beta), fs=sampling_rate) if factor > 1 else np.ones(1)
     )
     phase = np.arange(outputs.shape[1]) * middle % segment / segment
     mixer = np.exp(-2j * np.pi * phase)
 
     def change(x: RealArray) -> ComplexArray:
         mixed = x * mixer[:, None]
-        smooth = signal.oaconvolve(mixed, low_pass[None, :, None], mode="same", axes=1)
+        smooth = scipy.signal.oaconvolve(mixed, low_pass[None, :, None], mode="same", axes=1)
         return np.ascontiguousarray(smooth[:, ::factor])
 
     return Shifted(change(outputs), change(inputs), rate, middle * step, factor)
