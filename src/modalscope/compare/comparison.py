@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.blocks.threads import one_thread
 from modalscope.compare.agreement import Group, pair
 from modalscope.compare.channels import channel_causes, sign_causes, without_dead
 from modalscope.compare.diagnosis import disagreements, mode_causes, order_cause
@@ -31,6 +32,7 @@ __all__ = ["compare"]
 _IDENTITY_ORDER = 20
 
 
+@one_thread
 def compare(
     data: Data,
     methods: str | Iterable[Any] = "all",
