@@ -23,6 +23,7 @@ from modalscope.model import (
     StabilizationDiagram,
     StateSpace,
 )
+from modalscope.model.version import VERSION
 from modalscope.preprocess import (
     decomposition,
     estimate_correlation,
@@ -39,7 +40,7 @@ from modalscope.residues import fit_residues
 from modalscope.select import select
 from modalscope.stabilize import stabilize
 
-__version__ = "0.1.0"
+__version__ = VERSION
 
 __all__ = [
     "Comparison",

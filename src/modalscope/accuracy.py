@@ -11,6 +11,7 @@ from modalscope.indicators import cluster_mpc, clusters, mac, modal_singular_val
 from modalscope.model.checks import RealArray
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.response import Response
 from modalscope.pipeline import Pipeline
 from modalscope.realize.evolution import column_side, row_side
 
@@ -66,7 +67,7 @@ def _first_number(first: RealArray, *others: RealArray) -> RealArray:
     return first
 
 
-def _highest(response: FrequencyResponse | ImpulseResponse) -> float:
+def _highest(response: Response) -> float:
     return float(response.frequencies[-1]) if isinstance(response, FrequencyResponse) else response.sampling_rate / 2
 
 

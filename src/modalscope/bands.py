@@ -10,11 +10,9 @@ import numpy as np
 
 from modalscope.indicators import mac
 from modalscope.model.checks import DataError
-from modalscope.model.modes import ModalModel
+from modalscope.model.modes import PER_MODE, ModalModel
 
 __all__ = ["merge_bands"]
-
-_SPREADS = ("frequencies_spread", "damping_ratios_spread", "frequencies_std", "damping_ratios_std")
 
 
 def merge_bands(
@@ -94,7 +92,7 @@ def _joined(parts: Sequence[ModalModel]) -> ModalModel:
     """Return all modes one after the other; what belongs to a band as a whole (direct terms, residuals) is left out."""
     first = parts[0]
     fields: dict[str, Any] = {}
-    for name in (*_SPREADS, "participation"):
+    for name in (*PER_MODE, "participation"):
         arrays = [getattr(p, name) for p in parts]
         fields[name] = None if any(a is None for a in arrays) else np.concatenate(arrays)
     names = set.intersection(*(set(p.indicators) for p in parts))

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from modalscope.indicators import mac, mpc
-from modalscope.model.channels import QUANTITIES
+from modalscope.model.channels import QUANTITIES, known_quantity
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_positive
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.modes import ModalModel
@@ -74,13 +74,9 @@ def mmif(response: FrequencyResponse) -> tuple[RealArray, RealArray]:
     Williams, Crowley and Vold, The multivariate mode indicator function in modal analysis, IMAC III (1985). By the singular value
     decomposition [Re H; Im H] = U S V' the eigenvalues are those of U_re' U_re, and f = V S^-1 w.
     """
-    if response.quantity is None:
-        raise DataError(
-            "a mode indicator function was asked",
-            "the quantity of the response is not known, and with it the phase at resonance",
-            'Give quantity="displacement", "velocity" or "acceleration" with the data.',
-        )
-    H = response.values / (1j if response.quantity == "velocity" else 1)
+    lost = ", and with it the phase at resonance"
+    quantity = known_quantity(response.quantity, "a mode indicator function was asked", lost=lost)
+    H = response.values / (1j if quantity == "velocity" else 1)
     U, s, Vt = np.linalg.svd(np.concatenate([H.real, H.imag], axis=1), full_matrices=False)
     part = U[:, : H.shape[1]]
     curves, w = np.linalg.eigh(part.transpose(0, 2, 1) @ part)

@@ -12,7 +12,7 @@ from modalscope.model.checks import Array, RealArray
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
-from modalscope.stabilize import output_scale
+from modalscope.model.response import output_scale
 from modalscope.tracking import Poles
 
 __all__ = [

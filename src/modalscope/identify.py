@@ -17,20 +17,15 @@ from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.modes import ModalModel
+from modalscope.model.response import Response, is_held, window_damping
 from modalscope.model.statespace import StateSpace
 from modalscope.pipeline import Pipeline, build
 from modalscope.prepare import Data
 from modalscope.realize.order import recommend_order
 from modalscope.realize.triple import Triple
-from modalscope.residues import (
-    basis_of_lines,
-    fit_error,
-    rebuilt_rows,
-    scaled_terms,
-)
+from modalscope.residues import basis_of_lines, fit_error, rebuilt_rows, scaled_terms
 
 __all__ = ["Identification", "assemble", "identify", "realize", "rebuild"]
-
 
 #: Degree of a matrix fraction when none is asked: enough for the modes of a usual band, whatever is left over turns out unstable.
 _DEGREE = 30
@@ -71,7 +66,7 @@ class Identification:
     singular_values: RealArray
     fit_error: float
     fit_error_by_channel: RealArray
-    response: ImpulseResponse | FrequencyResponse
+    response: Response
     settings: Mapping[str, Any]
     notes: tuple[str, ...]
 
@@ -80,7 +75,7 @@ class Identification:
         """Poles of the modes, rad/s."""
         return self.modes.poles
 
-    def rebuild(self) -> ImpulseResponse | FrequencyResponse:
+    def rebuild(self) -> Response:
         """Return the response of the whole model on the lines or samples of the data.
 
         Residuals of modes outside the band, which "lscf" has, belong to `modes.frequency_response` and to `fit_error`: no state has them.
@@ -88,11 +83,9 @@ class Identification:
         return rebuild(self.state_space, self.response)
 
 
-def rebuild(model: StateSpace, response: ImpulseResponse | FrequencyResponse) -> ImpulseResponse | FrequencyResponse:
+def rebuild(model: StateSpace, response: Response) -> Response:
     """Return the response of a model where `response` was measured."""
-    channels = {
-        name: getattr(response, name) for name in ("output_dofs", "input_dofs", "units", "geometry", "quantity")
-    }
+    channels = {**response.labelled(), "processing": (), "quantity": response.quantity}
     if isinstance(response, FrequencyResponse):
         return model.frequency_response(response.frequencies, **channels)
     return model.impulse_response(response.samples, kind=response.kind, first_sample=response.first_sample, **channels)
@@ -239,10 +232,8 @@ def modal_model(pipeline: Pipeline, modal: Eigenmodes, indicators: Mapping[str, 
     lower, upper = None, None
     if len(modal.powers) == 2 and isinstance(response, FrequencyResponse):
         lower, upper = scaled_terms(modal.terms, modal.powers, response.frequencies)
-    added = response.added_damping if isinstance(response, FrequencyResponse) else 0.0
-    held = response.sampling_rate is not None if isinstance(response, FrequencyResponse) else response.kind == "pulse"
     return ModalModel(
-        poles=modal.poles + added,
+        poles=modal.poles + window_damping(response),
         shapes=modal.shapes,
         participation=modal.participation,
         feedthrough=modal.direct,
@@ -250,13 +241,9 @@ def modal_model(pipeline: Pipeline, modal: Eigenmodes, indicators: Mapping[str, 
         upper_residual=upper,
         quantity=response.quantity,
         dt=pipeline.matrix.dt,
-        held_input=held,
+        held_input=is_held(response),
         indicators=dict(indicators),
-        output_dofs=response.output_dofs,
-        input_dofs=response.input_dofs,
-        units=response.units,
-        geometry=response.geometry,
-        processing=response.processing,
+        **response.labelled(),
     )
 
 

@@ -11,9 +11,10 @@ from modalscope.evidence import Candidate, sentence
 from modalscope.indicators import mac
 from modalscope.model.checks import Array, RealArray
 from modalscope.model.diagram import StabilizationDiagram
-from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.modes import ModalModel
-from modalscope.residues.rebuilt import Response, fitted_terms, rebuilt
+from modalscope.model.poles import poles_from
+from modalscope.model.response import Response, is_held
+from modalscope.residues.rebuilt import fitted_terms, rebuilt
 from modalscope.tracking import Poles
 
 __all__ = ["modes_of"]
@@ -28,9 +29,7 @@ def modes_of(diagram: StabilizationDiagram, poles: Poles, chosen: list[Candidate
     """Wrap the chosen modes: median poles, the shape nearest to all others, participation fitted to the data."""
     response = diagram.response
     picked = [c.members[np.argmax(mac(poles.shape[c.members].T).sum(axis=1))] for c in chosen]
-    values = np.array(
-        [2 * np.pi * c.frequency * (-c.damping + 1j * np.sqrt(1 - c.damping**2)) for c in chosen], dtype=complex
-    )
+    values = poles_from([c.frequency for c in chosen], [c.damping for c in chosen])
     shapes = poles.shape[picked].T if chosen else np.zeros((response.values.shape[1], 0), complex)
     fitted = fitted_terms(response, values, shapes)
     members = [c.members for c in chosen]
@@ -38,21 +37,16 @@ def modes_of(diagram: StabilizationDiagram, poles: Poles, chosen: list[Candidate
         {"frequency_spread_hz": _spread(poles.frequency[m]), "damping_ratio_spread": _spread(poles.damping[m])}
         for m in members
     ]
-    held = response.sampling_rate is not None if isinstance(response, FrequencyResponse) else response.kind == "pulse"
     model = ModalModel(
         poles=values,
         shapes=shapes,
         quantity=response.quantity,
         dt=diagram.dt,
-        held_input=held,
+        held_input=is_held(response),
         frequencies_spread=np.array([spread["frequency_spread_hz"] for spread in spreads]),
         damping_ratios_spread=np.array([spread["damping_ratio_spread"] for spread in spreads]),
         indicators=_indicators(diagram, members, poles),
-        output_dofs=response.output_dofs,
-        input_dofs=response.input_dofs,
-        units=response.units,
-        geometry=response.geometry,
-        processing=response.processing,
+        **response.labelled(),
         **fitted,
     )
     facts = [{**c.facts, **spread} for c, spread in zip(chosen, spreads, strict=True)]

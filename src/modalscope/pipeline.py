@@ -11,13 +11,15 @@ from numpy.typing import ArrayLike
 from modalscope.blocks.factor import Factors, factorize, left_factor
 from modalscope.blocks.fraction import Fraction, fraction
 from modalscope.blocks.hankel import Hankel, hankel
+from modalscope.blocks.lines import line_weights
 from modalscope.blocks.shifted import Shifted, shifted
-from modalscope.blocks.transfer import Transfer, line_weights, transfer
+from modalscope.blocks.transfer import Transfer, transfer
 from modalscope.methods import Method
 from modalscope.model.checks import DataError, check_choice, check_count
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
-from modalscope.prepare import Data, Response, prepare
+from modalscope.model.response import Response
+from modalscope.prepare import Data, prepare
 from modalscope.realize.fraction import fraction_factors
 from modalscope.realize.reduction import reduced
 from modalscope.realize.triple import Realization, Triple

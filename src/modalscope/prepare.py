@@ -8,12 +8,12 @@ from modalscope.methods import Method, find_method
 from modalscope.model.checks import DataError
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.response import Response
 from modalscope.model.signals import Signals
 
-__all__ = ["Data", "Response", "prepare"]
+__all__ = ["Data", "prepare"]
 
-Data = Signals | ImpulseResponse | FrequencyResponse
-Response = ImpulseResponse | FrequencyResponse
+Data = Signals | Response
 
 
 def prepare(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.response import Response
 
 __all__ = ["default_blocks", "default_degree", "default_shifts"]
 
@@ -25,7 +26,7 @@ def default_blocks(
     return rows, columns
 
 
-def default_shifts(response: ImpulseResponse | FrequencyResponse, order: int) -> int:
+def default_shifts(response: Response, order: int) -> int:
     """Return three times as many rows as states, at least ten blocks, at most a third of the samples."""
     count = response.samples if isinstance(response, ImpulseResponse) else 2 * response.lines - 3
     return int(max(min(max(-(-3 * order // response.values.shape[1]), 10), count // 3), 1))

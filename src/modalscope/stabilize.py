@@ -13,11 +13,13 @@ from modalscope.accuracy import indicators_of
 from modalscope.blocks.threads import one_thread
 from modalscope.eigenmodes import Eigenmodes, eigenmodes, split_extraneous
 from modalscope.indicators import mac
-from modalscope.model.checks import Array, DataError, RealArray, check_count, check_positive
+from modalscope.model.checks import Array, DataError, check_count, check_positive
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.poles import frequencies_and_damping
+from modalscope.model.response import output_scale, window_damping
+from modalscope.model.signals import Signals
 from modalscope.pipeline import Pipeline, build
 from modalscope.prepare import Data
 from modalscope.residues import basis_of_lines, basis_of_samples, rebuilt_rows
@@ -136,7 +138,7 @@ def _largest_order(data: Data, band: tuple[float, float] | None) -> int:
         f = data.frequencies
         lines = data.lines if band is None else int(np.count_nonzero((f >= band[0]) & (f <= band[1])))
         return int(max(min(80, lines * data.values.shape[2]), 2))
-    if getattr(data, "inputs", None) is not None:
+    if isinstance(data, Signals) and data.inputs is not None:
         return 80
     return 40 if not isinstance(data, ImpulseResponse) or data.kind == "correlation" else 60
 
@@ -186,11 +188,6 @@ def _band(pipeline: Pipeline) -> tuple[float, float]:
     return 0.0, np.inf
 
 
-def output_scale(response: FrequencyResponse | ImpulseResponse) -> RealArray:
-    """Return the root mean square of every output, (l,), by which quiet outputs are brought level with loud ones."""
-    return np.asarray(np.sqrt(np.mean(np.abs(response.values) ** 2, axis=(0, 2))))
-
-
 def _misfit_of(pipeline: Pipeline) -> Callable[[Eigenmodes], float]:
     """Return the measure of what modes leave unexplained, outputs brought level, with what all orders share computed once."""
     response = pipeline.response
@@ -220,7 +217,6 @@ def _diagram(
     stable = [np.zeros((3, cuts[0].inside.size), bool)]
     stable += [_stable(before, after, limits) for before, after in pairwise(cuts)]
     flags = np.hstack(stable)
-    added = pipeline.response.added_damping if isinstance(pipeline.response, FrequencyResponse) else 0.0
     names = set.intersection(*(set(cut.indicators) for cut in cuts))
     rank = pipeline.factors.rank
     outside = sum(cut.modes.poles.size - cut.inside.size for cut in cuts)
@@ -232,7 +228,7 @@ def _diagram(
         domain=pipeline.method.domain,
         orders=tuple(cut.order for cut in cuts),
         order_of_pole=np.concatenate([np.full(cut.inside.size, cut.order) for cut in cuts]),
-        poles=np.concatenate([cut.modes.poles[cut.inside] for cut in cuts]) + added,
+        poles=np.concatenate([cut.modes.poles[cut.inside] for cut in cuts]) + window_damping(pipeline.response),
         shapes=np.concatenate([cut.modes.shapes[:, cut.inside].T for cut in cuts]),
         participation=np.concatenate([cut.modes.participation[cut.inside] for cut in cuts]),
         stable_frequency=flags[0],

@@ -198,5 +198,5 @@ def test_mass_scaling_needs_a_known_quantity() -> None:
         output_dofs=["1:X"],
         input_dofs=["1:X"],  # type: ignore[arg-type]
     )
-    with pytest.raises(DataError, match="its own quantity is not known"):
+    with pytest.raises(DataError, match="quantity of the response is not known"):
         modes.normalized("mass")

@@ -115,7 +115,7 @@ def test_variance_turns_with_the_quantity() -> None:
     [
         (lambda r: r.at_lines(slice(0, 1)).to_impulse_response(), "needs a band of lines, but there is one line"),
         (lambda r: r.at_lines(np.array([0, 1, 3])).to_impulse_response(), "equally spaced lines on multiples"),
-        (lambda r: r.as_quantity("velocity"), "its own quantity is not known"),
+        (lambda r: r.as_quantity("velocity"), "quantity of the response is not known"),
         (lambda r: r.band(3, 2), "its ends do not increase"),
         (lambda r: r.band(0.6, 0.9), "the 10 lines lie from 0.5 to 5 Hz, none of them inside"),
     ],

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_count
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.poles import to_continuous, to_discrete
+from modalscope.model.response import output_scale
 
 __all__ = ["Fraction", "fraction", "trigonometric_sums"]
 
@@ -99,7 +100,7 @@ def fraction(
         low, high = 0.0, rate / 2
     elif low < _SHIFTED_FROM * high:
         low = 0.0
-    level = np.sqrt(np.mean(np.abs(response.values) ** 2, axis=(0, 2))) if equal_outputs else np.ones(outputs)
+    level = output_scale(response) if equal_outputs else np.ones(outputs)
     return Fraction(
         response=response,
         degree=p,

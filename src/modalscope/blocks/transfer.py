@@ -15,14 +15,16 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.blocks.lines import LineMatrix, line_weights, real_columns
+from modalscope.blocks.lines import LineMatrix, real_columns
 from modalscope.blocks.matrix import Evolution, RowShift
 from modalscope.blocks.plane import Plane, plane_of
 from modalscope.blocks.polynomials import basis_on, evaluate, remainders
+from modalscope.model.channels import derivatives_between, known_quantity
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_count, real_array
 from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.response import output_scale
 
-__all__ = ["Plane", "Transfer", "line_weights", "plane_of", "rest_at_start", "transfer"]
+__all__ = ["Transfer", "rest_at_start", "transfer"]
 
 
 def transfer(
@@ -69,7 +71,7 @@ def transfer(
 
     Notes
     -----
-    Source: the report, Eqs. 82 and 89-93, with the elimination and the basis of its errata (recipes f3 and g).
+    Source: the report, Eqs. 82 and 89-93, with the elimination and the basis made right (see the head of this module).
     """
     lines, outputs, inputs = response.values.shape
     rows = None if row_shifts is None else _rows(row_shifts)
@@ -87,7 +89,6 @@ def transfer(
     w = None if weights is None else np.asarray(weights, dtype=float)
     points = plane.point(response.frequencies)
     values, recurrence = basis_on(points, q, w, basis)
-    level = np.sqrt(np.mean(np.abs(response.values) ** 2, axis=(0, 2)))
     eliminated = real_columns(values[:, :unknown], w)
     if basis == "powers":
         eliminated = np.linalg.qr(eliminated)[0]
@@ -97,7 +98,7 @@ def transfer(
         basis=values,
         recurrence=recurrence,
         weights=w,
-        output_scale=level if equal_outputs else np.ones(outputs),
+        output_scale=output_scale(response) if equal_outputs else np.ones(outputs),
         eliminated=eliminated,
         known=known,
         known_functions=None
@@ -118,14 +119,8 @@ def _rows(shifts: ArrayLike) -> tuple[int, ...]:
 
 def rest_at_start(quantity: str | None, outputs: int, inputs: int) -> RealArray:
     """Return the initial terms D, CB, ... that vanish for a structure at rest: two for displacements, one for velocities."""
-    count = {"displacement": 2, "velocity": 1, "acceleration": 0}.get(quantity or "", -1)
-    if count < 0:
-        raise DataError(
-            "initial_values='rest' was asked",
-            "the quantity of the response is not known",
-            'Give quantity="displacement", "velocity" or "acceleration" with the data.',
-        )
-    return np.zeros((count, outputs, inputs))
+    own = known_quantity(quantity, "initial_values='rest' was asked")
+    return np.zeros((derivatives_between(own, "acceleration"), outputs, inputs))
 
 
 def _known(given: ArrayLike | str, response: FrequencyResponse, plane: Plane) -> RealArray:

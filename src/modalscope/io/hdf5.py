@@ -17,8 +17,9 @@ from modalscope.io.contents import Contents, Options, Thing
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.model import DataError, ImpulseResponse
 from modalscope.model.checks import Array
+from modalscope.model.extras import optional_package
 
-__all__ = ["need_h5py", "read", "write"]
+__all__ = ["read", "write"]
 
 _LAYOUT = 1
 
@@ -43,20 +44,9 @@ _DIMENSIONS = {
 }
 
 
-def need_h5py(asked: str, extra: str = "hdf5") -> Any:
-    """Return the h5py module, or say which extra brings it."""
-    try:
-        import h5py
-    except ImportError:
-        raise DataError(
-            f"{asked} was asked", "h5py is not installed", f"Run: pip install 'modalscope[{extra}]'"
-        ) from None
-    return h5py
-
-
 def write(path: Path, thing: Thing, options: Options) -> None:
     """Write a noun; binary, so that it is read back exactly."""
-    h5py = need_h5py(f"writing {path.suffix}")
+    h5py = optional_package(f"writing {path.suffix}", "h5py", "hdf5")
     axes: dict[str, tuple[str, ...]] = {}
     with h5py.File(path, "w") as file:
         file.attrs["modalscope_layout"] = _LAYOUT
@@ -101,7 +91,7 @@ def _label(file: Any, name: str, axes: tuple[str, ...]) -> None:
 
 def read(path: Path, options: Options) -> Contents:
     """Read a file in this layout, or any HDF5 file whose root datasets are renamed to it."""
-    h5py = need_h5py(f"reading {path.suffix}")
+    h5py = optional_package(f"reading {path.suffix}", "h5py", "hdf5")
     try:
         with h5py.File(path, "r") as file:
             arrays = {

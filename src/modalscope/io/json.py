@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +25,7 @@ from modalscope.io.contents import Contents, Finding, Options
 from modalscope.model import DataError, Geometry, ModalModel
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.poles import poles_from
+from modalscope.model.version import VERSION
 
 __all__ = ["WRITE_OPTIONS", "read", "write"]
 
@@ -61,7 +61,7 @@ def write(path: Path, modes: Any, options: Options) -> None:
         "processing": modes.processing,
     }
     document = {
-        "modalscope": _version(),
+        "modalscope": VERSION,
         "data": {**dict(options.get("data") or {}), **data},
         "method": options.get("method"),
         "domain": options.get("domain"),
@@ -73,13 +73,6 @@ def write(path: Path, modes: Any, options: Options) -> None:
     path.write_text(
         json.dumps(_null(document), indent=1, allow_nan=False, default=from_json_numbers) + "\n", encoding="utf-8"
     )
-
-
-def _version() -> str:
-    try:
-        return version("modalscope")
-    except PackageNotFoundError:
-        return "unknown"
 
 
 def _mode(modes: ModalModel, j: int) -> dict[str, Any]:

@@ -16,10 +16,10 @@ from scipy import io as sio
 from modalscope.io.arrays import to_arrays
 from modalscope.io.contents import Contents, Options, Thing
 from modalscope.io.from_arrays import contents_from_arrays
-from modalscope.io.hdf5 import need_h5py
 from modalscope.io.mat5 import read_mat5
 from modalscope.model import DataError
 from modalscope.model.checks import Array
+from modalscope.model.extras import optional_package
 
 __all__ = ["read", "write"]
 
@@ -76,7 +76,7 @@ def _as_layout(name: str, array: Array, options: Options) -> Array:
 
 
 def _read_new(path: Path) -> dict[str, Array]:
-    h5py = need_h5py("reading a MATLAB 7.3 file", "mat")
+    h5py = optional_package("reading a MATLAB 7.3 file", "h5py", "mat")
     arrays: dict[str, Array] = {}
 
     def take(prefix: str, group: Any) -> None:

@@ -10,7 +10,7 @@ from modalscope.model.checks import DataError, check_choice, freeze
 from modalscope.model.geometry import Geometry
 from modalscope.model.labels import DofLike, check_labels, indices_of
 
-__all__ = ["KINDS", "QUANTITIES", "Channels", "check_quantity", "derivatives_between"]
+__all__ = ["KINDS", "QUANTITIES", "Channels", "check_quantity", "derivatives_between", "known_quantity"]
 
 #: Derivatives of the displacement that each quantity is.
 QUANTITIES = {"displacement": 0, "velocity": 1, "acceleration": 2}
@@ -29,13 +29,18 @@ def check_quantity(quantity: str | None) -> str | None:
 def derivatives_between(quantity: str | None, wanted: str) -> int:
     """Return how often `quantity` is differentiated to give `wanted`; an unknown quantity is an error."""
     check_choice("quantity", wanted, QUANTITIES)
+    return QUANTITIES[wanted] - QUANTITIES[known_quantity(quantity, f"the response as {wanted} was asked")]
+
+
+def known_quantity(quantity: str | None, asked: str, *, lost: str = "", otherwise: str = "") -> str:
+    """Return the quantity of a response, or raise when it is not known: what is lost with it, and another way out."""
     if quantity is None:
         raise DataError(
-            f"the response as {wanted} was asked",
-            "its own quantity is not known",
-            'Give quantity="displacement", "velocity" or "acceleration" with the data.',
+            asked,
+            f"the quantity of the response is not known{lost}",
+            f'Give quantity="displacement", "velocity" or "acceleration" with the data{otherwise}.',
         )
-    return QUANTITIES[wanted] - QUANTITIES[quantity]
+    return quantity
 
 
 def _one_side(name: str, unit: str | Sequence[str] | None, count: int) -> tuple[str, ...]:
@@ -98,6 +103,10 @@ class Channels:
             "input_dofs": tuple(self.input_dofs[i] for i in inputs),
             "units": (tuple(self.units[0][i] for i in outputs), tuple(self.units[1][i] for i in inputs)),
         }
+
+    def labelled(self) -> dict[str, Any]:
+        """Return labels, units, geometry and history by name, for another noun of the same channels."""
+        return {name: getattr(self, name) for name in ("output_dofs", "input_dofs", "units", "geometry", "processing")}
 
     def noted(self, step: str) -> Self:
         """Return the same data with one more step of processing written down.

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, freeze, locked
-from modalscope.model.frequency import FrequencyResponse
-from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.poles import frequencies_and_damping, pole_kinds
+from modalscope.model.response import Response
 
 __all__ = ["StabilizationDiagram"]
 
@@ -53,7 +52,7 @@ class StabilizationDiagram:
         Sampling interval of the identified system.
     """
 
-    response: ImpulseResponse | FrequencyResponse
+    response: Response
     method: str
     domain: str
     orders: tuple[int, ...]

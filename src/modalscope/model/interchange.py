@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from modalscope.model.checks import DataError
+from modalscope.model.extras import optional_package
 
 if TYPE_CHECKING:
     from modalscope.model.statespace import StateSpace
@@ -22,12 +23,7 @@ def to_scipy(model: StateSpace) -> Any:
 
 def to_control(model: StateSpace) -> Any:
     """Return the model as python-control's `StateSpace`."""
-    try:
-        import control
-    except ImportError:
-        raise DataError(
-            "to_control was asked", "python-control is not installed", "Run: pip install 'modalscope[control]'"
-        ) from None
+    control = optional_package("to_control", "control", "control", "python-control")
     return control.ss(model.A, model.B, model.C, model.D, 0 if model.dt is None else model.dt)
 
 

@@ -21,17 +21,20 @@ from modalscope.model.checks import (
     freeze,
     real_array,
 )
+from modalscope.model.extras import optional_package
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.poles import frequencies_and_damping, pole_kinds, to_discrete
 
-__all__ = ["NORMALIZATIONS", "ModalModel"]
+__all__ = ["NORMALIZATIONS", "PER_MODE", "ModalModel"]
 
+#: What shapes can be scaled to (see `ModalModel.normalized`).
 NORMALIZATIONS = ("unit", "max", "mass", "none")
 
 _DIRECT = ("feedthrough", "lower_residual", "upper_residual")
 
-_PER_MODE = ("frequencies_spread", "damping_ratios_spread", "frequencies_std", "damping_ratios_std")
+#: Fields that hold one number a mode, or nothing.
+PER_MODE = ("frequencies_spread", "damping_ratios_spread", "frequencies_std", "damping_ratios_std")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -119,7 +122,7 @@ class ModalModel(Channels):
             shapes=shapes,
             participation=part,
             **direct,
-            **{name: self._a_mode(name, getattr(self, name)) for name in _PER_MODE},
+            **{name: self._a_mode(name, getattr(self, name)) for name in PER_MODE},
             indicators={name: self._a_mode(name, values) for name, values in self.indicators.items()},
             reasons=tuple(dict(reason) for reason in self.reasons),
             quantity=check_quantity(self.quantity),
@@ -183,7 +186,7 @@ class ModalModel(Channels):
         """
         index = np.atleast_1d(np.asarray(modes))
         index = np.flatnonzero(index) if index.dtype == bool else index.astype(int)
-        known = {name: getattr(self, name) for name in ("participation", *_PER_MODE)}
+        known = {name: getattr(self, name) for name in ("participation", *PER_MODE)}
         kept: dict[str, Any] = {name: None if values is None else values[index] for name, values in known.items()}
         return replace(
             self,
@@ -291,7 +294,7 @@ class ModalModel(Channels):
             kind="pulse" if self.held_input else "dirac",
             first_sample=first_sample,
             quantity=self.quantity,
-            **self._named(),
+            **self.labelled(),
         )
 
     def frequency_response(self, frequencies: ArrayLike, *, residuals: bool = True) -> FrequencyResponse:
@@ -321,7 +324,7 @@ class ModalModel(Channels):
                     values = values + residual * s**power
         rate = 1 / self.dt if self.dt is not None and self.held_input else None
         return FrequencyResponse(
-            values=values, frequencies=f, quantity=self.quantity, sampling_rate=rate, **self._named()
+            values=values, frequencies=f, quantity=self.quantity, sampling_rate=rate, **self.labelled()
         )
 
     def _modal_sum(self, f: RealArray) -> ComplexArray:
@@ -339,9 +342,6 @@ class ModalModel(Channels):
         alone = np.array([kind in ("real", "nyquist", "zero") for kind in self.kinds], dtype=bool)
         real = self.poles.imag == 0
         return np.where(alone | real, 1.0, 2.0)
-
-    def _named(self) -> dict[str, Any]:
-        return {name: getattr(self, name) for name in ("output_dofs", "input_dofs", "units", "geometry", "processing")}
 
     def _need_participation(self, asked: str) -> ComplexArray:
         if self.participation is None:
@@ -381,14 +381,9 @@ class ModalModel(Channels):
 
     def to_dataframe(self) -> Any:
         """Return the table as a pandas DataFrame (the extra `pandas`)."""
-        try:
-            import pandas as pd
-        except ImportError:
-            raise DataError(
-                "to_dataframe was asked", "pandas is not installed", "Run: pip install 'modalscope[pandas]'"
-            ) from None
-        named = {name: getattr(self, name) for name in _PER_MODE if getattr(self, name) is not None}
-        return pd.DataFrame(
+        pandas = optional_package("to_dataframe", "pandas", "pandas")
+        named = {name: getattr(self, name) for name in PER_MODE if getattr(self, name) is not None}
+        return pandas.DataFrame(
             {
                 "frequency_hz": self.frequencies,
                 "damping_ratio": self.damping_ratios,

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from datetime import date
-from importlib.metadata import version
 from pathlib import Path
 
 from modalscope.compare import Comparison
 from modalscope.io.atomic import replacing
-from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, ModalModel, StabilizationDiagram
+from modalscope.model import DataError, ModalModel, StabilizationDiagram
+from modalscope.model.response import Response
+from modalscope.model.version import VERSION
 from modalscope.report import record, sections
 from modalscope.report.comparison import comparison_sections
 from modalscope.report.html import Section, page
@@ -100,7 +101,7 @@ def identification_sections(
     yield record.repeat_section(diagram, source, command)
 
 
-def _subtitle(response: FrequencyResponse | ImpulseResponse) -> str:
+def _subtitle(response: Response) -> str:
     counts = f"{len(response.output_dofs)} outputs, {len(response.input_dofs)} inputs"
     return f"{counts}, {date.today().isoformat()}"
 
@@ -119,6 +120,6 @@ def write_page(path: str | Path, title: str, subtitle: str, parts: Iterable[Sect
     if target.suffix.lower() not in (".html", ".htm"):
         raise DataError(f"a report in {target.name!r} was asked", "reports are HTML files", "End the name in .html.")
     with replacing(target) as temporary:
-        text = page(title, subtitle, parts, f"written by modalscope {version('modalscope')}")
+        text = page(title, subtitle, parts, f"written by modalscope {VERSION}")
         temporary.write_text(text, encoding="utf-8")
     return target

@@ -8,7 +8,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from modalscope import plot
-from modalscope.model import FrequencyResponse, ImpulseResponse, ModalModel, StabilizationDiagram
+from modalscope.model import ModalModel, StabilizationDiagram
+from modalscope.model.response import Response
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -45,7 +46,7 @@ def fit_errors_svg(diagram: StabilizationDiagram) -> bytes:
     return draw((7.0, 4.0), lambda figure: plot.fit_errors(diagram, figure.add_subplot()))
 
 
-def response_svg(data: FrequencyResponse | ImpulseResponse, modes: ModalModel, output: int, input: int) -> bytes:
+def response_svg(data: Response, modes: ModalModel, output: int, input: int) -> bytes:
     """Draw one channel, measured and rebuilt."""
 
     def paint(figure: Figure) -> None:

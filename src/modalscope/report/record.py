@@ -9,12 +9,12 @@ import numpy as np
 
 from modalscope.model import FrequencyResponse, ImpulseResponse, StabilizationDiagram
 from modalscope.model.checks import Array
+from modalscope.model.response import Response, output_scale
+from modalscope.model.version import VERSION
 from modalscope.report.html import Section, listing, paragraph, script, table
 from modalscope.report.numbers import heading, list_some, value
 
 __all__ = ["data_section", "notes_section", "program", "repeat_section", "settings_section", "versions"]
-
-Response = FrequencyResponse | ImpulseResponse
 
 #: Channels that are listed one by one.
 _ROWS = 60
@@ -51,7 +51,7 @@ def _extent(response: Response) -> dict[str, str]:
 
 def _channels(response: Response) -> str:
     """List the outputs: root mean square over lines and inputs, relative level, coherence."""
-    rms = np.sqrt(np.mean(np.abs(response.values) ** 2, axis=(0, 2)))
+    rms = output_scale(response)
     level = np.full(rms.size, -np.inf)
     np.log10(rms / (rms.max() or 1.0), out=level, where=rms > 0)
     columns = {
@@ -115,8 +115,9 @@ def repeat_section(diagram: StabilizationDiagram, source: str | None, command: s
 
 def versions() -> str:
     """Return the programs that gave a result, with their versions."""
-    names = ("modalscope", "numpy", "scipy")
-    return ", ".join([f"Python {platform.python_version()}", *(f"{name} {version(name)}" for name in names)])
+    return (
+        f"Python {platform.python_version()}, modalscope {VERSION}, numpy {version('numpy')}, scipy {version('scipy')}"
+    )
 
 
 def program(diagram: StabilizationDiagram, source: str | None) -> str:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from modalscope.model import FrequencyResponse, ImpulseResponse, ModalModel, StabilizationDiagram
+from modalscope.model import FrequencyResponse, ModalModel, StabilizationDiagram
 from modalscope.model.checks import Array
+from modalscope.model.response import Response
 from modalscope.report.figures import (
     fit_errors_svg,
     mac_svg,
@@ -27,8 +28,6 @@ __all__ = [
     "stabilization_section",
     "summary_section",
 ]
-
-Response = FrequencyResponse | ImpulseResponse
 
 #: Fit error in all and per channel (l, m), or None when the modes cannot be rebuilt.
 Fit = tuple[float, Array] | None

@@ -9,6 +9,7 @@ from modalscope.model.checks import Array, DataError
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.modes import ModalModel
+from modalscope.model.response import Response, window_damping
 from modalscope.residues.basis import (
     basis_of_lines,
     basis_of_samples,
@@ -19,13 +20,6 @@ from modalscope.residues.basis import (
 )
 
 __all__ = ["fit_of", "fitted_terms", "rebuilt", "window_damping"]
-
-Response = FrequencyResponse | ImpulseResponse
-
-
-def window_damping(response: Response) -> float:
-    """Return the decay rate (1/s) that an exponential window added: it is in the data, but not in the modes."""
-    return response.added_damping if isinstance(response, FrequencyResponse) else 0.0
 
 
 def rebuilt(response: Response, modes: ModalModel) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.indicators import clusters, mpc, mpd
-from modalscope.model.channels import QUANTITIES
+from modalscope.model.channels import QUANTITIES, known_quantity
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_choice
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.modes import ModalModel
@@ -117,13 +117,11 @@ def _powers(response: FrequencyResponse, residuals: bool, kind: str) -> tuple[in
         if kind == "real":
             raise DataError("real modes were asked", "the response is that of a sampled system", "Use kind='complex'.")
         return (0,)
-    if quantity is None and (kind == "real" or residuals):
-        raise DataError(
-            "real modes were asked" if kind == "real" else "residuals of modes outside the band were asked",
-            "the quantity of the response is not known",
-            'Give quantity="displacement", "velocity" or "acceleration" with the data'
-            + ("." if kind == "real" else ", or residuals=False for a constant."),
-        )
+    if kind == "real":
+        known_quantity(quantity, "real modes were asked")
+    elif residuals:
+        outside = "residuals of modes outside the band were asked"
+        known_quantity(quantity, outside, otherwise=", or residuals=False for a constant")
     powers = residual_powers(quantity, residuals)
     if kind == "real" and not residuals:
         powers = ()

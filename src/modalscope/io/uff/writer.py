@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ from modalscope.io.uff.nodes import write_lines, write_nodes
 from modalscope.io.uff.shapes import write_shapes
 from modalscope.model import DataError, FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals
 from modalscope.model.checks import RealArray, check_choice
+from modalscope.model.version import VERSION
 
 __all__ = ["WRITE_OPTIONS", "write"]
 
@@ -67,17 +67,13 @@ def _choice(options: Options, name: str, choices: tuple[int, int]) -> int:
 
 def _header() -> bytes:
     """Dataset 151. No date: the same data give the same file."""
-    try:
-        ours = version("modalscope")
-    except PackageNotFoundError:
-        ours = ""
     texts = [
         "NONE",
         "NONE",
-        f"modalscope {ours}".strip(),
+        f"modalscope {VERSION}",
         f"{'NONE':<10}{'NONE':<10}{0:10d}{0:10d}{0:10d}",
         f"{'NONE':<10}{'NONE':<10}",
-        f"modalscope {ours}".strip(),
+        f"modalscope {VERSION}",
         f"{'NONE':<10}{'NONE':<10}",
     ]
     return ("\n".join(["    -1", f"{151:6d}", *(text.ljust(80) for text in texts)]) + "\n    -1\n").encode("ascii")
