@@ -47,7 +47,7 @@ def new_axes(ax: Axes | None, size: tuple[float, float] = SIZE, **subplot: Any) 
 
 def dress(ax: Axes, *, title: str = "", xlabel: str = "", ylabel: str = "", grid: bool = True) -> None:
     """Give axes their labels and the common look."""
-    ax.set_title(title, loc="left", fontsize=11.5, color=INK, fontweight="bold", pad=8)
+    headline(ax, title)
     ax.set_xlabel(xlabel, fontsize=10.5, color=INK)
     ax.set_ylabel(ylabel, fontsize=10.5, color=INK)
     ax.tick_params(labelsize=9.5, color=PALE, labelcolor=INK, length=3.5, width=0.8)
@@ -59,6 +59,17 @@ def dress(ax: Axes, *, title: str = "", xlabel: str = "", ylabel: str = "", grid
         spine.set_visible(side in ("left", "bottom"))
         spine.set_color(PALE)
         spine.set_linewidth(0.8)
+
+
+def headline(ax: Axes, text: str) -> None:
+    """Write the title at the left above the axes."""
+    ax.set_title(text, loc="left", fontsize=11.5, color=INK, fontweight="bold", pad=8)
+
+
+def frameless(ax: Axes) -> None:
+    """Take the lines around the axes away."""
+    for spine in ax.spines.values():
+        spine.set_visible(False)
 
 
 def aside(ax: Axes, text: str) -> None:

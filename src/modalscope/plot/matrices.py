@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,7 +10,19 @@ from numpy.typing import ArrayLike
 from modalscope import indicators
 from modalscope.model import ModalModel
 from modalscope.model.checks import Array, RealArray, real_array
-from modalscope.plot._style import BLUE, GREEN, INK, PALE, VERMILLION, decimals, dress, key, new_axes, sequential
+from modalscope.plot._style import (
+    BLUE,
+    GREEN,
+    INK,
+    PALE,
+    VERMILLION,
+    decimals,
+    dress,
+    frameless,
+    key,
+    new_axes,
+    sequential,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,6 +33,7 @@ __all__ = ["Factored", "mac", "singular_values"]
 _NUMBERS = 16
 
 
+@runtime_checkable
 class Factored(Protocol):
     """Anything with the singular values of its data matrix: a diagram or an identification."""
 
@@ -65,8 +78,7 @@ def mac(a: ModalModel | ArrayLike, b: ModalModel | ArrayLike | None = None, ax: 
     dress(ax, title="MAC" if b is None else "MAC, rows against columns", grid=False)
     _name_modes(ax, a, a if b is None else b, (rows, columns))
     ax.tick_params(length=0)
-    for spine in ax.spines.values():
-        spine.set_visible(False)
+    frameless(ax)
     ax.set_xticks(np.arange(-0.5, columns), minor=True)
     ax.set_yticks(np.arange(-0.5, rows), minor=True)
     ax.grid(which="minor", color="white", linewidth=1.5)
@@ -108,7 +120,7 @@ def singular_values(
     DataError
         Values that are not one row of finite numbers.
     """
-    found = source.singular_values if hasattr(source, "singular_values") else source
+    found = source.singular_values if isinstance(source, Factored) else source
     values = real_array("singular_values", found, "(values,)", 1)
     ax = new_axes(ax, (9.0, 4.8))
     largest = float(np.max(values, initial=0.0)) or 1.0

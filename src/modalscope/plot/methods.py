@@ -19,6 +19,7 @@ from modalscope.plot._style import (
     aside,
     dodge,
     dress,
+    frameless,
     key,
     new_axes,
     sequential,
@@ -149,8 +150,7 @@ def method_distances(kin: Comparison | Kinship, ax: Axes | None = None) -> Axes:
     ax.set_xticks(range(k), kin.names, rotation=90)
     ax.set_yticks(range(k), kin.names)
     ax.tick_params(length=0)
-    for spine in ax.spines.values():
-        spine.set_visible(False)
+    frameless(ax)
     return ax
 
 

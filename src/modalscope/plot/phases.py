@@ -9,7 +9,7 @@ import numpy as np
 from modalscope.indicators import mpc
 from modalscope.model import ModalModel
 from modalscope.model.checks import DataError
-from modalscope.plot._style import BLUE, INK, MUTED, PALE, aside, new_axes
+from modalscope.plot._style import BLUE, MUTED, PALE, aside, headline, new_axes
 from modalscope.plot.shapes import check_mode
 
 if TYPE_CHECKING:
@@ -52,12 +52,6 @@ def complexity(modes: ModalModel, index: int, ax: Axes | None = None) -> Axes:
     ax.tick_params(labelsize=9, labelcolor=MUTED)
     ax.grid(True, color=PALE, linewidth=0.5)
     ax.spines["polar"].set_color(PALE)
-    ax.set_title(
-        f"mode {index + 1}: {modes.frequencies[index]:.5g} Hz",
-        loc="left",
-        fontsize=11.5,
-        color=INK,
-        fontweight="bold",
-    )
+    headline(ax, f"mode {index + 1}: {modes.frequencies[index]:.5g} Hz")
     aside(ax, f"MPC {float(mpc(modes.shapes[:, [index]])[0]):.3f}")
     return ax

@@ -8,7 +8,7 @@ import numpy as np
 
 from modalscope.model import FrequencyResponse, ImpulseResponse, ModalModel
 from modalscope.model.checks import Array
-from modalscope.plot._style import DPI, INK, MUTED, SIZE, VERMILLION, aside, channel, dress, key, unit_of
+from modalscope.plot._style import DPI, INK, MUTED, SIZE, VERMILLION, aside, channel, dress, headline, key, unit_of
 from modalscope.residues.rebuilt import rebuilt
 
 if TYPE_CHECKING:
@@ -67,14 +67,7 @@ def response(
         _spectrum(data, measured, fit, upper, lower, unit_of(data, i, j))
     else:
         _samples(data, measured, fit, upper, lower, unit_of(data, i, j))
-    upper.set_title(
-        f"output {data.output_dofs[i]}, input {data.input_dofs[j]}",
-        loc="left",
-        fontsize=11.5,
-        color=INK,
-        fontweight="bold",
-        pad=8,
-    )
+    headline(upper, f"output {data.output_dofs[i]}, input {data.input_dofs[j]}")
     if fit is not None:
         norm = float(np.linalg.norm(measured))
         if norm > 0:

@@ -21,6 +21,7 @@ from modalscope.plot._style import (
     decimals,
     diverging,
     dress,
+    frameless,
     key,
     new_axes,
 )
@@ -196,8 +197,7 @@ def _wireframe(ax: Axes, geometry: Geometry, motion: RealArray, measured: Array,
     ax.margins(0.06)
     ax.set_xticks([])
     ax.set_yticks([])
-    for spine in ax.spines.values():
-        spine.set_visible(False)
+    frameless(ax)
     _triad(ax, view)
 
 
