@@ -31,8 +31,9 @@ def indicators_of(pipeline: Pipeline, order: int, modes: Eigenmodes) -> dict[str
             participation = participation * modes.own[:, None] ** matrix.response.first_sample
         if pipeline.dual:
             vectors, rows, shapes, participation = rows.T, vectors.T, participation.T, shapes.T
-        outer = row_side(matrix, realization, order, modes.own, vectors, shapes)
         inner = column_side(matrix, realization, order, modes.own, rows, participation)
+        silent = inner is None or bool(np.isnan(inner[1]).any())
+        outer = row_side(matrix, realization, order, modes.own, vectors, shapes, coherence=silent)
         if pipeline.dual:
             outer, inner = inner, outer
         # where the columns say nothing (NaN, or None for all) the rows alone speak

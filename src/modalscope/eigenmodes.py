@@ -92,7 +92,8 @@ def eigenmodes(pipeline: Pipeline, model: Triple) -> Eigenmodes:
     shapes = _shapes(pipeline, model, own, vectors)
     response = pipeline.response
     if isinstance(response, FrequencyResponse):
-        basis = basis_of_lines(response, poles, weights=getattr(pipeline.matrix, "weights", None))
+        weights = pipeline.matrix.weights if isinstance(pipeline.matrix, Transfer) else None
+        basis = basis_of_lines(response, poles, weights=weights)
         participation, terms = fit_participation(basis, shapes)
         reach = np.linalg.norm(basis.functions.reshape(-1, poles.size, 2), axis=(0, 2))
         return Eigenmodes(poles, own, vectors, rows, shapes, participation, terms, reach=reach)

@@ -195,7 +195,15 @@ class Hankel:
         pairs = [(i, place[(a + 1, b)]) for (a, b), i in place.items() if (a + 1, b) in place]
         before, after = np.array(pairs).T
         whole = self.rows.whole
-        return RowShift.selection(before, after, side.weights, block=self._values.shape[1], whole=whole)
+        return RowShift(block=self._values.shape[1], before=before, after=after, weight=side.weights, whole=whole)
+
+    def row_blocks(self, P: Array) -> RealArray | None:
+        """Return a left factor (rows, k) by block rows, (blocks, l', k); None where the blocks are not whole."""
+        return P.reshape(-1, self._values.shape[1], P.shape[1]) if self.rows.structured else None
+
+    def column_blocks(self, Q: Array) -> RealArray | None:
+        """Return a right factor (columns, k) by block columns, (blocks, m', k); None where the blocks are not whole."""
+        return Q.reshape(-1, self._values.shape[2], Q.shape[1]) if self.columns.structured else None
 
     def first_block(self, shapes: Array) -> Array:
         """Return T_0 C: what the first block row of the factor V holds for shapes (l, n)."""

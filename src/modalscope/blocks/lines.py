@@ -76,7 +76,8 @@ def real_columns(columns: ComplexArray, weights: Array | None) -> RealArray:
 class LineMatrix:
     """A block matrix whose columns are lines, real and imaginary parts side by side, input by input.
 
-    A concrete matrix gives `inputs`, `outputs`, `columns_array`, `column_functions`, `kept_rows` and `full_shift`.
+    A concrete matrix gives `outputs`, `inputs`, `block_rows`, `columns_array`, `column_functions`, `residue_scale`, `level` and
+    `full_shift`, and what a `DataMatrix` offers beyond these.
     """
 
     row_shifts: tuple[int, ...] | None
@@ -158,6 +159,10 @@ class LineMatrix:
                 f"of the block rows only {', '.join(map(str, self.row_shifts))} are kept: no row follows from its neighbours",
                 "Use method='era' or 'least_squares', or leave row_shifts out.",
             )
+
+    def row_blocks(self, P: Array) -> RealArray | None:
+        """Return a left factor (rows, k) by block rows, (blocks, l, k); None where it is that of fewer rows than H(0) has."""
+        return None if P.shape[0] < self.block_rows * self.outputs else P.reshape(-1, self.outputs, P.shape[1])
 
     def first_block_column(self, *, tall: bool = False) -> None:
         """None: the columns are lines."""

@@ -44,13 +44,6 @@ class RowShift:
     weight: RealArray | None = None
     whole: bool = True
 
-    @classmethod
-    def selection(
-        cls, before: IntArray, after: IntArray, weight: RealArray | None, *, block: int, whole: bool
-    ) -> RowShift:
-        """Return the shift of a Hankel matrix' rows; as slices in effect when the blocks are whole."""
-        return cls(block=block, before=before, after=after, weight=weight, whole=whole)
-
     def unweighted(self, V: Array) -> RealArray:
         """Return V without the row weights."""
         return V if self.weight is None else V / self.weight[:, None]
@@ -112,6 +105,9 @@ class DataMatrix(Protocol):
 
     def first_block(self, shapes: Array) -> Array:
         """What the first block row of the factor V holds for given shapes (l, n): T_0 C, or C p_0 on polynomials."""
+
+    def row_blocks(self, P: Array) -> RealArray | None:
+        """A left factor (rows, k) by block rows, (blocks, channels, k); None where the blocks are not whole."""
 
     @property
     def warnings(self) -> tuple[str, ...]:

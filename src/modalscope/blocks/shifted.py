@@ -20,12 +20,10 @@ from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, Re
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.poles import to_continuous, to_discrete
+from modalscope.model.resolvent import HELD
 from modalscope.model.statespace import StateSpace
 
 __all__ = ["Shifted", "is_full_grid", "model_transfer", "shifted", "shifted_transfer", "window_lines"]
-
-#: Complex numbers held at once by a sum over samples, 64 MB.
-_HELD = 4_000_000
 
 
 def model_transfer(model: StateSpace, frequencies: ArrayLike, shift: int = 0) -> ComplexArray:
@@ -101,7 +99,7 @@ def shifted_transfer(
 def _sum(values: Array, z: ComplexArray) -> ComplexArray:
     """Return sum_k values[k] z^-k, some lines at a time."""
     steps = np.arange(len(values))
-    at_once = max(1, _HELD // len(values))
+    at_once = max(1, HELD // len(values))
     parts = [np.tensordot(z[i : i + at_once, None] ** -steps, values, axes=1) for i in range(0, z.size, at_once)]
     return np.concatenate(parts)
 
@@ -253,7 +251,7 @@ class Shifted(LineMatrix):
     def full_shift(self) -> RowShift:
         """E0 drops the last block, E1 the first."""
         rows = np.arange(self.outputs * self.degree)
-        return RowShift.selection(rows, rows + self.outputs, None, block=self.outputs, whole=True)
+        return RowShift(block=self.outputs, before=rows, after=rows + self.outputs)
 
     def first_rows(self, right: Array, k: int = 0) -> RealArray:
         """Return (first block row of H(k)) X."""

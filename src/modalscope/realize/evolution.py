@@ -29,58 +29,60 @@ def _times(blocks: Array, states: ComplexArray) -> ComplexArray:
 
 
 def row_side(
-    matrix: DataMatrix, realization: Realization, n: int, poles: Array, vectors: Array, shapes: Array
+    matrix: DataMatrix,
+    realization: Realization,
+    n: int,
+    poles: Array,
+    vectors: Array,
+    shapes: Array,
+    *,
+    coherence: bool = True,
 ) -> tuple[RealArray, RealArray | None] | None:
     """Return EMAC and amplitude coherence of the row factor V = P d^1/2 against c_j g_k; None when its blocks are not whole.
 
-    The coherence is left out where the columns give it: it needs all rows, of which there may be many more.
-
     Parameters
     ----------
-    matrix, realization
-        The data matrix and what the model of order n was cut from.
+    matrix, realization, n
+        The data matrix, and what the model of order n was cut from.
     poles : array of complex, (k,)
         In the plane of the matrix.
     vectors : array of complex, (n, k)
         Eigenvectors of A.
     shapes : array of complex, (l, k)
         C times the eigenvectors.
+    coherence : bool
+        Whether the amplitude coherence is wanted: it needs all rows, of which there may be many, and is None without.
     """
-    first = matrix.first_block(shapes)
-    if isinstance(matrix, Hankel):
-        whole = matrix.rows.structured
-    else:
-        whole = realization.factors.P.shape[0] >= matrix.block_rows * first.shape[0]
-    if not whole:
+    blocks = matrix.row_blocks(realization.factors.P[:, :n])
+    if blocks is None:
         return None
-    blocks = realization.factors.P.reshape(-1, first.shape[0], realization.factors.P.shape[1])[:, :, :n]
+    first = matrix.first_block(shapes)
     states = realization.factors.d[:n, None] ** realization.row_power * np.asarray(vectors, dtype=np.complex128)
     evolution = matrix.evolution(poles, blocks.shape[0])
     emac = _last_blocks(blocks, first, evolution, states)
-    if isinstance(matrix, Hankel) and matrix.columns.structured:
-        return emac, None
-    grown = _times(blocks, states)
-    return emac, amplitude_coherence(grown, first, evolution)
+    return emac, amplitude_coherence(_times(blocks, states), first, evolution) if coherence else None
 
 
 def column_side(
-    matrix: DataMatrix, realization: Realization, n: int, poles: Array, rows: Array, participation: Array
+    matrix: Hankel | LineMatrix, realization: Realization, n: int, poles: Array, rows: Array, participation: Array
 ) -> tuple[RealArray, RealArray] | None:
     """Return the same for the column factor W = d^1/2 Q' against b_j z^k, on lines b_j / (x_i - s_j); None where blocks are not whole.
 
     Parameters
     ----------
+    matrix, realization, n, poles
+        As in `row_side`.
     rows : array of complex, (k, n)
         Rows of the inverse of the eigenvectors.
     participation : array of complex, (k, m)
     """
     if isinstance(matrix, LineMatrix):
         return _line_side(matrix, realization, n, poles, rows, participation)
-    if not (isinstance(matrix, Hankel) and matrix.columns.structured):
+    factors = realization.factors
+    blocks = matrix.column_blocks(factors.Q[:, :n])
+    if blocks is None:
         return None
     first = matrix.first_block_of_inputs(participation).T
-    factors = realization.factors
-    blocks = factors.Q.reshape(-1, first.shape[0], factors.Q.shape[1])[:, :, :n]
     states = factors.d[:n, None] ** (1 - realization.row_power) * np.asarray(rows, dtype=np.complex128).T
     evolution = matrix.evolution(poles, blocks.shape[0])
     grown = _times(blocks, states)
