@@ -23,7 +23,6 @@ __all__ = [
     "freeze",
     "locked",
     "real_array",
-    "unit_suffix",
 ]
 
 # The names say what an array holds; numpy's own stubs cannot follow element types through most expressions.
@@ -155,8 +154,3 @@ def check_choice(name: str, value: Any, choices: Iterable[str]) -> str:
     near = get_close_matches(str(value), known, n=1)
     hint = f"Did you mean {near[0]!r}? " if near else ""
     raise DataError(f"{name}={value!r} was asked", f"there are only {', '.join(known)}", f"{hint}Choose one of these.")
-
-
-def unit_suffix(unit: str | None) -> str:
-    """Return `" [unit]"`, or nothing when the unit is not known."""
-    return f" [{unit}]" if unit else ""

@@ -19,6 +19,7 @@ from modalscope.model.checks import (
     freeze,
     real_array,
 )
+from modalscope.model.resolvent import HELD
 
 if TYPE_CHECKING:
     from modalscope.model.frequency import FrequencyResponse
@@ -143,7 +144,7 @@ class ImpulseResponse(Channels):
         """Return sum_k values[k] exp(-2 pi j f k / fs) on any lines, a few at a time."""
         steps = np.arange(self.samples) / self.sampling_rate
         values = np.empty((lines.size, *self.values.shape[1:]), dtype=complex)
-        few = max(1, 4_000_000 // self.samples)  # 64 MB of exponentials
+        few = max(1, HELD // self.samples)
         for first in range(0, lines.size, few):
             rows = slice(first, first + few)
             values[rows] = np.tensordot(np.exp(-2j * np.pi * np.outer(lines[rows], steps)), self.values, axes=1)

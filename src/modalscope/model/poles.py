@@ -14,6 +14,7 @@ from modalscope.model.checks import Array, ComplexArray, RealArray
 
 __all__ = [
     "frequencies_and_damping",
+    "is_real",
     "one_of_each_pair",
     "pole_kinds",
     "poles_from",
@@ -88,11 +89,12 @@ def powers_of(poles: ArrayLike, count: int, first: int = 0) -> ComplexArray:
 def one_of_each_pair(poles: ArrayLike) -> Array:
     """Return the indices of one pole of each conjugate pair (the one above the axis) and of all real ones, by frequency."""
     s = np.asarray(poles, dtype=np.complex128)
-    keep = np.flatnonzero((s.imag > 0) | _is_real(s))
+    keep = np.flatnonzero((s.imag > 0) | is_real(s))
     return np.asarray(keep[np.lexsort((s[keep].imag, np.abs(s[keep])))])
 
 
-def _is_real(s: ComplexArray) -> Array:
+def is_real(s: ComplexArray) -> Array:
+    """Return which poles lie on the real axis, to rounding."""
     return np.asarray(np.abs(s.imag) <= _REAL * np.abs(s))
 
 
@@ -116,7 +118,7 @@ def pole_kinds(poles: ArrayLike, dt: float | None = None) -> tuple[str, ...]:
     at_nyquist = np.zeros(s.shape, bool) if dt is None else np.isclose(np.abs(s.imag) * dt, np.pi, rtol=1e-9, atol=0)
     forgotten = np.zeros(s.shape, bool) if dt is None else s.real * dt < np.log(_ZERO)
     names = np.select(
-        [forgotten, at_nyquist, s.real > 0, _is_real(s)],
+        [forgotten, at_nyquist, s.real > 0, is_real(s)],
         ["zero", "nyquist", "unstable", "real"],
         default="mode",
     )

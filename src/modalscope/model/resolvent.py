@@ -8,10 +8,10 @@ import scipy.linalg as sla
 from modalscope.model.checks import ComplexArray, DataError, RealArray
 from modalscope.model.scaling import scaled, state_scale
 
-__all__ = ["transfer"]
+__all__ = ["HELD", "transfer"]
 
-#: Complex numbers that the back substitution may hold at once, 64 MB.
-_HELD = 4_000_000
+#: Complex numbers that a sum over many lines may hold at once, 64 MB.
+HELD = 4_000_000
 
 
 def transfer(A: RealArray, B: RealArray, C: RealArray, D: RealArray, points: ComplexArray) -> ComplexArray:
@@ -27,7 +27,7 @@ def transfer(A: RealArray, B: RealArray, C: RealArray, D: RealArray, points: Com
     S, Z = sla.schur(scaled(A, scale), output="complex")
     right, left, poles = Z.conj().T @ (B / scale[:, None]), (C * scale) @ Z, np.diag(S)
     values = np.empty((points.size, C.shape[0], m), dtype=complex)
-    step = max(1, _HELD // max(1, n * m))
+    step = max(1, HELD // max(1, n * m))
     for first in range(0, points.size, step):
         x = points[first : first + step]
         if np.any(x[:, None] == poles):

@@ -7,6 +7,7 @@ import scipy.linalg as sla
 
 from modalscope.model.checks import DataError, RealArray
 from modalscope.model.modal_form import block_diagonal_basis
+from modalscope.model.poles import is_real
 from modalscope.model.scaling import scaled, state_scale
 
 __all__ = ["continuous", "sampled"]
@@ -29,7 +30,7 @@ def sampled(A: RealArray, B: RealArray, dt: float, *, held: bool) -> tuple[RealA
 def continuous(A: RealArray, B: RealArray, dt: float, *, held: bool) -> tuple[RealArray, RealArray]:
     """Return the continuous A and B whose exact sampling is given; the logarithm is that of the modal form's blocks."""
     z = np.linalg.eigvals(A)
-    bad = (np.abs(z.imag) <= 1e-13 * np.abs(z)) & (z.real <= 0)
+    bad = is_real(z) & (z.real <= 0)
     if bad.any():
         few = ", ".join(f"{v:.3g}" for v in z[bad].real[:4])
         raise DataError(

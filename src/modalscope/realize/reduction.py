@@ -8,7 +8,7 @@ import scipy.linalg as sla
 from modalscope.blocks.factor import factorize
 from modalscope.blocks.hankel import Hankel, hankel
 from modalscope.model.checks import DataError, RealArray, check_choice
-from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.statespace import StateSpace
 from modalscope.realize.balanced import balanced
 from modalscope.realize.companion import companion_matrix
 from modalscope.realize.triple import Realization, Triple
@@ -59,13 +59,9 @@ def _projected(matrix: Hankel, realization: Realization, n: int) -> Triple:
 def _from_markov(matrix: Hankel, realization: Realization, n: int) -> Triple:
     model = realization.triple(n)
     assert model.B is not None
-    count = matrix.block_rows + matrix.block_columns
-    values, state = np.empty((count, model.C.shape[0], model.B.shape[1])), model.B
-    for k in range(count):
-        values[k] = model.C @ state
-        state = model.A @ state
+    sampled = StateSpace(A=model.A, B=model.B, C=model.C, dt=1.0)
     own = hankel(
-        ImpulseResponse(values=values, sampling_rate=1.0),
+        sampled.impulse_response(matrix.block_rows + matrix.block_columns),
         block_rows=matrix.block_rows,
         block_columns=matrix.block_columns,
     )

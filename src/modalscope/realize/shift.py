@@ -11,7 +11,7 @@ from modalscope.model.checks import DataError, RealArray
 from modalscope.realize.balanced import first_blocks
 from modalscope.realize.triple import Realization, Triple
 
-__all__ = ["shift", "shift_grams"]
+__all__ = ["check_blocks", "shift", "shift_grams"]
 
 #: Beyond this condition of (E0 P)'(E0 P) the last block row carries what the others lack: too few block rows.
 _SINGULAR = 1e13

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -86,7 +86,7 @@ class Realization:
     triple: Callable[[int], Triple]
     canonical: bool = False
     row_power: float = 0.5
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
 
 
 def inverse_vectors(vectors: Array) -> ComplexArray:

@@ -7,14 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.model.checks import DataError, RealArray, check_count, check_positive, real_array
+from modalscope.model.channels import QUANTITIES
+from modalscope.model.checks import DataError, RealArray, check_choice, check_count, check_positive, real_array
 from modalscope.model.geometry import Geometry
 from modalscope.model.modes import ModalModel
 from modalscope.model.poles import poles_from
 from modalscope.systems.modal import modal_damping
 from modalscope.systems.structure import Structure
 
-__all__ = ["chain", "chain5", "heavy4", "over4", "row_geometry", "spring_chain", "spring_chain_modes"]
+__all__ = ["chain", "chain5", "heavy4", "joined", "over4", "row_geometry", "spring_chain", "spring_chain_modes"]
 
 
 def chain(
@@ -196,7 +197,7 @@ def spring_chain_modes(
     shapes, forced = (
         2 / np.sqrt(mass * (2 * n + 1)) * np.sin(np.outer(at + 1, odd) * np.pi / (2 * n + 1)) for at in (rows, columns)
     )
-    power = {"displacement": 0, "velocity": 1, "acceleration": 2}.get(quantity, 0)
+    power = QUANTITIES[check_choice("quantity", quantity, QUANTITIES)]
     return ModalModel(
         poles=poles,
         shapes=shapes,
