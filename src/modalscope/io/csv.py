@@ -27,6 +27,7 @@ import numpy as np
 from modalscope.io.contents import Contents, Finding, Options, Thing
 from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, ModalModel, Signals
 from modalscope.model.checks import Array, RealArray
+from modalscope.model.mode_table import known_columns
 
 __all__ = ["read", "write"]
 
@@ -128,20 +129,8 @@ def _record_table(record: Signals) -> tuple[list[str], list[list[float]]]:
 
 
 def _modes_table(modes: ModalModel) -> tuple[list[str], list[list[Any]]]:
-    optional = {
-        "frequency_spread_hz": modes.frequencies_spread,
-        "damping_ratio_spread": modes.damping_ratios_spread,
-        "frequency_std_hz": modes.frequencies_std,
-        "damping_ratio_std": modes.damping_ratios_std,
-        **modes.indicators,
-    }
-    columns: dict[str, Sequence[Any]] = {
-        "mode": list(range(1, len(modes) + 1)),
-        "frequency_hz": modes.frequencies.tolist(),
-        "damping_ratio": modes.damping_ratios.tolist(),
-        "kind": modes.kinds,
-        **{name: values.tolist() for name, values in optional.items() if values is not None},
-    }
+    columns: dict[str, Sequence[Any]] = {"mode": list(range(1, len(modes) + 1))}
+    columns |= {name: np.asarray(values).tolist() for name, values in known_columns(modes).items()}
     for label, row in zip(modes.output_dofs, modes.shapes, strict=True):
         columns |= {f"real {label}": row.real.tolist(), f"imag {label}": row.imag.tolist()}
     return list(columns), [list(row) for row in zip(*columns.values(), strict=True)]

@@ -24,6 +24,7 @@ from modalscope.io.arrays import from_json_numbers
 from modalscope.io.contents import Contents, Finding, Options
 from modalscope.model import DataError, Geometry, ModalModel
 from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.mode_table import COLUMNS
 from modalscope.model.poles import poles_from
 from modalscope.model.version import VERSION
 
@@ -33,12 +34,6 @@ __all__ = ["WRITE_OPTIONS", "read", "write"]
 WRITE_OPTIONS = ("method", "domain", "orders", "data")
 
 _DIRECT = ("feedthrough", "lower_residual", "upper_residual")
-_PER_MODE = {
-    "frequency_spread_hz": "frequencies_spread",
-    "damping_ratio_spread": "damping_ratios_spread",
-    "frequency_std_hz": "frequencies_std",
-    "damping_ratio_std": "damping_ratios_std",
-}
 _OF_DATA = ("quantity", "dt", "held_input", "scaling")
 
 
@@ -80,7 +75,7 @@ def _mode(modes: ModalModel, j: int) -> dict[str, Any]:
         "frequency_hz": float(modes.frequencies[j]),
         "damping_ratio": float(modes.damping_ratios[j]),
         "kind": modes.kinds[j],
-        **{key: None if (a := getattr(modes, name)) is None else float(a[j]) for key, name in _PER_MODE.items()},
+        **{key: None if (a := getattr(modes, name)) is None else float(a[j]) for key, name in COLUMNS.items()},
         "indicators": {name: float(values[j]) for name, values in modes.indicators.items()},
         "reasons": dict(modes.reasons[j]) if modes.reasons else {},
         "shape": {"dof": list(modes.output_dofs), **_parts(modes.shapes[:, j])},
@@ -162,7 +157,7 @@ def _modes(document: dict[str, Any]) -> ModalModel:
     known = bool(rows) and all(entry is not None for entry in part)
     fields: dict[str, Any] = {name: data[name] for name in _OF_DATA if data.get(name) is not None}
     fields |= {name: np.array(document[name], dtype=float) for name in _DIRECT if document.get(name) is not None}
-    fields |= {name: _column(rows, key) for key, name in _PER_MODE.items()}
+    fields |= {name: _column(rows, key) for key, name in COLUMNS.items()}
     names = rows[0].get("indicators") or {} if rows else {}
     return ModalModel(
         poles=np.array([_pole(row) for row in rows], dtype=complex),

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, freeze, locked
-from modalscope.model.poles import frequencies_and_damping, pole_kinds
+from modalscope.model.poles import HasPoles
 from modalscope.model.response import Response
 
 __all__ = ["StabilizationDiagram"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class StabilizationDiagram:
+class StabilizationDiagram(HasPoles):
     """Poles of all orders, flat, with what is stable against the order before.
 
     Parameters
@@ -98,21 +98,6 @@ class StabilizationDiagram:
             fit_errors=locked(np.asarray(self.fit_errors)),
             singular_values=locked(np.asarray(self.singular_values)),
         )
-
-    @property
-    def frequencies(self) -> RealArray:
-        """Frequencies of all poles, Hz."""
-        return frequencies_and_damping(self.poles)[0]
-
-    @property
-    def damping_ratios(self) -> RealArray:
-        """Damping ratios of all poles."""
-        return frequencies_and_damping(self.poles)[1]
-
-    @property
-    def kinds(self) -> tuple[str, ...]:
-        """What each pole is: mode, real, unstable, nyquist or zero."""
-        return pole_kinds(self.poles, self.dt)
 
     @property
     def stable(self) -> Array:

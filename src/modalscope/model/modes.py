@@ -21,10 +21,10 @@ from modalscope.model.checks import (
     freeze,
     real_array,
 )
-from modalscope.model.extras import optional_package
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
-from modalscope.model.poles import frequencies_and_damping, pole_kinds, to_discrete
+from modalscope.model.mode_table import COLUMNS, as_dataframe, as_text
+from modalscope.model.poles import HasPoles, to_discrete
 
 __all__ = ["NORMALIZATIONS", "PER_MODE", "ModalModel"]
 
@@ -34,11 +34,11 @@ NORMALIZATIONS = ("unit", "max", "mass", "none")
 _DIRECT = ("feedthrough", "lower_residual", "upper_residual")
 
 #: Fields that hold one number a mode, or nothing.
-PER_MODE = ("frequencies_spread", "damping_ratios_spread", "frequencies_std", "damping_ratios_std")
+PER_MODE = tuple(COLUMNS.values())
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class ModalModel(Channels):
+class ModalModel(Channels, HasPoles):
     """Modes of a structure: one pole of each conjugate pair, and real poles.
 
     The impulse response is h(t) = sum_j phi_j exp(s_j t) l_j' over the poles and, for each pole off the real axis, its
@@ -154,21 +154,6 @@ class ModalModel(Channels):
 
     def __len__(self) -> int:
         return int(self.poles.size)
-
-    @property
-    def frequencies(self) -> RealArray:
-        """Undamped natural frequencies, Hz."""
-        return frequencies_and_damping(self.poles)[0]
-
-    @property
-    def damping_ratios(self) -> RealArray:
-        """Damping ratios (0.01 is 1 %)."""
-        return frequencies_and_damping(self.poles)[1]
-
-    @property
-    def kinds(self) -> tuple[str, ...]:
-        """What each pole is: mode, real, unstable, nyquist or zero."""
-        return pole_kinds(self.poles, self.dt)
 
     @property
     def residues(self) -> ComplexArray:
@@ -354,44 +339,17 @@ class ModalModel(Channels):
 
     def table(self) -> str:
         """Return the modes as a text table: frequency, damping, spread over orders, indicators."""
-        columns: dict[str, list[str]] = {
-            "mode": [str(i + 1) for i in range(len(self))],
-            "f [Hz]": [f"{v:.4f}" for v in self.frequencies],
-            "zeta [%]": [f"{100 * v:.3f}" for v in self.damping_ratios],
-        }
-        if any(kind != "mode" for kind in self.kinds):
-            columns["kind"] = list(self.kinds)
-        scales = (("frequencies", "f", 1.0, ".4f"), ("damping_ratios", "zeta", 100.0, ".3f"))
-        for suffix, word in (("spread", "spread"), ("std", "std")):
-            for name, letter, factor, digits in scales:
-                values = getattr(self, f"{name}_{suffix}")
-                if values is not None:
-                    columns[f"{letter} {word}"] = [f"{factor * v:{digits}}" for v in values]
-        for name, values in self.indicators.items():
-            columns[name] = [f"{v:.3f}" for v in values]
-        widths = [
-            max(len(head), *(len(v) for v in column), 0) if column else len(head) for head, column in columns.items()
-        ]
-        lines = ["  ".join(head.rjust(w) for head, w in zip(columns, widths, strict=True))]
-        lines += [
-            "  ".join(cell.rjust(w) for cell, w in zip(row, widths, strict=True))
-            for row in zip(*columns.values(), strict=True)
-        ]
-        return "\n".join(lines)
+        return as_text(self)
 
     def to_dataframe(self) -> Any:
-        """Return the table as a pandas DataFrame (the extra `pandas`)."""
-        pandas = optional_package("to_dataframe", "pandas", "pandas")
-        named = {name: getattr(self, name) for name in PER_MODE if getattr(self, name) is not None}
-        return pandas.DataFrame(
-            {
-                "frequency_hz": self.frequencies,
-                "damping_ratio": self.damping_ratios,
-                "kind": self.kinds,
-                **named,
-                **self.indicators,
-            }
-        )
+        """Return the table as a pandas DataFrame, in the columns of the files.
+
+        Raises
+        ------
+        DataError
+            pandas is not installed: the extra `pandas` brings it.
+        """
+        return as_dataframe(self)
 
     def _cut(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
         direct = {name: None if (a := getattr(self, name)) is None else a[np.ix_(outputs, inputs)] for name in _DIRECT}

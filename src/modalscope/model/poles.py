@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from modalscope.model.checks import Array, ComplexArray, RealArray
 
 __all__ = [
+    "HasPoles",
     "frequencies_and_damping",
     "is_real",
     "one_of_each_pair",
@@ -123,3 +124,27 @@ def pole_kinds(poles: ArrayLike, dt: float | None = None) -> tuple[str, ...]:
         default="mode",
     )
     return tuple(str(name) for name in names)
+
+
+class HasPoles:
+    """What nouns say of the continuous poles that they hold; `dt` is the sampling interval of the identified system."""
+
+    __slots__ = ()
+
+    poles: ComplexArray
+    dt: float | None
+
+    @property
+    def frequencies(self) -> RealArray:
+        """Undamped natural frequencies |s| / 2 pi of all poles, Hz."""
+        return frequencies_and_damping(self.poles)[0]
+
+    @property
+    def damping_ratios(self) -> RealArray:
+        """Damping ratios -Re s / |s| of all poles (0.01 is 1 %)."""
+        return frequencies_and_damping(self.poles)[1]
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """What each pole is: mode, real, unstable, nyquist or zero."""
+        return pole_kinds(self.poles, self.dt)

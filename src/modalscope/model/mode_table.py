@@ -1,0 +1,62 @@
+"""Modes as a table: text for people, a data frame for programs, and the names that every file gives to the columns."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from modalscope.model.extras import optional_package
+
+if TYPE_CHECKING:
+    from modalscope.model.modes import ModalModel
+
+__all__ = ["COLUMNS", "as_dataframe", "as_text", "known_columns"]
+
+#: Column -> field: one number a mode, or nothing.
+COLUMNS = {
+    "frequency_spread_hz": "frequencies_spread",
+    "damping_ratio_spread": "damping_ratios_spread",
+    "frequency_std_hz": "frequencies_std",
+    "damping_ratio_std": "damping_ratios_std",
+}
+
+
+def known_columns(modes: ModalModel) -> dict[str, Any]:
+    """Return what is known of each mode, by column: frequency, damping ratio, kind, spreads, indicators."""
+    optional = {column: getattr(modes, field) for column, field in COLUMNS.items()}
+    return {
+        "frequency_hz": modes.frequencies,
+        "damping_ratio": modes.damping_ratios,
+        "kind": modes.kinds,
+        **{column: values for column, values in optional.items() if values is not None},
+        **modes.indicators,
+    }
+
+
+def as_text(modes: ModalModel) -> str:
+    """Return the modes as a text table: frequency, damping, spread over orders, indicators."""
+    columns: dict[str, list[str]] = {
+        "mode": [str(i + 1) for i in range(len(modes))],
+        "f [Hz]": [f"{v:.4f}" for v in modes.frequencies],
+        "zeta [%]": [f"{100 * v:.3f}" for v in modes.damping_ratios],
+    }
+    if any(kind != "mode" for kind in modes.kinds):
+        columns["kind"] = list(modes.kinds)
+    for word, frequencies, damping_ratios in (
+        ("spread", modes.frequencies_spread, modes.damping_ratios_spread),
+        ("std", modes.frequencies_std, modes.damping_ratios_std),
+    ):
+        if frequencies is not None:
+            columns[f"f {word}"] = [f"{v:.4f}" for v in frequencies]
+        if damping_ratios is not None:
+            columns[f"zeta {word}"] = [f"{100 * v:.3f}" for v in damping_ratios]
+    for name, values in modes.indicators.items():
+        columns[name] = [f"{v:.3f}" for v in values]
+    widths = [max(map(len, (head, *column))) for head, column in columns.items()]
+    rows = [tuple(columns), *zip(*columns.values(), strict=True)]
+    return "\n".join("  ".join(cell.rjust(w) for cell, w in zip(row, widths, strict=True)) for row in rows)
+
+
+def as_dataframe(modes: ModalModel) -> Any:
+    """Return the table as a pandas DataFrame, in the columns of the files (see `ModalModel.to_dataframe`)."""
+    pandas = optional_package("to_dataframe", "pandas", "pandas")
+    return pandas.DataFrame(known_columns(modes))
