@@ -2,7 +2,8 @@
 
 Every identification method is a row of one table: a block data matrix is factored, a realization (A, B, C, D) is read off,
 the modal parameters follow. `methods()` lists the table; `identify` runs one cell at one order, `stabilize` at all orders,
-and `select` reports the modes with the reasons for each.
+and `select` reports the modes with the reasons for each. "The report", and equation numbers without another source, are those
+of J.-N. Juang, Mathematical Correlation of Modal Parameter Identification Methods via System Realization Theory, NASA TM 87720 (1986).
 """
 
 from modalscope import plot, systems

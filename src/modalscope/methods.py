@@ -37,7 +37,7 @@ class Method:
     realization : str
         How the model is read off, in words.
     section : str
-        Where the founding report has it.
+        Where the report has it.
     known_as : tuple of str
         Names in the literature of this cell, with the options that make them.
     realize : callable

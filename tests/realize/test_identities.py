@@ -19,7 +19,7 @@ from modalscope.realize.balanced import projected_general
 from modalscope.realize.regression import regression_matrix
 from tests.support import add_noise, random_system, relative
 
-#: The identities hold to rounding; the issue is the conditioning of the data, and 400 random systems stayed below 6e-13.
+#: The identities hold to rounding; what is lost is the conditioning of the data, and 400 random systems stayed below 6e-13.
 EXACT = 1e-9
 
 SEEDS = range(6)

@@ -56,7 +56,7 @@ def transfer(
         Divide every output by its root mean square over the band, so that quiet outputs count as much as loud ones in the
         truncation. Shapes are scaled back.
     basis : {"orthogonal", "powers"}
-        "powers" are the plain powers of the scaled x of the founding report: for comparison, they fail in noise.
+        "powers" are the plain powers of the scaled x of the report: for comparison, they fail in noise.
     initial_values : array, (K, l, m), or "rest", optional
         The first K of D, CB, CAB, ... in SI units (in the z-domain D, Y(0), Y(1), ...), where they are known. "rest": those that
         are zero for a structure at rest by the response's quantity.
