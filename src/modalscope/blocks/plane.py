@@ -76,7 +76,11 @@ def plane_of(domain: str, response: FrequencyResponse) -> Plane:
             dt,
             1.0,
         )
-    half = 1 / (top or 1.0)
+    return _bilinear(1 / (top or 1.0))
+
+
+def _bilinear(half: float) -> Plane:
+    """Return the plane of z = (1 + s T/2) / (1 - s T/2), with T/2 = `half`."""
 
     def into(s: Array) -> ComplexArray:
         return np.asarray((1 + np.asarray(s) * half) / (1 - np.asarray(s) * half), dtype=complex)

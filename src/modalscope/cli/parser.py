@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeAlias
 
 from modalscope.cli import analysis, files
 
 __all__ = ["EXIT_WRONG", "build_parser"]
 
 EXIT_WRONG = 2
+
+_Commands: TypeAlias = "argparse._SubParsersAction[_Parser]"
 
 
 class _Parser(argparse.ArgumentParser):
@@ -26,62 +28,76 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="store_true", help="print the version and stop")
     parser.set_defaults(run=_version_or_help(parser))
     commands = parser.add_subparsers(title="commands", metavar="COMMAND")
+    for add in (_add_identify, _add_compare, _add_info, _add_convert, _add_methods, _add_simulate):
+        add(commands)
+    return parser
 
-    identify = commands.add_parser(
+
+def _add_identify(commands: _Commands) -> None:
+    parser = commands.add_parser(
         "identify", help="find the modes in a file", description="Find the modes in a file, automatically."
     )
-    identify.add_argument("file", type=Path, help="universal file, .npz, .mat, .h5 or .csv")
-    identify.add_argument(
+    parser.add_argument("file", type=Path, help="universal file, .npz, .mat, .h5 or .csv")
+    parser.add_argument(
         "--method", help="a row of the table (see: modalscope methods); by default the one that suits the data"
     )
-    identify.add_argument("--domain", help="time, z or s; by default the one that suits the data")
-    _add_analysis(identify)
-    identify.add_argument("-o", "--output", type=Path, help="write .json, .csv, .uff or an .html report")
-    identify.set_defaults(run=analysis.identify)
+    parser.add_argument("--domain", help="time, z or s; by default the one that suits the data")
+    _add_analysis(parser)
+    parser.add_argument("-o", "--output", type=Path, help="write .json, .csv, .uff or an .html report")
+    parser.set_defaults(run=analysis.identify)
 
-    compare = commands.add_parser(
+
+def _add_compare(commands: _Commands) -> None:
+    parser = commands.add_parser(
         "compare",
         help="try every method on a file, and say which modes to trust",
         description="Identify a file by every method of the table; say what they agree on, where they differ and why.",
     )
-    compare.add_argument("file", type=Path, help="universal file, .npz, .mat, .h5 or .csv")
-    compare.add_argument(
+    parser.add_argument("file", type=Path, help="universal file, .npz, .mat, .h5 or .csv")
+    parser.add_argument(
         "--methods",
         nargs="+",
         default=["all"],
         metavar="METHOD",
         help="rows or cells of the table, such as era alternate/s (default: all)",
     )
-    _add_analysis(compare, by_hand=False)
-    compare.add_argument("-o", "--output", type=Path, help="write .json, .csv, .uff (the consensus) or an .html report")
-    compare.set_defaults(run=analysis.compare)
+    _add_analysis(parser, by_hand=False)
+    parser.add_argument("-o", "--output", type=Path, help="write .json, .csv, .uff (the consensus) or an .html report")
+    parser.set_defaults(run=analysis.compare)
 
-    info = commands.add_parser("info", help="tell what a file holds, what is taken and how good it is")
-    info.add_argument("file", type=Path)
-    _add_reading(info)
-    info.set_defaults(run=files.info)
 
-    convert = commands.add_parser("convert", help="read one format, write another")
-    convert.add_argument("input", type=Path)
-    convert.add_argument("output", type=Path)
-    _add_reading(convert)
-    convert.set_defaults(run=files.convert)
+def _add_info(commands: _Commands) -> None:
+    parser = commands.add_parser("info", help="tell what a file holds, what is taken and how good it is")
+    parser.add_argument("file", type=Path)
+    _add_reading(parser)
+    parser.set_defaults(run=files.info)
 
-    table = commands.add_parser("methods", help="print the table of methods")
-    table.set_defaults(run=files.methods)
 
-    simulate = commands.add_parser("simulate", help="write a simulated test of a known structure")
-    simulate.add_argument("system", help="a structure of the catalog; 'list' prints their names")
-    simulate.add_argument("-o", "--output", type=Path, help="file to write")
-    simulate.add_argument("--kind", default="frf", help=f"{', '.join(files.KINDS)} (default: frf)")
-    simulate.add_argument(
+def _add_convert(commands: _Commands) -> None:
+    parser = commands.add_parser("convert", help="read one format, write another")
+    parser.add_argument("input", type=Path)
+    parser.add_argument("output", type=Path)
+    _add_reading(parser)
+    parser.set_defaults(run=files.convert)
+
+
+def _add_methods(commands: _Commands) -> None:
+    parser = commands.add_parser("methods", help="print the table of methods")
+    parser.set_defaults(run=files.methods)
+
+
+def _add_simulate(commands: _Commands) -> None:
+    parser = commands.add_parser("simulate", help="write a simulated test of a known structure")
+    parser.add_argument("system", help="a structure of the catalog; 'list' prints their names")
+    parser.add_argument("-o", "--output", type=Path, help="file to write")
+    parser.add_argument("--kind", default="frf", help=f"{', '.join(files.KINDS)} (default: frf)")
+    parser.add_argument(
         "--samples", type=int, help="samples or lines (default: 1000 lines, 2000 samples, 20000 of a record)"
     )
-    simulate.add_argument("--quantity", default="acceleration", help="displacement, velocity or acceleration (default)")
-    simulate.add_argument("--noise", type=float, metavar="DB", help="signal-to-noise ratio in dB; none by default")
-    simulate.add_argument("--seed", type=int, default=0, help="seed of the noise (default: 0)")
-    simulate.set_defaults(run=files.simulate)
-    return parser
+    parser.add_argument("--quantity", default="acceleration", help="displacement, velocity or acceleration (default)")
+    parser.add_argument("--noise", type=float, metavar="DB", help="signal-to-noise ratio in dB; none by default")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the noise (default: 0)")
+    parser.set_defaults(run=files.simulate)
 
 
 def _add_reading(parser: argparse.ArgumentParser) -> None:

@@ -199,20 +199,25 @@ def _table(path: Path) -> _Table:
             "it is a table of modes, which is only written",
             "Read modes from .json, .npz, .h5 or .uff.",
         )
-    numbers = np.empty((len(body), len(header)))
+    return _Table(notes, [name.strip() for name in header], _cells(path, body, len(header)))
+
+
+def _cells(path: Path, body: Sequence[Sequence[str]], width: int) -> RealArray:
+    """Return the rows under the header as numbers."""
+    numbers = np.empty((len(body), width))
     for k, row in enumerate(body):
         try:
             values = [float(cell) for cell in row]
         except ValueError:
             values = []
-        if len(values) != len(header):
+        if len(values) != width:
             raise DataError(
-                f"reading {path.name} needs {len(header)} numbers in every row",
+                f"reading {path.name} needs {width} numbers in every row",
                 f"row {k + 1} under the header is {row[:6]}",
                 "Correct that row; decimals take a point.",
             )
         numbers[k] = values
-    return _Table(notes, [name.strip() for name in header], numbers)
+    return numbers
 
 
 def _number(path: Path, table: _Table, name: str) -> float:

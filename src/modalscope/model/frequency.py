@@ -189,6 +189,33 @@ class FrequencyResponse(Channels):
         DataError
             Lines that are not equally spaced, or that do not lie on multiples of their spacing.
         """
+        spectrum, step = self._from_zero()
+        held = self.sampling_rate is not None
+        length = 2 * (spectrum.shape[0] - 1)
+        rate = length * step
+        if self.sampling_rate is not None:
+            rate = self.sampling_rate
+            length = round(rate / step)
+            if abs(rate / step - length) > 1e-3:
+                raise DataError(
+                    "the inverse transform of a sampled response needs lines that divide the sampling rate",
+                    f"{rate:g} Hz holds {rate / step:.6g} steps of {step:g} Hz",
+                    "Use a frequency-domain method (domain='z'), which takes any lines.",
+                )
+        samples = np.fft.irfft(spectrum, n=length, axis=0)
+        note = f"inverse transform of {self.lines} lines, {self.frequencies[0]:g} to {self.frequencies[-1]:g} Hz"
+        return ImpulseResponse(
+            values=samples[1:] if held else samples[1:] * rate,
+            feedthrough=samples[0],
+            sampling_rate=rate,
+            kind="pulse" if held else "dirac",
+            first_sample=0 if held else 1,
+            quantity=self.quantity,
+            **self.labelled(),
+        ).noted(note)
+
+    def _from_zero(self) -> tuple[ComplexArray, float]:
+        """Return values on all multiples of the lines' spacing from 0 Hz, zero below the band, and that spacing in Hz."""
         if self.lines < 2:
             raise DataError("an inverse transform needs a band of lines", "there is one line", "Measure more lines.")
         step = (self.frequencies[-1] - self.frequencies[0]) / (self.lines - 1)
@@ -203,35 +230,7 @@ class FrequencyResponse(Channels):
             )
         spectrum = np.zeros((whole[-1] + 1, *self.values.shape[1:]), dtype=complex)
         spectrum[whole] = self.values
-        held = self.sampling_rate is not None
-        length = 2 * (spectrum.shape[0] - 1)
-        rate = length * step
-        if self.sampling_rate is not None:
-            rate = self.sampling_rate
-            length = round(rate / step)
-            if abs(rate / step - length) > 1e-3:
-                raise DataError(
-                    "the inverse transform of a sampled response needs lines that divide the sampling rate",
-                    f"{rate:g} Hz holds {rate / step:.6g} steps of {step:g} Hz",
-                    "Use a frequency-domain method (domain='z'), which takes any lines.",
-                )
-        samples = np.fft.irfft(spectrum, n=length, axis=0)
-        return ImpulseResponse(
-            values=samples[1:] if held else samples[1:] * rate,
-            feedthrough=samples[0],
-            sampling_rate=rate,
-            kind="pulse" if held else "dirac",
-            first_sample=0 if held else 1,
-            quantity=self.quantity,
-            output_dofs=self.output_dofs,
-            input_dofs=self.input_dofs,
-            units=self.units,
-            geometry=self.geometry,
-            processing=(
-                *self.processing,
-                f"inverse transform of {self.lines} lines, {self.frequencies[0]:g} to {self.frequencies[-1]:g} Hz",
-            ),
-        )
+        return spectrum, float(step)
 
     def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
         def cut(array: Array | None) -> Any:

@@ -133,12 +133,8 @@ class ImpulseResponse(Channels):
             frequencies=lines,
             sampling_rate=self.sampling_rate if held else None,
             quantity=self.quantity,
-            output_dofs=self.output_dofs,
-            input_dofs=self.input_dofs,
-            units=self.units,
-            geometry=self.geometry,
-            processing=(*self.processing, f"transformed from {self.samples} samples of a {self.kind} response"),
-        )
+            **self.labelled(),
+        ).noted(f"transformed from {self.samples} samples of a {self.kind} response")
 
     def _transformed(self, lines: RealArray) -> ComplexArray:
         """Return sum_k values[k] exp(-2 pi j f k / fs) on any lines, a few at a time."""

@@ -75,35 +75,20 @@ def _verdict(c: Comparison) -> Section:
 def _modes(c: Comparison) -> Section:
     digits = decimals(c.modes.frequencies)
     ran = sum(r.modes is not None for r in c.results)
-    rows = []
-    for k, g in enumerate(c.groups):
-        rows.append(
-            [
-                str(k + 1),
-                f"{g.frequency:.{digits}f}",
-                f"{c.scatter.frequency[k]:.2g}",
-                f"{g.frequency_between:.2g}",
-                f"{100 * g.damping:.3f}",
-                f"{100 * c.scatter.damping[k]:.2g}",
-                f"{100 * g.damping_between:.2g}",
-                f"{len(g.members)} of {ran}",
-                f"{min(g.mac.values()):.3f}",
-                c.trust[k].grade,
-            ]
-        )
-    head = [
-        "mode",
-        "frequency [Hz]",
-        "± [Hz]",
-        "between [Hz]",
-        "damping [%]",
-        "± [%]",
-        "between [%]",
-        "found by",
-        "least MAC",
-        "trust",
-    ]
-    body = table(head, rows, words=[9]) if rows else paragraph("No mode stands out of the data.")
+    columns = {
+        "mode": [str(k + 1) for k in range(len(c.groups))],
+        "frequency [Hz]": [f"{g.frequency:.{digits}f}" for g in c.groups],
+        "± [Hz]": [f"{v:.2g}" for v in c.scatter.frequency],
+        "between [Hz]": [f"{g.frequency_between:.2g}" for g in c.groups],
+        "damping [%]": [f"{100 * g.damping:.3f}" for g in c.groups],
+        "± [%]": [f"{100 * v:.2g}" for v in c.scatter.damping],
+        "between [%]": [f"{100 * g.damping_between:.2g}" for g in c.groups],
+        "found by": [f"{len(g.members)} of {ran}" for g in c.groups],
+        "least MAC": [f"{min(g.mac.values()):.3f}" for g in c.groups],
+        "trust": [t.grade for t in c.trust],
+    }
+    rows = list(zip(*columns.values(), strict=True))
+    body = table(list(columns), rows, words=[9]) if rows else paragraph("No mode stands out of the data.")
     body += paragraph(
         f"±: {COVERAGE:g} times the standard deviations between methods, over orders and of the noise, together; "
         "between: the standard deviation between methods alone; least MAC: of the methods' shapes with the consensus.",
