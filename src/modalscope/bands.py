@@ -9,7 +9,12 @@ from typing import Any
 import numpy as np
 
 from modalscope.indicators import mac
-from modalscope.model.checks import DataError
+from modalscope.model.checks import (
+    DataError,
+    check_band,
+    check_each,
+    check_kind,
+)
 from modalscope.model.modes import PER_MODE, ModalModel
 
 __all__ = ["merge_bands"]
@@ -50,6 +55,10 @@ def merge_bands(
     >>> len(merge_bands([modes, modes], [(0, 4.5), (4, 8)]))
     5
     """
+    results = check_each("merge_bands", results, "a list of modes, one a band")
+    for result in results:
+        check_kind("each result of a band", result, ModalModel)
+    bands = [check_band(band) for band in check_each("bands", bands, "a list of pairs in Hz")]
     if not results or len(results) != len(bands):
         raise DataError(
             f"{len(results)} results of {len(bands)} bands were asked to be merged",

@@ -12,7 +12,15 @@ import numpy as np
 
 from modalscope.indicators import mac, mpc
 from modalscope.model.channels import QUANTITIES, known_quantity
-from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_positive
+from modalscope.model.checks import (
+    Array,
+    ComplexArray,
+    DataError,
+    RealArray,
+    check_band,
+    check_kind,
+    check_positive,
+)
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.modes import ModalModel
 from modalscope.model.poles import poles_from
@@ -74,6 +82,7 @@ def mmif(response: FrequencyResponse) -> tuple[RealArray, RealArray]:
     Williams, Crowley and Vold, The multivariate mode indicator function in modal analysis, IMAC III (1985). By the singular value
     decomposition [Re H; Im H] = U S V' the eigenvalues are those of U_re' U_re, and f = V S^-1 w.
     """
+    check_kind("a mode indicator function", response, FrequencyResponse)
     lost = ", and with it the phase at resonance"
     quantity = known_quantity(response.quantity, "a mode indicator function was asked", lost=lost)
     H = response.values / (1j if quantity == "velocity" else 1)
@@ -116,8 +125,9 @@ def tuned_dwell(
     >>> found.modes.frequencies.round(2)
     array([0.91, 2.64, 4.17, 5.36, 6.11])
     """
+    check_kind("a tuned dwell", response, FrequencyResponse)
     check_positive("threshold", threshold)
-    cut = response if band is None else response.band(*band)
+    cut = response if band is None else response.band(*check_band(band))
     if cut.lines < 2 * _LEAST_LINES + 1:
         raise DataError(
             f"a tuned dwell needs at least {2 * _LEAST_LINES + 1} lines", f"there are {cut.lines}", "Widen the band."

@@ -11,7 +11,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
+from modalscope.model.checks import (
+    Array,
+    ComplexArray,
+    DataError,
+    RealArray,
+    complex_array,
+)
 
 __all__ = [
     "amplitude_coherence",
@@ -54,8 +60,8 @@ def mac(shapes_a: ArrayLike, shapes_b: ArrayLike | None = None) -> RealArray:
     array([[1., 0.],
            [0., 1.]])
     """
-    a = np.asarray(shapes_a)
-    b = a if shapes_b is None else np.asarray(shapes_b)
+    a = complex_array("shapes_a", shapes_a, "(channels,) or (channels, modes)", (1, 2))
+    b = a if shapes_b is None else complex_array("shapes_b", shapes_b, "(channels,) or (channels, modes)", (1, 2))
     a, b = (x[:, None] if x.ndim == 1 else x for x in (a, b))
     if a.shape[0] != b.shape[0]:
         raise DataError(
@@ -134,7 +140,8 @@ def cmif(values: ArrayLike) -> RealArray:
     values : array of complex, (F, l, m)
         H on F lines.
     """
-    return np.asarray(np.linalg.svd(np.asarray(values), compute_uv=False))
+    H = complex_array("values", values, "(lines, outputs, inputs)", 3)
+    return np.asarray(np.linalg.svd(H, compute_uv=False))
 
 
 def prominence(curves: ArrayLike, frequencies: ArrayLike, frequency: float, damping_ratio: float) -> float:

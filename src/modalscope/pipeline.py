@@ -15,7 +15,13 @@ from modalscope.blocks.lines import line_weights
 from modalscope.blocks.shifted import Shifted, shifted
 from modalscope.blocks.transfer import Transfer, transfer
 from modalscope.methods import Method
-from modalscope.model.checks import DataError, check_choice, check_count
+from modalscope.model.checks import (
+    DataError,
+    check_band,
+    check_choice,
+    check_count,
+    check_each,
+)
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.response import Response
@@ -117,8 +123,10 @@ def build(
             f"the options of the data matrix are {', '.join((*_HANKEL, *_LINES))}",
             "Correct its name.",
         )
+    band = None if band is None else check_band(band)
     cell, response, notes = prepare(data if exclude is None else data.select(exclude=exclude), method, domain, band)
     check_count("order", order)
+    _counts(block_rows=block_rows, block_columns=block_columns)
     _check_form(cell, form)
     if isinstance(response, FrequencyResponse) or cell.domain != "time":
         chosen = {**options, "block_rows": block_rows, "block_columns": block_columns, "band": band}
@@ -126,8 +134,12 @@ def build(
         dual = False
     else:
         _refuse("this method works on samples", weights=weights, **{name: options.get(name) for name in _LINES})
+        if band is not None and isinstance(data, ImpulseResponse):
+            notes.append(
+                f"samples are not filtered: the model has all modes, a diagram those from {band[0]:g} to {band[1]:g} Hz"
+            )
         dual = _is_dual(cell, form, response, block_rows, block_columns)
-        given = {name: options.get(name) for name in _HANKEL}
+        given = {name: _shifts(name, options.get(name)) for name in _HANKEL}
         matrix, settings = _hankel_of(cell, response, dual, order, block_rows, block_columns, given)
         settings["form"] = "controllable" if dual else "observable"
         response = _lags_read(response, settings, notes)
@@ -165,13 +177,23 @@ def _lags_read(response: ImpulseResponse, settings: dict[str, Any], notes: list[
 
 
 def _check_form(cell: Method, form: str | None) -> None:
+    if form is not None:
+        check_choice("form", form, ("observable", "controllable", "smaller"))
     if form == "controllable" and cell.domain != "time" and cell.factors != "fraction":
         raise DataError(
             f"the controllable form of method {cell.name!r} in domain {cell.domain!r} was asked",
             "its columns are lines, G(x_i) B, in which the state matrix does not appear as in B, AB, A^2 B, ...: there is none",
             "Use form='observable', or domain='time'.",
         )
-    check_choice("form", form or cell.forms[0], (*cell.forms, "smaller") if len(cell.forms) > 1 else cell.forms)
+    check_choice(
+        "form", cell.forms[0] if form is None else form, (*cell.forms, "smaller") if len(cell.forms) > 1 else cell.forms
+    )
+
+
+def _counts(**blocks: int | None) -> None:
+    for name, value in blocks.items():
+        if value is not None:
+            check_count(name, value)
 
 
 def _refuse(why: str, **given: Any) -> None:
@@ -192,22 +214,23 @@ def _matrix_of_lines(
     never = [name for name in _HANKEL if name != "row_shifts"]
     _refuse("the columns of a frequency-domain matrix are lines", **{name: options.get(name) for name in never})
     said = {"weights": weights if isinstance(weights, str) else None if weights is None else "given"}
-    chosen: dict[str, Any] = {name: options.get(name) for name in ("row_shifts", *_LINES)}
+    chosen: dict[str, Any] = {name: _shifts(name, options.get(name)) for name in ("row_shifts", *_LINES)}
     if cell.factors == "fraction":
         assert isinstance(response, FrequencyResponse)
         _refuse("a matrix fraction has neither", block_rows=options["block_rows"], **chosen)
         return fraction(response, degree=order, weights=line_weights(response, weights)), said
     rows, columns, band = options["block_rows"], options["block_columns"], options["band"]
-    source = chosen.pop("source") or ("samples" if isinstance(response, ImpulseResponse) else "elimination")
+    source = chosen.pop("source")
+    if source is None:
+        source = "samples" if isinstance(response, ImpulseResponse) else "elimination"
     check_choice("source", source, ("samples", "elimination"))
     if source == "samples":
         for name in ("initial_values", "basis"):
             _refuse("shifted transfer functions of samples have no initial terms to eliminate", **{name: chosen[name]})
-        if isinstance(response, FrequencyResponse):
-            _refuse("the lines were transformed to samples", weights=weights)
+        _refuse("samples are transformed to lines of their own, which it could not name", weights=weights)
         q = rows or default_shifts(response, order)
         made = shifted(response, block_rows=q, block_columns=columns, band=band, row_shifts=chosen["row_shifts"])
-        return made, {"block_rows": made.block_rows, "block_columns": made.window, "source": source, **said}
+        return made, {"block_rows": made.block_rows, "block_columns": made.window, "source": source}
     if isinstance(response, ImpulseResponse):
         raise DataError(
             "source='elimination' was asked", "the data are samples, not lines", "Leave it out: samples are exact."
@@ -220,7 +243,7 @@ def _matrix_of_lines(
         block_rows=q,
         order=order,
         weights=line_weights(response, weights),
-        basis=chosen["basis"] or "orthogonal",
+        basis="orthogonal" if chosen["basis"] is None else chosen["basis"],
         initial_values=chosen["initial_values"],
         row_shifts=chosen["row_shifts"],
     )
@@ -287,11 +310,18 @@ def _hankel_of(
     return hankel(turned, **{key.replace(sides[key], swap[sides[key]]): v for key, v in chosen.items()}), settings
 
 
+def _shifts(name: str, value: Any) -> Any:
+    """Return shifts as whole numbers; other options are checked where they are used."""
+    if value is None or not name.endswith("_shifts"):
+        return value
+    return [check_count(name, s, least=0) for s in check_each(name, value, "whole numbers that increase from 0")]
+
+
 def _span(blocks: int | None, shifts: Any) -> int | None:
     """Return how many samples one side spans, when it is given."""
     if shifts is not None and len(shifts):
         return int(max(shifts)) + 1
-    return None if blocks is None else check_count("block_rows and block_columns", blocks)
+    return blocks
 
 
 def _transposed(response: ImpulseResponse) -> ImpulseResponse:

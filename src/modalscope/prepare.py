@@ -32,7 +32,9 @@ def prepare(
     records = isinstance(data, Signals)
     default = "alternate" if of_lines or records else "era"
     cell = find_method(
-        method or default, domain, "s" if of_lines and response.sampling_rate is None else "z" if of_lines else "time"
+        default if method is None else method,
+        domain,
+        "s" if of_lines and response.sampling_rate is None else "z" if of_lines else "time",
     )
     if isinstance(response, FrequencyResponse) and band is not None:
         response = response.band(*band)

@@ -10,7 +10,7 @@ import numpy as np
 from modalscope.blocks.threads import one_thread
 from modalscope.evidence import Candidate, Evidence, evidence_of, judge, oscillations, peaks
 from modalscope.indicators import mac
-from modalscope.model.checks import DataError
+from modalscope.model.checks import DataError, check_each, check_kind, check_positive
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.modes import ModalModel
 from modalscope.outcome import modes_of
@@ -60,17 +60,32 @@ def select(
     >>> len(modes)
     5
     """
+    check_kind("select", diagram, StabilizationDiagram)
+    wanted = None if frequencies is None else _wanted(frequencies)
+    check_positive("tolerance", tolerance)
     evidence = evidence_of(diagram)
     poles = oscillations(diagram)
     if diagram.exact_rank is not None:
         chosen = _exact(diagram, poles)
     else:
         poles, chosen = _candidates(diagram, poles, evidence)
-    if frequencies is not None:
-        chosen = _by_hand(chosen, [float(f) for f in frequencies], tolerance, diagram)
+    if wanted is not None:
+        chosen = _by_hand(chosen, wanted, tolerance, diagram)
     else:
         chosen = _none_twice(poles, [c for c in chosen if not c.against])
     return modes_of(diagram, poles, sorted(chosen, key=lambda c: c.frequency))
+
+
+def _wanted(frequencies: Iterable[float]) -> list[float]:
+    """Return the frequencies asked by hand; none at all is an error, not an empty result."""
+    wanted = [
+        check_positive("each of the frequencies", f) for f in check_each("frequencies", frequencies, "numbers in Hz")
+    ]
+    if not wanted:
+        raise DataError(
+            "modes at given frequencies were asked", "the list is empty", "Give frequencies in Hz, or leave them out."
+        )
+    return wanted
 
 
 def _exact(diagram: StabilizationDiagram, poles: Poles) -> list[Candidate]:

@@ -13,7 +13,15 @@ from modalscope.accuracy import indicators_of
 from modalscope.blocks.threads import one_thread
 from modalscope.eigenmodes import Eigenmodes, eigenmodes, split_extraneous
 from modalscope.indicators import mac
-from modalscope.model.checks import Array, DataError, check_count, check_positive
+from modalscope.model.checks import (
+    Array,
+    DataError,
+    check_band,
+    check_count,
+    check_each,
+    check_kind,
+    check_positive,
+)
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
@@ -87,13 +95,17 @@ def stabilize(
     >>> d.orders, d.exact_rank
     ((2, 4, 6, 8, 10), 10)
     """
-    limits = {**TOLERANCES, **{k: check_positive(k, v) for k, v in (tolerances or {}).items()}}
+    given = {} if tolerances is None else tolerances
+    check_kind("tolerances", given, Mapping)
+    limits = {**TOLERANCES, **{k: check_positive(k, v) for k, v in given.items()}}
     if set(limits) != set(TOLERANCES):
         raise DataError(
-            f"tolerances for {', '.join(sorted(limits))} were asked",
+            f"tolerances for {', '.join(sorted(map(str, limits)))} were asked",
             f"there are {', '.join(TOLERANCES)}",
             "Correct the names.",
         )
+    if options.get("band") is not None:
+        options["band"] = check_band(options["band"])
     asked = _degrees(data) if orders is None and method == "lscf" else _orders_asked(data, orders, options.get("band"))
     pipeline, asked, notes = _build_within_reach(data, method, domain, asked, orders is None, options)
     cuts: list[_Order] = []
@@ -115,7 +127,7 @@ def stabilize(
 def _orders_asked(data: Data, orders: Iterable[int] | None, band: tuple[float, float] | None) -> list[int]:
     if orders is None:
         return list(range(2, _largest_order(data, band) + 1, 2))
-    found = sorted({check_count("order", int(n)) for n in orders})
+    found = sorted({check_count("order", n) for n in check_each("orders", orders, "whole numbers")})
     if not found:
         raise DataError(
             "at least one order was asked",

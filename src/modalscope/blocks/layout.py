@@ -9,7 +9,14 @@ from math import gcd
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.model.checks import DataError, IntArray, RealArray, check_count, real_array
+from modalscope.model.checks import (
+    DataError,
+    IntArray,
+    RealArray,
+    check_count,
+    check_each,
+    real_array,
+)
 
 __all__ = ["block_entries", "block_shifts", "side_map", "side_weights"]
 
@@ -51,7 +58,8 @@ def block_entries(
     """Return shift and channel of every row (or column), (2, rows): all channels in each block, or the subsets given."""
     if subsets is None:
         return np.array([(s, c) for s in shifts for c in range(count)], dtype=np.int64).T
-    chosen = [[int(c) for c in subset] for subset in subsets]
+    sets = check_each(name, subsets, "one set of indices a block")
+    chosen = [[check_count(name, c, least=0) for c in check_each(name, subset, "sets of indices")] for subset in sets]
     if len(chosen) != len(shifts):
         raise DataError(
             f"{name} needs {len(shifts)} sets, one a block", f"there are {len(chosen)}", "Give one a block."

@@ -44,7 +44,7 @@ def line_weights(response: FrequencyResponse, weights: str | ArrayLike | None) -
         if array.size != response.lines or np.any(array <= 0):
             raise DataError(
                 f"weights needs {response.lines} positive entries",
-                f"it has {array.size}, the smallest {array.min():g}",
+                f"it has {array.size}" + (f", the smallest {array.min():g}" if array.size else ""),
                 "Give one a line.",
             )
         return array

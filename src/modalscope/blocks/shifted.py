@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -156,6 +157,10 @@ def shifted(
     else:
         samples, rate = response.values, response.sampling_rate
     rows = None if row_shifts is None else tuple(int(t) for t in row_shifts)
+    if rows is not None and (rows[:1] != (0,) or any(b <= a for a, b in pairwise(rows))):
+        raise DataError(
+            "row_shifts needs whole numbers that increase from 0", f"they are {list(rows)}", "Sort them, 0 first."
+        )
     q = check_count("block_rows", block_rows if rows is None else rows[-1] + 1)
     window = len(samples) - q if block_columns is None else check_count("block_columns", block_columns)
     if window < 2 or window + q > len(samples):

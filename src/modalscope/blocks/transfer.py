@@ -110,7 +110,7 @@ def transfer(
 
 def _rows(shifts: ArrayLike) -> tuple[int, ...]:
     found = tuple(int(s) for s in np.atleast_1d(np.asarray(shifts)))
-    if found[0] != 0 or any(b <= a for a, b in pairwise(found)):
+    if not found or found[0] != 0 or any(b <= a for a, b in pairwise(found)):
         raise DataError(
             "row_shifts needs whole numbers that increase from 0", f"they are {list(found)}", "Sort them, 0 first."
         )

@@ -6,7 +6,11 @@ import argparse
 from typing import Any
 
 from modalscope.cli.reading import read_data, reading_options
-from modalscope.model.checks import DataError, check_choice
+from modalscope.model.checks import (
+    DataError,
+    check_choice,
+    check_count,
+)
 
 __all__ = ["KINDS", "convert", "info", "methods", "simulate"]
 
@@ -78,6 +82,8 @@ def _simulated(structure: Any, options: argparse.Namespace) -> Any:
     import numpy as np
 
     check_choice("kind", options.kind, KINDS)
+    if options.samples is not None:
+        check_count("--samples", options.samples, least=2)
     f = structure.modes().frequencies
     # a fraction of each channel's root mean square
     noise = None if options.noise is None else 10 ** (-options.noise / 20)

@@ -10,7 +10,8 @@ from modalscope.io import csv, hdf5, json, mat, npz, uff
 from modalscope.io.atomic import replacing
 from modalscope.io.contents import Contents, Format, Options, Survey, Thing, describe
 from modalscope.io.from_arrays import ARRAY_OPTIONS, FIELD_OPTIONS
-from modalscope.model import DataError, Signals
+from modalscope.model import DataError, FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals
+from modalscope.model.checks import check_kind, check_path
 
 __all__ = ["FORMATS", "read", "survey", "write"]
 
@@ -72,7 +73,7 @@ def read(path: str | Path, **options: Any) -> Thing:
     >>> read(path, quantity="acceleration").quantities
     ('acceleration',)
     """
-    return _contents(Path(path), options).thing
+    return _contents(check_path(path), options).thing
 
 
 def survey(path: str | Path, **options: Any) -> Survey:
@@ -89,7 +90,7 @@ def survey(path: str | Path, **options: Any) -> Survey:
     DataError
         As `read`.
     """
-    file = Path(path)
+    file = check_path(path)
     contents = _contents(file, options)
     return Survey(
         path=file,
@@ -119,7 +120,8 @@ def write(path: str | Path, thing: Any, **options: Any) -> None:
     DataError
         An unknown suffix or option, something that the format cannot hold, or a place that cannot be written.
     """
-    file = Path(path)
+    file = check_path(path)
+    check_kind("what is written", thing, (FrequencyResponse, ImpulseResponse, Signals, ModalModel, Geometry))
     row = _format(file, "writing")
     if row.writer is None:
         raise DataError(f"writing {file.name} was asked", f"a {row.name} is only read", "Choose another suffix.")

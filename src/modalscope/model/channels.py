@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
-from modalscope.model.checks import DataError, check_choice, freeze
+from modalscope.model.checks import DataError, check_choice, check_each, check_kind, freeze
 from modalscope.model.geometry import Geometry
 from modalscope.model.labels import DofLike, check_labels, indices_of
 
@@ -48,13 +48,14 @@ def _one_side(name: str, unit: str | Sequence[str] | None, count: int) -> tuple[
         return ("",) * count
     if isinstance(unit, str):
         return (unit,) * count
-    if len(unit) != count:
+    each = check_each(f"units of the {name}", unit, "one unit, or one a channel")
+    if len(each) != count:
         raise DataError(
             f"{name} needs {count} units, one a channel",
-            f"{len(unit)} are given",
+            f"{len(each)} are given",
             "Give one a channel, or one for all.",
         )
-    return tuple(str(u) for u in unit)
+    return tuple(str(u) for u in each)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -81,19 +82,26 @@ class Channels:
 
     def _label(self, outputs: int, inputs: int) -> None:
         units: Any = self.units
-        pair = (units, None) if units is None or isinstance(units, str) else tuple(units)
+        pair = (
+            (units, None)
+            if units is None or isinstance(units, str)
+            else check_each("units", units, "one unit or a pair")
+        )
         if len(pair) != 2:
             raise DataError(
                 "units needs one unit or a pair (outputs, inputs)",
                 f"{len(pair)} are given",
                 'Give units=("m/s2", "N").',
             )
+        if self.geometry is not None:
+            check_kind("geometry", self.geometry, Geometry)
+        steps = [self.processing] if isinstance(self.processing, str) else self.processing
         freeze(
             self,
             output_dofs=check_labels("output_dofs", self.output_dofs, outputs, "y"),
             input_dofs=check_labels("input_dofs", self.input_dofs, inputs, "u"),
             units=(_one_side("outputs", pair[0], outputs), _one_side("inputs", pair[1], inputs)),
-            processing=(self.processing,) if isinstance(self.processing, str) else tuple(self.processing),
+            processing=tuple(str(step) for step in check_each("processing", steps, "one text a step")),
         )
 
     def _cut(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,9 +17,14 @@ __all__ = [
     "DataError",
     "IntArray",
     "RealArray",
+    "check_band",
     "check_choice",
     "check_count",
+    "check_each",
     "check_finite",
+    "check_kind",
+    "check_number",
+    "check_path",
     "check_positive",
     "complex_array",
     "freeze",
@@ -130,7 +137,7 @@ def check_positive(name: str, value: float) -> float:
     """Return the value as a float, or raise when it is not a finite positive number."""
     try:
         number = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = np.nan
     if not (np.isfinite(number) and number > 0):
         raise DataError(f"{name} needs a positive number", f"it is {value!r}", f"Give {name} in its unit, above zero.")
@@ -139,18 +146,72 @@ def check_positive(name: str, value: float) -> float:
 
 def check_count(name: str, value: int, least: int = 1) -> int:
     """Return a whole number not below `least`, or raise."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value < 2**62:
         raise DataError(
             f"{name} needs a whole number of at least {least}", f"it is {value!r}", f"Raise {name} to {least} or more."
         )
     return int(value)
 
 
+def check_number(name: str, value: Any) -> float:
+    """Return a finite number as a float, or raise."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = np.nan
+    if not np.isfinite(number):
+        raise DataError(f"{name} needs a finite number", f"it is {value!r}", f"Give {name} as one number.")
+    return number
+
+
+def check_band(band: Any) -> tuple[float, float]:
+    """Return the two ends of a band in Hz, or raise when they are not two numbers that increase."""
+    try:
+        low, high = (float(end) for end in band)
+    except (TypeError, ValueError):
+        raise DataError(
+            "a band of two frequencies in Hz was asked", f"it is {band!r}", "Give band=(lowest, highest)."
+        ) from None
+    if not low < high:
+        raise DataError(
+            f"the band {low:g} to {high:g} Hz was asked", "its ends do not increase", "Give the lower end first."
+        )
+    return low, high
+
+
+def check_each(name: str, values: Any, what: str) -> list[Any]:
+    """Return what a list, a tuple, a range or an array holds; text, one bare value and other things are an error."""
+    if not isinstance(values, str | bytes | Mapping):
+        try:
+            return list(values)
+        except TypeError:
+            pass
+    raise DataError(f"{name} needs {what}", f"it is {type(values).__name__}", f"Give {name} as a list.")
+
+
+def check_kind(name: str, value: Any, kinds: type[Any] | tuple[type[Any], ...]) -> None:
+    """Raise when a value is not one of the nouns that are asked."""
+    if not isinstance(value, kinds):
+        known = kinds if isinstance(kinds, tuple) else (kinds,)
+        raise DataError(
+            f"{name} needs {' or '.join(k.__name__ for k in known)}",
+            f"it is {type(value).__name__}",
+            "Give what the documentation of the function shows.",
+        )
+
+
+def check_path(path: Any) -> Path:
+    """Return the name of a file as a path, or raise."""
+    if not isinstance(path, str | PathLike):
+        raise DataError("the name of a file was asked", f"it is {type(path).__name__}", "Give it as text or as a Path.")
+    return Path(path)
+
+
 def check_choice(name: str, value: Any, choices: Iterable[str]) -> str:
     """Return `value` if it is one of the choices, or raise and name the nearest."""
     known = list(choices)
-    if value in known:
-        return str(value)
+    if isinstance(value, str) and value in known:
+        return value
     near = get_close_matches(str(value), known, n=1)
     hint = f"Did you mean {near[0]!r}? " if near else ""
     raise DataError(f"{name}={value!r} was asked", f"there are only {', '.join(known)}", f"{hint}Choose one of these.")

@@ -13,7 +13,9 @@ from modalscope.model.checks import (
     ComplexArray,
     DataError,
     RealArray,
+    check_band,
     check_count,
+    check_number,
     check_positive,
     complex_array,
     freeze,
@@ -93,7 +95,7 @@ class FrequencyResponse(Channels):
             coherence=_beside("coherence", self.coherence, values.shape),
             variance=_beside("variance", self.variance, values.shape),
             averages=None if self.averages is None else check_count("averages", self.averages),
-            added_damping=float(self.added_damping),
+            added_damping=check_number("added_damping", self.added_damping),
         )
         self._label(values.shape[1], values.shape[2])
 
@@ -115,12 +117,7 @@ class FrequencyResponse(Channels):
         DataError
             Ends that do not increase, or a band that holds no line.
         """
-        if not lowest < highest:
-            raise DataError(
-                f"the band {lowest:g} to {highest:g} Hz was asked",
-                "its ends do not increase",
-                "Give the lower end first.",
-            )
+        lowest, highest = check_band((lowest, highest))
         inside = np.flatnonzero((self.frequencies >= lowest) & (self.frequencies <= highest))
         if inside.size == 0:
             raise DataError(

@@ -8,7 +8,16 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.model.checks import Array, DataError, IntArray, RealArray, freeze, locked, real_array
+from modalscope.model.checks import (
+    Array,
+    DataError,
+    IntArray,
+    RealArray,
+    check_each,
+    freeze,
+    locked,
+    real_array,
+)
 from modalscope.model.labels import parse_dof
 
 __all__ = ["Geometry"]
@@ -72,7 +81,7 @@ class Geometry:
     motions: Mapping[str, tuple[Motion, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        nodes = tuple(str(node) for node in self.nodes)
+        nodes = tuple(str(node) for node in check_each("nodes", self.nodes, "names"))
         if len(set(nodes)) != len(nodes):
             raise DataError(
                 "geometry needs different node names", "some stand there twice", "Rename the repeated nodes."

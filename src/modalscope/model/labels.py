@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from numbers import Integral
 from typing import Any, NamedTuple
 
-from modalscope.model.checks import DataError
+from modalscope.model.checks import DataError, check_each
 
 __all__ = ["Dof", "DofLike", "check_labels", "indices_of", "label_of", "parse_dof"]
 
@@ -69,7 +69,7 @@ def check_labels(name: str, dofs: Iterable[DofLike] | None, count: int, prefix: 
     """Return `count` different labels: the given ones, or `prefix1`, `prefix2`, ... when there are none."""
     if dofs is None:
         return tuple(f"{prefix}{i + 1}" for i in range(count))
-    labels = tuple(label_of(dof) for dof in ([dofs] if isinstance(dofs, str) else dofs))
+    labels = tuple(label_of(dof) for dof in ([dofs] if isinstance(dofs, str) else check_each(name, dofs, "labels")))
     if len(labels) != count:
         raise DataError(
             f"{name} needs {count} labels, one a channel", f"{len(labels)} are given", "Give one label a channel."
@@ -86,7 +86,9 @@ def check_labels(name: str, dofs: Iterable[DofLike] | None, count: int, prefix: 
 
 def indices_of(name: str, wanted: Iterable[DofLike] | DofLike, labels: Sequence[str]) -> list[int]:
     """Return the positions of channels given by label, or by index when they are whole numbers."""
-    items: list[Any] = [wanted] if isinstance(wanted, str | int | Integral | Dof) else list(wanted)
+    items: list[Any] = (
+        [wanted] if isinstance(wanted, str | int | Integral | Dof) else check_each(name, wanted, "labels")
+    )
     positions = {label: i for i, label in enumerate(labels)}
     found = []
     for item in items:

@@ -16,6 +16,8 @@ from modalscope.model.checks import (
     RealArray,
     check_choice,
     check_count,
+    check_each,
+    check_kind,
     check_positive,
     complex_array,
     freeze,
@@ -114,8 +116,16 @@ class ModalModel(Channels, HasPoles):
                 "Transpose or complete it.",
             )
         direct = {name: self._direct(name, (len(shapes), None if part is None else part.shape[1])) for name in _DIRECT}
-        if len(self.reasons) not in (0, n):
-            raise DataError(f"{n} modes need {n} reasons or none", f"there are {len(self.reasons)}", "Give one a mode.")
+        reasons = check_each("reasons", self.reasons, "one mapping a mode")
+        if len(reasons) not in (0, n):
+            raise DataError(f"{n} modes need {n} reasons or none", f"there are {len(reasons)}", "Give one a mode.")
+        for reason in reasons:
+            check_kind("each of the reasons", reason, Mapping)
+        check_kind("indicators", self.indicators, Mapping)
+        check_kind("held_input", self.held_input, bool)
+        check_kind("scaling", self.scaling, str)
+        if self.dt is not None:
+            check_positive("dt", self.dt)
         freeze(
             self,
             poles=poles,
@@ -124,7 +134,7 @@ class ModalModel(Channels, HasPoles):
             **direct,
             **{name: self._a_mode(name, getattr(self, name)) for name in PER_MODE},
             indicators={name: self._a_mode(name, values) for name, values in self.indicators.items()},
-            reasons=tuple(dict(reason) for reason in self.reasons),
+            reasons=tuple(dict(reason) for reason in reasons),
             quantity=check_quantity(self.quantity),
         )
         self._label(shapes.shape[0], 0 if part is None else part.shape[1])

@@ -8,7 +8,14 @@ from typing import Any
 import numpy as np
 
 from modalscope.model.channels import Channels, check_quantity
-from modalscope.model.checks import DataError, RealArray, check_positive, freeze, real_array
+from modalscope.model.checks import (
+    DataError,
+    RealArray,
+    check_each,
+    check_positive,
+    freeze,
+    real_array,
+)
 
 __all__ = ["Signals"]
 
@@ -64,7 +71,8 @@ class Signals(Channels):
             )
         given: Any = self.quantities
         count = outputs.shape[-1]
-        quantities = (given,) * count if given is None or isinstance(given, str) else tuple(given)
+        alike = given is None or isinstance(given, str)
+        quantities = [given] * count if alike else check_each("quantities", given, "one for all, or one an output")
         if len(quantities) != count:
             raise DataError(
                 f"quantities needs {count}, one an output",

@@ -198,7 +198,7 @@ class StateSpace:
         **channels
             Fields of `FrequencyResponse` (labels, units, quantity ...).
         """
-        f = np.asarray(frequencies, dtype=float)
+        f = real_array("frequencies", frequencies, "(lines,)", (0, 1)).reshape(-1)
         points = 2j * np.pi * f if self.dt is None else np.exp(2j * np.pi * f * self.dt)
         rate = None if self.dt is None else 1 / self.dt
         return FrequencyResponse(

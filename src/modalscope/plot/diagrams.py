@@ -8,7 +8,12 @@ import numpy as np
 
 from modalscope.indicators import cmif
 from modalscope.model import FrequencyResponse, ImpulseResponse, ModalModel, StabilizationDiagram
-from modalscope.model.checks import Array, RealArray, check_choice
+from modalscope.model.checks import (
+    Array,
+    RealArray,
+    check_choice,
+    check_kind,
+)
 from modalscope.plot._style import BLUE, MUTED, ORANGE, PALE, dress, key, mark_modes, new_axes, unit_of
 
 if TYPE_CHECKING:
@@ -71,6 +76,9 @@ def stabilization(
     DataError
         An unknown indicator.
     """
+    check_kind("a plot of a stabilization diagram", diagram, StabilizationDiagram)
+    if modes is not None:
+        check_kind("what is marked in a diagram", modes, ModalModel)
     check_choice("indicator", indicator, INDICATORS)
     ax = new_axes(ax)
     lowest, highest = limits or _band(diagram.response)

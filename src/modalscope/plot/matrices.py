@@ -9,7 +9,12 @@ from numpy.typing import ArrayLike
 
 from modalscope import indicators
 from modalscope.model import ModalModel
-from modalscope.model.checks import Array, RealArray, real_array
+from modalscope.model.checks import (
+    Array,
+    RealArray,
+    complex_array,
+    real_array,
+)
 from modalscope.plot._style import (
     BLUE,
     GREEN,
@@ -86,7 +91,11 @@ def mac(a: ModalModel | ArrayLike, b: ModalModel | ArrayLike | None = None, ax: 
 
 
 def _shapes(modes: ModalModel | ArrayLike) -> Array:
-    return modes.shapes if isinstance(modes, ModalModel) else np.asarray(modes)
+    return (
+        modes.shapes
+        if isinstance(modes, ModalModel)
+        else complex_array("shapes", modes, "(channels,) or (channels, modes)", (1, 2))
+    )
 
 
 def _name_modes(ax: Axes, a: ModalModel | ArrayLike, b: ModalModel | ArrayLike, counts: tuple[int, int]) -> None:

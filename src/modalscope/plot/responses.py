@@ -7,7 +7,10 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from modalscope.model import FrequencyResponse, ImpulseResponse, ModalModel
-from modalscope.model.checks import Array
+from modalscope.model.checks import (
+    Array,
+    check_kind,
+)
 from modalscope.plot._style import DPI, INK, MUTED, SIZE, VERMILLION, aside, channel, dress, headline, key, unit_of
 from modalscope.residues.rebuilt import rebuilt
 
@@ -57,6 +60,10 @@ def response(
     DataError
         A channel that is not there, or modes of other channels than the data's.
     """
+    check_kind("a plot of responses", data, (FrequencyResponse, ImpulseResponse))
+    if modes is not None:
+        found = modes if isinstance(modes, ModalModel) else getattr(modes, "modes", modes)
+        check_kind("what is drawn over responses", found, ModalModel)
     power = np.sum(np.abs(data.values) ** 2, axis=0)
     i = channel("output", output, data.output_dofs, int(np.argmax(power.sum(axis=1))))
     j = channel("input", input, data.input_dofs, int(np.argmax(power[i])))

@@ -8,7 +8,13 @@ import numpy as np
 
 from modalscope.indicators import mpc
 from modalscope.model import Geometry, ModalModel
-from modalscope.model.checks import Array, DataError, RealArray, check_count
+from modalscope.model.checks import (
+    Array,
+    DataError,
+    RealArray,
+    check_count,
+    check_kind,
+)
 from modalscope.plot._camera import AXES, View, extent, oblique, view_of
 from modalscope.plot._style import (
     BLUE,
@@ -111,6 +117,7 @@ def shape(
 
 def check_mode(modes: ModalModel, index: int) -> None:
     """Raise when there is no mode with that index."""
+    check_kind("a plot of shapes", modes, ModalModel)
     check_count("index", index, least=0)
     if index >= len(modes):
         raise DataError(

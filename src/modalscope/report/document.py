@@ -9,6 +9,7 @@ from pathlib import Path
 from modalscope.compare import Comparison
 from modalscope.io.atomic import replacing
 from modalscope.model import DataError, ModalModel, StabilizationDiagram
+from modalscope.model.checks import check_path
 from modalscope.model.response import Response
 from modalscope.model.version import VERSION
 from modalscope.report import record, sections
@@ -116,7 +117,7 @@ def write_page(path: str | Path, title: str, subtitle: str, parts: Iterable[Sect
     DataError
         Another suffix than .html or .htm, or a file that cannot be written.
     """
-    target = Path(path)
+    target = check_path(path)
     if target.suffix.lower() not in (".html", ".htm"):
         raise DataError(f"a report in {target.name!r} was asked", "reports are HTML files", "End the name in .html.")
     with replacing(target) as temporary:

@@ -8,7 +8,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.model.channels import QUANTITIES
-from modalscope.model.checks import DataError, RealArray, check_choice, check_count, check_positive, real_array
+from modalscope.model.checks import (
+    DataError,
+    RealArray,
+    check_choice,
+    check_count,
+    check_each,
+    check_positive,
+    real_array,
+)
 from modalscope.model.geometry import Geometry
 from modalscope.model.modes import ModalModel
 from modalscope.model.poles import poles_from
@@ -64,7 +72,10 @@ def chain(
         D = modal_damping(M, K, real_array("damping_ratios", damping_ratios, "() or (modes,)", (0, 1)))
     elif dampings is not None:
         D = joined("dampings", real_array("dampings", dampings, "(dampers,)", 1), m.size)
-    measured, forced = (None if at is None else tuple(at) for at in (outputs, inputs))
+    measured, forced = (
+        None if at is None else tuple(check_each(name, at, "indices of masses"))
+        for name, at in (("outputs", outputs), ("inputs", inputs))
+    )
     return Structure(
         mass=M,
         stiffness=K,

@@ -7,12 +7,17 @@ from typing import TypeVar
 
 import numpy as np
 
-from modalscope.model.checks import Array, DataError
+from modalscope.model.checks import (
+    Array,
+    DataError,
+    check_count,
+    check_number,
+)
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.signals import Signals
 
-__all__ = ["Seed", "add_noise", "white_noise"]
+__all__ = ["Seed", "add_noise", "generator", "white_noise"]
 
 #: What makes random numbers repeatable; None draws new ones each time.
 Seed = int | np.random.Generator | None
@@ -20,9 +25,16 @@ Seed = int | np.random.Generator | None
 Noisy = TypeVar("Noisy", ImpulseResponse, FrequencyResponse, Signals)
 
 
+def generator(seed: Seed) -> np.random.Generator:
+    """Return the random numbers of a seed, or raise when it is not a whole number, a generator or None."""
+    if seed is not None and not isinstance(seed, np.random.Generator):
+        check_count("seed", seed, least=0)
+    return np.random.default_rng(seed)
+
+
 def white_noise(values: Array, fraction: float, rng: np.random.Generator, axis: int = 0) -> Array:
     """Return Gaussian noise of the RMS `fraction` times that of `values` along `axis`; circular when values are complex."""
-    if not (np.isfinite(fraction) and fraction >= 0):
+    if not (isinstance(fraction, int | float | np.number) and 0 <= fraction < np.inf):
         raise DataError(
             "noise needs a fraction of the channel's RMS, 0 or more", f"it is {fraction!r}", "Give 0.01 for 40 dB."
         )
@@ -54,7 +66,8 @@ def add_noise(data: Noisy, fraction: float, seed: Seed = None) -> Noisy:
     >>> round(float(np.std(noisy.outputs)), 1)
     0.1
     """
-    rng = np.random.default_rng(seed)
+    rng = generator(seed)
+    check_number("noise", fraction)
     note = f"white noise of {100 * fraction:g} % of each channel's RMS added"
     if isinstance(data, Signals):
         return replace(data, outputs=data.outputs + white_noise(data.outputs, fraction, rng, axis=-2)).noted(note)

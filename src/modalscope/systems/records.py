@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from modalscope.model.checks import DataError, RealArray, check_choice, check_count, real_array
 from modalscope.model.signals import Signals
 from modalscope.model.statespace import StateSpace
-from modalscope.systems.noise import Seed, white_noise
+from modalscope.systems.noise import Seed, generator, white_noise
 
 __all__ = ["Inputs", "simulate"]
 
@@ -38,7 +38,7 @@ def simulate(
 
     The parameters are those of `Structure.simulate`.
     """
-    rng = np.random.default_rng(seed)
+    rng = generator(seed)
     ambient = isinstance(inputs, str) and inputs == "ambient"
     start = check_choice("start", start or ("stationary" if ambient else "rest"), ("rest", "stationary"))
     applied = _forces(inputs, forces, samples, check_count("runs", runs), rng)
