@@ -236,11 +236,8 @@ def _model(
         dt=modes.dt if held else None,
         held_input=held,
         indicators=indicators,
-        output_dofs=response.output_dofs,
-        input_dofs=response.input_dofs,
-        units=response.units,
-        geometry=response.geometry,
         scaling="as identified",
+        **response.labelled(),
     )
 
 

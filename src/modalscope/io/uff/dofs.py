@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from modalscope.io.uff.layout import DAMAGED
 from modalscope.model import DataError, parse_dof
 
 __all__ = [
@@ -47,7 +48,7 @@ def label_from(where: str, entity: str, node: int, direction: int) -> str:
         raise DataError(
             f"{where} needs a direction from -6 to 6",
             f"it has {direction}",
-            "The file is damaged there; export it again.",
+            DAMAGED,
         )
     named = entity if entity.upper() != "NONE" else ""
     if node == 0 and named:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.io.uff.dofs import dof_fields, label_from
-from modalscope.io.uff.layout import Field, form, parse
+from modalscope.io.uff.layout import DAMAGED, Field, form, parse
 from modalscope.io.uff.scan import BINARY, FORM, HEADER_LINES, Block
 from modalscope.model import DataError
 from modalscope.model.checks import Array, RealArray
@@ -87,7 +87,7 @@ def read_function(name: str, block: Block) -> Function:
         raise DataError(
             f"{where} needs {HEADER_LINES} records before its data",
             f"it has {len(block.records)}",
-            "The file is damaged there; export it again.",
+            DAMAGED,
         )
     dofs, shape = parse(_DOFS, block.records[5], where), parse(FORM, block.records[6], where)
     abscissa, ordinate, denominator = (parse(_AXIS, line, where) for line in block.records[7:10])
@@ -128,7 +128,7 @@ def _check_form(where: str, shape: dict[str, Any]) -> None:
         raise DataError(
             f"{where} needs data type 2, 4, 5 or 6, at least one point, and spacing 0 or 1",
             found,
-            "The file is damaged there; export it again.",
+            DAMAGED,
         )
     if spacing == 1 and points > 1 and shape["abscissa increment"] <= 0:
         raise DataError(
@@ -155,7 +155,7 @@ def _even_abscissa(where: str, shape: dict[str, Any], texts: Sequence[str]) -> R
         raise DataError(
             f"{where} needs a finite abscissa",
             f"it runs from {first:g} to {last:g}",
-            "The file is damaged there; export it again.",
+            DAMAGED,
         )
     return x
 
@@ -242,7 +242,7 @@ def _from_text(where: str, lines: Sequence[bytes], shape: dict[str, Any]) -> tup
         raise DataError(
             f"{where} needs numbers in its columns",
             f"they do not read ({error})",
-            "The file is damaged there; export it again.",
+            DAMAGED,
         ) from None
     y = np.stack(columns[uneven:], axis=1)
     x = columns[0] if uneven else None

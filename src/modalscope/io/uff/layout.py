@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from modalscope.model import DataError
 
-__all__ = ["Field", "Record", "form", "number", "parse", "thirteen", "whole"]
+__all__ = ["DAMAGED", "Field", "Record", "form", "number", "one_set", "parse", "thirteen", "whole"]
+
+#: What to do about a set that does not read.
+DAMAGED = "The file is damaged there; export it again."
 
 #: Blanks of a record; no other white space is one.
 _BLANK = " \t"
@@ -83,6 +86,11 @@ def form(record: Record, values: Mapping[str, Any]) -> str:
             )
         line += text
     return line
+
+
+def one_set(dataset: int, lines: Iterable[str]) -> bytes:
+    """Return one set of text records between its delimiters."""
+    return ("\n".join(["    -1", f"{dataset:6d}", *lines]) + "\n    -1\n").encode("ascii", "replace")
 
 
 def thirteen(value: float) -> str:

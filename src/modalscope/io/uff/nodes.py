@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.io.uff.layout import Field, form, number, parse, whole
+from modalscope.io.uff.layout import DAMAGED, Field, form, number, one_set, parse, whole
 from modalscope.io.uff.scan import Block
 from modalscope.model import DataError, Geometry, parse_dof
 from modalscope.model.checks import RealArray
@@ -72,9 +72,7 @@ def add_block(parts: Parts, block: Block, name: str) -> str:
 
 
 def _short(where: str) -> DataError:
-    return DataError(
-        f"{where} needs whole records", "its last one is cut off", "The file is damaged there; export it again."
-    )
+    return DataError(f"{where} needs whole records", "its last one is cut off", DAMAGED)
 
 
 def _read_nodes(parts: Parts, block: Block, where: str) -> str:
@@ -119,7 +117,7 @@ def _read_trace(parts: Parts, block: Block, where: str) -> str:
             raise DataError(
                 f"{where} needs the {head['number of nodes']} nodes of its header",
                 found,
-                "The file is damaged there; export it again.",
+                DAMAGED,
             )
     pairs = [(a, b) for a, b in pairwise(path) if a > 0 and b > 0 and a != b]
     parts.lines += pairs
@@ -143,7 +141,7 @@ def _read_elements(parts: Parts, block: Block, where: str) -> str:
             raise DataError(
                 f"{where} needs {head['number of nodes']} nodes for element {head['element']}",
                 f"there are {len(nodes)}",
-                "The file is damaged there; export it again.",
+                DAMAGED,
             )
         _add_element(parts, nodes)
         count += 1
@@ -256,7 +254,7 @@ def write_nodes(geometry: Geometry, dataset: int) -> bytes:
         lines += (
             [head + "".join(f"{v:13.5E}" for v in place.values())] if dataset == 15 else [head, form(_XYZ_LONG, place)]
         )
-    return _set(dataset, lines)
+    return one_set(dataset, lines)
 
 
 def write_lines(geometry: Geometry, dataset: int) -> bytes:
@@ -270,14 +268,14 @@ def write_lines(geometry: Geometry, dataset: int) -> bytes:
         else b""
     )
     elements = _elements([] if dataset == 82 else lines, faces)
-    return data + (_set(2412, elements) if elements else b"")
+    return data + (one_set(2412, elements) if elements else b"")
 
 
 def _trace(place: int, pairs: Sequence[tuple[int, int]]) -> bytes:
     path = [node for pair in pairs for node in (*pair, 0)][:-1]
     lines = [form(_TRACE, {"trace line": place, "number of nodes": len(path)}), "NONE".ljust(80)]
     lines += ["".join(f"{node:10d}" for node in path[k : k + _A_LINE]) for k in range(0, len(path), _A_LINE)]
-    return _set(82, lines)
+    return one_set(82, lines)
 
 
 def _elements(lines: Sequence[tuple[int, int]], faces: Sequence[Sequence[int]]) -> list[str]:
@@ -299,7 +297,3 @@ def _elements(lines: Sequence[tuple[int, int]], faces: Sequence[Sequence[int]]) 
         rows += ["".join(f"{0:10d}" for _ in range(3))] if len(nodes) == 2 else []
         rows.append("".join(f"{node:10d}" for node in nodes))
     return rows
-
-
-def _set(dataset: int, lines: Sequence[str]) -> bytes:
-    return ("\n".join(["    -1", f"{dataset:6d}", *lines]) + "\n    -1\n").encode("ascii")

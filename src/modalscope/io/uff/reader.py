@@ -8,7 +8,7 @@ from typing import Any
 
 from modalscope.io.contents import Contents, Finding, Options
 from modalscope.io.uff.function import Function, read_function
-from modalscope.io.uff.layout import Field, number, parse
+from modalscope.io.uff.layout import DAMAGED, Field, number, parse
 from modalscope.io.uff.matrix import Sorted
 from modalscope.io.uff.nodes import Parts, add_block, geometry_of
 from modalscope.io.uff.scan import Block, scan
@@ -110,9 +110,7 @@ def _add(sets: _Sets, name: str, block: Block) -> None:
 def _units(sets: _Sets, block: Block, name: str) -> str:
     where = f"{block.name} of {name}"
     if len(block.records) < 2:
-        raise DataError(
-            f"{where} needs two records", f"it has {len(block.records)}", "The file is damaged there; export it again."
-        )
+        raise DataError(f"{where} needs two records", f"it has {len(block.records)}", DAMAGED)
     units = parse(_UNITS, block.records[0], where)
     line = block.records[1].decode("latin-1")
     factors = [number(where, "a unit factor", line[k : k + 25]) for k in (0, 25)]

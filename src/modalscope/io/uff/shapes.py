@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.io.uff.dofs import DIRECTIONS, QUANTITY_CODES, QUANTITY_OF, code_of_direction, sort_key
-from modalscope.io.uff.layout import Field, Record, form, number, parse, whole
+from modalscope.io.uff.layout import DAMAGED, Field, Record, form, number, one_set, parse, whole
 from modalscope.io.uff.scan import Block
 from modalscope.model import DataError, ModalModel, parse_dof
 from modalscope.model.checks import ComplexArray
@@ -58,7 +58,7 @@ def read_shape(name: str, block: Block) -> Shape | str:
         raise DataError(
             f"{where} needs {body} records before its data",
             f"it has {len(block.records)}",
-            "The file is damaged there; export it again.",
+            DAMAGED,
         )
     if newer and whole(where, "the dataset location", block.records[2][:10].decode("latin-1")) != 1:
         return "its data do not lie at nodes"
@@ -98,7 +98,7 @@ def _pole(where: str, analysis: int, lines: Sequence[bytes], newer: bool) -> com
         raise DataError(
             f"{where} needs the frequency or the eigenvalue of its mode",
             "the record is cut off",
-            "The file is damaged there; export it again.",
+            DAMAGED,
         ) from None
     return complex(real, imag)
 
@@ -111,7 +111,7 @@ def _values(where: str, lines: Sequence[bytes], head: dict[str, int]) -> dict[tu
         raise DataError(
             f"{where} needs {len(directions)} values a node",
             f"its header counts {head['values a node']}",
-            "The file is damaged there; export it again.",
+            DAMAGED,
         )
     values: dict[tuple[int, int], complex] = {}
     rows = iter(lines)
@@ -124,7 +124,7 @@ def _values(where: str, lines: Sequence[bytes], head: dict[str, int]) -> dict[tu
             raise DataError(
                 f"{where} needs {count} numbers once for node {node}",
                 f"it has {len(data)}",
-                "The file is damaged there; export it again.",
+                DAMAGED,
             )
         parts = (
             [complex(*pair) for pair in zip(data[::2], data[1::2], strict=True)] if cplx else [complex(v) for v in data]
@@ -238,7 +238,7 @@ def _one(
     for node, row in zip(nodes, table, strict=True):
         flat = row.real if real else row.view(float)
         lines += [f"{node:10d}", *(_row(flat[k : k + _A_LINE]) for k in range(0, flat.size, _A_LINE))]
-    return ("\n".join(["    -1", f"{dataset:6d}", *lines]) + "\n    -1\n").encode("ascii", "replace")
+    return one_set(dataset, lines)
 
 
 def _row(values: Any) -> str:

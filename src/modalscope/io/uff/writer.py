@@ -11,6 +11,7 @@ import numpy as np
 from modalscope.io.contents import Options, Thing
 from modalscope.io.uff.dofs import QUANTITY_CODES
 from modalscope.io.uff.function import Function, write_function
+from modalscope.io.uff.layout import one_set
 from modalscope.io.uff.nodes import write_lines, write_nodes
 from modalscope.io.uff.shapes import write_shapes
 from modalscope.model import DataError, FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals
@@ -76,7 +77,7 @@ def _header() -> bytes:
         f"modalscope {VERSION}",
         f"{'NONE':<10}{'NONE':<10}",
     ]
-    return ("\n".join(["    -1", f"{151:6d}", *(text.ljust(80) for text in texts)]) + "\n    -1\n").encode("ascii")
+    return one_set(151, (text.ljust(80) for text in texts))
 
 
 def _units(thing: Any) -> bytes:
