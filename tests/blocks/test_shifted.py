@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from modalscope import DataError, ImpulseResponse, identify
 from modalscope.blocks.factor import factorize
 from modalscope.blocks.hankel import hankel
-from modalscope.blocks.shifted import shifted, shifted_transfer, window_lines
+from modalscope.blocks.shifted import shifted
 from modalscope.blocks.transfer import transfer
+from modalscope.blocks.windows import shifted_transfer, window_lines
 from modalscope.realize import balanced, regression, shift
 from modalscope.realize.balanced import projected_general
 from tests.support import FIVE, add_noise, match_poles, random_system, relative

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from modalscope import DataError, FrequencyResponse, Identification, StateSpace
-from modalscope.blocks.shifted import model_transfer
+from modalscope.blocks.windows import model_transfer
 from modalscope.identify import assemble
 from modalscope.pipeline import build
 from tests.support import EPS, FIVE, random_system
