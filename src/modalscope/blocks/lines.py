@@ -7,6 +7,7 @@ and products, and stands in for it. The right factor, rows over lines, is brough
 from __future__ import annotations
 
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import scipy.linalg as sla
@@ -18,7 +19,7 @@ from modalscope.blocks.operators import DenseMatrix
 from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, real_array
 from modalscope.model.frequency import FrequencyResponse
 
-__all__ = ["LineMatrix", "line_weights", "real_columns"]
+__all__ = ["LineMatrix", "kept_block_rows", "line_weights", "real_columns"]
 
 #: So many lines of each input are compared for the indicators of the columns.
 _COMPARED = 1000
@@ -65,6 +66,18 @@ def line_weights(response: FrequencyResponse, weights: str | ArrayLike | None) -
         )
     floor = 1e-6 * variance.max()
     return np.asarray(np.sqrt(variance.max() / np.maximum(variance, floor))) if floor > 0 else None
+
+
+def kept_block_rows(shifts: ArrayLike | None) -> tuple[int, ...] | None:
+    """Return which block rows are kept, increasing from 0, or raise; None keeps all."""
+    if shifts is None:
+        return None
+    found = tuple(int(s) for s in np.atleast_1d(np.asarray(shifts)))
+    if not found or found[0] != 0 or any(b <= a for a, b in pairwise(found)):
+        raise DataError(
+            "row_shifts needs whole numbers that increase from 0", f"they are {list(found)}", "Sort them, 0 first."
+        )
+    return found
 
 
 def real_columns(columns: ComplexArray, weights: Array | None) -> RealArray:

@@ -10,12 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.blocks.lines import LineMatrix, real_columns
+from modalscope.blocks.lines import LineMatrix, kept_block_rows, real_columns
 from modalscope.blocks.matrix import Evolution, RowShift
 from modalscope.blocks.windows import is_full_grid, shifted_transfer, window_lines, window_sum
 from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, check_count
@@ -58,11 +57,7 @@ def shifted(
         A record that is too short, a band without lines, lines that are not a full grid.
     """
     samples, rate = _samples_of(response)
-    rows = None if row_shifts is None else tuple(int(t) for t in row_shifts)
-    if rows is not None and (rows[:1] != (0,) or any(b <= a for a, b in pairwise(rows))):
-        raise DataError(
-            "row_shifts needs whole numbers that increase from 0", f"they are {list(rows)}", "Sort them, 0 first."
-        )
+    rows = kept_block_rows(row_shifts)
     q = check_count("block_rows", block_rows if rows is None else rows[-1] + 1)
     window = len(samples) - q if block_columns is None else check_count("block_columns", block_columns)
     if window < 2 or window + q > len(samples):

@@ -10,12 +10,11 @@ Columns are real: real and imaginary parts side by side, which is the same as us
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.blocks.lines import LineMatrix, real_columns
+from modalscope.blocks.lines import LineMatrix, kept_block_rows, real_columns
 from modalscope.blocks.matrix import Evolution, RowShift
 from modalscope.blocks.plane import Plane, plane_of
 from modalscope.blocks.polynomials import basis_on, evaluate, remainders
@@ -74,7 +73,7 @@ def transfer(
     Source: the report, Eqs. 82 and 89-93, with the elimination and the basis made right (see the head of this module).
     """
     lines, outputs, inputs = response.values.shape
-    rows = None if row_shifts is None else _rows(row_shifts)
+    rows = kept_block_rows(row_shifts)
     q = check_count("block_rows", block_rows if rows is None else rows[-1] + 1)
     plane = plane_of(domain, response)
     known = None if initial_values is None else _known(initial_values, response, plane)
@@ -106,15 +105,6 @@ def transfer(
         else remainders(recurrence, float(values[0, 0].real), points, min(len(known), q + 1)),
         row_shifts=rows,
     )
-
-
-def _rows(shifts: ArrayLike) -> tuple[int, ...]:
-    found = tuple(int(s) for s in np.atleast_1d(np.asarray(shifts)))
-    if not found or found[0] != 0 or any(b <= a for a, b in pairwise(found)):
-        raise DataError(
-            "row_shifts needs whole numbers that increase from 0", f"they are {list(found)}", "Sort them, 0 first."
-        )
-    return found
 
 
 def rest_at_start(quantity: str | None, outputs: int, inputs: int) -> RealArray:
