@@ -116,11 +116,6 @@ class ModalModel(Channels, HasPoles):
                 "Transpose or complete it.",
             )
         direct = {name: self._direct(name, (len(shapes), None if part is None else part.shape[1])) for name in _DIRECT}
-        reasons = check_each("reasons", self.reasons, "one mapping a mode")
-        if len(reasons) not in (0, n):
-            raise DataError(f"{n} modes need {n} reasons or none", f"there are {len(reasons)}", "Give one a mode.")
-        for reason in reasons:
-            check_kind("each of the reasons", reason, Mapping)
         check_kind("indicators", self.indicators, Mapping)
         check_kind("held_input", self.held_input, bool)
         check_kind("scaling", self.scaling, str)
@@ -134,10 +129,21 @@ class ModalModel(Channels, HasPoles):
             **direct,
             **{name: self._a_mode(name, getattr(self, name)) for name in PER_MODE},
             indicators={name: self._a_mode(name, values) for name, values in self.indicators.items()},
-            reasons=tuple(dict(reason) for reason in reasons),
+            reasons=self._reasons(n),
             quantity=check_quantity(self.quantity),
         )
         self._label(shapes.shape[0], 0 if part is None else part.shape[1])
+
+    def _reasons(self, count: int) -> tuple[dict[str, Any], ...]:
+        """Return the reasons, checked: none, or one a mode."""
+        reasons = check_each("reasons", self.reasons, "one mapping a mode")
+        if len(reasons) not in (0, count):
+            raise DataError(
+                f"{count} modes need {count} reasons or none", f"there are {len(reasons)}", "Give one a mode."
+            )
+        for reason in reasons:
+            check_kind("each of the reasons", reason, Mapping)
+        return tuple(dict(reason) for reason in reasons)
 
     def _direct(self, name: str, channels: tuple[int, int | None]) -> RealArray | None:
         if getattr(self, name) is None:
