@@ -59,17 +59,15 @@ def test_too_few_blocks_are_named(method):
     assert match_poles(identify(response, block_rows=6, **options).modes.poles, truth).frequency_error < 1e-9
 
 
-def test_prce_below_the_controllability_index_misses_modes_and_above_finds_them():
+def test_prce_below_the_controllability_index_is_refused_and_above_it_is_exact():
     """ring5 with two inputs: m p = 10 = n does not suffice at p = 5, p = 6 is exact."""
     ring = FIVE["ring5"]()
     truth = np.linalg.eigvals(ring.state_space().A)
     response = ring.impulse_response(100)
-    errors = {}
-    for p in (5, 6):
-        found = identify(response, method="prce", order=2 * p, block_rows=40, block_columns=p)
-        errors[p] = match_poles(found.modes.poles, truth).frequency_error
-    assert errors[5] > 1e-3
-    assert errors[6] < 1e-9
+    with pytest.raises(DataError, match=r"companion of 5 blocks was asked, but .*fewer than the observability index"):
+        identify(response, method="prce", order=10, block_rows=40, block_columns=5)
+    found = identify(response, method="prce", order=12, block_rows=40, block_columns=6)
+    assert match_poles(found.modes.poles, truth).frequency_error < 1e-9
 
 
 def sampled(poles, outputs: int = 3, inputs: int = 2, samples: int = 60) -> ImpulseResponse:

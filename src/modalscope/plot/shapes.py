@@ -60,7 +60,7 @@ def in_phase(shape: Array) -> RealArray:
 
 def shape(
     modes: ModalModel,
-    index: int,
+    index: int = 0,
     geometry: Geometry | None = None,
     ax: Axes | None = None,
     *,
@@ -78,7 +78,7 @@ def shape(
     ----------
     modes : ModalModel
     index : int
-        Of the mode, from zero.
+        Of the mode, from zero; the first by default.
     geometry : Geometry, optional
         That of the modes by default.
     ax : Axes, optional

@@ -111,6 +111,17 @@ def null_space_companion(matrix: DataMatrix, factors: Factors) -> Realization:
     return Realization(factors, triple, canonical=True)
 
 
+def _check_explained(left: RealArray, whole: RealArray, blocks: int, limit: float) -> None:
+    """Raise when blocks that have lost rank do not give the next one: fewer than the observability index."""
+    share = float(np.linalg.norm(left) / max(np.linalg.norm(whole), np.finfo(float).tiny))
+    if share > limit:
+        raise DataError(
+            f"a least-squares companion of {blocks} blocks was asked",
+            f"these blocks are singular and leave {100 * share:.2g} % of the next one: fewer than the observability index",
+            "Raise the order by a block or more.",
+        )
+
+
 def least_squares_companion(matrix: DataMatrix, factors: Factors) -> Realization:
     """Least-squares form without truncation: the last block row H_p [H_0; ...; H_(p-1)]#, every degree p from one factorization.
 
@@ -151,6 +162,7 @@ def least_squares_companion(matrix: DataMatrix, factors: Factors) -> Realization
             R = sla.solve_triangular(known, target.T, lower=True, trans="T", check_finite=False).T
         else:
             R = np.linalg.lstsq(known.T, target.T, rcond=rcond)[0].T
+            _check_explained(L[n : n + block] - R @ L[:n], L[n : n + block], p, np.sqrt(rcond))
         C = _output(matrix, factors, block, stand_in[:n])
         return Triple(companion_matrix(R, shift, p), None if B is None else B[:n], C, min(n, factors.rank))
 
