@@ -208,6 +208,7 @@ class FrequencyResponse(Channels):
             kind="pulse" if held else "dirac",
             first_sample=0 if held else 1,
             quantity=self.quantity,
+            added_damping=self.added_damping,
             **self.labelled(),
         ).noted(note)
 

@@ -15,6 +15,7 @@ from modalscope.model.checks import (
     RealArray,
     check_choice,
     check_count,
+    check_number,
     check_positive,
     freeze,
     real_array,
@@ -47,6 +48,8 @@ class ImpulseResponse(Channels):
         participation can be referred to the impulse itself. A pulse response counts from the sample after the pulse.
     quantity : str, optional
         Displacement, velocity or acceleration.
+    added_damping : float
+        Decay rate in 1/s that an exponential window added to every pole: identified poles are shifted back by it.
 
     Raises
     ------
@@ -60,6 +63,7 @@ class ImpulseResponse(Channels):
     kind: str = "pulse"
     first_sample: int = 0
     quantity: str | None = None
+    added_damping: float = 0.0
 
     def __post_init__(self) -> None:
         values = real_array("values", self.values, "(samples, outputs, inputs)", 3)
@@ -86,6 +90,7 @@ class ImpulseResponse(Channels):
             kind=check_choice("kind", self.kind, KINDS),
             first_sample=check_count("first_sample", self.first_sample, least=0),
             quantity=check_quantity(self.quantity),
+            added_damping=check_number("added_damping", self.added_damping),
         )
         self._label(values.shape[1], values.shape[2])
 
@@ -133,6 +138,7 @@ class ImpulseResponse(Channels):
             frequencies=lines,
             sampling_rate=self.sampling_rate if held else None,
             quantity=self.quantity,
+            added_damping=self.added_damping,
             **self.labelled(),
         ).noted(f"transformed from {self.samples} samples of a {self.kind} response")
 

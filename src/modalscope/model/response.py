@@ -20,7 +20,7 @@ def output_scale(response: Response) -> RealArray:
 
 def window_damping(response: Response) -> float:
     """Return the decay rate (1/s) that an exponential window added: it is in the data, but not in the modes."""
-    return response.added_damping if isinstance(response, FrequencyResponse) else 0.0
+    return response.added_damping
 
 
 def is_held(response: Response) -> bool:
