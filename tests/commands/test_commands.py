@@ -97,3 +97,10 @@ def test_arrays_with_other_names_and_axes_are_read(tmp_path):
     np.savez(path, freq=clean.frequencies, H=clean.values.transpose(2, 1, 0))
     words = ["--rename", "freq=frequencies", "--rename", "H=values", "--axes", "values=inputs,outputs,lines"]
     assert main(["identify", str(path), *words, "--quantity", "acceleration"]) == 0
+
+
+def test_what_a_universal_file_cannot_hold_of_modes_is_said(test_file, tmp_path, capsys):
+    kept, lost = tmp_path / "modes.json", tmp_path / "modes.uff"
+    assert main(["identify", str(test_file), "-o", str(kept)]) == 0
+    assert main(["convert", str(kept), str(lost)]) == 0
+    assert "participation, spreads, indicators and reasons are left out" in capsys.readouterr().out

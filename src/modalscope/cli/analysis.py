@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from modalscope.cli.reading import parse_orders, read_responses
+from modalscope.cli.reading import left_out, parse_orders, read_responses
 from modalscope.model.checks import DataError
 
 __all__ = ["compare", "identify"]
@@ -155,7 +155,7 @@ def _write_modes(options: argparse.Namespace, modes: Any, **found: Any) -> None:
 
     beside = {**found, "data": {"file": options.file.name}} if options.output.suffix.lower() == ".json" else {}
     write(options.output, modes, **beside)
-    print(f"written: {options.output}")
+    print(f"written: {options.output}{left_out(options.output, modes)}")
 
 
 def _command(options: argparse.Namespace) -> str:

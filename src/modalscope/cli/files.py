@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from modalscope.cli.reading import read_data, reading_options
+from modalscope.cli.reading import left_out, read_data, reading_options
 from modalscope.model.checks import (
     DataError,
     check_choice,
@@ -42,7 +42,7 @@ def convert(options: argparse.Namespace) -> None:
 
     data = read_data(options, options.input)
     write(options.output, data)
-    print(f"written: {options.output}, {describe(data)}")
+    print(f"written: {options.output}, {describe(data)}{left_out(options.output, data)}")
 
 
 def methods(_: argparse.Namespace) -> None:

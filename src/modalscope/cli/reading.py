@@ -8,7 +8,7 @@ from typing import Any
 
 from modalscope.model.checks import DataError
 
-__all__ = ["parse_orders", "read_data", "read_responses", "reading_options"]
+__all__ = ["left_out", "parse_orders", "read_data", "read_responses", "reading_options"]
 
 
 def read_data(options: argparse.Namespace, path: Path) -> Any:
@@ -40,6 +40,15 @@ def reading_options(options: argparse.Namespace) -> dict[str, Any]:
         if items:
             given[name] = _pairs(name, items, example)
     return given
+
+
+def left_out(path: Path, thing: Any) -> str:
+    """Say what a format cannot hold of modes; nothing for other things and formats."""
+    from modalscope.model import ModalModel
+
+    if not isinstance(thing, ModalModel) or path.suffix.lower() not in (".uff", ".unv"):
+        return ""
+    return "\nuniversal files hold poles and shapes: participation, spreads, indicators and reasons are left out (.json keeps them)"
 
 
 def _pairs(name: str, items: list[str], example: str) -> dict[str, str]:
