@@ -7,10 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from modalscope.blocks.fraction import Fraction
+from modalscope.blocks.projection import Projection
 from modalscope.blocks.shifted import Shifted
 from modalscope.blocks.transfer import Transfer
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.poles import one_of_each_pair
 from modalscope.model.statespace import StateSpace
 from modalscope.pipeline import Pipeline
@@ -18,6 +20,7 @@ from modalscope.realize.triple import Triple, inverse_vectors
 from modalscope.residues import (
     ModalBasis,
     basis_of_lines,
+    basis_of_samples,
     basis_of_window,
     fit_participation,
     fit_shapes,
@@ -81,7 +84,7 @@ class Eigenmodes:
 
 
 def eigenmodes(pipeline: Pipeline, model: Triple) -> Eigenmodes:
-    """Return the modal form of a model (Eqs. 15-16); participation from B, or by least squares over the lines."""
+    """Return the modal form of a model (Eqs. 15-16); participation from B, or by least squares over lines or samples."""
     if isinstance(pipeline.matrix, Fraction):
         return _fraction_modes(pipeline, pipeline.matrix, model)
     own, vectors = np.linalg.eig(model.A)
@@ -97,15 +100,21 @@ def eigenmodes(pipeline: Pipeline, model: Triple) -> Eigenmodes:
         participation, terms = fit_participation(basis, shapes)
         reach = np.linalg.norm(basis.functions.reshape(-1, poles.size, 2), axis=(0, 2))
         return Eigenmodes(poles, own, vectors, rows, shapes, participation, terms, reach=reach)
-    if isinstance(pipeline.matrix, Shifted):
-        participation = fit_participation(_window_basis(pipeline.matrix, own), shapes)[0]
+    if isinstance(pipeline.matrix, Projection):
+        participation = fit_participation(basis_of_samples(response, poles), shapes)[0]
+    elif isinstance(pipeline.matrix, Shifted):
+        participation = _from_impulse(response, own, fit_participation(_window_basis(pipeline.matrix, own), shapes)[0])
     else:
         assert model.B is not None
-        participation = rows @ model.B
-    if response.first_sample:
-        participation = participation / own[:, None] ** response.first_sample
+        participation = _from_impulse(response, own, rows @ model.B)
     direct = np.zeros(response.values.shape[1:]) if response.feedthrough is None else response.feedthrough
     return Eigenmodes(poles, own, vectors, rows, shapes, participation, direct[None])
+
+
+def _from_impulse(response: ImpulseResponse, own: ComplexArray, participation: ComplexArray) -> ComplexArray:
+    """Return participation referred to the impulse, from that at the first sample there is."""
+    first = response.first_sample
+    return participation / own[:, None] ** first if first else participation
 
 
 def _window_basis(matrix: Shifted, own: ComplexArray) -> ModalBasis:

@@ -47,6 +47,8 @@ class Method:
         fraction, whose order is the degree.
     forms : tuple of str
         Observable and controllable forms that exist; the first is the default, "smaller" takes the one with fewer states.
+    on_records : bool
+        Whether the data matrix is made of records themselves, not of a response.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Method:
     realize: Realize
     factors: str
     forms: tuple[str, ...] = ("observable",)
+    on_records: bool = False
 
     def __str__(self) -> str:
         return f"{self.name} ({self.domain})"
@@ -128,6 +131,16 @@ _TABLE: tuple[Method, ...] = (
             "z": ("left to the reader", ("least squares FD",)),
             "s": ("left to the reader", ("least squares FD, continuous", "first-order form, Eq. 109")),
         },
+    ),
+    Method(
+        "ssi-data",
+        "time",
+        "shift of one factor",
+        "II-5 on projected records",
+        ("SSI-data, UPC (unweighted principal components)", "MOESP/N4SID without inputs"),
+        shift,
+        "tall",
+        on_records=True,
     ),
     Method(
         "prce",

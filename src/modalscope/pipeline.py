@@ -12,6 +12,7 @@ from modalscope.blocks.factor import Factors, factorize, left_factor
 from modalscope.blocks.fraction import Fraction, fraction
 from modalscope.blocks.hankel import Hankel, hankel
 from modalscope.blocks.lines import line_weights
+from modalscope.blocks.projection import Projection, projection
 from modalscope.blocks.shifted import Shifted, shifted
 from modalscope.blocks.transfer import Transfer, transfer
 from modalscope.methods import Method
@@ -25,15 +26,16 @@ from modalscope.model.checks import (
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.response import Response
+from modalscope.model.signals import Signals
 from modalscope.prepare import Data, prepare
 from modalscope.realize.fraction import fraction_factors
 from modalscope.realize.reduction import reduced
 from modalscope.realize.triple import Realization, Triple
-from modalscope.sizes import default_blocks, default_degree, default_shifts
+from modalscope.sizes import default_blocks, default_degree, default_projection, default_shifts
 
 __all__ = ["Pipeline", "build"]
 
-Matrix = Hankel | Transfer | Shifted | Fraction
+Matrix = Hankel | Projection | Transfer | Shifted | Fraction
 
 #: Options of `identify` and `stabilize` that shape the Hankel matrix.
 _HANKEL = (
@@ -66,8 +68,8 @@ class Pipeline:
     method : Method
     response : ImpulseResponse or FrequencyResponse
         What is identified, cut to the band and in the domain of the method.
-    matrix : Hankel, Transfer, Shifted or Fraction
-        Of the response, or of the transposed one in the controllable form.
+    matrix : Hankel, Projection, Transfer, Shifted or Fraction
+        Of the response, a projection of the records behind it, or of the transposed one in the controllable form.
     realization : Realization
     dual : bool
         Whether inputs and outputs have changed places.
@@ -124,7 +126,8 @@ def build(
             "Correct its name.",
         )
     band = None if band is None else check_band(band)
-    cell, response, notes = prepare(data if exclude is None else data.select(exclude=exclude), method, domain, band)
+    kept = data if exclude is None else data.select(exclude=exclude)
+    cell, response, records, notes = prepare(kept, method, domain, band)
     check_count("order", order)
     _counts(block_rows=block_rows, block_columns=block_columns)
     _check_form(cell, form)
@@ -140,7 +143,11 @@ def build(
             )
         dual = _is_dual(cell, form, response, block_rows, block_columns)
         given = {name: _shifts(name, options.get(name)) for name in _HANKEL}
-        matrix, settings = _hankel_of(cell, response, dual, order, block_rows, block_columns, given)
+        if cell.on_records:
+            _refuse("a projection of records has whole, equal blocks", **given)
+            matrix, settings = _projection_of(records, response, order, block_rows, block_columns)
+        else:
+            matrix, settings = _hankel_of(cell, response, dual, order, block_rows, block_columns, given)
         settings["form"] = "controllable" if dual else "observable"
         response = _lags_read(response, settings, notes)
     factors = _factor(matrix, cell, order, factorization)
@@ -315,6 +322,15 @@ def _shifts(name: str, value: Any) -> Any:
     if value is None or not name.endswith("_shifts"):
         return value
     return [check_count(name, s, least=0) for s in check_each(name, value, "whole numbers that increase from 0")]
+
+
+def _projection_of(
+    records: Signals | None, response: ImpulseResponse, order: int, block_rows: int | None, block_columns: int | None
+) -> tuple[Projection, dict[str, Any]]:
+    assert records is not None
+    sizes = _span(block_rows, None), _span(block_columns, None)
+    rows, columns = default_projection(records, response, order, *sizes)
+    return projection(records, None, rows, columns), {"block_rows": rows, "block_columns": columns}
 
 
 def _span(blocks: int | None, shifts: Any) -> int | None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from modalscope.methods import Method, find_method
@@ -11,31 +13,55 @@ from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.response import Response
 from modalscope.model.signals import Signals
 
-__all__ = ["Data", "prepare"]
+__all__ = ["Data", "Prepared", "prepare"]
 
 Data = Signals | Response
 
 
-def prepare(
-    data: Data, method: str | None, domain: str | None, band: tuple[float, float] | None
-) -> tuple[Method, Response, list[str]]:
+class Prepared(NamedTuple):
+    """What a method works on.
+
+    Attributes
+    ----------
+    method : Method
+        The cell of the table.
+    response : Response
+        In the domain of the method.
+    records : Signals, optional
+        Records without inputs, filtered to the band, where they were given.
+    notes : list of str
+        What was converted.
+    """
+
+    method: Method
+    response: Response
+    records: Signals | None
+    notes: list[str]
+
+
+def prepare(data: Data, method: str | None, domain: str | None, band: tuple[float, float] | None) -> Prepared:
     """Return the cell of the table, the response in its domain, and notes on what was converted.
 
     Raises
     ------
     DataError
-        A channel of zeros, a band without lines, an unknown method or domain.
+        A channel of zeros, a band without lines, an unknown method or domain, a method of records where there are none.
     """
     notes: list[str] = []
-    response = _to_response(data, band, notes)
+    response, records = _to_response(data, band, notes)
     of_lines = isinstance(response, FrequencyResponse)
-    records = isinstance(data, Signals)
-    default = "alternate" if of_lines or records else "era"
+    default = "alternate" if of_lines or isinstance(data, Signals) else "era"
     cell = find_method(
         default if method is None else method,
         domain,
         "s" if of_lines and response.sampling_rate is None else "z" if of_lines else "time",
     )
+    if cell.on_records and records is None:
+        raise DataError(
+            f"method {cell.name!r} was asked, which projects records without inputs",
+            "these are records with inputs" if isinstance(data, Signals) else f"this is {type(data).__name__}",
+            "Give Signals with outputs alone, or use method='alternate', which takes any response.",
+        )
     if isinstance(response, FrequencyResponse) and band is not None:
         response = response.band(*band)
     if cell.domain == "time" and isinstance(response, FrequencyResponse):
@@ -53,12 +79,13 @@ def prepare(
             response = response.band(*band)
         notes.append("the samples were transformed to lines as if nothing followed the last one")
     _check_channels(response)
-    return cell, response, notes
+    return Prepared(cell, response, records, notes)
 
 
-def _to_response(data: Data, band: tuple[float, float] | None, notes: list[str]) -> Response:
+def _to_response(data: Data, band: tuple[float, float] | None, notes: list[str]) -> tuple[Response, Signals | None]:
+    """Return the response, and the records in the band that correlations were estimated from."""
     if isinstance(data, ImpulseResponse | FrequencyResponse):
-        return data
+        return data, None
     if not isinstance(data, Signals):
         raise DataError(
             "Signals, an ImpulseResponse or a FrequencyResponse was asked",
@@ -69,11 +96,11 @@ def _to_response(data: Data, band: tuple[float, float] | None, notes: list[str])
 
     if data.inputs is not None:
         notes.append("frequency responses were estimated from the records (H1)")
-        return estimate_frf(data)
+        return estimate_frf(data), None
     if band is not None:
         data = filter_band(data, *band)
     notes.append("correlations with all channels as references were estimated from the records")
-    return estimate_correlation(data)
+    return estimate_correlation(data), data
 
 
 def _check_channels(response: Response) -> None:

@@ -5,8 +5,15 @@ from __future__ import annotations
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.response import Response
+from modalscope.model.signals import Signals
 
-__all__ = ["default_blocks", "default_degree", "default_shifts"]
+__all__ = ["default_blocks", "default_degree", "default_projection", "default_shifts"]
+
+#: Rows of the past over times: what the past predicts by chance lowers damping (by 3 % at this share, by 12 % at 8 %).
+_PAST_SHARE = 0.02
+
+#: Rows of the past beyond which the triangular factor takes long.
+_PAST_ROWS = 600
 
 
 def default_blocks(
@@ -24,6 +31,21 @@ def default_blocks(
     ample = max(4 * rows, 80) if response.kind == "correlation" else max(-(-20 * order // inputs), rows, 10)
     columns = block_columns or max(min(samples - rows, ample), 1)
     return rows, columns
+
+
+def default_projection(
+    records: Signals, correlation: ImpulseResponse, order: int, block_rows: int | None, block_columns: int | None
+) -> tuple[int, int]:
+    """Return block sizes of projected records: the lags that their correlation would have, half for the past and half for the future.
+
+    A long past is predicted from by chance as well: of short records and of many channels it is shorter, and the future with it,
+    down to the block rows of a correlation.
+    """
+    least, lags = default_blocks(correlation, order, None, None)
+    outputs = len(records.output_dofs)
+    most = min(_PAST_SHARE * records.runs * records.samples, _PAST_ROWS) / outputs
+    alike = max(min((least + lags) // 2, int(most)), least)
+    return block_rows or alike, block_columns or alike
 
 
 def default_shifts(response: Response, order: int) -> int:

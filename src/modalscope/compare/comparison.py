@@ -88,9 +88,10 @@ def compare(
     if exclude is not None:
         data = data.select(exclude=exclude)
     data, findings = without_dead(data)
-    _, response, notes = prepare(data, None, None, band)
-    cells, more = plan(response, methods, orders)
-    results = run(response, cells, band=band, progress=progress, workers=workers, **options)
+    _, response, in_band, notes = prepare(data, None, None, band)
+    records = data if isinstance(data, Signals) and in_band is not None else None
+    cells, more = plan(response, methods, orders, records=records is not None)
+    results = run(response, cells, records=records, band=band, progress=progress, workers=workers, **options)
     kin = kinship(results)
     groups, unconfirmed = pair(results, kin)
     modes = _consensus(response, groups)

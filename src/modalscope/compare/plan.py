@@ -48,7 +48,7 @@ class Cell:
 
 
 def plan(
-    response: Response, wanted: str | Iterable[Any], orders: Iterable[int] | None
+    response: Response, wanted: str | Iterable[Any], orders: Iterable[int] | None, *, records: bool = False
 ) -> tuple[tuple[Cell, ...], tuple[str, ...]]:
     """Return the cells to try and notes on those that the data do not allow.
 
@@ -59,6 +59,8 @@ def plan(
         "era" is the row in every domain that the data allow, "era/s" or ("era", "s") one cell.
     orders : iterable of int, optional
         By default 2, 4, ... up to 80 for frequency responses, 60 for impulse responses and 40 for correlations.
+    records : bool
+        Whether the records without inputs that the response was estimated from are there.
 
     Raises
     ------
@@ -70,10 +72,10 @@ def plan(
     if isinstance(wanted, str) and wanted != "all":
         wanted = [wanted]
     if isinstance(wanted, str):
-        found = [m for m in methods() if _allowed(m, response, notes)]
+        found = [m for m in methods() if _allowed(m, response, notes, records)]
     else:
         for item in wanted:
-            found += [m for m in _named(item, response, notes) if m not in found]
+            found += [m for m in _named(item, response, notes, records) if m not in found]
     if not found:
         raise DataError(
             "a comparison was asked", notes[0] if notes else "no method was named", 'Name methods, or methods="all".'
@@ -100,18 +102,22 @@ def _orders(response: Response, orders: Iterable[int] | None) -> tuple[int, ...]
     return asked
 
 
-def _named(item: Any, response: Response, notes: list[str]) -> list[Method]:
+def _named(item: Any, response: Response, notes: list[str], records: bool) -> list[Method]:
     if isinstance(item, Method):
         return [item]
     name, _, domain = item.partition("/") if isinstance(item, str) else (item[0], "", item[1])
     if domain:
         return [find_method(name, check_choice("domain", domain, DOMAINS), domain)]
     find_method(name, None, "time")  # an unknown name is an error
-    return [m for m in methods() if m.name == name and _allowed(m, response, notes)]
+    return [m for m in methods() if m.name == name and _allowed(m, response, notes, records)]
 
 
-def _allowed(method: Method, response: Response, notes: list[str]) -> bool:
+def _allowed(method: Method, response: Response, notes: list[str], records: bool) -> bool:
     """Whether the data suit a cell's domain; what does not is noted once a domain."""
+    if method.on_records:
+        if not records:
+            notes.append(f"{method} left out: it projects records without inputs, and there are none")
+        return records
     if isinstance(response, FrequencyResponse):
         if method.domain == "time":
             return _even_lines(response, notes)

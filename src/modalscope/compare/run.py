@@ -15,6 +15,8 @@ from modalscope.methods import Method
 from modalscope.model.checks import DataError
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.modes import ModalModel
+from modalscope.model.signals import Signals
+from modalscope.prepare import Data
 from modalscope.residues.rebuilt import fit_of
 from modalscope.select import select
 from modalscope.stabilize import stabilize
@@ -76,6 +78,7 @@ def run(
     response: Response,
     cells: Sequence[Cell],
     *,
+    records: Signals | None = None,
     band: tuple[float, float] | None = None,
     progress: Progress | None = None,
     workers: int | None = None,
@@ -87,6 +90,8 @@ def run(
     ----------
     response : FrequencyResponse or ImpulseResponse
     cells : sequence of Cell
+    records : Signals, optional
+        What methods on records take instead of the response.
     band : (float, float), optional
         Of `stabilize`.
     progress : callable, optional
@@ -100,7 +105,8 @@ def run(
 
     def one(index: int) -> MethodResult:
         cell = cells[index]
-        found = _one(response, cell, band, lambda done, _: count.report(index, done), options)
+        own = records if cell.method.on_records and records is not None else response
+        found = _one(own, cell, band, lambda done, _: count.report(index, done), options)
         count.report(index, len(cell.orders))
         return found
 
@@ -112,13 +118,13 @@ def run(
 
 
 def _one(
-    response: Response, cell: Cell, band: tuple[float, float] | None, progress: Progress, options: dict[str, Any]
+    data: Data, cell: Cell, band: tuple[float, float] | None, progress: Progress, options: dict[str, Any]
 ) -> MethodResult:
     started = time.perf_counter()
     method = cell.method
     try:
         diagram = stabilize(
-            response,
+            data,
             method=method.name,
             domain=method.domain,
             orders=cell.orders,

@@ -7,6 +7,7 @@ import numpy as np
 from modalscope.blocks.hankel import Hankel
 from modalscope.blocks.lines import LineMatrix
 from modalscope.blocks.matrix import DataMatrix
+from modalscope.blocks.projection import Projection
 from modalscope.indicators import amplitude_coherence, decay_step, emac_channels, weighted_mean
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.realize.triple import Realization
@@ -64,9 +65,16 @@ def row_side(
 
 
 def column_side(
-    matrix: Hankel | LineMatrix, realization: Realization, n: int, poles: Array, rows: Array, participation: Array
+    matrix: Hankel | Projection | LineMatrix,
+    realization: Realization,
+    n: int,
+    poles: Array,
+    rows: Array,
+    participation: Array,
 ) -> tuple[RealArray, RealArray] | None:
-    """Return the same for the column factor W = d^1/2 Q' against b_j z^k, on lines b_j / (x_i - s_j); None where blocks are not whole.
+    """Return the same for the column factor W = d^1/2 Q' against b_j z^k, on lines b_j / (x_i - s_j).
+
+    None where blocks are not whole, and where columns are times, at which the states are unknown.
 
     Parameters
     ----------
@@ -76,6 +84,8 @@ def column_side(
         Rows of the inverse of the eigenvectors.
     participation : array of complex, (k, m)
     """
+    if isinstance(matrix, Projection):
+        return None
     if isinstance(matrix, LineMatrix):
         return _line_side(matrix, realization, n, poles, rows, participation)
     factors = realization.factors

@@ -1,0 +1,220 @@
+"""Records without inputs as a data matrix: future outputs projected on past reference outputs, through one exact triangular factor.
+
+Under white forces the projection is V X, the observability matrix times the states that the past predicts, as a Hankel matrix of
+correlations is V times what correlates with the past: the same left factor, weighted by the inverse of the past's own covariance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg as sla
+from numpy.lib.stride_tricks import sliding_window_view
+
+from modalscope.blocks.factor import Factors
+from modalscope.blocks.matrix import Evolution, RowShift
+from modalscope.blocks.operators import DenseMatrix
+from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, check_count
+from modalscope.model.labels import DofLike, indices_of
+from modalscope.model.poles import powers_of, to_continuous, to_discrete
+from modalscope.model.signals import Signals
+
+__all__ = ["Projection", "projection"]
+
+#: Columns that the triangular factorization takes at a time, in multiples of the rows.
+_CHUNK = 4
+
+
+def projection(
+    signals: Signals,
+    references: Iterable[DofLike] | DofLike | None = None,
+    block_rows: int = 10,
+    block_columns: int = 10,
+) -> Projection:
+    """Project future outputs on past reference outputs: what data-driven stochastic subspace identification factors.
+
+    With y(t) the outputs, q = block_rows and p = block_columns, the columns for all times t of all runs are
+
+        past    [y_ref(t - 1); y_ref(t - 2); ...; y_ref(t - p)],    future  [y(t); y(t + 1); ...; y(t + q)],
+
+    divided by the root of their number. With [past; future] = [[L11, 0], [L21, L22]] Q the projection is L21 Q1, and L21 has its left
+    factor and singular values.
+
+    Parameters
+    ----------
+    signals : Signals
+        The mean of every channel and run is removed; inputs are not used.
+    references : labels or indices, optional
+        Outputs of the past; all by default.
+    block_rows, block_columns : int
+        Blocks of the future but one, and of the past.
+
+    Returns
+    -------
+    Projection
+
+    Raises
+    ------
+    DataError
+        Unknown references, or fewer columns than rows: everything can then be predicted from the past.
+
+    References
+    ----------
+    Van Overschee and De Moor, "Subspace Identification for Linear Systems", 1996, chapter 3; Peeters and De Roeck, "Reference-based
+    stochastic subspace identification for output-only modal analysis", Mech. Syst. Signal Process. 13 (1999), 855-878.
+
+    Examples
+    --------
+    >>> y = np.random.default_rng(0).standard_normal((2000, 2))
+    >>> matrix = projection(Signals(outputs=y, sampling_rate=10.0), ["y2"], block_rows=3, block_columns=5)
+    >>> matrix.tall().shape
+    (8, 5)
+    """
+    asked = range(len(signals.output_dofs)) if references is None else references
+    chosen = np.array(indices_of("reference", asked, signals.output_dofs), dtype=np.intp)
+    if not chosen.size or np.unique(chosen).size < chosen.size:
+        raise DataError(
+            "references needs different outputs, at least one",
+            f"{chosen.size} are given, {np.unique(chosen).size} different",
+            "Name every reference once.",
+        )
+    future, past = check_count("block_rows", block_rows), check_count("block_columns", block_columns)
+    outputs, _ = signals.by_run()
+    made = Projection(outputs - outputs.mean(axis=1, keepdims=True), chosen, future, past, signals.sampling_rate)
+    if made.columns < made.rows:
+        raise DataError(
+            f"projection(block_rows={future}, block_columns={past}) of {outputs.shape[2]} outputs on {chosen.size} references was asked",
+            f"{signals.runs} x {signals.samples} samples give {made.columns} columns for {made.rows} rows: "
+            "the past predicts any record of that length",
+            "Lower block_rows and block_columns, take fewer references, or measure a longer record.",
+        )
+    return made
+
+
+@dataclass(frozen=True, eq=False)
+class Projection:
+    """Future outputs projected on past reference outputs (made by `projection`).
+
+    Parameters
+    ----------
+    values : array, (R, N, l)
+        Runs without their means.
+    references : array of int, (r,)
+    block_rows, block_columns : int
+        Blocks of the future but one, and of the past.
+    sampling_rate : float
+    """
+
+    values: RealArray
+    references: IntArray
+    block_rows: int
+    block_columns: int
+    sampling_rate: float
+
+    @property
+    def outputs(self) -> int:
+        """Outputs of the records."""
+        return int(self.values.shape[2])
+
+    @property
+    def columns(self) -> int:
+        """Times at which past and future lie within a run, over all runs."""
+        runs, samples, _ = self.values.shape
+        return int(runs * max(samples - self.block_rows - self.block_columns, 0))
+
+    @property
+    def past(self) -> int:
+        """Rows of the past, r p."""
+        return int(self.references.size * self.block_columns)
+
+    @property
+    def rows(self) -> int:
+        """Rows of past and future together, r p + l (q + 1)."""
+        return self.past + self.outputs * (self.block_rows + 1)
+
+    def _chunks(self) -> Iterator[RealArray]:
+        """Yield columns of [past; future] as rows, some at a time."""
+        p = self.block_columns
+        for run in self.values:
+            windows = sliding_window_view(run, p + self.block_rows + 1, axis=0)  # (columns, l, blocks)
+            for start in range(0, len(windows), _CHUNK * self.rows):
+                part = windows[start : start + _CHUNK * self.rows].transpose(0, 2, 1)
+                before = part[:, p - 1 :: -1][:, :, self.references]
+                count = len(part)
+                yield np.hstack([before.reshape(count, -1), part[:, p:].reshape(count, -1)])
+
+    @cached_property
+    def triangle(self) -> RealArray:
+        """L21 (l (q + 1), r p): the projection times an orthonormal matrix, its exact stand-in, from runs and times in turn."""
+        R = np.zeros((0, self.rows))
+        for chunk in self._chunks():
+            R = np.asarray(sla.qr(np.vstack([R, chunk]), mode="r", overwrite_a=True, check_finite=False)[0])[
+                : self.rows
+            ]
+        return np.asarray(R[: self.past, self.past :].T / np.sqrt(self.columns), order="C")
+
+    def tall(self) -> DenseMatrix:
+        """Return all q + 1 block rows."""
+        return DenseMatrix(self.triangle)
+
+    def shifted(self, k: int) -> DenseMatrix:
+        """Return H(k): the first q block rows, or the last."""
+        return DenseMatrix(self.row_shift.split(self.triangle)[k])
+
+    @property
+    def row_shift(self) -> RowShift:
+        """E0 drops the last block, E1 the first."""
+        before = np.arange(self.block_rows * self.outputs)
+        return RowShift(block=self.outputs, before=before, after=before + self.outputs)
+
+    def first_rows(self, right: Array, k: int = 0) -> RealArray:
+        """Return the first block row of H(k), times X: C = first_rows(Q d^-1/2)."""
+        return np.asarray(self.triangle[k * self.outputs : (k + 1) * self.outputs] @ right)
+
+    def first_block_column(self, *, tall: bool = False) -> None:
+        """None: the columns are times."""
+        return
+
+    def first_columns(self, factors: Factors) -> None:
+        """None: the columns are times; participation comes from least squares over the correlation of the record."""
+        return
+
+    def first_block(self, shapes: Array) -> Array:
+        """Return C itself: blocks are whole."""
+        return np.asarray(shapes)
+
+    def row_blocks(self, P: Array) -> RealArray:
+        """Return a left factor (rows, k) by block rows, (blocks, l, k)."""
+        return np.asarray(P.reshape(-1, self.outputs, P.shape[1]))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Nothing that a result made from this matrix must say."""
+        return ()
+
+    def to_s(self, poles: Array) -> ComplexArray:
+        """Continuous poles ln(z) fs, rad/s."""
+        return to_continuous(poles, self.dt)
+
+    def from_s(self, poles: Array) -> ComplexArray:
+        """Poles of the sampled system, exp(s / fs)."""
+        return to_discrete(poles, self.dt)
+
+    @property
+    def dt(self) -> float:
+        """Sampling interval, seconds."""
+        return 1 / self.sampling_rate
+
+    def evolution(self, poles: Array, blocks: int) -> Evolution:
+        """Return z^k for blocks k = 0, 1, ...: how a mode runs down the rows."""
+        return powers_of(poles, blocks)
+
+    def describe(self) -> str:
+        """Say what the matrix is, in words."""
+        return (
+            f"{self.block_rows + 1} future blocks of {self.outputs} outputs projected on {self.block_columns} past blocks "
+            f"of {self.references.size} references, over {self.columns} times"
+        )
