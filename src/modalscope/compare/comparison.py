@@ -18,13 +18,13 @@ from modalscope.compare.result import Comparison
 from modalscope.compare.run import MethodResult, Progress, run
 from modalscope.compare.scatter import noise_floor, stated
 from modalscope.compare.verdict import judge, words
-from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.labels import DofLike
 from modalscope.model.modes import ModalModel
+from modalscope.model.response import is_held, window_damping
 from modalscope.model.signals import Signals
 from modalscope.prepare import Data, prepare
 from modalscope.residues import fit_error
-from modalscope.residues.rebuilt import fitted_terms, rebuilt, window_damping
+from modalscope.residues.rebuilt import fitted_terms, rebuilt
 
 __all__ = ["compare"]
 
@@ -127,10 +127,6 @@ def compare(
     )
 
 
-def _added(response: Response) -> float:
-    return response.added_damping if isinstance(response, FrequencyResponse) else 0.0
-
-
 def _best_fit(results: Sequence[MethodResult]) -> float:
     """Return what the best model of any order leaves of the data, real poles and all."""
     return min(
@@ -151,14 +147,13 @@ def _consensus(response: Response, groups: Sequence[Group]) -> ModalModel:
     shapes = np.zeros((len(response.output_dofs), len(groups)), complex)
     for k, g in enumerate(groups):
         shapes[:, k] = g.shape
-    held = response.sampling_rate is not None if isinstance(response, FrequencyResponse) else response.kind == "pulse"
     dt = None if response.sampling_rate is None else 1 / response.sampling_rate
     return ModalModel(
         poles=poles,
         shapes=shapes,
         quantity=response.quantity,
         dt=dt,
-        held_input=held,
+        held_input=is_held(response),
         frequencies_spread=np.array([g.frequency_between for g in groups]),
         damping_ratios_spread=np.array([g.damping_between for g in groups]),
         indicators={"found_by": np.array([float(len(g.members)) for g in groups])},

@@ -19,6 +19,7 @@ from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.modes import ModalModel
 from modalscope.model.poles import to_discrete
+from modalscope.model.response import window_damping
 from modalscope.residues import basis_of_lines, basis_of_samples
 
 __all__ = ["COVERAGE", "Scatter", "noise_floor", "stated"]
@@ -118,8 +119,7 @@ def _information(response: Response, modes: ModalModel, rebuilt: Array) -> RealA
     In channel c the derivative with respect to Re s is a e1 + b e2 and to Im s it is -b e1 + a e2, with the residue a + j b and
     the functions e1, e2 of the squared pole; sum_c S_c' E'(I - Q Q')E S_c / variance_c, Q spanning what residues can explain.
     """
-    added = response.added_damping if isinstance(response, FrequencyResponse) else 0.0
-    poles = modes.poles - added
+    poles = modes.poles - window_damping(response)
     if isinstance(response, FrequencyResponse):
         basis = basis_of_lines(response, poles)
     else:
