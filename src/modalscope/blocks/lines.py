@@ -6,6 +6,7 @@ and products, and stands in for it. The right factor, rows over lines, is brough
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from functools import cached_property
 from itertools import pairwise
 
@@ -86,7 +87,7 @@ def real_columns(columns: ComplexArray, weights: Array | None) -> RealArray:
     return np.vstack([weighted.real, weighted.imag])
 
 
-class LineMatrix:
+class LineMatrix(ABC):
     """A block matrix whose columns are lines, real and imaginary parts side by side, input by input.
 
     A concrete matrix gives `outputs`, `inputs`, `block_rows`, `columns_array`, `column_functions`, `residue_scale`, `level` and
@@ -96,41 +97,41 @@ class LineMatrix:
     row_shifts: tuple[int, ...] | None
 
     @property
+    @abstractmethod
     def outputs(self) -> int:
         """Rows of a block."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def inputs(self) -> int:
         """Columns of a line."""
-        raise NotImplementedError
 
+    @abstractmethod
     def columns_array(self, i: int) -> RealArray:
         """Return all block rows for input i, transposed: (2 F, l (q + 1))."""
-        raise NotImplementedError
 
+    @abstractmethod
     def column_functions(self, poles: Array) -> tuple[ComplexArray, RealArray]:
         """Return what runs along the columns of one input for modes at these poles, (2 F, k), and the share not eliminated (k,)."""
-        raise NotImplementedError
 
+    @abstractmethod
     def residue_scale(self, poles: Array) -> ComplexArray:
         """Return participation as the columns have it for one of a mode: (k,)."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def level(self) -> RealArray:
         """Size of the response on every line, (F,)."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def block_rows(self) -> int:
         """Block rows below the last: q."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def full_shift(self) -> RowShift:
         """E0 and E1 on all q + 1 block rows."""
-        raise NotImplementedError
 
     @cached_property
     def triangle(self) -> RealArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
@@ -59,7 +60,7 @@ def _one_side(name: str, unit: str | Sequence[str] | None, count: int) -> tuple[
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Channels:
+class Channels(ABC):
     """Labels, units, geometry and history, common to `Signals`, `ImpulseResponse` and `FrequencyResponse`.
 
     Parameters
@@ -164,5 +165,6 @@ class Channels:
             raise DataError("a choice of channels needs at least one output", "none is left", "Exclude fewer channels.")
         return replace(self, **self._cut(rows, columns), **self._arrays(rows, columns))
 
+    @abstractmethod
     def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
-        raise NotImplementedError
+        """Return the arrays of a noun for a choice of channels."""
