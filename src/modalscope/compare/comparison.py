@@ -157,11 +157,7 @@ def _consensus(response: Response, groups: Sequence[Group]) -> ModalModel:
         frequencies_spread=np.array([g.frequency_between for g in groups]),
         damping_ratios_spread=np.array([g.damping_between for g in groups]),
         indicators={"found_by": np.array([float(len(g.members)) for g in groups])},
-        output_dofs=response.output_dofs,
-        input_dofs=response.input_dofs,
-        units=response.units,
-        geometry=response.geometry,
-        processing=response.processing,
+        **response.labelled(),
         **fitted_terms(response, poles, shapes),
     ).normalized("unit")
 
