@@ -104,3 +104,10 @@ def test_what_a_universal_file_cannot_hold_of_modes_is_said(test_file, tmp_path,
     assert main(["identify", str(test_file), "-o", str(kept)]) == 0
     assert main(["convert", str(kept), str(lost)]) == 0
     assert "participation, spreads, indicators and reasons are left out" in capsys.readouterr().out
+
+
+def test_info_on_a_file_of_geometry_tells_its_nodes(tmp_path, capsys):
+    path = tmp_path / "geometry.uff"
+    ms.write(path, ms.systems.chain5().geometry)
+    assert main(["info", str(path)]) == 0
+    assert "nodes" in capsys.readouterr().out

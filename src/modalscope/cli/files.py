@@ -21,14 +21,16 @@ KINDS = ("frf", "impulse", "records", "ambient")
 def info(options: argparse.Namespace) -> None:
     """Print what a file holds, what was taken and left, and what is wrong with the data."""
     from modalscope.io import survey
-    from modalscope.model import ModalModel
+    from modalscope.model import Geometry, ModalModel
     from modalscope.preprocess import examine
 
     told = survey(options.file, **reading_options(options))
     print(told)
-    data = read_data(options, options.file)
+    data = told.thing
     if isinstance(data, ModalModel):
         print(data.table())
+        return
+    if isinstance(data, Geometry):  # nothing was measured
         return
     findings = examine(data)
     print("quality: nothing to report" if not findings else "quality:")

@@ -94,6 +94,8 @@ class Survey:
         The format in words.
     result : str
         What `read` returns, in words.
+    thing : noun
+        What `read` returns.
     found : tuple of Finding
     missing : tuple of str
         What would be needed to take more.
@@ -103,6 +105,7 @@ class Survey:
     path: Path
     format: str
     result: str
+    thing: Thing
     found: tuple[Finding, ...]
     missing: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()

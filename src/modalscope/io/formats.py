@@ -96,6 +96,7 @@ def survey(path: str | Path, **options: Any) -> Survey:
         path=file,
         format=FORMATS[file.suffix.lower()].name,
         result=describe(contents.thing),
+        thing=contents.thing,
         found=contents.findings,
         missing=contents.missing,
         notes=contents.notes,
