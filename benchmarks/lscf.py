@@ -16,7 +16,7 @@ from sdypy import EMA
 
 from modalscope import FrequencyResponse
 from modalscope.blocks.fraction import fraction
-from modalscope.realize.fraction import fraction_companion, fraction_factors
+from modalscope.realizations.fraction import fraction_companion, fraction_factors
 
 OUTPUTS, LINES, DEGREE, MODES = 50, 4000, 60, 10
 FREQUENCIES = 0.5 * np.arange(1, LINES + 1)

@@ -17,9 +17,9 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope import ImpulseResponse, identify
+from modalscope.identification.pipeline import build
+from modalscope.judging.stabilize import stabilize
 from modalscope.model.poles import poles_from
-from modalscope.pipeline import build
-from modalscope.stabilize import stabilize
 from modalscope.systems import add_noise
 
 OUTPUTS, INPUTS, SAMPLES, BLOCKS, ORDER, LARGEST = 100, 3, 600, 300, 60, 100

@@ -7,13 +7,16 @@ of J.-N. Juang, Mathematical Correlation of Modal Parameter Identification Metho
 """
 
 from modalscope import plot, systems
-from modalscope.bands import merge_bands
-from modalscope.compare import Comparison, compare
-from modalscope.dwell import Dwell, mmif, tuned_dwell
-from modalscope.identify import Identification, identify, realize
-from modalscope.indicators import cmif, mac
+from modalscope.comparing import Comparison, compare
+from modalscope.identification.dwell import Dwell, mmif, tuned_dwell
+from modalscope.identification.identify import Identification, identify, realize
+from modalscope.identification.table import methods
 from modalscope.io import read, write
-from modalscope.methods import methods
+from modalscope.judging.bands import merge_bands
+from modalscope.judging.select import select
+from modalscope.judging.stabilize import stabilize
+from modalscope.modal.indicators import cmif, mac
+from modalscope.modal.shapes import fit_residues
 from modalscope.model import (
     DataError,
     FrequencyResponse,
@@ -35,11 +38,8 @@ from modalscope.preprocess import (
     half_spectra,
     merge,
 )
-from modalscope.realize.sensors import EquationsOfMotion, equations_of_motion, first_order_form
-from modalscope.report import report
-from modalscope.residues import fit_residues
-from modalscope.select import select
-from modalscope.stabilize import stabilize
+from modalscope.realizations.sensors import EquationsOfMotion, equations_of_motion, first_order_form
+from modalscope.reporting import report
 
 __version__ = VERSION
 

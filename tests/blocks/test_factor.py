@@ -7,12 +7,12 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from modalscope.blocks import factorize, hankel
-from modalscope.blocks.factor import left_factor
+from modalscope.blocks.factor import factorize, left_factor
+from modalscope.blocks.hankel import hankel
 from modalscope.blocks.operators import DenseMatrix
 from modalscope.model import DataError, ImpulseResponse
 from modalscope.model.poles import frequencies_and_damping, poles_from
-from modalscope.realize import balanced
+from modalscope.realizations.balanced import balanced
 from tests.support import add_noise, match_poles, relative
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from modalscope import DataError, FrequencyResponse, identify
 from modalscope.blocks.fraction import fraction, trigonometric_sums
-from modalscope.realize.fraction import denominator
+from modalscope.realizations.fraction import denominator
 from tests.support import FIVE, add_noise, match_poles, random_system, relative
 
 seeds = st.integers(0, 2**32 - 1)

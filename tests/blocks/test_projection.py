@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import modalscope as ms
-from modalscope.blocks import factorize, projection
-from modalscope.realize import shift
+from modalscope.blocks.factor import factorize
+from modalscope.blocks.projection import projection
+from modalscope.realizations.shift import shift
 
 
 def noise(runs: int, samples: int, outputs: int, seed: int) -> ms.Signals:

@@ -13,8 +13,9 @@ from modalscope.blocks.hankel import hankel
 from modalscope.blocks.shifted import shifted
 from modalscope.blocks.transfer import transfer
 from modalscope.blocks.windows import shifted_transfer, window_lines
-from modalscope.realize import balanced, regression, shift
-from modalscope.realize.balanced import projected_general
+from modalscope.realizations.balanced import balanced, projected_general
+from modalscope.realizations.regression import regression
+from modalscope.realizations.shift import shift
 from tests.support import FIVE, add_noise, match_poles, random_system, relative
 
 #: The identities hold to rounding times the condition of the truncation, with noise too.

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.residues.rebuilt import fit_of
+from modalscope.modal.rebuilt import fit_of
 from tests.support import FIVE, add_noise
 
 BEAM = Path(__file__).parents[2] / "examples" / "beam_hammer"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.residues import basis_of_samples, rebuilt_rows
+from modalscope.modal.basis import basis_of_samples, rebuilt_rows
 from tests.judging.test_ambient import measured
 
 

@@ -3,7 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope import indicators, plot
+from modalscope import plot
+from modalscope.modal import indicators
 from modalscope.model import DataError
 from tests.plot import examples
 

@@ -8,8 +8,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from modalscope import plot
+from modalscope.modal.rebuilt import rebuilt
 from modalscope.model import DataError
-from modalscope.residues.rebuilt import rebuilt
 from tests.plot import examples
 
 

@@ -34,7 +34,7 @@ class _Progress:
 
 def identify(options: argparse.Namespace) -> None:
     """Find the modes in a file, print them, and write them where that is asked."""
-    from modalscope.bands import merge_bands
+    from modalscope.judging.bands import merge_bands
 
     orders, bands = parse_orders(options.orders), [tuple(band) for band in options.band or ()]
     if options.output is not None:
@@ -57,8 +57,8 @@ def identify(options: argparse.Namespace) -> None:
 
 
 def _one_band(options: argparse.Namespace, data: Any, band: Any, orders: range | None) -> tuple[Any, Any]:
-    from modalscope.select import select
-    from modalscope.stabilize import stabilize
+    from modalscope.judging.select import select
+    from modalscope.judging.stabilize import stabilize
 
     bar = _Progress("identifying")
     try:
@@ -80,7 +80,7 @@ def _one_band(options: argparse.Namespace, data: Any, band: Any, orders: range |
 
 def compare(options: argparse.Namespace) -> None:
     """Identify a file by many methods, print what they agree on, and write the comparison where that is asked."""
-    from modalscope.compare import compare as compare_methods
+    from modalscope.comparing import compare as compare_methods
 
     orders = parse_orders(options.orders)
     if options.output is not None:
@@ -102,7 +102,7 @@ def compare(options: argparse.Namespace) -> None:
     if options.output is None:
         return
     if options.output.suffix.lower() in _PAGES:
-        from modalscope.report import report
+        from modalscope.reporting import report
 
         report(found, options.output, source=str(options.file), command=_command(options))
         print(f"written: {options.output}")
@@ -125,7 +125,7 @@ def _check_output(path: Path) -> None:
 
 
 def _print_modes(modes: Any, diagram: Any) -> None:
-    from modalscope.residues.rebuilt import fit_of
+    from modalscope.modal.rebuilt import fit_of
 
     print(f"{diagram.method} ({diagram.domain}), orders {diagram.orders[0]} to {diagram.orders[-1]}")
     for note in diagram.notes:
@@ -142,7 +142,7 @@ def _print_modes(modes: Any, diagram: Any) -> None:
 
 def _write_result(options: argparse.Namespace, modes: Any, diagram: Any) -> None:
     if options.output.suffix.lower() in _PAGES:
-        from modalscope.report import report
+        from modalscope.reporting import report
 
         report((modes, diagram), options.output, source=str(options.file), command=_command(options))
         print(f"written: {options.output}")

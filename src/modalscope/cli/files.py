@@ -49,7 +49,7 @@ def convert(options: argparse.Namespace) -> None:
 
 def methods(_: argparse.Namespace) -> None:
     """Print the table of methods."""
-    from modalscope.methods import methods as table
+    from modalscope.identification.table import methods as table
 
     rows = [("method", "domain", "realization", "report", "known as")]
     rows += [(m.name, m.domain, m.realization, m.section, "; ".join(m.known_as)) for m in table()]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modalscope.indicators import cmif
+from modalscope.modal.indicators import cmif
 from modalscope.model import FrequencyResponse, ImpulseResponse, ModalModel, StabilizationDiagram
 from modalscope.model.checks import (
     Array,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope import indicators
+from modalscope.modal import indicators
 from modalscope.model import ModalModel
 from modalscope.model.checks import (
     Array,

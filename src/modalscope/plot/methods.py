@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from modalscope.compare import Comparison
-from modalscope.compare.kinship import SAME, Kinship
+from modalscope.comparing import Comparison
+from modalscope.comparing.kinship import SAME, Kinship
 from modalscope.model.checks import RealArray
 from modalscope.plot._style import (
     BLUE,

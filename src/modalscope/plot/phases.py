@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from modalscope.indicators import mpc
+from modalscope.modal.indicators import mpc
 from modalscope.model import ModalModel
 from modalscope.model.checks import DataError
 from modalscope.plot._style import BLUE, MUTED, PALE, aside, headline, new_axes

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from modalscope.modal.rebuilt import rebuilt
 from modalscope.model import FrequencyResponse, ImpulseResponse, ModalModel
 from modalscope.model.checks import (
     Array,
     check_kind,
 )
 from modalscope.plot._style import DPI, INK, MUTED, SIZE, VERMILLION, aside, channel, dress, headline, key, unit_of
-from modalscope.residues.rebuilt import rebuilt
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modalscope.indicators import mpc
+from modalscope.modal.indicators import mpc
 from modalscope.model import Geometry, ModalModel
 from modalscope.model.checks import (
     Array,

@@ -2,14 +2,14 @@
 
 from modalscope.preprocess.conditioning import decimate, detrend, differentiate, filter_band, integrate
 from modalscope.preprocess.correlation import correlation_blocks, estimate_correlation, half_spectra
-from modalscope.preprocess.decomposition import Decomposition, decomposition
 from modalscope.preprocess.findings import Finding
 from modalscope.preprocess.frf import estimate_frf
 from modalscope.preprocess.impacts import exponential_decay
 from modalscope.preprocess.markov import Observer, estimate_markov, estimate_observer
-from modalscope.preprocess.merge import merge
+from modalscope.preprocess.merging import merge
 from modalscope.preprocess.quality import examine
 from modalscope.preprocess.setups import merge_setups
+from modalscope.preprocess.singular_spectra import Decomposition, decomposition
 
 __all__ = [
     "Decomposition",

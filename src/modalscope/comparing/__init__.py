@@ -1,0 +1,8 @@
+"""Every technique on the same measured data: what they agree on, where they differ, and why."""
+
+from modalscope.comparing.causes import CAUSES, Cause, Disagreement
+from modalscope.comparing.comparison import compare
+from modalscope.comparing.result import Comparison
+from modalscope.comparing.run import MethodResult
+
+__all__ = ["CAUSES", "Cause", "Comparison", "Disagreement", "MethodResult", "compare"]

@@ -1,0 +1,219 @@
+"""Modes paired across methods, and what the methods agree on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from modalscope.comparing.kinship import Kinship
+from modalscope.comparing.run import MethodResult
+from modalscope.modal.indicators import mac
+from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.poles import poles_from
+
+__all__ = ["Group", "pair"]
+
+#: Two modes of different methods can be the same within this many half bandwidths, but at least and at most these fractions of f ...
+_HALF_BANDWIDTHS, _LEAST, _MOST = 1.5, 0.002, 0.05
+#: ... and with a MAC above this; repeated modes may be any basis of their plane, so that it is low.
+_LIKE = 0.4
+
+#: Passes over all modes until every one lies with the group it is nearest to.
+_PASSES = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """One mode as every method sees it.
+
+    Parameters
+    ----------
+    members : mapping of method name to index
+        Which mode of each method it is.
+    frequencies, damping_ratios : mapping of method name to float
+    mac : mapping of method name to float
+        Likeness of each member's shape to that of the consensus.
+    votes : tuple of str
+        The methods whose values count: they worked on the data themselves, and of several that are the same one only.
+    voters : int
+        Methods that had a vote.
+    frequency, damping : float
+        Median over the votes (over all members when none of them has one).
+    frequency_between, damping_between : float
+        Standard deviation between methods, robustly.
+    frequency_over_orders, damping_over_orders : float
+        Median over the votes of the standard deviation over orders.
+    shape : array of complex, (l,)
+    """
+
+    members: Mapping[str, int]
+    frequencies: Mapping[str, float]
+    damping_ratios: Mapping[str, float]
+    mac: Mapping[str, float]
+    votes: tuple[str, ...]
+    voters: int
+    frequency: float
+    damping: float
+    frequency_between: float
+    damping_between: float
+    frequency_over_orders: float
+    damping_over_orders: float
+    shape: ComplexArray
+
+    @property
+    def pole(self) -> complex:
+        """The consensus, rad/s."""
+        return complex(poles_from(self.frequency, self.damping))
+
+    @property
+    def half_bandwidth(self) -> float:
+        """Hz."""
+        return self.frequency * self.damping
+
+
+@dataclass(frozen=True, eq=False)
+class _Flat:
+    """Modes of all methods in one list."""
+
+    method: Array
+    index: Array
+    f: RealArray
+    zeta: RealArray
+    shape: ComplexArray
+
+
+def pair(results: Sequence[MethodResult], kin: Kinship) -> tuple[tuple[Group, ...], tuple[Group, ...]]:
+    """Pair the modes of all methods by frequency, damping and shape, one mode of a method in a group, and sum every group up.
+
+    Returns the modes that at least one method with a vote found, and those that only transformed data show.
+
+    Parameters
+    ----------
+    results : sequence of MethodResult
+    kin : Kinship
+        Methods that are the same on these data have one vote together.
+    """
+    kept = [r for r in results if r.modes is not None]
+    if not kept or not sum(len(r.modes) for r in kept if r.modes is not None):
+        return (), ()
+    flat = _flatten(kept)
+    votes = _voters(kept, kin)
+    names = [r.name for r in kept]
+    groups = _grouped(flat, len(kept), votes)
+    found = [_summed(members, flat, kept, names, votes) for members in groups]
+    found.sort(key=lambda g: g.frequency)
+    return tuple(g for g in found if g.votes), tuple(g for g in found if not g.votes)
+
+
+def _flatten(kept: Sequence[MethodResult]) -> _Flat:
+    models = [r.modes for r in kept if r.modes is not None]
+    return _Flat(
+        np.concatenate([np.full(len(m), k) for k, m in enumerate(models)]),
+        np.concatenate([np.arange(len(m)) for m in models]),
+        np.concatenate([m.frequencies for m in models]),
+        np.concatenate([m.damping_ratios for m in models]),
+        np.concatenate([m.shapes.T for m in models]),
+    )
+
+
+def _voters(kept: Sequence[MethodResult], kin: Kinship) -> list[int]:
+    """Return the methods with a vote, one of each class of equals."""
+    seen: set[int] = set()
+    votes = []
+    for k, r in enumerate(kept):
+        kind = kin.class_of(r.name)
+        if r.exact and kind not in seen:
+            seen.add(kind)
+            votes.append(k)
+    return votes or list(range(len(kept)))
+
+
+def _cost(flat: _Flat, new: Array, f: RealArray, zeta: RealArray, shapes: ComplexArray) -> RealArray:
+    """Return what it costs to take modes for groups, infinity where they cannot be the same."""
+    wide = np.maximum(flat.zeta[new][:, None], zeta)
+    apart = np.abs(flat.f[new][:, None] - f) / np.minimum(flat.f[new][:, None], f)
+    like = mac(flat.shape[new].T, shapes.T)
+    limit = np.clip(_HALF_BANDWIDTHS * wide, _LEAST, _MOST)
+    damping = np.abs(flat.zeta[new][:, None] - zeta) / np.maximum(wide, 1e-12)
+    return np.where((apart < limit) & (like > _LIKE), apart / limit + damping + 4 * (1 - like), np.inf)
+
+
+def _grouped(flat: _Flat, count: int, votes: Sequence[int]) -> list[list[int]]:
+    """Assign modes to groups method by method, those with a vote first, and again until nothing moves."""
+    order = [*votes, *(k for k in range(count) if k not in votes)]
+    groups: list[list[int]] = []
+    for turn in range(_PASSES):
+        before = [sorted(g) for g in groups]
+        for k in order:
+            new = np.flatnonzero(flat.method == k)
+            groups = [[i for i in g if flat.method[i] != k] for g in groups]
+            groups = [g for g in groups if g]
+            groups = _placed(flat, new, groups)
+        if turn and [sorted(g) for g in groups] == before:
+            break
+    return groups
+
+
+def _placed(flat: _Flat, new: Array, groups: list[list[int]]) -> list[list[int]]:
+    taken: set[int] = set()
+    if groups and new.size:
+        f = np.array([np.median(flat.f[g]) for g in groups])
+        zeta = np.array([np.median(flat.zeta[g]) for g in groups])
+        shapes = np.array([flat.shape[_central(flat, g)] for g in groups])
+        cost = _cost(flat, new, f, zeta, shapes)
+        never = 1e6
+        for a, b in zip(*linear_sum_assignment(np.where(np.isfinite(cost), cost, never)), strict=True):
+            if np.isfinite(cost[a, b]):
+                groups[b].append(int(new[a]))
+                taken.add(int(new[a]))
+    return groups + [[int(i)] for i in new if int(i) not in taken]
+
+
+def _central(flat: _Flat, group: Sequence[int]) -> int:
+    """Return the member whose shape is nearest to all others'."""
+    return group[int(np.argmax(mac(flat.shape[list(group)].T).sum(axis=1)))]
+
+
+def _robust(values: RealArray) -> float:
+    """1.4826 times the median absolute deviation; of two values their standard deviation."""
+    if values.size < 2:
+        return 0.0
+    if values.size < 4:
+        return float(np.std(values, ddof=1))
+    return float(1.4826 * np.median(np.abs(values - np.median(values))))
+
+
+def _summed(
+    members: Sequence[int], flat: _Flat, kept: Sequence[MethodResult], names: Sequence[str], votes: Sequence[int]
+) -> Group:
+    count = np.array([i for i in members if flat.method[i] in votes] or list(members))
+    central = _central(flat, list(count))
+    of = {names[flat.method[i]]: i for i in members}
+    spreads = np.array([_over_orders(kept[flat.method[i]], int(flat.index[i])) for i in count])
+    like = mac(flat.shape[list(members)].T, flat.shape[central][:, None])[:, 0]
+    voted = [i for i in members if flat.method[i] in votes]
+    return Group(
+        members={name: int(flat.index[i]) for name, i in of.items()},
+        frequencies={name: float(flat.f[i]) for name, i in of.items()},
+        damping_ratios={name: float(flat.zeta[i]) for name, i in of.items()},
+        mac={names[flat.method[i]]: float(v) for i, v in zip(members, like, strict=True)},
+        votes=tuple(names[flat.method[i]] for i in voted),
+        voters=len(votes),
+        frequency=float(np.median(flat.f[count])),
+        damping=float(np.median(flat.zeta[count])),
+        frequency_between=_robust(flat.f[count]),
+        damping_between=_robust(flat.zeta[count]),
+        frequency_over_orders=float(np.median(spreads[:, 0])),
+        damping_over_orders=float(np.median(spreads[:, 1])),
+        shape=flat.shape[central],
+    )
+
+
+def _over_orders(result: MethodResult, index: int) -> tuple[float, float]:
+    modes = result.modes
+    if modes is None or modes.frequencies_spread is None or modes.damping_ratios_spread is None:
+        return 0.0, 0.0
+    return float(modes.frequencies_spread[index]), float(modes.damping_ratios_spread[index])

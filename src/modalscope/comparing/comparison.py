@@ -1,0 +1,176 @@
+"""The verb: every technique on the same data, in one call."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from modalscope.blocks.threads import one_thread
+from modalscope.comparing.agreement import Group, pair
+from modalscope.comparing.channels import channel_causes, sign_causes, without_dead
+from modalscope.comparing.diagnosis import disagreements, mode_causes, order_cause
+from modalscope.comparing.identities import check_identities
+from modalscope.comparing.kinship import kinship
+from modalscope.comparing.plan import Response, plan
+from modalscope.comparing.result import Comparison
+from modalscope.comparing.run import MethodResult, Progress, run
+from modalscope.comparing.scatter import noise_floor, stated
+from modalscope.comparing.verdict import judge, words
+from modalscope.identification.prepare import Data, prepare
+from modalscope.modal.basis import fit_error
+from modalscope.modal.rebuilt import fitted_terms, rebuilt
+from modalscope.model.labels import DofLike
+from modalscope.model.modes import ModalModel
+from modalscope.model.response import is_held, window_damping
+from modalscope.model.signals import Signals
+
+__all__ = ["compare"]
+
+#: Rank at which identities are checked: the consensus' own, but no more.
+_IDENTITY_ORDER = 20
+
+
+@one_thread
+def compare(
+    data: Data,
+    methods: str | Iterable[Any] = "all",
+    *,
+    orders: Iterable[int] | None = None,
+    band: tuple[float, float] | None = None,
+    exclude: Iterable[DofLike] | DofLike | None = None,
+    progress: Progress | None = None,
+    workers: int | None = None,
+    **options: Any,
+) -> Comparison:
+    """Identify the same data by every method of the table and say what they agree on, where they differ and why.
+
+    Records are turned into responses once, for all methods. Each method has its own stabilization diagram and selection; modes are
+    paired across methods by frequency, damping and shape. A method that fails is a row that says why. What has to be transformed from lines
+    to samples or back is compared, but has no vote.
+
+    Parameters
+    ----------
+    data : FrequencyResponse, ImpulseResponse or Signals
+    methods : "all" or iterable of str, (str, str) or Method
+        Rows of the table ("era") or cells ("era/s").
+    orders : iterable of int, optional
+        Numbers of states, for every method.
+    band : (float, float), optional
+        Lowest and highest frequency in Hz.
+    exclude : labels, optional
+        Channels to leave out. Channels of zeros are left out in any case, as a finding.
+    progress : callable, optional
+        Called with (orders done, orders in all), over all methods.
+    workers : int, optional
+        Methods at a time.
+    **options
+        Of `stabilize`, for every method.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    DataError
+        Data that no method can use, an unknown method, or none that the data allow.
+
+    Examples
+    --------
+    >>> from modalscope.systems import chain5
+    >>> response = chain5().impulse_response(300, noise=0.01, seed=0)
+    >>> c = compare(response, ["era/time", "least_squares/time"], orders=range(2, 21, 2))
+    >>> len(c.modes), c.results[0].name, bool(c.kinship.distances[0, 1] < 1e-9)
+    (5, 'era (time)', True)
+    """
+    if exclude is not None:
+        data = data.select(exclude=exclude)
+    data, findings = without_dead(data)
+    _, response, in_band, notes = prepare(data, None, None, band)
+    records = data if isinstance(data, Signals) and in_band is not None else None
+    cells, more = plan(response, methods, orders, records=records is not None)
+    results = run(response, cells, records=records, band=band, progress=progress, workers=workers, **options)
+    kin = kinship(results)
+    groups, unconfirmed = pair(results, kin)
+    modes = _consensus(response, groups)
+    explained = rebuilt(response, modes) if groups else 0 * response.values
+    if groups:
+        findings += [
+            *sign_causes(response),
+            *channel_causes(response, explained, modes.poles - window_damping(response), _best_fit(results)),
+        ]
+    low = order_cause(results)
+    findings += [] if low is None else [low]
+    scatter = stated(groups, noise_floor(response, modes, explained, _duration(data)))
+    trust = tuple(
+        judge(g, scatter.frequency[k], scatter.damping[k], mode_causes(k, groups, response, results), findings)
+        for k, g in enumerate(groups)
+    )
+    return Comparison(
+        response=response,
+        results=results,
+        modes=modes,
+        groups=groups,
+        unconfirmed=unconfirmed,
+        scatter=scatter,
+        fit_error=fit_error(response.values, explained)[0],
+        trust=trust,
+        kinship=kin,
+        identities=check_identities(response, min(max(2 * len(groups), 2), _IDENTITY_ORDER)),
+        disagreements=disagreements(groups, response, results, findings),
+        findings=tuple(findings),
+        verdict=words(groups, trust, scatter, results, findings),
+        settings=_settings(methods, orders, band, exclude, options),
+        notes=(*notes, *more, *_equals(kin.names, kin.classes)),
+    )
+
+
+def _best_fit(results: Sequence[MethodResult]) -> float:
+    """Return what the best model of any order leaves of the data, real poles and all."""
+    return min(
+        (float(r.diagram.fit_errors.min()) for r in results if r.diagram is not None and r.exact), default=np.inf
+    )
+
+
+def _duration(data: Data) -> float | None:
+    """Seconds of record behind correlations, where they are known."""
+    if not isinstance(data, Signals):
+        return None
+    return float(np.prod(data.outputs.shape[:-1])) / data.sampling_rate
+
+
+def _consensus(response: Response, groups: Sequence[Group]) -> ModalModel:
+    """Return the modes in the middle of all methods, with participation fitted to the data."""
+    poles = np.array([g.pole for g in groups], dtype=complex)
+    shapes = np.zeros((len(response.output_dofs), len(groups)), complex)
+    for k, g in enumerate(groups):
+        shapes[:, k] = g.shape
+    dt = None if response.sampling_rate is None else 1 / response.sampling_rate
+    return ModalModel(
+        poles=poles,
+        shapes=shapes,
+        quantity=response.quantity,
+        dt=dt,
+        held_input=is_held(response),
+        frequencies_spread=np.array([g.frequency_between for g in groups]),
+        damping_ratios_spread=np.array([g.damping_between for g in groups]),
+        indicators={"found_by": np.array([float(len(g.members)) for g in groups])},
+        **response.labelled(),
+        **fitted_terms(response, poles, shapes),
+    ).normalized("unit")
+
+
+def _settings(methods: Any, orders: Any, band: Any, exclude: Any, options: dict[str, Any]) -> dict[str, Any]:
+    named = methods if isinstance(methods, str) else tuple(str(m) for m in methods)
+    asked = None if orders is None else tuple(int(n) for n in orders)
+    return {"methods": named, "orders": asked, "band": band, "exclude": exclude, **options}
+
+
+def _equals(names: Sequence[str], classes: Sequence[Sequence[int]]) -> list[str]:
+    return [
+        f"one and the same on these data, with one vote: {', '.join(names[i] for i in members)}"
+        for members in classes
+        if len(members) > 1
+    ]

@@ -1,0 +1,259 @@
+"""Rules that name the likely cause of a disagreement, mode by mode and for the data as a whole. Each names its evidence.
+
+heavy damping
+    The damping ratio is above 10 %.
+close pair
+    Another mode lies within the sum of both half bandwidths.
+weak mode
+    Its own term is less than a third of the response at its frequency, or within four times the noise that `select` admits.
+edge of the band
+    It lies within one bandwidth (2 f zeta) of the first or the last line.
+too few lines
+    Fewer than three lines lie within its bandwidth.
+too few blocks
+    The block rows of the time-domain methods span less than one of its periods.
+transformed data
+    The methods that differ are those whose data were transformed from lines to samples or back.
+order too low
+    The fit error still falls at the largest order of most methods: by 15 % with every two states over the last quarter of the
+    orders; or by a fifth over that quarter while more than a tenth is left. Or more than 3 % is left, and more singular values
+    than the largest order has states exceed 2.86 times their median (Gavish and Donoho's threshold for square matrices).
+not separated
+    None of the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from modalscope.comparing.agreement import Group
+from modalscope.comparing.causes import Cause, Disagreement
+from modalscope.comparing.plan import Response
+from modalscope.comparing.run import MethodResult
+from modalscope.judging.evidence import LEAST_PEAK, LEAST_SIGNAL
+from modalscope.model.diagram import StabilizationDiagram
+from modalscope.model.frequency import FrequencyResponse
+
+__all__ = ["HEAVY", "disagreements", "mode_causes", "order_cause"]
+
+#: Damping ratio from which a mode is called heavily damped.
+HEAVY = 0.10
+
+#: A value differs when it is farther from the consensus than this share of the half bandwidth (frequency), of the damping, of 1 - MAC.
+_OFF_FREQUENCY, _OFF_DAMPING, _OFF_SHAPE = 0.25, 0.25, 0.1
+
+_WEAK_SIGNAL = 4 * LEAST_SIGNAL
+_LINES = 3
+_FALLS, _MUCH, _SOME, _STEEP, _SHARE = 0.8, 0.1, 0.03, 0.85, 0.75
+_ROUNDING, _THRESHOLD = 1e-9, 2.858
+
+
+@dataclass(frozen=True, eq=False)
+class _Case:
+    """One mode with what the rules look at."""
+
+    group: Group
+    others: Sequence[Group]
+    response: Response
+    results: Sequence[MethodResult]
+    differing: Sequence[str]
+
+
+def mode_causes(
+    index: int,
+    groups: Sequence[Group],
+    response: Response,
+    results: Sequence[MethodResult],
+    differing: Sequence[str] = (),
+) -> tuple[Cause, ...]:
+    """Return what makes one mode hard to identify, by the rules of this module."""
+    others = [g for k, g in enumerate(groups) if k != index]
+    case = _Case(groups[index], others, response, results, differing)
+    rules = (_heavy, _close, _weak, _edge, _lines, _blocks, _transformed)
+    return tuple(cause for rule in rules if (cause := rule(case)) is not None)
+
+
+def _heavy(case: _Case) -> Cause | None:
+    zeta = case.group.damping
+    return Cause("heavy damping", f"{100 * zeta:.3g} % of critical") if zeta > HEAVY else None
+
+
+def _close(case: _Case) -> Cause | None:
+    g = case.group
+    near = [o for o in case.others if abs(o.frequency - g.frequency) < o.half_bandwidth + g.half_bandwidth]
+    # beside a heavily damped mode everything lies within its half bandwidth
+    near = [o for o in near if max(o.damping, g.damping) <= HEAVY]
+    if not near:
+        return None
+    o = min(near, key=lambda o: abs(o.frequency - g.frequency))
+    apart = abs(o.frequency - g.frequency)
+    return Cause(
+        "close pair",
+        f"{o.frequency:.5g} Hz is {100 * apart / g.frequency:.2g} % away, "
+        f"half bandwidths {g.half_bandwidth:.2g} and {o.half_bandwidth:.2g} Hz",
+    )
+
+
+def _reasons(case: _Case, key: str) -> list[float]:
+    found = []
+    for r in case.results:
+        if r.modes is not None and r.name in case.group.members and r.modes.reasons:
+            reason = r.modes.reasons[case.group.members[r.name]]
+            if key in reason:
+                found.append(float(reason[key]))
+    return found
+
+
+def _weak(case: _Case) -> Cause | None:
+    share, signal = _reasons(case, "share_of_peak"), _reasons(case, "signal_to_noise")
+    if not share:
+        return None
+    part, level = float(np.median(share)), float(np.median(signal))
+    if part >= LEAST_PEAK and level >= _WEAK_SIGNAL:
+        return None
+    return Cause(
+        "weak mode",
+        f"makes up {100 * min(part, 1.0):.0f} % of the response at its frequency, {level:.3g} standard deviations above the noise",
+    )
+
+
+def _edge(case: _Case) -> Cause | None:
+    if not isinstance(case.response, FrequencyResponse):
+        return None
+    g, f = case.group, case.response.frequencies
+    away = min(g.frequency - f[0], f[-1] - g.frequency)
+    if away > 2 * g.half_bandwidth:
+        return None
+    return Cause(
+        "edge of the band",
+        f"{away:.3g} Hz inside the band {f[0]:.5g} to {f[-1]:.5g} Hz, bandwidth {2 * g.half_bandwidth:.2g} Hz",
+    )
+
+
+def _lines(case: _Case) -> Cause | None:
+    if not isinstance(case.response, FrequencyResponse) or case.response.lines < 2:
+        return None
+    step = float(np.median(np.diff(case.response.frequencies)))
+    width = 2 * case.group.half_bandwidth
+    if width >= _LINES * step:
+        return None
+    return Cause("too few lines", f"bandwidth {width:.2g} Hz, lines every {step:.2g} Hz")
+
+
+def _blocks(case: _Case) -> Cause | None:
+    spans = []
+    for r in case.results:
+        if r.diagram is None or r.method.domain != "time" or not r.exact:
+            continue
+        rows = r.diagram.settings.get("block_rows")
+        if isinstance(rows, int) and r.diagram.dt is not None and not r.method.canonical:
+            spans.append((rows * r.diagram.dt, rows))
+    if not spans or min(spans)[0] * case.group.frequency >= 1:
+        return None
+    return Cause(
+        "too few blocks", f"{min(spans)[1]} block rows span {min(spans)[0] * case.group.frequency:.2g} periods"
+    )
+
+
+def _transformed(case: _Case) -> Cause | None:
+    if not case.differing:
+        return None
+    carried = {r.name for r in case.results if not r.exact}
+    if not set(case.differing) <= carried:
+        return None
+    what = "samples" if isinstance(case.response, FrequencyResponse) else "lines"
+    return Cause("transformed data", f"only methods differ whose data were transformed to {what}")
+
+
+def order_cause(results: Sequence[MethodResult]) -> Cause | None:
+    """Whether the largest order is too low, by most of the methods that worked on the data themselves."""
+    diagrams = [r.diagram for r in results if r.diagram is not None and r.exact]
+    short = [found for d in diagrams if (found := _still_falls(d)) is not None]
+    if not diagrams or 2 * len(short) <= len(diagrams):
+        return None
+    largest = max(d.orders[-1] for d in diagrams)
+    left, fall = (100 * float(v) for v in np.median(np.array(short), axis=0))
+    return Cause(
+        "order too low",
+        f"at order {largest} {left:.2g} % is left to explain; the last quarter of the orders still took it to {fall:.0f} % of what it was",
+    )
+
+
+def _still_falls(diagram: StabilizationDiagram) -> tuple[float, float] | None:
+    """Return the fit error at the largest order, and that over the best up to three quarters of it; None when it has settled."""
+    orders, errors = np.asarray(diagram.orders), np.asarray(diagram.fit_errors)
+    if diagram.exact_rank is not None or errors.min() < _ROUNDING:
+        return None
+    below = orders <= _SHARE * orders[-1]
+    if not below.any():
+        below = orders < orders[-1]
+    if not below.any():
+        return None
+    fall = float(errors.min() / errors[below].min())
+    pairs = max((orders[-1] - orders[below][-1]) / 2, 1.0)
+    steep = fall ** (1 / pairs) < _STEEP
+    much = errors.min() > _MUCH
+    hidden = errors.min() > _SOME and _stand_out(diagram) > orders[-1]
+    short = steep or hidden or (much and fall < _FALLS)
+    return (float(errors.min()), fall) if short else None
+
+
+def _stand_out(diagram: StabilizationDiagram) -> int:
+    """Return how many singular values stand out of the noise."""
+    d = diagram.singular_values
+    return int(np.count_nonzero(d > _THRESHOLD * np.median(d))) if d.size else 0
+
+
+def disagreements(
+    groups: Sequence[Group], response: Response, results: Sequence[MethodResult], data_causes: Sequence[Cause]
+) -> tuple[Disagreement, ...]:
+    """Return where methods differ on a mode, with the likely causes; findings about the data as a whole come first.
+
+    Parameters
+    ----------
+    groups : sequence of Group
+    response : FrequencyResponse or ImpulseResponse
+    results : sequence of MethodResult
+    data_causes : sequence of Cause
+        Found in the channels and the orders.
+    """
+    found = [Disagreement(None, cause.evidence, (), (cause,)) for cause in data_causes]
+    general = tuple(c for c in data_causes if c.name in ("order too low", "bad channel", "swapped sign"))
+    for index, group in enumerate(groups):
+        missing, off = _differing(group, results)
+        if not missing and not off:
+            continue
+        words = [f"not found by {', '.join(missing)}"] if missing else []
+        words += [f"{name}: {what}" for name, what in off.items()]
+        names = (*missing, *off)
+        causes = mode_causes(index, groups, response, results, names) or general
+        causes = causes or (
+            Cause("not separated", f"found by {len(group.members)} methods, and no other rule applies"),
+        )
+        found.append(Disagreement(index, "; ".join(words), names, causes))
+    return tuple(found)
+
+
+def _differing(group: Group, results: Sequence[MethodResult]) -> tuple[list[str], dict[str, str]]:
+    """Return the methods that miss a mode, and those whose values are off, with what is."""
+    missing, off = [], {}
+    for r in results:
+        if r.modes is None:
+            continue
+        if r.name not in group.members:
+            missing.append(r.name)
+            continue
+        f, zeta, like = group.frequencies[r.name], group.damping_ratios[r.name], group.mac[r.name]
+        words = []
+        if abs(f - group.frequency) > _OFF_FREQUENCY * group.half_bandwidth:
+            words.append(f"frequency {f:.6g} Hz")
+        if abs(zeta - group.damping) > _OFF_DAMPING * group.damping:
+            words.append(f"damping {100 * zeta:.3g} %")
+        if like < 1 - _OFF_SHAPE:
+            words.append(f"MAC {like:.2f}")
+        if words:
+            off[r.name] = ", ".join(words)
+    return missing, off

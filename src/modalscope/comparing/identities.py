@@ -1,0 +1,185 @@
+"""Identities of the report that hold with noise, checked on the user's own data.
+
+They relate different realizations of one data matrix. Each residual here is computed from two separate routes; on any record it is
+rounding, about 100 eps sigma_1 / sigma_n, and more would mean a fault of the programs or the machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.linalg as sla
+from scipy.optimize import linear_sum_assignment
+
+from modalscope.comparing.plan import Response
+from modalscope.identification.pipeline import build
+from modalscope.model.checks import Array, DataError
+from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.impulse import ImpulseResponse
+from modalscope.realizations.balanced import projected_general
+
+__all__ = ["Identity", "check_identities", "pole_residual"]
+
+#: Small blocks: identities hold at any size, and dense second routes should be quick.
+_ROWS, _COLUMNS, _DEGREE = 24, 60, 12
+
+
+@dataclass(frozen=True)
+class Identity:
+    """One identity on the data at hand.
+
+    Parameters
+    ----------
+    name : str
+        What equals what.
+    domain : str
+    source : str
+        Where the report has it.
+    order : int
+        Rank of the truncation.
+    residual : float
+        Relative; NaN when it could not be checked.
+    note : str
+        Why it could not be checked.
+    """
+
+    name: str
+    domain: str
+    source: str
+    order: int
+    residual: float
+    note: str = ""
+
+
+def check_identities(response: Response, order: int) -> tuple[Identity, ...]:
+    """Check every identity that the data allow.
+
+    Parameters
+    ----------
+    response : FrequencyResponse or ImpulseResponse
+    order : int
+        Rank of the truncation; lowered where small data matrices carry less.
+    """
+    if isinstance(response, FrequencyResponse):
+        domains: tuple[str, ...] = ("z",) if response.sampling_rate is not None else ("z", "s")
+    else:
+        domains = ("time", "z")
+    checks = [c for domain in domains for c in _checks(domain)]
+    return tuple(_checked(response, max(order, 2), *c) for c in checks)
+
+
+_Check = Callable[[Response, str, int], float]
+
+
+def _checks(domain: str) -> list[tuple[str, str, str, _Check]]:
+    both: list[tuple[str, str, str, _Check]] = [
+        ("poles of ERA = nonzero poles of truncated least squares", domain, "Eqs. 28 and 65", _era_and_least_squares),
+        (
+            "alternate = Galerkin projection of the polyreference companion form",
+            domain,
+            "Eqs. 56 and 57",
+            _alternate_and_polyreference,
+        ),
+    ]
+    if domain != "time":
+        return both
+    return [
+        *both,
+        ("poles of ERA = poles of ERA on the transposed responses", domain, "Eqs. 17 and 28", _dual),
+        ("poles do not depend on the factorization of H(0)", domain, "Eqs. 23 and 28, remark", _factorization),
+        ("untruncated least squares = polyreference complex exponential", domain, "Eqs. 53 and 66", _prce),
+    ]
+
+
+def _checked(response: Response, order: int, name: str, domain: str, source: str, check: _Check) -> Identity:
+    try:
+        return Identity(name, domain, source, order, check(response, domain, order))
+    except DataError as error:
+        return Identity(name, domain, source, order, np.nan, f"{error.asked}: {error.found}")
+
+
+def pole_residual(a: Array, b: Array) -> float:
+    """Return the largest distance of paired poles over the largest modulus.
+
+    Examples
+    --------
+    >>> pole_residual([1.0, 2.0], [2.0, 1.0])
+    0.0
+    """
+    s, t = np.asarray(a, complex), np.asarray(b, complex)
+    apart = np.abs(s[:, None] - t)
+    rows, columns = linear_sum_assignment(apart)
+    return float(apart[rows, columns].max() / np.abs(t).max())
+
+
+def _sizes(response: Response, domain: str) -> dict[str, Any]:
+    outputs = response.values.shape[1]
+    if isinstance(response, ImpulseResponse):
+        rows = min(_ROWS, response.samples // 3)
+        return {"block_rows": rows, "block_columns": min(_COLUMNS, response.samples - rows - 1)}
+    return {"block_rows": max(min(_DEGREE, 240 // outputs), 4)}
+
+
+def _era_and_least_squares(response: Response, domain: str, order: int) -> float:
+    sizes = _sizes(response, domain)
+    era, squares = (
+        build(response, method=name, domain=domain, order=order, **sizes) for name in ("era", "least_squares")
+    )
+    n = min(order, era.factors.rank)
+    return pole_residual(np.linalg.eigvals(squares.triple(n).A), np.linalg.eigvals(era.triple(n).A))
+
+
+def _alternate_and_polyreference(response: Response, domain: str, order: int) -> float:
+    sizes, form = _sizes(response, domain), "observable" if domain == "time" else None
+    shift, companion = (
+        build(response, method=name, domain=domain, order=order, form=form, **sizes)
+        for name in ("alternate", "polyreference")
+    )
+    n = min(order, shift.factors.rank)
+    matrix: Any = companion.matrix
+    V = matrix.row_shift.split(companion.factors.P[:, :n])[0]
+    reduced = np.linalg.lstsq(V, companion.triple(n).A @ V, rcond=None)[0]
+    return pole_residual(np.linalg.eigvals(reduced), np.linalg.eigvals(shift.triple(n).A))
+
+
+def _dual(response: Response, domain: str, order: int) -> float:
+    sizes = _sizes(response, domain)
+    plain, turned = (
+        build(response, method="era", domain=domain, order=order, form=form, **sizes)
+        for form in ("observable", "controllable")
+    )
+    n = min(order, plain.factors.rank)
+    return pole_residual(np.linalg.eigvals(turned.triple(n).A), np.linalg.eigvals(plain.triple(n).A))
+
+
+def _factorization(response: Response, domain: str, order: int) -> float:
+    """Mix the singular vectors by a triangular matrix, which leaves H(0)_n = F G but neither F nor G orthonormal."""
+    pipeline = build(response, method="era", domain=domain, order=order, **_sizes(response, domain))
+    n = min(order, pipeline.factors.rank)
+    P, d, Q = pipeline.factors.P[:, :n], pipeline.factors.d[:n], pipeline.factors.Q[:, :n]
+    mix = np.eye(n) + np.triu(np.full((n, n), 0.1), 1)
+    other = Q * d @ np.linalg.inv(mix).T
+    l, m = response.values.shape[1:]
+    matrix: Any = pipeline.matrix
+    shifted = matrix.shifted(1).dense()
+    mixed = projected_general(P @ mix, np.ones(n), other, shifted, np.arange(l), np.arange(m))
+    return pole_residual(np.linalg.eigvals(mixed.A), np.linalg.eigvals(pipeline.triple(n).A))
+
+
+def _prce(response: Response, domain: str, order: int) -> float:
+    """Eigenvalues of M_1 M_0# with the rows of the data matrix themselves, against the companion form's."""
+    inputs = response.values.shape[2]
+    degree = max(min(-(-order // inputs), 12), 1)
+    sizes = _sizes(response, domain)
+    sizes["block_columns"] = degree
+    if isinstance(response, ImpulseResponse):
+        sizes["block_rows"] = min(10 * _ROWS, response.samples - degree - 1)
+    companion = build(response, method="prce", domain=domain, order=degree * inputs, form="controllable", **sizes)
+    matrix: Any = companion.matrix
+    M = matrix.tall().dense()
+    known, target = M[: degree * inputs], M[inputs : (degree + 1) * inputs]
+    A = sla.lstsq(known.T, target.T)[0].T
+    return pole_residual(np.linalg.eigvals(A), np.linalg.eigvals(companion.triple(degree * inputs).A))

@@ -1,0 +1,189 @@
+"""How near methods are on the data at hand: distances between pole sets, angles between observability subspaces, and a map."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as sla
+from scipy.optimize import linear_sum_assignment
+
+from modalscope.comparing.run import MethodResult
+from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.diagram import StabilizationDiagram
+from modalscope.model.modes import ModalModel
+
+__all__ = ["Kinship", "kinship", "pole_distance", "subspace_angle"]
+
+#: Methods whose poles lie nearer than this (in half bandwidths) are one method on these data: rounding, with room.
+SAME = 1e-6
+
+#: Samples a period of the highest mode, and samples in all, on which shapes evolve when subspaces are compared.
+_PER_PERIOD, _BLOCKS = 2.56, 128
+
+
+@dataclass(frozen=True, eq=False)
+class Kinship:
+    """Which methods are the same on these data and which differ.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Methods that found modes.
+    order : int
+        The order at which pole sets are compared.
+    distances : array, (k, k)
+        Mean distance of paired poles in half bandwidths, each weighted by its share of the response; 0 the same poles, 1 no pole in common.
+    angles : array, (k, k)
+        Largest principal angle, in degrees, between the observability subspaces of the reported modes.
+    places : array, (k, 2)
+        A map of the methods whose distances are nearest to those between the pole sets (classical scaling).
+    classes : tuple of tuple of int
+        Methods that are one and the same on these data.
+    """
+
+    names: tuple[str, ...]
+    order: int
+    distances: RealArray
+    angles: RealArray
+    places: RealArray
+    classes: tuple[tuple[int, ...], ...]
+
+    def class_of(self, name: str) -> int:
+        """Return which class a method belongs to, -1 for one that is not compared."""
+        index = self.names.index(name) if name in self.names else -1
+        return next((k for k, members in enumerate(self.classes) if index in members), -1)
+
+
+def kinship(results: Sequence[MethodResult]) -> Kinship:
+    """Compare the methods that found something, at the order at which the best of them explain the data.
+
+    Parameters
+    ----------
+    results : sequence of MethodResult
+    """
+    kept = [r for r in results if r.diagram is not None and r.modes is not None]
+    diagrams = [r.diagram for r in kept if r.diagram is not None]
+    models = [r.modes for r in kept if r.modes is not None]
+    k = len(kept)
+    order = _order(diagrams) if diagrams else 0
+    distances, angles = np.zeros((k, k)), np.zeros((k, k))
+    for a in range(k):
+        for b in range(a):
+            n, there = _orders_to_compare(kept[a], kept[b], order)
+            distances[a, b] = distances[b, a] = pole_distance(_poles(diagrams[a], n), _poles(diagrams[b], there))
+            angles[a, b] = angles[b, a] = subspace_angle(models[a], models[b])
+    names = tuple(r.name for r in kept)
+    return Kinship(names, order, distances, angles, _map(distances), _classes(distances))
+
+
+def _order(diagrams: Sequence[StabilizationDiagram]) -> int:
+    """Return the median over methods of the first order whose fit error is within a fifth of the method's best."""
+    first = [d.orders[int(np.argmax(d.fit_errors <= 1.2 * d.fit_errors.min()))] for d in diagrams]
+    return int(np.median(first))
+
+
+def _orders_to_compare(a: MethodResult, b: MethodResult, order: int) -> tuple[int, int]:
+    """Return the order of each at which two methods are compared: a shared one where both count states, else the nearest in states."""
+    orders = [r.diagram.orders if r.diagram is not None else () for r in (a, b)]
+    states = [_states(r) for r in (a, b)]
+    shared = set(orders[0]) & set(orders[1])
+    if shared and states[0] == states[1]:
+        n = min(shared, key=lambda n: (abs(n - order), n))
+        return n, n
+    first, second = (min(o, key=lambda n: abs(n * s - order)) for o, s in zip(orders, states, strict=True))
+    return first, second
+
+
+def _states(result: MethodResult) -> int:
+    """States an order: one, or as many as inputs where the order is a degree."""
+    return (
+        result.diagram.participation.shape[1]
+        if result.diagram is not None and result.method.factors == "fraction"
+        else 1
+    )
+
+
+def _poles(diagram: StabilizationDiagram, order: int) -> tuple[ComplexArray, RealArray]:
+    """Return the decaying oscillations of one order and the share of each in the response; the nearest order where it is missing."""
+    orders = np.asarray(diagram.orders)
+    there = orders[np.argmin(np.abs(orders - order))]
+    index = np.flatnonzero(
+        (diagram.order_of_pole == there) & (np.array(diagram.kinds) == "mode") & (diagram.damping_ratios < 0.9)
+    )
+    size = np.linalg.norm(diagram.shapes[index], axis=1) * np.linalg.norm(diagram.participation[index], axis=1)
+    poles = diagram.poles[index]
+    # energy of R exp(s t): |R|^2 / 2 |Re s|
+    return poles, size / np.sqrt(np.maximum(np.abs(poles.real), 1e-12 * np.abs(poles)))
+
+
+def pole_distance(a: tuple[ComplexArray, RealArray], b: tuple[ComplexArray, RealArray]) -> float:
+    """Return the distance of two pole sets, 0 to 1: |s_a - s_b| over the half bandwidth, at most 1, weighted by the poles' shares.
+
+    Every pole has a partner of its own, chosen so that the sum is least; one without a partner is at distance 1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> s, w = np.array([-1 + 10j, -1 + 20j]), np.ones(2)
+    >>> print(round(pole_distance((s, w), (s + 0.1, w)), 3), pole_distance((s, w), (s[:0], w[:0])))
+    0.1 1.0
+    """
+    (s, v), (t, w) = a, b
+    if not s.size or not t.size:
+        return 0.0 if s.size == t.size else 1.0
+    v, w = v / v.sum(), w / w.sum()
+    half = np.maximum(np.abs(s.real)[:, None], np.abs(t.real))
+    apart = np.minimum(np.abs(s[:, None] - t) / np.maximum(half, 1e-300), 1.0)
+    weight = (v[:, None] + w) / 2
+    rows, columns = linear_sum_assignment(weight * (apart - 1))
+    paired = weight[rows, columns]
+    # what stands alone counts in full: the shares of both sides sum to one
+    return float(np.clip(1 - np.sum(paired * (1 - apart[rows, columns])), 0, 1))
+
+
+def subspace_angle(a: ModalModel, b: ModalModel) -> float:
+    """Return the largest principal angle in degrees between the observability subspaces [c; c z; c z^2; ...] of two sets of modes.
+
+    Real and imaginary parts span the subspace, z = exp(s t) with samples in time that the modes share. With different numbers of modes
+    the smaller subspace is compared with its nearest part of the larger.
+    """
+    if not len(a) or not len(b):
+        return 0.0 if len(a) == len(b) else 90.0
+    step = 1 / (_PER_PERIOD * max(a.frequencies.max(), b.frequencies.max()))
+    angles = sla.subspace_angles(_evolution(a, step), _evolution(b, step))
+    return float(np.degrees(angles.max()))
+
+
+def _evolution(modes: ModalModel, step: float) -> RealArray:
+    blocks = max(_BLOCKS, -(-4 * len(modes) // modes.shapes.shape[0]))
+    decay = np.exp(np.outer(np.arange(blocks) * step, modes.poles))
+    V = (decay[:, None, :] * modes.shapes).reshape(-1, len(modes))
+    V = V / np.linalg.norm(V, axis=0)
+    return np.hstack([V.real, V.imag])
+
+
+def _map(distances: RealArray) -> RealArray:
+    """Classical scaling: coordinates from the centred squared distances, two largest directions."""
+    k = len(distances)
+    if k < 2:
+        return np.zeros((k, 2))
+    centre = np.eye(k) - 1 / k
+    values, vectors = np.linalg.eigh(-0.5 * centre @ distances**2 @ centre)
+    size = np.sqrt(np.clip(values[::-1][:2], 0, None))
+    places = vectors[:, ::-1][:, :2] * size
+    # signs of eigenvectors are arbitrary: the entry farthest out is positive
+    turn = np.sign(places[np.argmax(np.abs(places), axis=0), np.arange(places.shape[1])])
+    placed = np.zeros((k, 2))
+    placed[:, : places.shape[1]] = places * np.where(turn == 0, 1, turn)
+    return placed
+
+
+def _classes(distances: Array) -> tuple[tuple[int, ...], ...]:
+    left, classes = list(range(len(distances))), []
+    while left:
+        same = tuple(i for i in left if distances[left[0], i] < SAME)
+        classes.append(same)
+        left = [i for i in left if i not in same]
+    return tuple(classes)

@@ -1,0 +1,142 @@
+"""What a comparison is: every method's result, the consensus, and the judgement."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from modalscope.comparing.agreement import Group
+from modalscope.comparing.causes import Cause, Disagreement
+from modalscope.comparing.identities import Identity
+from modalscope.comparing.kinship import Kinship
+from modalscope.comparing.plan import Response
+from modalscope.comparing.run import MethodResult
+from modalscope.comparing.scatter import COVERAGE, Scatter
+from modalscope.comparing.verdict import Trust
+from modalscope.model.modes import ModalModel
+
+__all__ = ["Comparison"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Comparison:
+    """Every technique on the same data.
+
+    Parameters
+    ----------
+    response : FrequencyResponse or ImpulseResponse
+        What all methods were given.
+    results : tuple of MethodResult
+        One a method: modes, diagram, fit error, seconds, or the failure.
+    modes : ModalModel
+        The consensus; `frequencies_spread` and `damping_ratios_spread` are the standard deviations between methods.
+    groups : tuple of Group
+        For every mode of the consensus what each method found.
+    unconfirmed : tuple of Group
+        What only methods on transformed data found: not in the consensus.
+    scatter : Scatter
+        Stated scatter of every mode.
+    fit_error : float
+        Of the consensus on `response`.
+    trust : tuple of Trust
+    kinship : Kinship
+    identities : tuple of Identity
+    disagreements : tuple of Disagreement
+    findings : tuple of Cause
+        What was found about channels and orders.
+    verdict : str
+    settings : mapping
+        What was asked: methods, orders, band, excluded channels.
+    notes : tuple of str
+    """
+
+    response: Response
+    results: tuple[MethodResult, ...]
+    modes: ModalModel
+    groups: tuple[Group, ...]
+    unconfirmed: tuple[Group, ...]
+    scatter: Scatter
+    fit_error: float
+    trust: tuple[Trust, ...]
+    kinship: Kinship
+    identities: tuple[Identity, ...]
+    disagreements: tuple[Disagreement, ...]
+    findings: tuple[Cause, ...]
+    verdict: str
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def causes(self) -> frozenset[str]:
+        """Names of all causes that were named, of the data or of a mode."""
+        every = [*self.findings, *(c for t in self.trust for c in t.causes)]
+        every += [c for d in self.disagreements for c in d.causes]
+        return frozenset(c.name for c in every)
+
+    def __getitem__(self, name: str) -> MethodResult:
+        """Return the result of one method by its name, as in `comparison["era (s)"]`."""
+        return next(r for r in self.results if r.name == name)
+
+    def table(self) -> str:
+        """Return modes, methods and verdict as text."""
+        parts = [self._modes_table(), self._methods_table(), self._each_table(), self.verdict]
+        return "\n\n".join(part for part in parts if part)
+
+    def _modes_table(self) -> str:
+        head = ["mode", "f [Hz]", "+-", "zeta [%]", "+-", "methods", "MAC", "trust"]
+        rows = []
+        for k, (g, t) in enumerate(zip(self.groups, self.trust, strict=True)):
+            rows.append(
+                [
+                    str(k + 1),
+                    f"{g.frequency:.4f}",
+                    f"{self.scatter.frequency[k]:.2g}",
+                    f"{100 * g.damping:.3f}",
+                    f"{100 * self.scatter.damping[k]:.2g}",
+                    f"{len(g.members)} of {sum(r.modes is not None for r in self.results)}",
+                    f"{min(g.mac.values()):.3f}",
+                    t.grade,
+                ]
+            )
+        lead = f"Consensus (+-: {COVERAGE:g} standard deviations of methods, orders and noise together)"
+        return _aligned([head, *rows], lead) if rows else "No mode in common."
+
+    def _methods_table(self) -> str:
+        head = ["method", "modes", "fit error [%]", "seconds", ""]
+        rows = []
+        for r in self.results:
+            if r.modes is None or r.fit_error is None:
+                rows.append([r.name, "-", "-", f"{r.seconds:.1f}", f"failed: {r.failure}"])
+                continue
+            note = "" if r.exact else "transformed data, no vote"
+            rows.append([r.name, str(len(r.modes)), f"{100 * r.fit_error:.2f}", f"{r.seconds:.1f}", note])
+        return _aligned([head, *rows], "Methods", left=(0, 4))
+
+    def _each_table(self) -> str:
+        names = [r.name for r in self.results if r.modes is not None]
+        if not names or not self.groups:
+            return ""
+        head = ["f [Hz] / zeta [%]", *(f"mode {k + 1}" for k in range(len(self.groups)))]
+        rows = [
+            [
+                name,
+                *(
+                    f"{g.frequencies[name]:.5g} / {100 * g.damping_ratios[name]:.3g}" if name in g.members else "-"
+                    for g in self.groups
+                ),
+            ]
+            for name in names
+        ]
+        return _aligned([head, *rows], "Every method")
+
+
+def _aligned(rows: list[list[str]], lead: str, left: tuple[int, ...] = (0,)) -> str:
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    lines = [
+        "  ".join(
+            cell.ljust(w) if k in left else cell.rjust(w) for k, (cell, w) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+    return "\n".join([lead, *lines])

@@ -1,0 +1,150 @@
+"""Every method on the same response: each with its own stabilization diagram and selection, or the reason why it failed."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from threading import Lock
+from typing import Any
+
+from modalscope.comparing.plan import Cell, Response
+from modalscope.identification.prepare import Data
+from modalscope.identification.table import Method
+from modalscope.judging.select import select
+from modalscope.judging.stabilize import stabilize
+from modalscope.modal.rebuilt import fit_of
+from modalscope.model.checks import DataError
+from modalscope.model.diagram import StabilizationDiagram
+from modalscope.model.modes import ModalModel
+from modalscope.model.signals import Signals
+
+__all__ = ["MethodResult", "Progress", "run"]
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MethodResult:
+    """What one method made of the data.
+
+    Parameters
+    ----------
+    method : Method
+    exact : bool
+        Whether it worked on the data themselves, not on a transform of them; only then it has a vote.
+    diagram : StabilizationDiagram, optional
+    modes : ModalModel, optional
+        None when the method failed.
+    fit_error : float, optional
+        norm(measured - rebuilt from the modes) / norm(measured), in the method's own domain.
+    seconds : float
+        From the response to the selected modes.
+    failure : str
+        Why there are no modes; empty when there are.
+    """
+
+    method: Method
+    exact: bool
+    diagram: StabilizationDiagram | None = None
+    modes: ModalModel | None = None
+    fit_error: float | None = None
+    seconds: float = 0.0
+    failure: str = ""
+
+    @property
+    def name(self) -> str:
+        """Row and domain, as in `era (s)`."""
+        return str(self.method)
+
+
+class _Count:
+    """Orders done by all methods together."""
+
+    def __init__(self, cells: Sequence[Cell], progress: Progress | None) -> None:
+        self._progress, self._lock = progress, Lock()
+        self._done, self._total = [0] * len(cells), sum(len(c.orders) for c in cells)
+
+    def report(self, index: int, done: int) -> None:
+        with self._lock:
+            self._done[index] = done
+            if self._progress is not None:
+                self._progress(sum(self._done), self._total)
+
+
+def run(
+    response: Response,
+    cells: Sequence[Cell],
+    *,
+    records: Signals | None = None,
+    band: tuple[float, float] | None = None,
+    progress: Progress | None = None,
+    workers: int | None = None,
+    **options: Any,
+) -> tuple[MethodResult, ...]:
+    """Run every cell on a response; what one of them cannot do is its row, and the others go on.
+
+    Parameters
+    ----------
+    response : FrequencyResponse or ImpulseResponse
+    cells : sequence of Cell
+    records : Signals, optional
+        What methods on records take instead of the response.
+    band : (float, float), optional
+        Of `stabilize`.
+    progress : callable, optional
+        Called with (orders done, orders in all), over all methods.
+    workers : int, optional
+        Methods at a time; by default as many as there are processors, at most four.
+    **options
+        Of `stabilize`, for every method.
+    """
+    count = _Count(cells, progress)
+
+    def one(index: int) -> MethodResult:
+        cell = cells[index]
+        own = records if cell.method.on_records and records is not None else response
+        found = _one(own, cell, band, lambda done, _: count.report(index, done), options)
+        count.report(index, len(cell.orders))
+        return found
+
+    at_once = workers or min(os.cpu_count() or 1, 4)
+    if at_once == 1:
+        return tuple(one(i) for i in range(len(cells)))
+    with ThreadPoolExecutor(at_once) as pool:
+        return tuple(pool.map(one, range(len(cells))))
+
+
+def _one(
+    data: Data, cell: Cell, band: tuple[float, float] | None, progress: Progress, options: dict[str, Any]
+) -> MethodResult:
+    started = time.perf_counter()
+    method = cell.method
+    try:
+        diagram = stabilize(
+            data,
+            method=method.name,
+            domain=method.domain,
+            orders=cell.orders,
+            progress=progress,
+            band=band,
+            **{**cell.options, **options},
+        )
+        modes = select(diagram)
+        error = fit_of(modes, diagram.response)
+    except DataError as problem:
+        failure = " ".join(str(problem).split())
+    except (ValueError, ArithmeticError, MemoryError) as problem:  # numpy's own: no convergence, no memory
+        failure = f"{type(problem).__name__}: {' '.join(str(problem).split())}"
+    else:
+        return MethodResult(
+            method=method,
+            exact=cell.exact,
+            diagram=diagram,
+            modes=modes,
+            fit_error=error,
+            seconds=time.perf_counter() - started,
+        )
+    return MethodResult(method=method, exact=cell.exact, seconds=time.perf_counter() - started, failure=failure)

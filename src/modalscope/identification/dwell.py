@@ -1,0 +1,227 @@
+"""Tuned sine dwell on measured responses: force patterns that isolate one mode at a time, and what is read off the isolated response.
+
+The oldest method of the field, by computation instead of by shakers: a quick look at a structure, and a check of the other methods that
+shares nothing with them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from modalscope.modal.indicators import mac, mpc
+from modalscope.model.channels import QUANTITIES, known_quantity
+from modalscope.model.checks import (
+    Array,
+    ComplexArray,
+    DataError,
+    RealArray,
+    check_band,
+    check_kind,
+    check_positive,
+)
+from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.modes import ModalModel
+from modalscope.model.poles import poles_from
+
+__all__ = ["Dwell", "mmif", "tuned_dwell"]
+
+#: Lines on either side of a minimum that the single-mode fit uses at least.
+_LEAST_LINES = 3
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Dwell:
+    """What a tuned sine dwell finds.
+
+    Parameters
+    ----------
+    modes : ModalModel
+        Frequencies, damping and real shapes; the indicator "mmif" is 0 for a mode that is isolated perfectly.
+    forces : array, (n, m)
+        Appropriated force patterns as rows, of length one.
+    indicator : array, (F, m)
+        The mode indicator function, smallest first.
+    frequencies : array, (F,)
+        Its lines, Hz.
+    """
+
+    modes: ModalModel
+    forces: RealArray
+    indicator: RealArray
+    frequencies: RealArray
+
+
+def mmif(response: FrequencyResponse) -> tuple[RealArray, RealArray]:
+    """Multivariate mode indicator function: the least in-phase share of the response that a force pattern can reach.
+
+    The eigenvalues of min over f of |Re H f|^2 / |H f|^2 on every line; for velocities, which are in phase with the force at
+    resonance, of |Im H f|^2 / |H f|^2. A minimum near 0 is an undamped natural frequency; further curves drop with it where
+    modes repeat.
+
+    Parameters
+    ----------
+    response : FrequencyResponse
+        With a known quantity.
+
+    Returns
+    -------
+    curves : array, (F, k)
+        Between 0 and 1, rising; k = min(m, 2 l).
+    forces : array, (F, m, k)
+        The patterns, of length one.
+
+    Raises
+    ------
+    DataError
+        An unknown quantity.
+
+    Notes
+    -----
+    Williams, Crowley and Vold, The multivariate mode indicator function in modal analysis, IMAC III (1985). By the singular value
+    decomposition [Re H; Im H] = U S V' the eigenvalues are those of U_re' U_re, and f = V S^-1 w.
+    """
+    check_kind("a mode indicator function", response, FrequencyResponse)
+    lost = ", and with it the phase at resonance"
+    quantity = known_quantity(response.quantity, "a mode indicator function was asked", lost=lost)
+    H = response.values / (1j if quantity == "velocity" else 1)
+    U, s, Vt = np.linalg.svd(np.concatenate([H.real, H.imag], axis=1), full_matrices=False)
+    part = U[:, : H.shape[1]]
+    curves, w = np.linalg.eigh(part.transpose(0, 2, 1) @ part)
+    floor = np.finfo(float).eps * np.maximum(s[:, :1], np.finfo(float).tiny)
+    forces = Vt.transpose(0, 2, 1) @ (w / np.maximum(s, floor)[:, :, None])
+    return np.clip(curves, 0, 1), forces / np.linalg.norm(forces, axis=1, keepdims=True)
+
+
+def tuned_dwell(
+    response: FrequencyResponse, *, band: tuple[float, float] | None = None, threshold: float = 0.5
+) -> Dwell:
+    """Isolate one mode at a time by its force pattern and read frequency, damping and shape off the isolated response.
+
+    At a minimum of the mode indicator function the pattern f is applied to all lines, y = H f. The quadrature part at the minimum is the
+    shape; y seen along it is the response of one mode, and within the half height of its quadrature peak
+    (w0^2 - w^2 + 2 j zeta w0 w) q = a + c w^2 is fitted, c the rest of the structure.
+
+    Parameters
+    ----------
+    response : FrequencyResponse
+        With a known quantity; more inputs isolate close modes better.
+    band : (float, float), optional
+        Hz.
+    threshold : float
+        Minima of the indicator above this are not modes.
+
+    Raises
+    ------
+    DataError
+        An unknown quantity, a band without lines, fewer lines than a minimum needs.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from modalscope.systems import chain5
+    >>> found = tuned_dwell(chain5().frequency_response(np.linspace(0.3, 7, 3000)))
+    >>> found.modes.frequencies.round(2)
+    array([0.91, 2.64, 4.17, 5.36, 6.11])
+    """
+    check_kind("a tuned dwell", response, FrequencyResponse)
+    check_positive("threshold", threshold)
+    cut = response if band is None else response.band(*check_band(band))
+    if cut.lines < 2 * _LEAST_LINES + 1:
+        raise DataError(
+            f"a tuned dwell needs at least {2 * _LEAST_LINES + 1} lines", f"there are {cut.lines}", "Widen the band."
+        )
+    curves, forces = mmif(cut)
+    found = [
+        one
+        for c in range(curves.shape[1])
+        for k in _minima(curves[:, c], threshold)
+        if (one := _isolated(cut, k, forces[k, :, c], float(curves[k, c]))) is not None
+    ]
+    found = _without_doubles(sorted(found, key=lambda one: one.value))
+    found.sort(key=lambda one: abs(one.pole))
+    return Dwell(
+        modes=_modal_model(cut, found),
+        forces=np.array([one.force for one in found]).reshape(len(found), cut.values.shape[2]),
+        indicator=curves,
+        frequencies=cut.frequencies,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Isolated:
+    pole: complex
+    shape: RealArray
+    force: RealArray
+    value: float
+
+
+def _minima(curve: RealArray, threshold: float) -> Array:
+    inner = curve[1:-1]
+    return np.flatnonzero((inner <= curve[:-2]) & (inner < curve[2:]) & (inner < threshold)) + 1
+
+
+def _isolated(response: FrequencyResponse, line: int, force: RealArray, value: float) -> _Isolated | None:
+    """Return the mode at a minimum; None when what is isolated is no resonance."""
+    w = 2 * np.pi * response.frequencies
+    power = QUANTITIES[response.quantity or ""]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        y = (response.values @ force) / ((1j * w) ** power)[:, None]
+    shape = y[line].imag
+    size = np.linalg.norm(shape)
+    if not size > 0:
+        return None
+    shape = shape / size
+    q = y @ shape
+    # the half height of the quadrature peak, one run of lines
+    high = np.abs(q.imag) >= abs(q.imag[line]) / 2
+    low_end, high_end = line, line
+    while low_end > 0 and high[low_end - 1]:
+        low_end -= 1
+    while high_end < w.size - 1 and high[high_end + 1]:
+        high_end += 1
+    lines = np.arange(max(min(low_end, line - _LEAST_LINES), 0), min(max(high_end, line + _LEAST_LINES) + 1, w.size))
+    lines = lines[w[lines] > 0]
+    pole = _one_mode(w[lines] / w[line], q[lines] / abs(q[line]))
+    return None if pole is None else _Isolated(pole * w[line], shape, force, value)
+
+
+def _one_mode(w: RealArray, q: ComplexArray) -> complex | None:
+    """Fit w0^2 q + 2 zeta w0 (j w q) - a - c w^2 = w^2 q, with complex a and c, and return the pole."""
+    zero, one = np.zeros_like(w), np.ones_like(w)
+    real = np.column_stack([q.real, (1j * w * q).real, -one, zero, -(w**2), zero])
+    imaginary = np.column_stack([q.imag, (1j * w * q).imag, zero, -one, zero, -(w**2)])
+    target = w**2 * q
+    solution = np.linalg.lstsq(np.vstack([real, imaginary]), np.concatenate([target.real, target.imag]), rcond=None)[0]
+    stiffness, damping = float(solution[0]), float(solution[1])
+    if stiffness <= 0 or not 0 < damping < 2 * np.sqrt(stiffness):
+        return None
+    w0 = np.sqrt(stiffness)
+    return complex(poles_from([w0 / (2 * np.pi)], [damping / (2 * w0)])[0])
+
+
+def _without_doubles(found: list[_Isolated]) -> list[_Isolated]:
+    """Keep the best isolated of minima that show one mode: within its bandwidth, with its shape."""
+    kept: list[_Isolated] = []
+    for one in found:
+        near = (abs(one.pole - other.pole) < 2 * abs(other.pole.real) for other in kept)
+        alike = (float(mac(one.shape, other.shape)[0, 0]) > 0.9 for other in kept)
+        if not any(n and a for n, a in zip(near, alike, strict=True)):
+            kept.append(one)
+    return kept
+
+
+def _modal_model(response: FrequencyResponse, found: list[_Isolated]) -> ModalModel:
+    shapes = np.array([one.shape for one in found]).reshape(len(found), response.values.shape[1]).T
+    return ModalModel(
+        poles=np.array([one.pole for one in found], dtype=complex) + response.added_damping,
+        shapes=shapes,
+        quantity=response.quantity,
+        indicators={"mmif": np.array([one.value for one in found]), "mpc": mpc(shapes)},
+        output_dofs=response.output_dofs,
+        units=(response.units[0], ()),
+        geometry=response.geometry,
+        processing=(*response.processing, "tuned sine dwell with appropriated forces"),
+        scaling="length 1",
+    )

@@ -1,0 +1,119 @@
+"""Modes of several bands as one result, each once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from modalscope.modal.indicators import mac
+from modalscope.model.checks import (
+    DataError,
+    check_band,
+    check_each,
+    check_kind,
+)
+from modalscope.model.modes import PER_MODE, ModalModel
+
+__all__ = ["merge_bands"]
+
+
+def merge_bands(
+    results: Sequence[ModalModel],
+    bands: Sequence[tuple[float, float]],
+    *,
+    tolerance: float = 0.005,
+    shape: float = 0.8,
+) -> ModalModel:
+    """Return the modes of several bands by frequency, those that lie in two of them once.
+
+    Modes outside their own band are left out. Of two that agree, within `tolerance` or half of the larger bandwidth in frequency and
+    above `shape` in MAC, the one that lies deeper inside its band stays: near an edge part of the resonance is missing.
+
+    Parameters
+    ----------
+    results : sequence of ModalModel
+        Of the same outputs and inputs.
+    bands : sequence of (float, float)
+        Of each result, Hz.
+    tolerance : float
+        Relative distance of frequencies that are one.
+    shape : float
+        Least modal assurance criterion of shapes that are one.
+
+    Raises
+    ------
+    DataError
+        No result, a band for each is missing, or other channels.
+
+    Examples
+    --------
+    >>> from modalscope.systems import chain5
+    >>> modes = chain5().modes()
+    >>> len(merge_bands([modes, modes], [(0, 4.5), (4, 8)]))
+    5
+    """
+    results = check_each("merge_bands", results, "a list of modes, one a band")
+    for result in results:
+        check_kind("each result of a band", result, ModalModel)
+    bands = [check_band(band) for band in check_each("bands", bands, "a list of pairs in Hz")]
+    if not results or len(results) != len(bands):
+        raise DataError(
+            f"{len(results)} results of {len(bands)} bands were asked to be merged",
+            "there is not one band for each result",
+            "Give one band for each.",
+        )
+    _same_channels(results)
+    inside = [
+        modes.take((modes.frequencies >= low) & (modes.frequencies <= high))
+        for modes, (low, high) in zip(results, bands, strict=True)
+    ]
+    origin = np.concatenate([np.full(len(modes), i) for i, modes in enumerate(inside)])
+    everything = _joined(inside)
+    f, half = everything.frequencies, np.abs(everything.poles.real) / (2 * np.pi)
+    ends = np.array(bands, dtype=float)[origin.astype(int)].reshape(-1, 2)
+    depth = np.minimum(f - ends[:, 0], ends[:, 1] - f) / f
+    likeness = mac(everything.shapes)
+    kept: list[int] = []
+    for i in np.argsort(-depth, kind="stable"):
+        near = np.abs(f[kept] - f[i]) <= np.maximum(tolerance * f[i], np.maximum(half[kept], half[i]))
+        if not np.any(near & (likeness[i, kept] > shape) & (origin[kept] != origin[i])):
+            kept.append(int(i))
+    order = np.array(sorted(kept, key=lambda i: f[i]), dtype=int)
+    words = ", ".join(f"{low:g} to {high:g} Hz" for low, high in bands)
+    return everything.take(order).noted(f"merged from bands {words}")
+
+
+def _same_channels(results: Sequence[ModalModel]) -> None:
+    first = results[0]
+    for other in results[1:]:
+        if other.output_dofs != first.output_dofs or other.input_dofs != first.input_dofs:
+            raise DataError(
+                "results of one set of channels were asked to be merged",
+                "their outputs or inputs differ",
+                "Select the same channels in every band.",
+            )
+
+
+def _joined(parts: Sequence[ModalModel]) -> ModalModel:
+    """Return all modes one after the other; what belongs to a band as a whole (direct terms, residuals) is left out."""
+    first = parts[0]
+    fields: dict[str, Any] = {}
+    for name in (*PER_MODE, "participation"):
+        arrays = [getattr(p, name) for p in parts]
+        fields[name] = None if any(a is None for a in arrays) else np.concatenate(arrays)
+    names = set.intersection(*(set(p.indicators) for p in parts))
+    return replace(
+        first,
+        poles=np.concatenate([p.poles for p in parts]),
+        shapes=np.concatenate([p.shapes for p in parts], axis=1),
+        feedthrough=None,
+        lower_residual=None,
+        upper_residual=None,
+        indicators={name: np.concatenate([p.indicators[name] for p in parts]) for name in sorted(names)},
+        reasons=tuple(r for p in parts for r in p.reasons) if all(len(p.reasons) == len(p) for p in parts) else (),
+        scaling=first.scaling if len({p.scaling for p in parts}) == 1 else "as in each band",
+        **fields,
+    )

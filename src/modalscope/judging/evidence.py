@@ -1,0 +1,169 @@
+"""What speaks for a group of poles: the rules by which a mode is told from noise, and the sentence that says so."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from modalscope.judging.tracking import Poles
+from modalscope.modal.indicators import cmif, prominence
+from modalscope.model.checks import Array, RealArray
+from modalscope.model.diagram import StabilizationDiagram
+from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.response import output_scale
+
+__all__ = [
+    "LEAST_PEAK",
+    "LEAST_SIGNAL",
+    "Candidate",
+    "Evidence",
+    "evidence_of",
+    "judge",
+    "oscillations",
+    "peaks",
+    "sentence",
+]
+
+#: A mode is found at this many orders at least, and at this share of all that are used.
+LEAST_ORDERS, LEAST_SHARE = 5, 0.15
+#: From its first order on it is found at this share of the orders.
+LEAST_PERSISTENCE = 0.4
+#: Its own contribution stands this far above what the fit leaves, in standard deviations of an estimated residue.
+LEAST_SIGNAL = 6.0
+#: Its own term makes up this much of the whole response at its frequency ...
+LEAST_PEAK = 1 / 3
+#: ... or it stands out of a mode indicator curve by this ratio.
+LEAST_PROMINENCE = 1.2
+#: Correlations carry estimation errors that every order fits as well as the modes: there the indicator must show the mode
+#: more clearly and the mode must have some part in the peak, unless it is the whole response and found at half of the orders.
+LEAST_PROMINENCE_AMBIENT, LEAST_PEAK_AMBIENT, WHOLE_PEAK = 1.5, 0.1, 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What the data say of a group of poles: the response's level and indicator curves over frequency, and its size."""
+
+    frequencies: RealArray
+    level: RealArray
+    curves: RealArray
+    samples: float
+    ambient: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """Poles of several orders that agree, what speaks for them, and what against (empty when they are a mode)."""
+
+    members: Array
+    frequency: float
+    damping: float
+    facts: dict[str, Any]
+    against: tuple[str, ...]
+
+
+def oscillations(diagram: StabilizationDiagram) -> Poles:
+    """Return the decaying oscillations of a diagram; real, unstable and nearly aperiodic poles are no modes to select."""
+    kept = np.flatnonzero((np.array(diagram.kinds) == "mode") & (diagram.damping_ratios < 0.9))
+    poles = Poles(
+        diagram.orders, diagram.order_of_pole, diagram.poles, diagram.shapes, diagram.participation, _own(diagram)
+    )
+    return poles.take(kept)
+
+
+def _own(diagram: StabilizationDiagram) -> RealArray:
+    """Return the norm of every pole's own contribution over that of the data, outputs scaled to one level."""
+    response, scale = diagram.response, output_scale(diagram.response)
+    size = np.linalg.norm(diagram.shapes / scale, axis=1) * np.linalg.norm(diagram.participation, axis=1)
+    decay = np.maximum(np.abs(diagram.poles.real), 1e-12 * np.abs(diagram.poles))
+    total = np.linalg.norm(response.values / scale[:, None])
+    if isinstance(response, FrequencyResponse):
+        # integral of |1 / (j w - s)|^2 over w is pi / |Re s|; lines lie `step` apart in w
+        step = 2 * np.pi * np.median(np.diff(response.frequencies)) if response.lines > 1 else 1.0
+        return np.asarray(size * np.sqrt(np.pi / decay / step) / total)
+    # sum over samples of |2 Re R exp(s t)|^2 is about |R|^2 fs / |Re s|, over no more than the samples there are
+    return np.asarray(size * np.sqrt(np.minimum(response.sampling_rate / decay, 2 * response.samples)) / total)
+
+
+def evidence_of(diagram: StabilizationDiagram) -> Evidence:
+    """Gather what the data themselves show, outputs scaled to one level."""
+    response, scale = diagram.response, output_scale(diagram.response)[:, None]
+    outputs, inputs = response.values.shape[1:]
+    ambient = isinstance(response, ImpulseResponse) and response.kind == "correlation"
+    H: Array
+    if isinstance(response, FrequencyResponse):
+        f, H, count = response.frequencies, response.values / scale, response.lines
+    else:
+        count = response.samples
+        # zeros behind the samples: lines fine enough that a neighbour's peak is not taken for a mode's own
+        f = np.fft.rfftfreq(8 * count, 1 / response.sampling_rate)
+        H = np.fft.rfft(response.values / scale, n=8 * count, axis=0) / response.sampling_rate
+    curves = cmif(H)
+    size = np.sqrt(count * outputs * inputs / (outputs + inputs))
+    return Evidence(f, np.linalg.norm(H, axis=(1, 2)), np.sqrt(curves) if ambient else curves, float(size), ambient)
+
+
+def peaks(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> RealArray:
+    """Return the size of each pole's own term at its frequency over that of the whole response there."""
+    scale = output_scale(diagram.response)
+    size = np.linalg.norm(poles.shape / scale, axis=1) * np.linalg.norm(poles.participation, axis=1)
+    return np.asarray(size / np.abs(poles.pole.real) / np.interp(poles.frequency, evidence.frequencies, evidence.level))
+
+
+def judge(poles: Poles, group: Array, peak: RealArray, fit: float, evidence: Evidence) -> Candidate:
+    """Weigh a group of poles that agree: what speaks for it, and what against."""
+    f, zeta = float(np.median(poles.frequency[group])), float(np.median(poles.damping[group]))
+    first, orders = int(poles.order[group].min()), np.array(poles.orders)
+    persistence = group.size / max(int((orders >= first).sum()), min(LEAST_ORDERS, len(orders)))
+    signal = float(np.median(poles.own[group])) / max(fit, 1e-15) * evidence.samples
+    stands_out = prominence(evidence.curves, evidence.frequencies, f, zeta)
+    share = float(np.median(peak[group]))
+    against = []
+    if group.size < max(min(LEAST_ORDERS, len(orders)), LEAST_SHARE * len(orders)):
+        against.append(f"found at {group.size} of {len(orders)} orders only")
+    if persistence < LEAST_PERSISTENCE:
+        against.append(f"comes and goes: at {100 * persistence:.0f} % of the orders since its first")
+    if not evidence.ambient and signal < LEAST_SIGNAL:
+        against.append(f"within the noise: {signal:.1f} standard deviations")
+    if not _visible(stands_out, share, group.size / len(orders), evidence.ambient):
+        against.append("weak, and no peak of the mode indicator")
+    facts = {
+        "orders_found": int(group.size),
+        "orders_tried": len(orders),
+        "first_order": first,
+        "last_order": int(poles.order[group].max()),
+        "persistence": persistence,
+        "signal_to_noise": signal,
+        "share_of_peak": share,
+        "indicator_prominence": stands_out,
+    }
+    return Candidate(group, f, zeta, facts, tuple(against))
+
+
+def _visible(stands_out: float, share: float, found: float, ambient: bool) -> bool:
+    """Whether the data show a mode at its frequency, as a peak or as most of the response there."""
+    if not ambient:
+        return stands_out >= LEAST_PROMINENCE or share >= LEAST_PEAK
+    return (stands_out >= LEAST_PROMINENCE_AMBIENT and share >= LEAST_PEAK_AMBIENT) or (
+        share >= WHOLE_PEAK and found >= 0.5
+    )
+
+
+def sentence(facts: dict[str, Any], loss: float) -> str:
+    """Say in words why a mode is reported."""
+    seen = []
+    if facts["share_of_peak"] >= LEAST_PEAK:
+        seen.append(f"makes up {100 * min(facts['share_of_peak'], 1.0):.0f} % of the response at its frequency")
+    if facts["indicator_prominence"] >= LEAST_PROMINENCE:
+        ratio = facts["indicator_prominence"]
+        seen.append(
+            f"stands out of the mode indicator by a factor {ratio:.3g}"
+            if np.isfinite(ratio)
+            else "stands alone in the mode indicator"
+        )
+    return (
+        f"found at {facts['orders_found']} of {facts['orders_tried']} orders ({facts['first_order']} to {facts['last_order']}), "
+        f"{' and '.join(seen) or 'weak at its frequency'}; without it the fit error grows by {100 * loss:.2g} %"
+    )

@@ -1,0 +1,83 @@
+"""The chosen modes as a modal model: median poles, one shape each, participation fitted to the data, and the reasons."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from modalscope.judging.evidence import Candidate, sentence
+from modalscope.judging.tracking import Poles
+from modalscope.modal.indicators import mac
+from modalscope.modal.rebuilt import fitted_terms, rebuilt
+from modalscope.model.checks import Array, RealArray
+from modalscope.model.diagram import StabilizationDiagram
+from modalscope.model.modes import ModalModel
+from modalscope.model.poles import poles_from
+from modalscope.model.response import Response, is_held
+
+__all__ = ["modes_of"]
+
+
+def _spread(values: Array) -> float:
+    """Standard deviation over orders, robustly: 1.4826 times the median absolute deviation."""
+    return float(1.4826 * np.median(np.abs(values - np.median(values))))
+
+
+def modes_of(diagram: StabilizationDiagram, poles: Poles, chosen: list[Candidate]) -> ModalModel:
+    """Wrap the chosen modes: median poles, the shape nearest to all others, participation fitted to the data."""
+    response = diagram.response
+    picked = [c.members[np.argmax(mac(poles.shape[c.members].T).sum(axis=1))] for c in chosen]
+    values = poles_from([c.frequency for c in chosen], [c.damping for c in chosen])
+    shapes = poles.shape[picked].T if chosen else np.zeros((response.values.shape[1], 0), complex)
+    fitted = fitted_terms(response, values, shapes)
+    members = [c.members for c in chosen]
+    spreads = [
+        {"frequency_spread_hz": _spread(poles.frequency[m]), "damping_ratio_spread": _spread(poles.damping[m])}
+        for m in members
+    ]
+    model = ModalModel(
+        poles=values,
+        shapes=shapes,
+        quantity=response.quantity,
+        dt=diagram.dt,
+        held_input=is_held(response),
+        frequencies_spread=np.array([spread["frequency_spread_hz"] for spread in spreads]),
+        damping_ratios_spread=np.array([spread["damping_ratio_spread"] for spread in spreads]),
+        indicators=_indicators(diagram, members, poles),
+        **response.labelled(),
+        **fitted,
+    )
+    facts = [{**c.facts, **spread} for c, spread in zip(chosen, spreads, strict=True)]
+    reasons = _reasons(model, response, facts)
+    return replace(model, reasons=reasons).normalized("unit")
+
+
+def _indicators(diagram: StabilizationDiagram, members: list[Array], poles: Poles) -> dict[str, RealArray]:
+    """Return for every mode the median of its members' indicators; members are found again by order and pole."""
+    found: dict[str, list[float]] = {name: [] for name in diagram.indicators}
+    for group in members:
+        nearest = []
+        for order, pole in zip(poles.order[group], poles.pole[group], strict=True):
+            same = np.flatnonzero(diagram.order_of_pole == order)
+            nearest.append(same[np.argmin(np.abs(diagram.poles[same] - pole))])
+        for name, column in diagram.indicators.items():
+            found[name].append(float(np.median(column[nearest])))
+    return {name: np.array(column) for name, column in found.items()}
+
+
+def _reasons(model: ModalModel, response: Response, facts: list[dict[str, Any]]) -> tuple[dict[str, Any], ...]:
+    """Complete the reasons: what the rebuilt response loses without the mode, and a sentence."""
+    if not len(model):
+        return ()
+    size = np.linalg.norm(response.values)
+    left = response.values - rebuilt(response, model)
+    error = np.linalg.norm(left) / size
+    reasons = []
+    for j, known in enumerate(facts):
+        alone = replace(model.take([j]), feedthrough=None, lower_residual=None, upper_residual=None)
+        loss = np.linalg.norm(left + rebuilt(response, alone)) / size - error
+        text = known.get("text") or sentence(known, float(loss))
+        reasons.append({**known, "fit_loss": float(loss), "text": text})
+    return tuple(reasons)

@@ -1,0 +1,156 @@
+"""Which of the poles of a stabilization diagram are modes, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from modalscope.blocks.threads import one_thread
+from modalscope.judging.evidence import Candidate, Evidence, evidence_of, judge, oscillations, peaks
+from modalscope.judging.outcome import modes_of
+from modalscope.judging.tracking import Poles, consensus, join_broken, merge_splits, tracks
+from modalscope.modal.indicators import mac
+from modalscope.model.checks import DataError, check_each, check_kind, check_positive
+from modalscope.model.diagram import StabilizationDiagram
+from modalscope.model.modes import ModalModel
+
+__all__ = ["select"]
+
+#: Orders are used up to twice (at least 20 above) the first whose fit is within this factor of the best.
+SLACK = 1.2
+
+
+@one_thread
+def select(
+    diagram: StabilizationDiagram, *, frequencies: Iterable[float] | None = None, tolerance: float = 0.01
+) -> ModalModel:
+    """Report the modes of a stabilization diagram with the reasons for each, or those at given frequencies.
+
+    Poles are followed over the orders, and the members of a track that agree in frequency, damping and shape are taken
+    together. The value reported is their median. A mode is found at many orders, persists from its first one on, stands
+    above what the fit leaves, and either dominates the response at its frequency or shows as a peak of a mode indicator
+    curve. Of two that are the same, the one found at fewer orders goes. Nothing is drawn at random: the same data give
+    the same modes.
+
+    Parameters
+    ----------
+    diagram : StabilizationDiagram
+    frequencies : iterable of float, optional
+        Hz; the modes nearest to these are returned, whatever else speaks against them.
+    tolerance : float
+        Largest relative distance from a given frequency to its mode.
+
+    Returns
+    -------
+    ModalModel
+        With `frequencies_spread`, `damping_ratios_spread`, `indicators` and `reasons`; real and unstable poles are not modes here.
+
+    Raises
+    ------
+    DataError
+        A given frequency at which there is no mode, or two that mean the same one.
+
+    Examples
+    --------
+    >>> from modalscope import stabilize
+    >>> from modalscope.systems import chain5
+    >>> modes = select(stabilize(chain5().state_space(dt=0.05).impulse_response(200)))
+    >>> len(modes)
+    5
+    """
+    check_kind("select", diagram, StabilizationDiagram)
+    wanted = None if frequencies is None else _wanted(frequencies)
+    check_positive("tolerance", tolerance)
+    evidence = evidence_of(diagram)
+    poles = oscillations(diagram)
+    if diagram.exact_rank is not None:
+        chosen = _exact(diagram, poles)
+    else:
+        poles, chosen = _candidates(diagram, poles, evidence)
+    if wanted is not None:
+        chosen = _by_hand(chosen, wanted, tolerance, diagram)
+    else:
+        chosen = _none_twice(poles, [c for c in chosen if not c.against])
+    return modes_of(diagram, poles, sorted(chosen, key=lambda c: c.frequency))
+
+
+def _wanted(frequencies: Iterable[float]) -> list[float]:
+    """Return the frequencies asked by hand; none at all is an error, not an empty result."""
+    wanted = [
+        check_positive("each of the frequencies", f) for f in check_each("frequencies", frequencies, "numbers in Hz")
+    ]
+    if not wanted:
+        raise DataError(
+            "modes at given frequencies were asked", "the list is empty", "Give frequencies in Hz, or leave them out."
+        )
+    return wanted
+
+
+def _exact(diagram: StabilizationDiagram, poles: Poles) -> list[Candidate]:
+    """Noise-free data: the modes are those of the order that is the rank."""
+    members = np.flatnonzero((poles.order == diagram.exact_rank) & (poles.own > 1e-9))
+    facts = {
+        "orders_found": 1,
+        "orders_tried": 1,
+        "text": f"the data have the exact rank {diagram.exact_rank}, and this is one of its poles",
+    }
+    return [Candidate(np.array([i]), float(poles.frequency[i]), float(poles.damping[i]), facts, ()) for i in members]
+
+
+def _candidates(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> tuple[Poles, list[Candidate]]:
+    orders, fit = _usable_orders(diagram)
+    poles = replace(poles, orders=orders).take(np.flatnonzero(poles.order <= orders[-1]))
+    poles = merge_splits(poles)
+    groups = [group for group in (consensus(poles, t) for t in tracks(poles)) if group.size >= min(3, len(orders))]
+    peak = peaks(diagram, poles, evidence)
+    return poles, [judge(poles, group, peak, fit, evidence) for group in join_broken(poles, groups)]
+
+
+def _usable_orders(diagram: StabilizationDiagram) -> tuple[tuple[int, ...], float]:
+    """Return the orders to use and the best fit among them: beyond there is only noise left to explain."""
+    errors, orders = np.asarray(diagram.fit_errors), np.asarray(diagram.orders)
+    enough = orders[np.argmax(errors <= SLACK * errors.min())]
+    used = orders <= max(2 * enough, enough + 20)
+    return tuple(int(n) for n in orders[used]), float(errors[used].min())
+
+
+def _none_twice(poles: Poles, chosen: list[Candidate]) -> list[Candidate]:
+    """Drop, of two within a half bandwidth and of one shape, the one found at fewer orders."""
+    kept: list[Candidate] = []
+    for c in sorted(chosen, key=lambda c: (-c.members.size, c.frequency)):
+        same = any(
+            abs(c.frequency - k.frequency) < max(c.frequency * c.damping, k.frequency * k.damping)
+            and c.members.size > 1
+            and np.median(mac(poles.shape[c.members].T, poles.shape[k.members].T)) > 0.9
+            for k in kept
+        )
+        if not same:
+            kept.append(c)
+    return kept
+
+
+def _by_hand(
+    candidates: list[Candidate], wanted: list[float], tolerance: float, diagram: StabilizationDiagram
+) -> list[Candidate]:
+    """Return the candidate at each frequency; one that has none is an error, never its neighbour."""
+    chosen: list[Candidate] = []
+    for f in wanted:
+        near = [c for c in candidates if abs(c.frequency - f) <= tolerance * f]
+        if not near:
+            known = ", ".join(f"{c.frequency:.4g}" for c in sorted(candidates, key=lambda c: abs(c.frequency - f))[:3])
+            raise DataError(
+                f"a mode at {f:g} Hz was asked",
+                f"no pole stays within {100 * tolerance:g} % of it over the orders {diagram.orders[0]} to {diagram.orders[-1]}",
+                f"The nearest that do are at {known or 'no frequency'} Hz; ask for one of these, or try other orders or another method.",
+            )
+        best = min(near, key=lambda c: (bool(c.against), -c.members.size if len(near) > 1 else 0, abs(c.frequency - f)))
+        if any(best is c for c in chosen):
+            raise DataError(
+                f"different modes at {', '.join(f'{v:g}' for v in wanted)} Hz were asked",
+                f"two of these mean the one at {best.frequency:.6g} Hz",
+                "Leave one out, or lower the tolerance.",
+            )
+        chosen.append(best)
+    return chosen

@@ -1,0 +1,202 @@
+"""Poles followed over orders: splits merged within an order, tracks from order to order, and what their members agree on.
+
+Everything here is deterministic: an optimal assignment from one order to the next, no random starts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from modalscope.modal.indicators import mac
+from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
+from modalscope.model.poles import frequencies_and_damping
+
+__all__ = ["Poles", "consensus", "join_broken", "merge_splits", "tracks"]
+
+#: Two poles of one order count as one mode that was split in two when they are this alike.
+SPLIT = 0.9
+
+#: Two poles of different orders agree: frequency within this fraction, and within this share of the half bandwidth ...
+SAME_FREQUENCY, SAME_BANDWIDTH = 0.005, 0.25
+#: ... damping within this fraction, and MAC above this.
+SAME_DAMPING, SAME_SHAPE = 0.25, 0.95
+
+#: A track may miss this many orders and go on.
+GAP = 3
+
+#: Poles that cannot be the same mode.
+_NEVER = 1e6
+
+
+@dataclass(frozen=True, eq=False)
+class Poles:
+    """Decaying oscillations of all orders, flat.
+
+    Parameters
+    ----------
+    orders : tuple of int
+    order : array of int, (p,)
+    pole : array of complex, (p,)
+    shape : array of complex, (p, l)
+    participation : array of complex, (p, m)
+    own : array, (p,)
+        Norm of the pole's own contribution over the norm of the data.
+    """
+
+    orders: tuple[int, ...]
+    order: IntArray
+    pole: ComplexArray
+    shape: ComplexArray
+    participation: ComplexArray
+    own: RealArray
+
+    @property
+    def frequency(self) -> RealArray:
+        """Hz."""
+        return frequencies_and_damping(self.pole)[0]
+
+    @property
+    def damping(self) -> RealArray:
+        """Damping ratios."""
+        return frequencies_and_damping(self.pole)[1]
+
+    def take(self, index: Array) -> Poles:
+        """Return some of the poles."""
+        return replace(
+            self, **{name: getattr(self, name)[index] for name in ("order", "pole", "shape", "participation", "own")}
+        )
+
+
+def merge_splits(poles: Poles) -> Poles:
+    """Merge, within every order, neighbours that act as one mode; their value is the energy-weighted mean.
+
+    Data whose lines shift a little from run to run (a roving hammer, a structure that warms up) make one resonance come out
+    as two or three poles within their bandwidths. They are one when their summed residue is of rank one,
+    1 - 2.5 (s_2 / s_1)^2 at least .9; with a single output or input, where every residue is, when the shapes' MAC is.
+    Repeated modes have a summed residue of rank two and stay apart.
+    """
+    kept = [_merged(poles.take(np.flatnonzero(poles.order == order))) for order in poles.orders]
+    return Poles(
+        poles.orders,
+        *(
+            np.concatenate([getattr(k, name) for k in kept])
+            for name in ("order", "pole", "shape", "participation", "own")
+        ),
+    )
+
+
+def _merged(poles: Poles) -> Poles:
+    while poles.pole.size > 1:
+        like = _likeness(poles)
+        a, b = np.unravel_index(np.argmax(like), like.shape)
+        if like[a, b] < SPLIT:
+            break
+        poles = _merge_two(poles, int(a), int(b))
+    return poles
+
+
+def _likeness(poles: Poles) -> RealArray:
+    """How much each pair (a < b) of overlapping poles acts as one mode."""
+    w, half = np.abs(poles.pole.imag), np.abs(poles.pole.real)
+    overlap = np.triu(np.abs(w[:, None] - w) < half[:, None] + half, 1)
+    shapes, parts = poles.shape, poles.participation
+    if min(shapes.shape[1], parts.shape[1]) == 1:
+        alike = mac(shapes.T) if shapes.shape[1] > 1 else mac(parts.T)
+        return np.where(overlap, alike, 0.0)
+    alike = np.zeros(overlap.shape)
+    for a, b in zip(*np.nonzero(overlap), strict=True):
+        left: Array = np.asarray(np.linalg.qr(shapes[[a, b]].T, mode="r"))
+        right: Array = np.asarray(np.linalg.qr(parts[[a, b]].T, mode="r"))
+        s = np.linalg.svd(left @ right.T, compute_uv=False)
+        alike[a, b] = max(1 - 2.5 * (s[1] / s[0]) ** 2, 0.0) if s[0] > 0 else 0.0
+    return alike
+
+
+def _merge_two(poles: Poles, a: int, b: int) -> Poles:
+    first = np.outer(poles.shape[a], poles.participation[a])
+    second = np.outer(poles.shape[b], poles.participation[b])
+    # energies are positive weights: the mean lies between the two and never extrapolates
+    energy = [np.linalg.norm(r) ** 2 / abs(poles.pole[i].real) for r, i in ((first, a), (second, b))]
+    pole = (energy[0] * poles.pole[a] + energy[1] * poles.pole[b]) / sum(energy)
+    U, s, Vt = np.linalg.svd(first + second, full_matrices=False)
+    own = poles.own[a] * s[0] / np.linalg.norm(first) * np.sqrt(abs(poles.pole[a].real / pole.real))
+    merged = replace(
+        poles,
+        pole=np.where(np.arange(poles.pole.size) == a, pole, poles.pole),
+        shape=_with_row(poles.shape, a, U[:, 0] * s[0]),
+        participation=_with_row(poles.participation, a, Vt[0]),
+        own=np.where(np.arange(poles.own.size) == a, own, poles.own),
+    )
+    return merged.take(np.delete(np.arange(poles.pole.size), b))
+
+
+def _with_row(array: Array, row: int, values: Array) -> Array:
+    changed = np.array(array)
+    changed[row] = values
+    return changed
+
+
+def _compare(poles: Poles, new: Array, old: Array) -> tuple[Array, RealArray]:
+    """Return which of `new` agree with which of `old`, and what it costs to take them for the same."""
+    f, zeta = poles.frequency[new][:, None], poles.damping[new][:, None]
+    g, eta = poles.frequency[old][None], poles.damping[old][None]
+    wide = np.maximum(zeta, eta)
+    apart, damped = np.abs(f - g) / np.minimum(f, g), np.abs(zeta - eta) / wide
+    alike = mac(poles.shape[new].T, poles.shape[old].T)
+    agree = (
+        (apart < np.minimum(SAME_FREQUENCY, SAME_BANDWIDTH * wide) + 1e-9)
+        & (damped < SAME_DAMPING)
+        & (alike > SAME_SHAPE)
+    )
+    near = (apart < np.clip(2 * wide, 0.001, 0.02)) & (alike > 0.5)
+    cost = apart / np.clip(wide, 0.0005, 0.02) + damped + 4 * (1 - alike)
+    return agree, np.where(near, cost, _NEVER)
+
+
+def tracks(poles: Poles) -> list[Array]:
+    """Follow poles from order to order: one pole an order in each track, assigned at least cost in all."""
+    found: list[list[int]] = []
+    place = {order: k for k, order in enumerate(poles.orders)}
+    for order in poles.orders:
+        new = np.flatnonzero(poles.order == order)
+        live = [t for t in found if place[order] - place[int(poles.order[t[-1]])] <= GAP]
+        taken: set[int] = set()
+        if live and new.size:
+            last = np.array([t[-1] for t in live])
+            _, cost = _compare(poles, new, last)
+            missed = np.array([place[order] - place[int(n)] - 1 for n in poles.order[last]])
+            cost = np.where(cost < _NEVER, cost + 0.5 * missed, cost)
+            for a, b in zip(*linear_sum_assignment(cost), strict=True):
+                if cost[a, b] < _NEVER:
+                    live[b].append(int(new[a]))
+                    taken.add(int(a))
+        found += [[int(i)] for a, i in enumerate(new) if a not in taken]
+    return [np.array(t) for t in found]
+
+
+def consensus(poles: Poles, track: Array) -> Array:
+    """Return the members of a track that agree with the one that most agree with."""
+    agree, _ = _compare(poles, track, track)
+    return np.asarray(track[agree[np.argmax(agree.sum(axis=1))]])
+
+
+def join_broken(poles: Poles, groups: Sequence[Array]) -> list[Array]:
+    """Join groups of one mode that was lost and taken up again: same shape, within a half bandwidth, no order in common."""
+    joined: list[Array] = []
+    for group in sorted(groups, key=lambda g: (-len(g), float(poles.frequency[g[0]]))):
+        for k, host in enumerate(joined):
+            f, g = np.median(poles.frequency[host]), np.median(poles.frequency[group])
+            zeta, eta = np.median(poles.damping[host]), np.median(poles.damping[group])
+            alike = np.median(mac(poles.shape[host].T, poles.shape[group].T)) > 0.9
+            if abs(f - g) < f * zeta + g * eta and alike:
+                free = ~np.isin(poles.order[group], poles.order[host])
+                near = np.abs(poles.damping[group] - zeta) < 0.5 * zeta
+                joined[k] = np.concatenate([host, group[free & near]])
+                break
+        else:
+            joined.append(group)
+    return joined

@@ -1,0 +1,1 @@
+"""Floor 2: shapes, participation, residuals and accuracy of modes."""

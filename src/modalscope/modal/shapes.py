@@ -1,0 +1,247 @@
+"""Shapes, residuals and modal masses from frequency responses, given poles (least-squares frequency domain, LSFD)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from modalscope.modal.basis import (
+    ModalBasis,
+    basis_of_lines,
+    check_residuals,
+    fit_shapes,
+    residual_powers,
+    scaled_terms,
+)
+from modalscope.modal.indicators import clusters, mpc, mpd
+from modalscope.model.channels import QUANTITIES, known_quantity
+from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_choice
+from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.modes import ModalModel
+
+__all__ = ["fit_residues"]
+
+#: Poles closer than this (relative) give the same function on the lines: they are one pole with several shapes.
+_REPEATED = 1e-6
+
+
+def fit_residues(
+    response: FrequencyResponse,
+    modes: ModalModel,
+    *,
+    kind: str = "complex",
+    residuals: bool = True,
+    participation: str = "free",
+    weights: ArrayLike | None = None,
+) -> ModalModel:
+    """Fit residues of rank one a mode, and residuals of the modes outside the band, to all lines; poles are kept.
+
+    Complex modes: H = sum_j phi_j l_j' / (j w - s_j) + conjugates + L (j w)^(p-2) + U (j w)^p. Real modes of proportional damping:
+    H = (j w)^p sum_j psi_j psi_j' / (m_j (w_j^2 - w^2 + 2 j zeta_j w_j w)) + the same residuals. p = 0, 1, 2 for displacement, velocity and
+    acceleration.
+
+    Parameters
+    ----------
+    response : FrequencyResponse
+        Lines of any band.
+    modes : ModalModel
+        Its poles, and its participation where it is to be kept.
+    kind : {"complex", "real"}
+    residuals : bool
+        Whether modes below and above the band are allowed for, by the response's quantity; without, a constant stands in their place.
+    participation : {"free", "given"}
+        "free": residue matrices first, of which the leading singular vectors are kept: one for a mode, for repeated modes as many as
+        there are, or as many as references can tell. "given": the rows of `modes`, and shapes by one linear fit; rows that
+        were read off one order of a model may belong to two halves of a mode and then fit badly.
+    weights : array, (F,), optional
+        Weights of the lines.
+
+    Returns
+    -------
+    ModalModel
+        Of unit modal mass where a driving point is measured and the quantity known, else with shapes of length one: `scaling` says
+        which, `processing` how.
+
+    Raises
+    ------
+    DataError
+        Real modes or residuals of an unknown quantity, a residual at 0 Hz, fewer lines than unknowns, participation that is not there.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from modalscope.systems import chain5
+    >>> s = chain5()
+    >>> frf = s.frequency_response(np.linspace(0.3, 7, 400))
+    >>> fit_residues(frf, s.modes()).scaling
+    'unit modal mass, driving point 2:+X, 5:+X'
+    """
+    check_choice("kind", kind, ("complex", "real"))
+    check_choice("participation", participation, ("given", "free"))
+    powers = _powers(response, residuals, kind)
+    if len(modes) == 0:
+        raise DataError("a fit of residues was asked", "there are no modes", "Identify modes first.")
+    _check_lines(response, len(modes), len(powers))
+    w = None if weights is None else np.asarray(weights, dtype=float)
+    poles, groups = _distinct(modes.poles - response.added_damping)
+    basis = _basis(response, poles, kind, powers, w)
+    if participation == "given":
+        index, rows = np.arange(len(modes)), _given_rows(modes, response, kind, poles)
+        basis = _repeat(basis, groups, [group.size for group in groups])
+        index = np.concatenate(groups)
+        rows = rows[index]
+    else:
+        ranks, rows = _free_rows(basis, groups, response)
+        basis = _repeat(basis, groups, ranks)
+        index = np.concatenate([group[:rank] for group, rank in zip(groups, ranks, strict=True)])
+    shapes, terms = fit_shapes(basis, rows)
+    back = np.argsort(index, kind="stable")
+    kept, shapes, rows = index[back], shapes[:, back], rows[back]
+    model = _model(
+        response, modes.take(kept), shapes, rows, scaled_terms(terms, powers, response.frequencies), powers, kind
+    )
+    lost = len(modes) - kept.size
+    told = (
+        [f"{lost} repeated modes beyond what {response.values.shape[2]} references can tell left out"] if lost else []
+    )
+    how = f"{kind} modes, rank one each, participation {participation}, residuals {'of the quantity' if len(powers) > 1 else 'constant'}"
+    said = f"shapes by least squares over {response.lines} lines ({'; '.join([how, *told])})"
+    return _scaled(replace(model, processing=(*modes.processing, said)))
+
+
+def _powers(response: FrequencyResponse, residuals: bool, kind: str) -> tuple[int, ...]:
+    quantity = response.quantity
+    if response.sampling_rate is not None:
+        if kind == "real":
+            raise DataError("real modes were asked", "the response is that of a sampled system", "Use kind='complex'.")
+        return (0,)
+    if kind == "real":
+        known_quantity(quantity, "real modes were asked")
+    elif residuals:
+        outside = "residuals of modes outside the band were asked"
+        known_quantity(quantity, outside, otherwise=", or residuals=False for a constant")
+    powers = residual_powers(quantity, residuals)
+    if kind == "real" and not residuals:
+        powers = ()
+    check_residuals(response, powers)
+    return powers
+
+
+def _check_lines(response: FrequencyResponse, modes: int, terms: int) -> None:
+    if 2 * response.lines < 2 * modes + terms:
+        raise DataError(
+            f"residues of {modes} modes and {terms} residual terms need {-(-(2 * modes + terms) // 2)} lines",
+            f"there are {response.lines}",
+            "Widen the band or leave modes out.",
+        )
+
+
+def _distinct(poles: ComplexArray) -> tuple[ComplexArray, list[Array]]:
+    """Return one pole for each group of repeated ones, and the groups."""
+    groups = clusters(poles, _REPEATED)
+    return np.array([poles[group].mean() for group in groups]), groups
+
+
+def _basis(
+    response: FrequencyResponse, poles: ComplexArray, kind: str, powers: tuple[int, ...], weights: Array | None
+) -> ModalBasis:
+    basis = basis_of_lines(response, poles, powers, weights)
+    if kind == "complex":
+        return basis
+    if np.any(poles.imag == 0):
+        raise DataError(
+            "real modes were asked", "there are real poles, which do not oscillate", "Leave them out with take()."
+        )
+    s = 2j * np.pi * response.frequencies[:, None]
+    power = QUANTITIES[response.quantity or ""]
+    one = s**power / (s**2 - 2 * poles.real * s + np.abs(poles) ** 2)
+    if weights is not None:
+        one = one * weights[:, None]
+    functions = np.zeros((2 * response.lines, 2 * poles.size))
+    functions[:, ::2] = np.vstack([one.real, one.imag])
+    return replace(basis, functions=functions)
+
+
+def _repeat(basis: ModalBasis, groups: list[Array], counts: list[int]) -> ModalBasis:
+    """Return the basis with the functions of each group once for every shape it has."""
+    columns = np.repeat(np.arange(len(groups)), counts)
+    both = np.stack([2 * columns, 2 * columns + 1], axis=1).ravel()
+    return replace(basis, functions=basis.functions[:, both])
+
+
+def _given_rows(modes: ModalModel, response: FrequencyResponse, kind: str, poles: Array) -> ComplexArray:
+    if modes.participation is None or modes.participation.shape[1] != response.values.shape[2]:
+        found = "none" if modes.participation is None else f"that of {modes.participation.shape[1]} inputs"
+        raise DataError(
+            "participation='given' was asked",
+            f"the modes have {found}, the response has {response.values.shape[2]} inputs",
+            "Use participation='free'.",
+        )
+    if kind == "complex":
+        return modes.participation
+    # turned to the real axis, where a mode of proportional damping has it but for a common factor
+    angle = np.angle(np.sum(modes.participation**2, axis=1)) / 2
+    return np.asarray((modes.participation * np.exp(-1j * angle)[:, None]).real.astype(complex))
+
+
+def _free_rows(basis: ModalBasis, groups: list[Array], response: FrequencyResponse) -> tuple[list[int], ComplexArray]:
+    """Return how many shapes each group has and their participation rows, the leading right vectors of its residue matrix."""
+    columns = np.hstack([basis.terms, basis.functions])
+    scale = np.linalg.norm(columns, axis=0)
+    used = np.flatnonzero(scale > 0)
+    rows, outputs, inputs = basis.data.shape
+    found = np.zeros((columns.shape[1], outputs * inputs))
+    fitted = np.linalg.lstsq(columns[:, used] / scale[used], basis.data.reshape(rows, -1), rcond=None)[0]
+    found[used] = fitted / scale[used, None]
+    found = found[basis.terms.shape[1] :].reshape(-1, 2, outputs, inputs)
+    ranks, kept = [], []
+    for group, (real, imaginary) in zip(groups, found, strict=True):
+        rank = min(group.size, outputs, inputs)
+        ranks.append(rank)
+        kept.append(np.linalg.svd(real + 1j * imaginary)[2][:rank])
+    return ranks, np.concatenate(kept)
+
+
+def _model(
+    response: FrequencyResponse,
+    modes: ModalModel,
+    shapes: ComplexArray,
+    rows: ComplexArray,
+    terms: RealArray,
+    powers: tuple[int, ...],
+    kind: str,
+) -> ModalModel:
+    direct = terms[0] if powers == (0,) else None
+    if kind == "real":
+        p = QUANTITIES[response.quantity or ""]
+        s = modes.poles
+        if p == 2:  # the accelerance's own direct term
+            direct = np.einsum("lj,jm->lm", shapes, rows).real
+        rows = rows * (s**p / (2j * s.imag))[:, None]
+    lower, upper = (terms[0], terms[1]) if len(powers) == 2 else (None, None)
+    indicators = {**modes.indicators, "mpc": mpc(shapes), "mpd": mpd(shapes)}
+    if "emac" in modes.indicators:
+        indicators["cmi"] = modes.indicators["emac"] * indicators["mpc"]
+    held = modes.held_input if response.sampling_rate is not None else False
+    return replace(
+        modes,
+        shapes=shapes,
+        participation=rows,
+        feedthrough=direct,
+        lower_residual=lower,
+        upper_residual=upper,
+        quantity=response.quantity,
+        dt=modes.dt if held else None,
+        held_input=held,
+        indicators=indicators,
+        scaling="as identified",
+        **response.labelled(),
+    )
+
+
+def _scaled(model: ModalModel) -> ModalModel:
+    """Return unit modal mass where a driving point and the quantity are known, else shapes of length one."""
+    driving = set(model.output_dofs) & set(model.input_dofs)
+    return model.normalized("mass" if driving and model.quantity is not None and not model.held_input else "unit")

@@ -1,0 +1,1 @@
+"""Floor 2: factors and shifts -> models (A, B, C)."""

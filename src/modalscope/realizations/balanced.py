@@ -1,0 +1,74 @@
+"""Balanced projection: the eigensystem realization algorithm (Eqs. 24-28) and its form on a small computer (Eqs. 39-41)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modalscope.blocks.factor import Factors
+from modalscope.blocks.matrix import DataMatrix
+from modalscope.model.checks import Array, RealArray
+from modalscope.realizations.triple import Realization, Triple
+
+__all__ = ["balanced", "first_blocks", "projected", "projected_general"]
+
+
+def projected(matrix: DataMatrix, factors: Factors) -> RealArray:
+    """Return K = P' H(1) Q, (k, k): all that a truncated realization needs of H(1)."""
+    return np.asarray(factors.P.T @ matrix.shifted(1).times(np.ascontiguousarray(factors.Q)))
+
+
+def first_blocks(matrix: DataMatrix, factors: Factors) -> tuple[RealArray, RealArray | None]:
+    """Return C = E_l' H(0) Q d^-1/2 and B = d^1/2 Q' E_m for all kept directions (Eq. 28; 37 and 39 after compression)."""
+    root = np.sqrt(factors.d)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        C = matrix.first_rows(factors.Q / root)
+    first = matrix.first_columns(factors)
+    return C, None if first is None else np.ascontiguousarray((first * root).T)
+
+
+def balanced(matrix: DataMatrix, factors: Factors) -> Realization:
+    """Balanced projection: A = d^-1/2 P' H(1) Q d^-1/2 (Eq. 28, the eigensystem realization algorithm).
+
+    Parameters
+    ----------
+    matrix : DataMatrix
+    factors : Factors
+        Of H(0), the largest order.
+
+    Returns
+    -------
+    Realization
+        The model of order n is the leading n x n block of the largest one.
+    """
+    K, root = projected(matrix, factors), np.sqrt(factors.d)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        A = K / np.outer(root, root)
+    C, B = first_blocks(matrix, factors)
+
+    def triple(n: int) -> Triple:
+        factors.check_order(n)
+        return Triple(A[:n, :n], None if B is None else B[:n], C[:, :n], n)
+
+    return Realization(factors, triple)
+
+
+def projected_general(P: Array, d: Array, Q: Array, shifted: Array, first_row: Array, first_column: Array) -> Triple:
+    """Realize from any factorization H(0) = P diag(d) Q', orthonormal or not: A = d^-1/2 P# H(1) (Q')# d^-1/2 (28, corrected).
+
+    B = d^1/2 Q' E_m keeps Q', C = E_l' P d^1/2 keeps P.
+
+    Parameters
+    ----------
+    P : array, (rows, n)
+    d : array, (n,)
+    Q : array, (columns, n)
+    shifted : array, (rows, columns)
+        H(1).
+    first_row : array of int
+        Rows of the first block (outputs).
+    first_column : array of int
+        Columns of the first block (inputs).
+    """
+    root = np.sqrt(np.asarray(d, dtype=float))
+    A = np.linalg.pinv(P) @ shifted @ np.linalg.pinv(np.asarray(Q).T) / np.outer(root, root)
+    return Triple(A, root[:, None] * np.asarray(Q)[first_column].T, np.asarray(P)[first_row] * root, root.size)

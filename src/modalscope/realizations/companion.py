@@ -1,0 +1,169 @@
+"""Canonical forms: block companion matrices from the null space of the data matrix, or by least squares (Eqs. 42-54, 95-101).
+
+The rows V_0, V_1, ..., V_r of the row factor (V_k = C A^k in the time domain) obey V_r = R [V_0; ...; V_{r-1}], and R is the last block row
+of the companion matrix in the basis of the shift. Minimum-norm R = P_r (E P)# uses all columns of the null space and needs none of
+them; an arbitrary choice of as many columns as outputs would give extraneous poles anywhere.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import scipy.linalg as sla
+
+from modalscope.blocks.factor import Factors
+from modalscope.blocks.matrix import DataMatrix, RowShift
+from modalscope.model.checks import Array, DataError, RealArray
+from modalscope.realizations.shift import check_blocks, shift_grams
+from modalscope.realizations.triple import Realization, Triple
+
+__all__ = ["companion_matrix", "least_squares_companion", "null_space_companion"]
+
+
+def companion_matrix(last: Array, shift: RowShift, degree: int) -> RealArray:
+    """Return the block companion matrix whose last block row expresses V_degree = `last` [V_0; ...; V_(degree-1)].
+
+    Plain shifts give zeros, identities and `last` (Eqs. 53a, 54a with the sign of V_r = R V); a polynomial basis gives its
+    recurrence, h' (x) I, with h[degree, degree - 1] `last` added to the last block row.
+    """
+    block = shift.block
+    size = block * degree
+    if shift.recurrence is None:
+        A = np.eye(size, k=block)
+        A[size - block :] = last
+        return A
+    h = shift.recurrence
+    combined = np.asarray(np.kron(h[:degree, :degree].T, np.eye(block)))
+    combined[size - block :] += h[degree, degree - 1] * last
+    return combined
+
+
+def _input(matrix: DataMatrix) -> RealArray | None:
+    """B = [Y(0); ...; Y(r-1)], the first block column of the data matrix, unweighted; None where columns are lines."""
+    column = matrix.first_block_column(tall=True)
+    if column is None:
+        return None
+    return matrix.row_shift.split(column)[0]
+
+
+def _output(matrix: DataMatrix, factors: Factors, block: int, states: Array) -> RealArray:
+    """C [T_0 V_0; T_0 V_1; ...] = V_0: by the first block where it holds all outputs, else by regression on all blocks.
+
+    `states` is the row factor of the companion's states with Q' the column factor of both.
+    """
+    outputs = matrix.outputs
+    head = np.asarray(matrix.first_block(np.eye(outputs)))
+    if np.linalg.matrix_rank(head) == outputs:
+        return np.hstack([np.linalg.pinv(head), np.zeros((outputs, states.shape[0] - block))])
+    k = states.shape[1]
+    Q = factors.Q if factors.Q.size else matrix.tall().transposed_times(factors.P[:, :k]) / factors.d[:k]
+    seen = matrix.first_rows(np.ascontiguousarray(Q[:, :k]))
+    return np.asarray(np.linalg.lstsq(states.T, seen.T, rcond=None)[0].T)
+
+
+def _needs_whole_blocks(matrix: DataMatrix) -> tuple[RowShift, int]:
+    shift = matrix.row_shift
+    if not shift.whole:
+        raise DataError(
+            "a companion form was asked",
+            "its block rows are not whole: channels were left out of some",
+            "Leave these channels out altogether with select(), or use method='alternate', 'era' or 'least_squares'.",
+        )
+    return shift, matrix.block_rows
+
+
+def null_space_companion(matrix: DataMatrix, factors: Factors) -> Realization:
+    """Observable canonical form: last block row P_r (E P_n)#, which is -[X_0 ... X_(r-1)] of Eqs. 52-54 from all columns, minimum norm.
+
+    Parameters
+    ----------
+    matrix : DataMatrix
+    factors : Factors
+        Of the matrix with one block row more, the largest rank.
+
+    Returns
+    -------
+    Realization
+        Models with l r poles at any rank n; the l r - n that the truncation does not explain are extraneous.
+    """
+    shift, r = _needs_whole_blocks(matrix)
+    gram, _ = shift_grams(matrix, factors)
+    P = shift.unweighted(factors.P)
+    block = shift.block
+    before, last = P[: block * r], P[block * r :]
+    B = _input(matrix)
+
+    def triple(n: int) -> Triple:
+        factors.check_order(n)
+        if block * r < n:
+            raise DataError(
+                f"order={n} in canonical form was asked",
+                f"{r} block rows of {block} channels carry {block * r} states",
+                "Raise block_rows (block_columns in the controllable form).",
+            )
+        check_blocks(gram, n, r)
+        R = last[:, :n] @ sla.solve(gram[:n, :n], before[:, :n].T, assume_a="pos", check_finite=False)
+        C = _output(matrix, factors, block, before[:, :n] * factors.d[:n])
+        span = np.linalg.qr(before[:, :n])[0] if n < block * r else None
+        return Triple(companion_matrix(R, shift, r), B, C, n, span)
+
+    return Realization(factors, triple, canonical=True)
+
+
+def _check_explained(left: RealArray, whole: RealArray, blocks: int, limit: float) -> None:
+    """Raise when blocks that have lost rank do not give the next one: fewer than the observability index."""
+    share = float(np.linalg.norm(left) / max(np.linalg.norm(whole), np.finfo(float).tiny))
+    if share > limit:
+        raise DataError(
+            f"a least-squares companion of {blocks} blocks was asked",
+            f"these blocks are singular and leave {100 * share:.2g} % of the next one: fewer than the observability index",
+            "Raise the order by a block or more.",
+        )
+
+
+def least_squares_companion(matrix: DataMatrix, factors: Factors) -> Realization:
+    """Least-squares form without truncation: the last block row H_p [H_0; ...; H_(p-1)]#, every degree p from one factorization.
+
+    The regression of Eq. 65 without truncation, and with the roles of inputs and outputs exchanged the polyreference complex
+    exponential (PRCE; LSCE with one input). The order is the number of states, p times the size of a block. With H = L Q' and L
+    lower triangular the degrees are nested: the last block row is L[p, :p] L[:p, :p]^-1, whatever follows. Where L[:p, :p] has
+    lost rank (no noise, or more rows than columns) the minimum-norm solution takes its place.
+
+    Parameters
+    ----------
+    matrix : DataMatrix
+    factors : Factors
+        Of the matrix with one block row more, complete.
+    """
+    shift, r = _needs_whole_blocks(matrix)
+    block = shift.block
+    # P diag(d) differs from the matrix by orthonormal columns only
+    stand_in = shift.unweighted(factors.P * factors.d)
+    rcond = max(stand_in.shape) * np.finfo(float).eps
+    B = _input(matrix)
+
+    @cache
+    def triangle() -> RealArray:
+        return np.asarray(sla.qr(stand_in.T, mode="r", check_finite=False)[0].T)
+
+    def triple(n: int) -> Triple:
+        p, rest = divmod(n, block)
+        if rest or not 1 <= p <= r:
+            raise DataError(
+                f"order={n} of a least-squares companion was asked",
+                f"its order is a multiple of {block}, at most {block * r} with {r} blocks",
+                "Choose such an order, or raise block_rows (block_columns in the controllable form).",
+            )
+        L = triangle()
+        known, target = L[:n, :n], L[n : n + block, :n]
+        pivots = np.abs(np.diag(known))
+        if n <= L.shape[1] and pivots.min() > np.sqrt(rcond) * pivots.max():
+            R = sla.solve_triangular(known, target.T, lower=True, trans="T", check_finite=False).T
+        else:
+            R = np.linalg.lstsq(known.T, target.T, rcond=rcond)[0].T
+            _check_explained(L[n : n + block] - R @ L[:n], L[n : n + block], p, np.sqrt(rcond))
+        C = _output(matrix, factors, block, stand_in[:n])
+        return Triple(companion_matrix(R, shift, p), None if B is None else B[:n], C, min(n, factors.rank))
+
+    return Realization(factors, triple, canonical=True)

@@ -1,0 +1,46 @@
+"""Least-squares regression on H(0) (Eqs. 65-66), truncated: an n x n problem, whatever the size of the data matrix."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modalscope.blocks.factor import Factors
+from modalscope.blocks.matrix import DataMatrix
+from modalscope.model.checks import Array, RealArray
+from modalscope.realizations.balanced import projected
+from modalscope.realizations.triple import Realization, Triple
+
+__all__ = ["regression", "regression_matrix"]
+
+
+def regression(matrix: DataMatrix, factors: Factors) -> Realization:
+    """Regression A = H(1) H(0)#_n (Eq. 65): the n states in which its nonzero poles lie.
+
+    The matrix of Eq. 65 is of the order of the rows of H(0); with the rank-n pseudo-inverse H(0)#_n = Q d^-1 P' all but n of
+    its poles are zero, and those n are the poles of P' H(1) Q d^-1. In these states B = d Q' E_m and C A = E_l' H(1) Q d^-1, so that
+    C A^k B = E_l' [H(1) H(0)#_n]^k H(0)_n E_m for every k >= 1.
+
+    Parameters
+    ----------
+    matrix : DataMatrix
+    factors : Factors
+        Of H(0), the largest order.
+    """
+    d = factors.d
+    with np.errstate(divide="ignore", invalid="ignore"):
+        A = projected(matrix, factors) / d
+        CA = matrix.first_rows(factors.Q / d, 1)
+    first = matrix.first_columns(factors)
+    B = None if first is None else np.ascontiguousarray((first * d).T)
+
+    def triple(n: int) -> Triple:
+        factors.check_order(n)
+        C = np.linalg.lstsq(A[:n, :n].T, CA[:, :n].T, rcond=None)[0].T
+        return Triple(A[:n, :n], None if B is None else B[:n], C, n)
+
+    return Realization(factors, triple, row_power=0.0)
+
+
+def regression_matrix(shifted: Array, P: Array, d: Array, Q: Array) -> RealArray:
+    """Return the whole A = H(1) Q d^-1 P' of Eq. 65, of the order of the rows of H(0): for tests and for small problems only."""
+    return np.asarray(shifted @ (np.asarray(Q) / d) @ np.asarray(P).T)

@@ -1,5 +1,0 @@
-"""The written result: one self-contained HTML file that can be sent to anybody."""
-
-from modalscope.report.document import report, report_modes
-
-__all__ = ["report", "report_modes"]

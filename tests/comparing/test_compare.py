@@ -1,0 +1,208 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from modalscope import systems
+from modalscope.comparing import CAUSES, Comparison, compare
+from modalscope.comparing.agreement import pair
+from modalscope.comparing.identities import check_identities
+from modalscope.comparing.kinship import SAME, kinship, pole_distance, subspace_angle
+from modalscope.comparing.plan import plan
+from modalscope.comparing.scatter import noise_floor
+from modalscope.modal.rebuilt import rebuilt
+from modalscope.model import DataError, FrequencyResponse, ImpulseResponse
+
+#: 40 dB.
+NOISE = 0.01
+
+#: Identities hold to 100 eps sigma_1 / sigma_n; at 40 dB the last kept singular value is at most 1e4 times smaller.
+IDENTITY = 1e-9
+
+ORDERS = range(2, 25, 2)
+
+
+def chain(seed: int = 0, **changes: object) -> ImpulseResponse:
+    return systems.chain5().impulse_response(400, noise=NOISE, seed=seed, **changes)  # type: ignore[arg-type]
+
+
+def chain_lines(seed: int = 0) -> FrequencyResponse:
+    lines = np.arange(30, 751) * 0.01  # multiples of their spacing, so that the time rows can take them
+    return systems.chain5().frequency_response(lines, quantity="acceleration", noise=NOISE, seed=seed)
+
+
+@pytest.fixture(scope="module")
+def clean() -> Comparison:
+    return compare(chain(), orders=ORDERS, workers=1)
+
+
+@pytest.fixture(scope="module")
+def lines() -> Comparison:
+    return compare(chain_lines(), ["era", "least_squares", "alternate/s", "lscf"], orders=range(2, 31, 2), workers=1)
+
+
+def test_every_mode_of_a_known_structure_is_found_and_trusted_within_its_stated_scatter(clean: Comparison) -> None:
+    truth = systems.chain5().modes()
+    assert len(clean.modes) == 5
+    assert all(t.trusted for t in clean.trust)
+    assert np.all(np.abs(clean.modes.frequencies - truth.frequencies) < clean.scatter.frequency)
+    assert np.all(np.abs(clean.modes.damping_ratios - truth.damping_ratios) < clean.scatter.damping)
+    assert clean.fit_error == pytest.approx(NOISE, rel=0.1)  # what is left is the noise
+    assert not clean.findings
+
+
+def test_every_cell_that_samples_allow_is_a_row_and_the_others_are_noted(clean: Comparison) -> None:
+    assert {r.method.domain for r in clean.results} == {"time", "z"}
+    assert any("domain s left out" in note for note in clean.notes)
+    assert all(r.seconds > 0 and r.fit_error is not None for r in clean.results if not r.failure)
+
+
+def test_methods_that_are_the_same_have_distance_zero_and_one_vote(clean: Comparison) -> None:
+    kin = clean.kinship
+    a, b = kin.names.index("era (time)"), kin.names.index("least_squares (time)")
+    assert kin.distances[a, b] < SAME
+    # coordinates are roots of eigenvalues: rounding of 1e-12 in distances becomes 1e-6
+    assert kin.places[a] == pytest.approx(kin.places[b], abs=1e-4)
+    assert kin.class_of("era (time)") == kin.class_of("least_squares (time)")
+    assert clean.groups[0].voters == len(kin.classes)
+    assert kin.distances.max() < 1  # all found the structure
+
+
+def test_identities_hold_on_noisy_samples_and_lines(clean: Comparison, lines: Comparison) -> None:
+    assert len(clean.identities) >= 5
+    for identity in (*clean.identities, *lines.identities):
+        assert identity.residual < IDENTITY, identity.name
+
+
+def test_an_identity_that_cannot_be_checked_says_why() -> None:
+    short = ImpulseResponse(values=chain().values[:4], sampling_rate=20.0)
+    found = check_identities(short, 2)
+    assert all(i.residual < IDENTITY or i.note for i in found)
+
+
+def test_transformed_data_are_compared_but_have_no_vote(lines: Comparison) -> None:
+    assert {r.exact for r in lines.results if r.method.domain == "time"} == {False}
+    assert all(not name.endswith("(time)") for g in lines.groups for name in g.votes)
+    assert "era (time)" in lines.groups[0].members
+    truth = systems.chain5().modes()
+    assert np.all(np.abs(lines.modes.frequencies - truth.frequencies) < lines.scatter.frequency)
+
+
+def test_the_noise_alone_leaves_open_what_an_efficient_estimate_scatters() -> None:
+    """One mode, one channel: variance of Re s and Im s is that of white noise through known derivatives."""
+    structure = systems.chain([1.0], [400.0], [0.4])
+    modes = structure.modes()
+    clean = structure.impulse_response(300, sampling_rate=20.0, input="dirac")
+    noisy = systems.add_noise(clean, 0.05, 1)
+    f, zeta = noise_floor(noisy, modes, rebuilt(noisy, modes), None)
+    t = np.arange(300) / 20.0
+    s = modes.poles[0]
+    R = modes.residues[0, 0, 0]
+    e = np.exp(s * t)
+    # columns of the Jacobian with respect to Re s, Im s, Re R, Im R, of 2 Re(R exp(s t))
+    J = np.column_stack([2 * (R * t * e).real, -2 * (R * t * e).imag, 2 * e.real, -2 * e.imag])
+    sigma = 0.05 * np.sqrt(np.mean(clean.values**2))
+    covariance = sigma**2 * np.linalg.inv(J.T @ J)[:2, :2]
+    to_f = np.array([s.real, s.imag]) / abs(s) / (2 * np.pi)
+    # the noise level is estimated from 300 samples, good to 1 / sqrt(600) = 4 %; three times that
+    assert f[0] == pytest.approx(np.sqrt(to_f @ covariance @ to_f), rel=0.12)
+    to_zeta = np.array([-(s.imag**2), s.real * s.imag]) / abs(s) ** 3
+    assert zeta[0] == pytest.approx(np.sqrt(to_zeta @ covariance @ to_zeta), rel=0.12)
+
+
+def test_a_method_that_fails_is_a_row_that_says_why_and_stops_no_other() -> None:
+    c = compare(chain(), ["era", "era/s", "alternate/time"], orders=ORDERS, workers=1)
+    failed = c["era (s)"]
+    assert failed.modes is None
+    assert "no rational function" in failed.failure
+    assert len(c["alternate (time)"].modes or ()) == 5
+    assert "failed" in c.table()
+    assert "1 of 4 methods failed: era (s)" in c.verdict
+
+
+def test_no_method_at_all_gives_a_verdict_and_no_modes() -> None:
+    c = compare(chain(), ["era/s"], orders=ORDERS)
+    assert not len(c.modes)
+    assert c.verdict.startswith("No method could use these data.")
+    assert c.table()
+
+
+def test_progress_counts_to_the_end_whatever_fails() -> None:
+    seen: list[tuple[int, int]] = []
+    compare(
+        chain(),
+        ["era/time", "era/s"],
+        orders=ORDERS,
+        workers=1,
+        progress=lambda done, total: seen.append((done, total)),
+    )
+    assert seen[-1] == (2 * len(ORDERS), 2 * len(ORDERS))
+    assert [done for done, _ in seen] == sorted(done for done, _ in seen)
+
+
+def test_the_same_whatever_the_number_of_workers() -> None:
+    one, two = (compare(chain(), ["era", "alternate"], orders=ORDERS, workers=n) for n in (1, 2))
+    assert np.array_equal(one.modes.poles, two.modes.poles)
+    assert one.verdict == two.verdict
+
+
+def test_the_table_holds_modes_methods_and_verdict(clean: Comparison) -> None:
+    text = clean.table()
+    for r in clean.results:
+        assert r.name in text
+    assert f"{clean.modes.frequencies[0]:.4f}" in text
+    assert clean.verdict in text
+
+
+def test_named_methods_cells_and_pairs_are_understood() -> None:
+    response = chain()
+    cells, _ = plan(response, ["era", ("alternate", "time"), "prce/time"], [2, 4])
+    assert [str(c.method) for c in cells] == ["era (time)", "era (z)", "alternate (time)", "prce (time)"]
+    with pytest.raises(DataError, match="Did you mean 'era'"):
+        plan(response, ["eraa"], None)
+    with pytest.raises(DataError, match="no method was named"):
+        plan(response, [], None)
+    with pytest.raises(DataError, match="orders of at least 1"):
+        plan(response, "all", [0, 2])
+
+
+def test_uneven_lines_leave_the_time_domain_out_with_a_note() -> None:
+    r = chain_lines()
+    uneven = r.at_lines(np.r_[0:300, 301 : r.lines])
+    cells, notes = plan(uneven, "all", None)
+    assert all(c.method.domain != "time" for c in cells)
+    assert any("domain time left out" in note for note in notes)
+
+
+def test_pole_sets_are_compared_by_half_bandwidths_and_shares() -> None:
+    s = np.array([-1 + 50j, -1 + 90j])
+    w = np.array([3.0, 1.0])
+    assert pole_distance((s, w), (s, w)) == 0
+    assert pole_distance((s, w), (s[::-1], w[::-1])) == 0
+    assert pole_distance((s, w), (s + 0.5, w)) == pytest.approx(0.5)  # half of a half bandwidth of at most 1
+    assert pole_distance((s, w), (s[:1], w[:1])) == pytest.approx(1 - (0.75 + 1) / 2)  # the second stands alone
+
+
+def test_subspaces_of_the_same_modes_make_no_angle_whatever_their_scaling() -> None:
+    modes = systems.chain5().modes()
+    turned = replace(modes, shapes=modes.shapes * np.exp(1j * np.arange(5)))
+    assert subspace_angle(modes, turned) < 1e-4  # the arc cosine of 1 - eps is 1e-6 degrees
+    assert subspace_angle(modes.take([0]), modes.take([4])) > 45
+    assert subspace_angle(modes, modes.take([])) == 90
+
+
+def test_modes_are_paired_by_shape_where_frequencies_cannot_tell() -> None:
+    response = systems.close4().impulse_response(400, noise=NOISE, seed=3)
+    c = compare(response, ["era/time", "alternate/time", "prce/time"], orders=ORDERS, workers=1)
+    assert len(c.modes) == 4
+    for g in c.groups:
+        assert min(g.mac.values()) > 0.95  # shapes of a pair are orthogonal: a wrong pairing would give 0
+    confirmed, unconfirmed = pair(c.results, kinship(c.results))
+    assert [g.frequency for g in confirmed] == [g.frequency for g in c.groups]
+    assert not unconfirmed
+
+
+def test_every_cause_has_a_remedy() -> None:
+    assert all(text.endswith(".") for text in CAUSES.values())
