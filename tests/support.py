@@ -5,7 +5,7 @@ Import it as `from tests.support import ...`.
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from hypothesis import strategies as st
@@ -13,8 +13,11 @@ from numpy.typing import ArrayLike
 from scipy.optimize import linear_sum_assignment
 
 from modalscope import systems
+from modalscope.identification.pipeline import Pipeline, factor
+from modalscope.identification.prepare import prepare
 from modalscope.model import FrequencyResponse, ImpulseResponse, Signals, StateSpace
 from modalscope.model.poles import frequencies_and_damping, one_of_each_pair, poles_from
+from modalscope.model.response import Response
 
 #: The five structures on which every method is tried, by name; call one to build it.
 FIVE = {name: systems.catalog()[name] for name in ("chain5", "ring5", "close4", "heavy4", "over4")}
@@ -23,6 +26,12 @@ FIVE = {name: systems.catalog()[name] for name in ("chain5", "ring5", "close4", 
 SNR_DB = 20.0
 
 EPS = float(np.finfo(float).eps)
+
+
+def built(data: Signals | Response, order: int, **options: Any) -> Pipeline:
+    """Factor data for one row of the table up to an order; the options are those of `identify`."""
+    return factor(prepare(data, **options), order)
+
 
 Noisy = TypeVar("Noisy", ImpulseResponse, FrequencyResponse, Signals)
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modalscope.model.channels import Channels, check_quantity, derivatives_between
+from modalscope.model.channels import check_quantity, derivatives_between
 from modalscope.model.checks import (
     Array,
     ComplexArray,
@@ -22,12 +22,22 @@ from modalscope.model.checks import (
     real_array,
 )
 from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.modal_basis import ModalBasis, line_basis, line_derivatives, residual_powers, scaled_terms
+from modalscope.model.response import AsLines, AsSamples, Response
+
+if TYPE_CHECKING:
+    from modalscope.model.modes import ModalModel
+    from modalscope.model.statespace import StateSpace
 
 __all__ = ["FrequencyResponse"]
 
 
+#: Up to so many lines residuals explain the modes themselves.
+_FEW_LINES = 8
+
+
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class FrequencyResponse(Channels):
+class FrequencyResponse(Response):
     """Complex frequency responses H(f) = output / input on increasing lines.
 
     Parameters
@@ -103,6 +113,109 @@ class FrequencyResponse(Channels):
     def lines(self) -> int:
         """Number of lines."""
         return int(self.frequencies.size)
+
+    @property
+    def origin(self) -> str:
+        """Lines."""
+        return "lines"
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Lowest and highest line, Hz."""
+        return float(self.frequencies[0]), float(self.frequencies[-1])
+
+    @property
+    def held_input(self) -> bool:
+        """Whether this is the response of a sampled system."""
+        return self.sampling_rate is not None
+
+    @property
+    def steps_late(self) -> int:
+        """Lines begin at the impulse itself: 0."""
+        return 0
+
+    def basis(self, poles: Array, powers: tuple[int, ...] = (0,), weights: Array | None = None) -> ModalBasis:
+        """Return what poles can contribute on the lines; see `Response.basis`.
+
+        Raises
+        ------
+        DataError
+            A line at 0 Hz with a residual that divides by its frequency.
+        """
+        if powers and min(powers) < 0 and self.frequencies[0] == 0:
+            raise DataError(
+                "residuals of modes below the band were asked",
+                f"the {self.quantity or 'response'} has a line at 0 Hz, where they are infinite",
+                "Leave that line out with band(), or ask for residuals=False.",
+            )
+        return line_basis(self.frequencies, self.sampling_rate, self.values, poles, powers, weights)
+
+    @property
+    def outside_powers(self) -> tuple[int, ...]:
+        """Mass line of the modes below, (j w)^(p-2), and stiffness line of those above, (j w)^p; a sampled system has a direct term."""
+        residuals = self.sampling_rate is None and self.frequencies[0] > 0 and self.lines > _FEW_LINES
+        return residual_powers(self.quantity, residuals)
+
+    def named_terms(self, terms: RealArray, powers: tuple[int, ...]) -> dict[str, RealArray | None]:
+        """Return fitted terms by name; see `Response.named_terms`."""
+        if len(powers) == 1:
+            return {"feedthrough": terms[0]}
+        lower, upper = scaled_terms(terms, powers, self.frequencies)
+        return {"lower_residual": lower, "upper_residual": upper}
+
+    def derivatives(self, poles: Array) -> RealArray:
+        """Return d/ds of the functions of `basis`; see `Response.derivatives`."""
+        return line_derivatives(self.frequencies, self.sampling_rate, poles)
+
+    def spectrum(self) -> tuple[RealArray, ComplexArray]:
+        """Return the lines and the values themselves."""
+        return self.frequencies, self.values
+
+    def energy(self, decay: Array) -> RealArray:
+        """Return pi / (decay step): the integral of |1 / (j w - s)|^2 over w, on lines that lie `step` apart in w."""
+        step = 2 * np.pi * np.median(np.diff(self.frequencies)) if self.lines > 1 else 1.0
+        return np.asarray(np.pi / np.asarray(decay) / step)
+
+    @property
+    def exact_samples(self) -> bool:
+        """Whether the lines are those of a sampled system from zero to half its rate."""
+        rate, (low, high) = self.sampling_rate, self.span
+        return rate is not None and low == 0 and bool(np.isclose(high, rate / 2))
+
+    @property
+    def exact_lines(self) -> bool:
+        """True: these are the lines."""
+        return True
+
+    def as_samples(self) -> AsSamples:
+        """Return the inverse transform, see `exact_samples`."""
+        note = "the lines were transformed to samples: damping is biased unless they cover the whole spectrum"
+        return AsSamples(self.to_impulse_response(), note)
+
+    def as_lines(self) -> AsLines:
+        """Return the lines themselves."""
+        return AsLines(self, "")
+
+    def in_band(self, band: tuple[float, float] | None) -> FrequencyResponse:
+        """Return the lines in a band."""
+        return self if band is None else self.band(*band)
+
+    def reported_band(self, band: tuple[float, float] | None) -> tuple[float, float]:
+        """Return the lowest and the highest line: the band has cut them."""
+        return self.span
+
+    def rebuilt_by(self, model: StateSpace) -> FrequencyResponse:
+        """Return the response of a model on these lines; see `Response.rebuilt_by`."""
+        return model.frequency_response(self.frequencies, **self.rebuilt_labels())
+
+    def values_of(self, model: StateSpace) -> Array:
+        """Return the transfer functions of a model on these lines; see `Response.values_of`."""
+        s = 2j * np.pi * self.frequencies
+        return model.transfer(s if model.dt is None else np.exp(s * model.dt))
+
+    def of_modes(self, modes: ModalModel) -> FrequencyResponse:
+        """Return the response of modes on these lines; see `Response.of_modes`."""
+        return modes.frequency_response(self.frequencies)
 
     def band(self, lowest: float, highest: float) -> FrequencyResponse:
         """Return the lines from `lowest` to `highest` Hz, both included.

@@ -10,8 +10,7 @@ import numpy as np
 from modalscope import plot
 from modalscope.comparing import CAUSES, Comparison, MethodResult
 from modalscope.comparing.scatter import COVERAGE
-from modalscope.modal.basis import fit_error
-from modalscope.modal.rebuilt import rebuilt
+from modalscope.modal.rebuilt import fit_error, rebuilt
 from modalscope.reporting import record, sections
 from modalscope.reporting.figures import draw, stabilization_svg
 from modalscope.reporting.html import Section, listing, paragraph, picture, script, table
