@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.cli import main, parse_orders
+from modalscope.cli import main
 
 
 @pytest.fixture
@@ -76,11 +76,6 @@ def test_every_kind_of_simulated_test_is_identified(kind, tmp_path):
     path = tmp_path / "test.npz"
     assert main(["simulate", "heavy4", "--kind", kind, "-o", str(path)]) == 0
     assert main(["identify", str(path)]) == 0
-
-
-def test_both_ends_of_a_range_of_orders_belong_to_it():
-    assert list(parse_orders("2:60:2")) == list(range(2, 61, 2))
-    assert list(parse_orders("4:6")) == [4, 5, 6]
 
 
 def test_bands_given_one_by_one_are_merged_and_no_mode_stands_twice(test_file, tmp_path, capsys):
