@@ -6,9 +6,11 @@ import tomllib
 from pathlib import Path
 
 import modalscope
+from modalscope.model.version import VERSION
 
 PROJECT = Path(__file__).resolve().parents[1] / "pyproject.toml"
 
 
-def test_the_package_and_its_project_file_state_one_version() -> None:
-    assert modalscope.__version__ == tomllib.loads(PROJECT.read_text(encoding="utf-8"))["project"]["version"]
+def test_the_package_its_files_and_its_project_file_state_one_version() -> None:
+    stated = tomllib.loads(PROJECT.read_text(encoding="utf-8"))["project"]["version"]
+    assert modalscope.__version__ == VERSION == stated

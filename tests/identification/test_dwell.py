@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from modalscope import DataError, FrequencyResponse, mac
-from modalscope.identification.dwell import mmif, tuned_dwell
+from modalscope.identification.dwell import tuned_dwell
+from modalscope.modal.indicators import mmif
 from modalscope.systems import chain
 from tests.support import FIVE, add_noise
 
