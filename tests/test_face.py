@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -76,7 +77,7 @@ def test_type_checkers_see_the_names_in_the_modules_that_they_are_loaded_from() 
     assert sorted(seen) == ms.__all__
     for name, place in seen.items():
         module, _, attribute = place.rpartition(".")
-        assert getattr(sys.modules[module], attribute) is getattr(ms, name)
+        assert getattr(import_module(module), attribute) is getattr(ms, name)
 
 
 def test_importing_the_package_loads_no_numerical_library() -> None:
@@ -85,13 +86,8 @@ def test_importing_the_package_loads_no_numerical_library() -> None:
 
 
 def test_namespaces_need_no_import_of_their_own() -> None:
-    for namespace, name in (
-        ("plot", "stabilization"),
-        ("systems", "chain5"),
-        ("indicators", "cmif"),
-        ("preprocess", "examine"),
-    ):
-        assert name in fresh(f"import modalscope as ms; print(ms.{namespace}.{name})")
+    asked = "ms.plot.stabilization, ms.systems.chain5, ms.indicators.cmif, ms.preprocess.examine"
+    assert fresh(f"import modalscope as ms; print(len([{asked}]))") == "4"
 
 
 def test_pairing_is_loaded_when_poles_are_paired_and_not_before() -> None:

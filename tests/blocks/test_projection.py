@@ -81,6 +81,7 @@ def test_free_decays_without_noise_give_the_poles_to_rounding():
     assert np.max(np.min(np.abs(z[:, None] - poles), axis=1)) < 1e-9
 
 
+@pytest.mark.study
 def test_the_poles_of_white_driven_records_converge_with_their_length():
     building = ms.systems.spring_chain()
     modes = building.modes()
