@@ -52,8 +52,10 @@ EXTENDED = extended()
 
 
 def described(thing: Callable[..., Any]) -> set[str]:
-    """Return the names in the Parameters section of a docstring."""
-    section = re.search(r"^Parameters\n-+\n(.*?)(?=^\S[^\n]*\n-+$|\Z)", inspect.getdoc(thing) or "", re.S | re.M)
+    """Return the names in the Parameters section of a docstring; a named tuple may call it Attributes."""
+    section = re.search(
+        r"^(?:Parameters|Attributes)\n-+\n(.*?)(?=^\S[^\n]*\n-+$|\Z)", inspect.getdoc(thing) or "", re.S | re.M
+    )
     heads = [line for line in (section[1].splitlines() if section else ()) if line and not line[0].isspace()]
     return {name.strip().lstrip("*") for head in heads for name in head.partition(" : ")[0].split(",")}
 

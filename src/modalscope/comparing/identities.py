@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg as sla
-from scipy.optimize import linear_sum_assignment
 
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
 from modalscope.model.checks import Array, DataError
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.pairing import assign
 from modalscope.model.response import Response
 from modalscope.realizations.balanced import projected_general
 
@@ -116,7 +116,7 @@ def pole_residual(a: Array, b: Array) -> float:
     """
     s, t = np.asarray(a, complex), np.asarray(b, complex)
     apart = np.abs(s[:, None] - t)
-    rows, columns = linear_sum_assignment(apart)
+    rows, columns = assign(apart)
     return float(apart[rows, columns].max() / np.abs(t).max())
 
 

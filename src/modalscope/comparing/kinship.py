@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as sla
-from scipy.optimize import linear_sum_assignment
 
 from modalscope.comparing.run import MethodResult
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.modes import ModalModel
+from modalscope.model.pairing import assign
 
 __all__ = ["Kinship", "kinship", "pole_distance", "subspace_angle"]
 
@@ -133,7 +133,7 @@ def pole_distance(a: tuple[ComplexArray, RealArray], b: tuple[ComplexArray, Real
     half = np.maximum(np.abs(s.real)[:, None], np.abs(t.real))
     apart = np.minimum(np.abs(s[:, None] - t) / np.maximum(half, 1e-300), 1.0)
     weight = (v[:, None] + w) / 2
-    rows, columns = linear_sum_assignment(weight * (apart - 1))
+    rows, columns = assign(weight * (apart - 1))
     paired = weight[rows, columns]
     # what stands alone counts in full: the shares of both sides sum to one
     return float(np.clip(1 - np.sum(paired * (1 - apart[rows, columns])), 0, 1))

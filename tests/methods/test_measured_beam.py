@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,8 +12,7 @@ from modalscope import FrequencyResponse, ModalModel, identify, read, select, st
 from modalscope.identification.dwell import tuned_dwell
 from modalscope.judging.bands import merge_bands
 from modalscope.modal.shapes import fit_residues
-
-FOLDER = Path(__file__).parents[2] / "examples" / "beam_hammer"
+from tests.support import BEAM
 
 #: The responses' own spread, Hz below and above 3 kHz (examples/beam_hammer/README.md), and what damping may differ by.
 SPREAD, DAMPING = (0.2, 0.5), 0.2
@@ -22,14 +20,14 @@ SPREAD, DAMPING = (0.2, 0.5), 0.2
 
 @cache
 def beam() -> FrequencyResponse:
-    data = read(FOLDER / "beam_hammer.uff")
+    data = read(BEAM / "beam_hammer.uff")
     assert isinstance(data, FrequencyResponse)
     return data.band(50, 4400)
 
 
 @cache
 def published() -> tuple[np.ndarray, np.ndarray]:
-    with (FOLDER / "published_modes.csv").open() as lines:
+    with (BEAM / "published_modes.csv").open() as lines:
         rows = list(csv.DictReader(lines))
     return tuple(np.array([float(row[key]) for row in rows]) for key in ("frequency_hz", "damping_ratio"))  # type: ignore[return-value]
 
