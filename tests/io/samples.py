@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.model import FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals
+from modalscope.model import FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Note, Signals
 
 OUTPUTS, INPUTS = ("1:+Z", "2:+Z", "12:-X"), ("1:+Z", "shaker")
 UNITS = ("m/s2", "N")
@@ -80,6 +80,7 @@ def modes(seed: int = 0, count: int = 2) -> ModalModel:
         units=UNITS,
         geometry=geometry(seed),
         processing=("band 1 to 100 Hz",),
+        notes=[Note("rank", {"rank": 12}, "the data have rank 12"), "seen in one band"],
     )
 
 

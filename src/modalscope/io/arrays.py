@@ -2,7 +2,7 @@
 
 Each field of a noun is an array of that name; what is None is left out. Texts are text arrays. Units are `output_units` and
 `input_units`, a geometry is `geometry_nodes`, `geometry_coordinates`, `geometry_lines` and `geometry_faces` (indices into
-the nodes, from 0) and `geometry_motions` (JSON text), indicators are `indicator_<name>`, reasons are JSON text.
+the nodes, from 0) and `geometry_motions` (JSON text), indicators are `indicator_<name>`, reasons and notes are JSON text.
 
 | the file holds | it is |
 |---|---|
@@ -23,13 +23,16 @@ from typing import Any
 import numpy as np
 
 from modalscope.io.contents import Thing
-from modalscope.model import FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals
+from modalscope.model import FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Note, Signals
 from modalscope.model.checks import Array
 
-__all__ = ["AXES", "GEOMETRY", "INDICATOR", "TEXTS", "from_json_numbers", "names_of", "noun_of", "to_arrays"]
+__all__ = ["AXES", "GEOMETRY", "INDICATOR", "JSON", "TEXTS", "from_json_numbers", "names_of", "noun_of", "to_arrays"]
 
 TEXTS = ("output_dofs", "input_dofs", "processing", "quantities", "output_units", "input_units", "geometry_nodes")
 INDICATOR = "indicator_"
+
+#: Fields that stand there as JSON text.
+JSON = ("reasons", "notes", "geometry_motions")
 GEOMETRY = ("geometry_nodes", "geometry_coordinates", "geometry_lines", "geometry_faces", "geometry_motions")
 
 #: Axes of the arrays that people store in another order.
@@ -80,7 +83,7 @@ def to_arrays(thing: Thing) -> dict[str, Array]:
             arrays |= {} if value is None else _geometry_arrays(value)
         elif name == "indicators":
             arrays |= {INDICATOR + key: np.asarray(array) for key, array in value.items()}
-        elif name == "reasons":
+        elif name in JSON:
             arrays |= {name: np.asarray(json.dumps(value, default=from_json_numbers))} if value else {}
         elif name in TEXTS:
             arrays[name] = _texts("" if text is None else text for text in value)
@@ -106,7 +109,9 @@ def _geometry_arrays(geometry: Geometry) -> dict[str, Array]:
 
 
 def from_json_numbers(value: object) -> object:
-    """Turn numpy's numbers and arrays into Python's for the json module; anything else is a TypeError, as it asks."""
+    """Turn numpy's numbers and arrays and notes into Python's own for the json module; anything else is a TypeError, as it asks."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
+    if isinstance(value, Note):
+        return value.to_dict()
     raise TypeError(f"{type(value).__name__} is not a JSON value")

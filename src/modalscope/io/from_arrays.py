@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.io.arrays import AXES, GEOMETRY, INDICATOR, TEXTS, names_of, noun_of
+from modalscope.io.arrays import AXES, GEOMETRY, INDICATOR, JSON, TEXTS, names_of, noun_of
 from modalscope.io.contents import Contents, Finding, Options, Thing
 from modalscope.model import DataError, FrequencyResponse, Geometry, ModalModel, Signals
 from modalscope.model.checks import Array
@@ -37,7 +37,6 @@ FIELD_OPTIONS = (
 _TEXT = ("quantity", "kind", "scaling")
 _FLOATS = ("sampling_rate", "added_damping", "dt")
 _WHOLE = ("averages", "first_sample")
-_JSON = ("reasons", "geometry_motions")
 
 #: Names that others use; only for the hint of an error message.
 _OTHERS = {
@@ -182,7 +181,7 @@ def _build(where: str, noun: type[Any], held: dict[str, Array], given: dict[str,
 def _value(where: str, name: str, array: Array) -> Any:
     """Return the array as the noun's field wants it: text, texts, a number, JSON or the array itself."""
     textual = array.dtype.kind in "US"
-    if textual is not (name in (*_TEXT, *TEXTS, *_JSON)) and array.size:
+    if textual is not (name in (*_TEXT, *TEXTS, *JSON)) and array.size:
         wanted = "numbers" if textual else "text"
         raise DataError(
             f"{name} in {where} needs {wanted}",
@@ -194,7 +193,7 @@ def _value(where: str, name: str, array: Array) -> Any:
     if name in TEXTS:
         texts = tuple(str(text) for text in np.atleast_1d(array).ravel())
         return tuple(text or None for text in texts) if name == "quantities" else texts
-    if name in (*_TEXT, *_JSON, *_FLOATS, *_WHOLE, "held_input"):
+    if name in (*_TEXT, *JSON, *_FLOATS, *_WHOLE, "held_input"):
         if array.size != 1:
             raise DataError(
                 f"{name} in {where} needs one entry",
@@ -206,7 +205,7 @@ def _value(where: str, name: str, array: Array) -> Any:
 
 
 def _scalar(where: str, name: str, value: Any) -> Any:
-    if name in _JSON:
+    if name in JSON:
         try:
             return json.loads(value)
         except ValueError as error:

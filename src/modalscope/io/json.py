@@ -6,7 +6,7 @@ The layout is that of the command line (`identify -o modes.json`):
      "modes": [{"frequency_hz", "damping_ratio", "kind", "frequency_spread_hz", "damping_ratio_spread", "frequency_std_hz",
                 "damping_ratio_std", "indicators": {...}, "reasons": {...}, "shape": {"dof", "real", "imag"},
                 "pole": {"real", "imag"}, "participation": {"dof", "real", "imag"}}],
-     "geometry", "feedthrough", "lower_residual", "upper_residual"}
+     "geometry", "feedthrough", "lower_residual", "upper_residual", "notes": [{"kind", "numbers", "text"}]}
 
 `pole` (rad/s) keeps every digit; a file without it is read by frequency and damping ratio. What is not known is null.
 """
@@ -63,6 +63,7 @@ def write(path: Path, modes: Any, options: Options) -> None:
         "orders": None if options.get("orders") is None else [int(order) for order in np.atleast_1d(options["orders"])],
         "modes": [_mode(modes, j) for j in range(len(modes))],
         **{name: None if (a := getattr(modes, name)) is None else a.tolist() for name in _DIRECT},
+        "notes": [note.to_dict() for note in modes.notes],
         "geometry": None if modes.geometry is None else _geometry_out(modes.geometry),
     }
     path.write_text(
@@ -169,6 +170,7 @@ def _modes(document: dict[str, Any]) -> ModalModel:
         processing=tuple(data.get("processing") or ()),
         indicators={name: _numbers([row["indicators"][name] for row in rows]) for name in names},
         reasons=tuple(row.get("reasons") or {} for row in rows) if any(row.get("reasons") for row in rows) else (),
+        notes=document.get("notes") or (),
         geometry=Geometry(**document["geometry"]) if document.get("geometry") else None,
         **fields,
     )

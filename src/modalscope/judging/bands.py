@@ -83,7 +83,7 @@ def merge_bands(
             kept.append(int(i))
     order = np.array(sorted(kept, key=lambda i: f[i]), dtype=int)
     words = ", ".join(f"{low:g} to {high:g} Hz" for low, high in bands)
-    return everything.take(order).noted(f"merged from bands {words}")
+    return everything.take(order).processed(f"merged from bands {words}")
 
 
 def _same_channels(results: Sequence[ModalModel]) -> None:

@@ -7,6 +7,7 @@ from modalscope.model.geometry import Geometry
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.labels import Dof, parse_dof
 from modalscope.model.modes import ModalModel
+from modalscope.model.notes import Note
 from modalscope.model.signals import Signals
 from modalscope.model.statespace import StateSpace
 
@@ -17,6 +18,7 @@ __all__ = [
     "Geometry",
     "ImpulseResponse",
     "ModalModel",
+    "Note",
     "Signals",
     "StabilizationDiagram",
     "StateSpace",

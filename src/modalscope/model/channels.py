@@ -117,7 +117,7 @@ class Channels(ABC):
         """Return labels, units, geometry and history by name, for another noun of the same channels."""
         return {name: getattr(self, name) for name in ("output_dofs", "input_dofs", "units", "geometry", "processing")}
 
-    def noted(self, step: str) -> Self:
+    def processed(self, step: str) -> Self:
         """Return the same data with one more step of processing written down.
 
         Parameters

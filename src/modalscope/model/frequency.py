@@ -210,7 +210,7 @@ class FrequencyResponse(Channels):
             quantity=self.quantity,
             added_damping=self.added_damping,
             **self.labelled(),
-        ).noted(note)
+        ).processed(note)
 
     def _from_zero(self) -> tuple[ComplexArray, float]:
         """Return values on all multiples of the lines' spacing from 0 Hz, zero below the band, and that spacing in Hz."""

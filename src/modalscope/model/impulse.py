@@ -140,7 +140,7 @@ class ImpulseResponse(Channels):
             quantity=self.quantity,
             added_damping=self.added_damping,
             **self.labelled(),
-        ).noted(f"transformed from {self.samples} samples of a {self.kind} response")
+        ).processed(f"transformed from {self.samples} samples of a {self.kind} response")
 
     def _transformed(self, lines: RealArray) -> ComplexArray:
         """Return sum_k values[k] exp(-2 pi j f k / fs) on any lines, a few at a time."""

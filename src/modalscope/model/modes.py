@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -26,6 +26,7 @@ from modalscope.model.checks import (
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.mode_table import COLUMNS, as_dataframe, as_text
+from modalscope.model.notes import Note, notes_of
 from modalscope.model.poles import HasPoles, to_discrete
 
 __all__ = ["NORMALIZATIONS", "PER_MODE", "ModalModel"]
@@ -75,6 +76,8 @@ class ModalModel(Channels, HasPoles):
         For every mode why it is reported.
     scaling : str
         What the shapes are scaled to, in words.
+    notes : sequence of Note or str
+        What must be told about these modes.
     """
 
     poles: ComplexArray
@@ -93,6 +96,7 @@ class ModalModel(Channels, HasPoles):
     indicators: Mapping[str, RealArray] = field(default_factory=dict)
     reasons: tuple[Mapping[str, Any], ...] = ()
     scaling: str = "as identified"
+    notes: tuple[Note, ...] = ()
 
     def __post_init__(self) -> None:
         poles = complex_array("poles", self.poles, "(modes,)", 1)
@@ -131,6 +135,7 @@ class ModalModel(Channels, HasPoles):
             indicators={name: self._a_mode(name, values) for name, values in self.indicators.items()},
             reasons=self._reasons(n),
             quantity=check_quantity(self.quantity),
+            notes=notes_of(self.notes),
         )
         self._label(shapes.shape[0], 0 if part is None else part.shape[1])
 
@@ -197,6 +202,15 @@ class ModalModel(Channels, HasPoles):
             indicators={name: values[index] for name, values in self.indicators.items()},
             reasons=tuple(self.reasons[i] for i in index) if self.reasons else (),
         )
+
+    def noted(self, notes: Iterable[Note | str] | Note | str) -> ModalModel:
+        """Return the same modes with more notes.
+
+        Parameters
+        ----------
+        notes : Note, str, or a sequence of them
+        """
+        return replace(self, notes=(*self.notes, *notes_of(notes)))
 
     def normalized(self, scale: str = "unit") -> ModalModel:
         """Return the modes with shapes scaled as asked; participation takes the inverse, so that residues stay.

@@ -35,7 +35,7 @@ def _on_all(signals: Signals, change: Callable[[RealArray], RealArray], note: st
     """Return the record with `change` applied to outputs and inputs along the axis of the samples."""
     inputs = None if signals.inputs is None else change(signals.inputs)
     changed = {"outputs": change(signals.outputs), "inputs": inputs, **fields}
-    return replace(signals, **changed).noted(note)  # type: ignore[arg-type]
+    return replace(signals, **changed).processed(note)  # type: ignore[arg-type]
 
 
 def detrend(signals: Signals, *, kind: str = "linear") -> Signals:
@@ -246,4 +246,4 @@ def integrate(signals: Signals, *, times: int = 1, lowest: float | None = None) 
 
 def _outputs_only(signals: Signals, y: RealArray, quantities: tuple[str | None, ...], note: str) -> Signals:
     units = (("",) * len(signals.output_dofs), signals.units[1])
-    return replace(signals, outputs=y, quantities=quantities, units=units).noted(note)
+    return replace(signals, outputs=y, quantities=quantities, units=units).processed(note)

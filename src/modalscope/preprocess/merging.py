@@ -132,7 +132,7 @@ def _runs(parts: list[Signals], options: dict[str, Any]) -> Signals:
         first,
         outputs=np.concatenate([y for y, _ in records]),
         inputs=np.concatenate(inputs) if inputs else None,
-    ).noted(f"merged from {len(parts)} records, {sum(part.runs for part in parts)} runs in all")
+    ).processed(f"merged from {len(parts)} records, {sum(part.runs for part in parts)} runs in all")
 
 
 def _same(parts: Sequence[Any], name: str, words: str, change: str) -> None:
