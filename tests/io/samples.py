@@ -99,6 +99,8 @@ def differences(a: Any, b: Any) -> list[str]:
         return [f"{type(a).__name__} became {type(b).__name__}"]
     found = []
     for field in dataclasses.fields(a):
+        if field.name == "source_path":
+            continue
         x, y = getattr(a, field.name), getattr(b, field.name)
         if dataclasses.is_dataclass(x):
             found += differences(x, y)

@@ -3,6 +3,7 @@
 Each field of a noun is an array of that name; what is None is left out. Texts are text arrays. Units are `output_units` and
 `input_units`, a geometry is `geometry_nodes`, `geometry_coordinates`, `geometry_lines` and `geometry_faces` (indices into
 the nodes, from 0) and `geometry_motions` (JSON text), indicators are `indicator_<name>`, reasons and notes are JSON text.
+`groups` is left out where it is the default, and one empty text where there are none.
 
 | the file holds | it is |
 |---|---|
@@ -25,10 +26,20 @@ import numpy as np
 from modalscope.io.contents import Thing
 from modalscope.model import FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Note, Signals
 from modalscope.model.checks import Array
+from modalscope.model.groups import Groups, input_groups, run_groups
 
 __all__ = ["AXES", "GEOMETRY", "INDICATOR", "JSON", "TEXTS", "from_json_numbers", "names_of", "noun_of", "to_arrays"]
 
-TEXTS = ("output_dofs", "input_dofs", "processing", "quantities", "output_units", "input_units", "geometry_nodes")
+TEXTS = (
+    "output_dofs",
+    "input_dofs",
+    "processing",
+    "quantities",
+    "output_units",
+    "input_units",
+    "geometry_nodes",
+    "groups",
+)
 INDICATOR = "indicator_"
 
 #: Fields that stand there as JSON text.
@@ -66,7 +77,7 @@ def names_of(noun: type[Any]) -> set[str]:
     """Return the names of the arrays that a noun may have."""
     if noun is Geometry:
         return set(GEOMETRY)
-    own = {field.name for field in fields(noun)} - {"units", "geometry", "indicators"}
+    own = {field.name for field in fields(noun)} - {"units", "geometry", "indicators", "source_path"}
     return own | {"output_units", "input_units", *GEOMETRY} | ({"quantity"} if noun is Signals else set())
 
 
@@ -77,6 +88,8 @@ def to_arrays(thing: Thing) -> dict[str, Array]:
     arrays: dict[str, Array] = {}
     for field in fields(thing):
         name, value = field.name, getattr(thing, field.name)
+        if name == "source_path":
+            continue
         if name == "units":
             arrays |= {"output_units": _texts(value[0]), "input_units": _texts(value[1])}
         elif name == "geometry":
@@ -85,11 +98,18 @@ def to_arrays(thing: Thing) -> dict[str, Array]:
             arrays |= {INDICATOR + key: np.asarray(array) for key, array in value.items()}
         elif name in JSON:
             arrays |= {name: np.asarray(json.dumps(value, default=from_json_numbers))} if value else {}
+        elif name == "groups":
+            arrays |= {} if value == _default_groups(thing) else {name: _texts(value or [""])}
         elif name in TEXTS:
             arrays[name] = _texts("" if text is None else text for text in value)
         elif value is not None:
             arrays[name] = np.asarray(value)
     return {name: array for name, array in arrays.items() if array.size or name in ("shapes", "poles")}
+
+
+def _default_groups(thing: Any) -> Groups:
+    """Return the groups that data have without a word about them: a file holds no more than was said."""
+    return run_groups(thing.runs) if isinstance(thing, Signals) else input_groups(thing.input_dofs)
 
 
 def _texts(values: Iterable[str]) -> Array:

@@ -32,6 +32,7 @@ FIELD_OPTIONS = (
     "geometry",
     "averages",
     "added_damping",
+    "groups",
 )
 
 _TEXT = ("quantity", "kind", "scaling")
@@ -192,6 +193,8 @@ def _value(where: str, name: str, array: Array) -> Any:
         array = np.char.decode(array, "utf-8", "replace")
     if name in TEXTS:
         texts = tuple(str(text) for text in np.atleast_1d(array).ravel())
+        if name == "groups" and texts == ("",):
+            return None
         return tuple(text or None for text in texts) if name == "quantities" else texts
     if name in (*_TEXT, *JSON, *_FLOATS, *_WHOLE, "held_input"):
         if array.size != 1:

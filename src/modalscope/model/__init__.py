@@ -8,6 +8,7 @@ from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.labels import Dof, parse_dof
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
+from modalscope.model.records import Records, as_records
 from modalscope.model.signals import Signals
 from modalscope.model.statespace import StateSpace
 
@@ -19,8 +20,10 @@ __all__ = [
     "ImpulseResponse",
     "ModalModel",
     "Note",
+    "Records",
     "Signals",
     "StabilizationDiagram",
     "StateSpace",
+    "as_records",
     "parse_dof",
 ]
