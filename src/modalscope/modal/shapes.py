@@ -228,6 +228,7 @@ def _model(
     return replace(
         modes,
         shapes=shapes,
+        shapes_std=None,
         participation=rows,
         feedthrough=direct,
         lower_residual=lower,
