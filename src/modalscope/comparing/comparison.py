@@ -21,6 +21,9 @@ from modalscope.comparing.verdict import judge, words
 from modalscope.identification.prepare import Data, prepare
 from modalscope.modal.basis import fit_error
 from modalscope.modal.rebuilt import fitted_terms, rebuilt
+from modalscope.model.checks import check_kind
+from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.labels import DofLike
 from modalscope.model.modes import ModalModel
 from modalscope.model.response import is_held, window_damping
@@ -87,6 +90,7 @@ def compare(
     """
     if exclude is not None:
         data = data.select(exclude=exclude)
+    check_kind("compare", data, (FrequencyResponse, ImpulseResponse, Signals))
     data, findings = without_dead(data)
     _, response, in_band, notes = prepare(data, None, None, band)
     records = data if isinstance(data, Signals) and in_band is not None else None

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modalscope.identification.table import Method, find_method
-from modalscope.model.checks import DataError
+from modalscope.model.checks import DataError, check_kind
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.response import Response
@@ -86,12 +86,7 @@ def _to_response(data: Data, band: tuple[float, float] | None, notes: list[str])
     """Return the response, and the records in the band that correlations were estimated from."""
     if isinstance(data, ImpulseResponse | FrequencyResponse):
         return data, None
-    if not isinstance(data, Signals):
-        raise DataError(
-            "Signals, an ImpulseResponse or a FrequencyResponse was asked",
-            f"this is {type(data).__name__}",
-            "Wrap the arrays in one of these, or read a file.",
-        )
+    check_kind("data", data, (FrequencyResponse, ImpulseResponse, Signals))
     from modalscope.preprocess import estimate_correlation, estimate_frf, filter_band
 
     if data.inputs is not None:

@@ -17,7 +17,7 @@ from modalscope.modal.basis import (
 )
 from modalscope.modal.indicators import clusters, mpc, mpd
 from modalscope.model.channels import QUANTITIES, known_quantity
-from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_choice
+from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_choice, check_kind
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.modes import ModalModel
 
@@ -78,6 +78,8 @@ def fit_residues(
     >>> fit_residues(frf, s.modes()).scaling
     'unit modal mass, driving point 2:+X, 5:+X'
     """
+    check_kind("fit_residues", response, FrequencyResponse)
+    check_kind("modes of fit_residues", modes, ModalModel)
     check_choice("kind", kind, ("complex", "real"))
     check_choice("participation", participation, ("given", "free"))
     powers = _powers(response, residuals, kind)

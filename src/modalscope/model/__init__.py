@@ -1,4 +1,4 @@
-"""Floor 0: the nouns, validated at the door, with their own conversions."""
+"""Data classes: measurements, models and results, checked when they are made, and what they convert to."""
 
 from modalscope.model.candidates import Candidate, Harmonic
 from modalscope.model.checks import DataError

@@ -144,7 +144,7 @@ class Channels(ABC):
         )
 
     def _cut(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
-        """Return the changed fields for a choice of channels; the nouns add their own arrays."""
+        """Return the changed fields for a choice of channels; data classes add their own arrays."""
         return {
             "output_dofs": tuple(self.output_dofs[i] for i in outputs),
             "input_dofs": tuple(self.input_dofs[i] for i in inputs),
@@ -190,4 +190,4 @@ class Channels(ABC):
 
     @abstractmethod
     def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
-        """Return the arrays of a noun for a choice of channels."""
+        """Return the arrays for a choice of channels."""

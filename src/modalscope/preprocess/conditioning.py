@@ -13,7 +13,7 @@ import scipy
 from scipy import fft
 
 from modalscope.model.channels import QUANTITIES
-from modalscope.model.checks import Array, DataError, RealArray, check_choice, check_count, check_positive
+from modalscope.model.checks import Array, DataError, RealArray, check_choice, check_count, check_kind, check_positive
 from modalscope.model.signals import Signals
 
 __all__ = ["decimate", "detrend", "differentiate", "filter_band", "integrate"]
@@ -47,6 +47,7 @@ def detrend(signals: Signals, *, kind: str = "linear") -> Signals:
     >>> float(np.abs(detrend(record).outputs).max()) < 1e-12
     True
     """
+    check_kind("detrend", signals, Signals)
     check_choice("kind", kind, ("constant", "linear"))
     if kind == "constant":
         return _on_all(signals, lambda x: np.asarray(x - x.mean(axis=-2, keepdims=True)), "mean removed")
@@ -99,6 +100,7 @@ def filter_band(
     >>> filter_band(record, 0.5, 4.0).sampling_rate
     10.0
     """
+    check_kind("filter_band", signals, Signals)
     rate = signals.sampling_rate
     if not (0 <= lowest < highest < rate / 2):
         raise DataError(
@@ -145,6 +147,7 @@ def decimate(signals: Signals, factor: int, *, zero_phase: bool = False) -> Sign
     DataError
         A factor below 1, or one that leaves fewer than two samples.
     """
+    check_kind("decimate", signals, Signals)
     check_count("factor", factor)
     if factor == 1:
         return signals
@@ -204,6 +207,7 @@ def differentiate(signals: Signals, *, times: int = 1) -> Signals:
     DataError
         An acceleration that would be differentiated.
     """
+    check_kind("differentiate", signals, Signals)
     check_count("times", times)
     quantities = _raised(signals, times)
     y = signals.outputs
@@ -233,6 +237,7 @@ def integrate(signals: Signals, *, times: int = 1, lowest: float | None = None) 
     DataError
         A displacement that would be integrated.
     """
+    check_kind("integrate", signals, Signals)
     check_count("times", times)
     quantities = _raised(signals, -times)
     edge = 10 / signals.duration if lowest is None else check_positive("lowest", lowest)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.model.checks import Array, DataError
+from modalscope.model.checks import Array, DataError, check_each, check_kind
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.groups import AUTO
 from modalscope.model.impulse import ImpulseResponse
@@ -63,12 +63,14 @@ def merge(parts: Iterable[Part | Records], **options: Any) -> Part | Records:
     ('1:+Z', '2:+Z')
     """
     given: list[Part] = []
-    for part in parts:
+    for part in check_each("parts to merge", parts, "a list of records or responses"):
         given += part.runs if isinstance(part, Records) else [part]
     if not given:
         raise DataError("parts to merge were asked", "the list is empty", "Give at least one record or response.")
+    for part in given:
+        check_kind("each part to merge", part, (FrequencyResponse, ImpulseResponse, Signals, Records))
     kinds = {type(part).__name__ for part in given}
-    if len(kinds) > 1 or not isinstance(given[0], Signals | FrequencyResponse | ImpulseResponse):
+    if len(kinds) > 1:
         raise DataError(
             "parts of one kind were asked",
             f"there are {', '.join(sorted(kinds))}",
