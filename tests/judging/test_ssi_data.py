@@ -63,7 +63,7 @@ def test_a_comparison_of_records_has_the_row_and_one_of_a_response_says_why_not(
     assert len(c.modes) == 5
     c = ms.compare(ms.estimate_correlation(record, lags=150), wanted, orders=range(2, 21, 2))
     assert [r.name for r in c.results] == ["alternate (time)"]
-    assert any("ssi-data (time) left out" in note for note in c.notes)
+    assert any("ssi-data (time) left out" in str(note) for note in c.notes)
 
 
 def test_what_has_no_records_without_inputs_is_refused_with_what_to_do():

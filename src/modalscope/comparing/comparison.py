@@ -20,6 +20,9 @@ from modalscope.comparing.scatter import noise_floor, stated
 from modalscope.comparing.verdict import judge, words
 from modalscope.identification.prepare import Data, measure
 from modalscope.modal.rebuilt import fit_error, fitted_terms, rebuilt
+from modalscope.model.checks import check_kind
+from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.labels import DofLike
 from modalscope.model.modes import ModalModel
 from modalscope.model.response import Response, is_held, window_damping
@@ -86,6 +89,7 @@ def compare(
     """
     if exclude is not None:
         data = data.select(exclude=exclude)
+    check_kind("compare", data, (FrequencyResponse, ImpulseResponse, Signals))
     data, findings = without_dead(data)
     measured = measure(data, band)
     response = measured.response

@@ -147,6 +147,7 @@ def _transposed(response: ImpulseResponse) -> ImpulseResponse:
         output_dofs=tuple(f"in {dof}" for dof in response.input_dofs),
         input_dofs=tuple(f"out {dof}" for dof in response.output_dofs),
         units=response.units[::-1],
+        groups=None,
     )
 
 

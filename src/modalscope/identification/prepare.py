@@ -13,7 +13,9 @@ import numpy as np
 from modalscope.identification.method import Method, Problem, Takes
 from modalscope.identification.options import AllOptions, Options
 from modalscope.identification.table import find_method, methods
-from modalscope.model.checks import DataError, check_band, check_choice
+from modalscope.model.checks import DataError, check_band, check_choice, check_kind
+from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.response import Response
 from modalscope.model.signals import Signals
 
@@ -89,11 +91,8 @@ def measure(data: Any, band: Any = None, exclude: Any = None) -> Measured:
 
 @singledispatch
 def _measured(data: Any, band: tuple[float, float] | None) -> Measured:
-    raise DataError(
-        "Signals, an ImpulseResponse or a FrequencyResponse was asked",
-        f"this is {type(data).__name__}",
-        "Wrap the arrays in one of these, or read a file.",
-    )
+    check_kind("data", data, (FrequencyResponse, ImpulseResponse, Signals))
+    raise AssertionError("one of these has no way to a response")
 
 
 @_measured.register

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from modalscope.modal.indicators import clusters, mpc, mpd
 from modalscope.model.channels import QUANTITIES, known_quantity
-from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_choice
+from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_choice, check_kind
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.modal_basis import ModalBasis, residual_powers, scaled_terms
 from modalscope.model.modes import ModalModel
@@ -71,6 +71,8 @@ def fit_residues(
     >>> fit_residues(frf, s.modes()).scaling
     'unit modal mass, driving point 2:+X, 5:+X'
     """
+    check_kind("fit_residues", response, FrequencyResponse)
+    check_kind("modes of fit_residues", modes, ModalModel)
     check_choice("kind", kind, ("complex", "real"))
     check_choice("participation", participation, ("given", "free"))
     powers = _powers(response, residuals, kind)
@@ -220,6 +222,7 @@ def _model(
     return replace(
         modes,
         shapes=shapes,
+        shapes_std=None,
         participation=rows,
         feedthrough=direct,
         lower_residual=lower,

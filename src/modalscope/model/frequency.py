@@ -21,7 +21,9 @@ from modalscope.model.checks import (
     freeze,
     real_array,
 )
+from modalscope.model.groups import AUTO, Groups, check_groups, chosen_groups, input_groups
 from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.line_checks import check_beside, check_complex, check_lines
 from modalscope.model.modal_basis import ModalBasis, line_basis, line_derivatives, residual_powers, scaled_terms
 from modalscope.model.response import AsLines, AsSamples, Response
 
@@ -59,6 +61,8 @@ class FrequencyResponse(Response):
         Number of averages behind the estimates.
     added_damping : float
         Decay rate in 1/s that an exponential window added to every pole: identified poles are shifted back by it.
+    groups : sequence of labels, "auto" or None
+        One label an input: what disagrees between groups is repeatability. By default every input, where there are at least four.
 
     Raises
     ------
@@ -83,12 +87,13 @@ class FrequencyResponse(Response):
     variance: RealArray | None = None
     averages: int | None = None
     added_damping: float = 0.0
+    groups: Groups = AUTO
 
     def __post_init__(self) -> None:
         values = complex_array("values", self.values, "(lines, outputs, inputs)", 3)
         lines = real_array("frequencies", self.frequencies, "(lines,)", 1)
-        _check_lines(lines, values.shape)
-        _check_complex(values, lines)
+        check_lines(lines, values.shape)
+        check_complex(values, lines)
         rate = None if self.sampling_rate is None else check_positive("sampling_rate", self.sampling_rate)
         if rate is not None and lines[-1] > rate / 2 * (1 + 1e-9):
             raise DataError(
@@ -102,12 +107,13 @@ class FrequencyResponse(Response):
             frequencies=lines,
             quantity=check_quantity(self.quantity),
             sampling_rate=rate,
-            coherence=_beside("coherence", self.coherence, values.shape),
-            variance=_beside("variance", self.variance, values.shape),
+            coherence=check_beside("coherence", self.coherence, values.shape),
+            variance=check_beside("variance", self.variance, values.shape),
             averages=None if self.averages is None else check_count("averages", self.averages),
             added_damping=check_number("added_damping", self.added_damping),
         )
         self._label(values.shape[1], values.shape[2])
+        freeze(self, groups=check_groups(self.groups, values.shape[2], "an input", input_groups(self.input_dofs)))
 
     @property
     def lines(self) -> int:
@@ -322,8 +328,9 @@ class FrequencyResponse(Response):
             first_sample=0 if held else 1,
             quantity=self.quantity,
             added_damping=self.added_damping,
+            groups=self.groups,
             **self.labelled(),
-        ).noted(note)
+        ).processed(note)
 
     def _from_zero(self) -> tuple[ComplexArray, float]:
         """Return values on all multiples of the lines' spacing from 0 Hz, zero below the band, and that spacing in Hz."""
@@ -349,63 +356,9 @@ class FrequencyResponse(Response):
                 return None
             return array[:, outputs] if array.ndim == 2 else array[:, outputs][:, :, inputs]
 
-        return {"values": cut(self.values), "coherence": cut(self.coherence), "variance": cut(self.variance)}
-
-
-def _check_lines(lines: RealArray, shape: tuple[int, ...]) -> None:
-    if 0 in shape or lines.size == 0:
-        raise DataError(
-            "a frequency response needs at least one line and channel",
-            f"its shape is {shape}",
-            "Measure at least one line.",
-        )
-    if lines.size != shape[0]:
-        raise DataError(
-            f"frequencies needs one entry for each of the {shape[0]} lines of values, shape {shape}",
-            f"it has {lines.size}",
-            "Lines come first in values: (lines, outputs, inputs); transpose it if they stand elsewhere.",
-        )
-    if lines[0] < 0:
-        raise DataError(
-            "frequencies needs lines at or above 0 Hz",
-            f"the first is {lines[0]:g} Hz",
-            "Leave the negative half of the spectrum out.",
-        )
-    falling = np.flatnonzero(np.diff(lines) <= 0)
-    if falling.size:
-        k = int(falling[0])
-        raise DataError(
-            "frequencies needs increasing lines",
-            f"line {k + 1} ({lines[k + 1]:g} Hz) does not lie above line {k} ({lines[k]:g} Hz)",
-            "Sort the lines together with their values and drop the repeated ones.",
-        )
-
-
-def _check_complex(values: ComplexArray, lines: RealArray) -> None:
-    """Refuse magnitudes; a single line may be real by chance, and an undamped model's real response changes sign."""
-    if lines.size > 1 and not values.imag.any() and values.real.any() and values.real.min() >= 0:
-        raise DataError(
-            "values needs complex frequency responses",
-            "they have no imaginary part and are never negative: magnitudes",
-            "Give real and imaginary parts.",
-        )
-
-
-def _beside(name: str, array: Array | None, shape: tuple[int, ...]) -> RealArray | None:
-    if array is None:
-        return None
-    checked = real_array(name, array, "(lines, outputs) or (lines, outputs, inputs)", (2, 3))
-    if checked.shape not in (shape, shape[:2]) or (name == "variance" and checked.ndim != 3):
-        raise DataError(
-            f"{name} needs the shape of values, {shape}",
-            f"it has {checked.shape}",
-            "Give one entry for each line and channel.",
-        )
-    low, high = float(checked.min()), float(checked.max())
-    if low < -1e-9 or (name == "coherence" and high > 1 + 1e-6):
-        raise DataError(
-            f"{name} needs values of at least 0" + (" and at most 1" if name == "coherence" else ""),
-            f"they lie between {low:g} and {high:g}",
-            f"Correct the {name}, or leave it out.",
-        )
-    return checked
+        return {
+            "values": cut(self.values),
+            "coherence": cut(self.coherence),
+            "variance": cut(self.variance),
+            "groups": chosen_groups(self.groups, inputs),
+        }

@@ -21,6 +21,7 @@ from modalscope.model.checks import (
     freeze,
     real_array,
 )
+from modalscope.model.groups import AUTO, Groups, check_groups, chosen_groups, input_groups
 from modalscope.model.modal_basis import ModalBasis, sample_basis, sample_derivatives
 from modalscope.model.resolvent import HELD
 from modalscope.model.response import AsLines, AsSamples, Response
@@ -55,6 +56,8 @@ class ImpulseResponse(Response):
         Displacement, velocity or acceleration.
     added_damping : float
         Decay rate in 1/s that an exponential window added to every pole: identified poles are shifted back by it.
+    groups : sequence of labels, "auto" or None
+        One label an input: what disagrees between groups is repeatability. By default every input, where there are at least four.
 
     Raises
     ------
@@ -69,6 +72,7 @@ class ImpulseResponse(Response):
     first_sample: int = 0
     quantity: str | None = None
     added_damping: float = 0.0
+    groups: Groups = AUTO
 
     def __post_init__(self) -> None:
         values = real_array("values", self.values, "(samples, outputs, inputs)", 3)
@@ -98,6 +102,7 @@ class ImpulseResponse(Response):
             added_damping=check_number("added_damping", self.added_damping),
         )
         self._label(values.shape[1], values.shape[2])
+        freeze(self, groups=check_groups(self.groups, values.shape[2], "an input", input_groups(self.input_dofs)))
 
     @property
     def samples(self) -> int:
@@ -228,8 +233,9 @@ class ImpulseResponse(Response):
             sampling_rate=self.sampling_rate if held else None,
             quantity=self.quantity,
             added_damping=self.added_damping,
+            groups=self.groups,
             **self.labelled(),
-        ).noted(f"transformed from {self.samples} samples of a {self.kind} response")
+        ).processed(f"transformed from {self.samples} samples of a {self.kind} response")
 
     def _transformed(self, lines: RealArray) -> ComplexArray:
         """Return sum_k values[k] exp(-2 pi j f k / fs) on any lines, a few at a time."""
@@ -246,4 +252,5 @@ class ImpulseResponse(Response):
         return {
             "values": np.ascontiguousarray(self.values[:, cut[0], cut[1]]),
             "feedthrough": None if self.feedthrough is None else self.feedthrough[cut],
+            "groups": chosen_groups(self.groups, inputs),
         }
