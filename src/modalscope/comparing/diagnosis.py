@@ -36,6 +36,7 @@ from modalscope.comparing.run import MethodResult
 from modalscope.judging.evidence import LEAST_PEAK, LEAST_SIGNAL
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.robust import noise_threshold
 
 __all__ = ["HEAVY", "disagreements", "mode_causes", "order_cause"]
 
@@ -48,7 +49,7 @@ _OFF_FREQUENCY, _OFF_DAMPING, _OFF_SHAPE = 0.25, 0.25, 0.1
 _WEAK_SIGNAL = 4 * LEAST_SIGNAL
 _LINES = 3
 _FALLS, _MUCH, _SOME, _STEEP, _SHARE = 0.8, 0.1, 0.03, 0.85, 0.75
-_ROUNDING, _THRESHOLD = 1e-9, 2.858
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,7 +205,7 @@ def _still_falls(diagram: StabilizationDiagram) -> tuple[float, float] | None:
 def _stand_out(diagram: StabilizationDiagram) -> int:
     """Return how many singular values stand out of the noise."""
     d = diagram.singular_values
-    return int(np.count_nonzero(d > _THRESHOLD * np.median(d))) if d.size else 0
+    return int(np.count_nonzero(d > noise_threshold(d))) if d.size else 0
 
 
 def disagreements(

@@ -9,6 +9,7 @@ import numpy as np
 
 from modalscope.model.checks import Array, DataError, RealArray
 from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.robust import noise_threshold
 
 __all__ = ["merge_setups"]
 
@@ -40,8 +41,7 @@ def merge_setups(parts: Sequence[ImpulseResponse], *, depth: int = _DEPTH) -> Im
     References
     ----------
     The idea of Doehler, Andersen and Mevel, "Data merging for multi-setup operational modal analysis with data-driven SSI",
-    IMAC 2010, applied to correlations; the threshold: Gavish and Donoho, "The optimal hard threshold for singular values is
-    4/sqrt(3)", 2014.
+    IMAC 2010, applied to correlations; the threshold is `modalscope.model.robust.noise_threshold`.
     """
     first = parts[0]
     _check(parts, depth)
@@ -120,8 +120,6 @@ def _transfer(R: Array, X: Array) -> RealArray:
     """Return M with R(k) = M X(k) for all k, from the singular values of X above the noise."""
     wide = X.transpose(1, 0, 2).reshape(X.shape[1], -1)
     U, d, V = np.linalg.svd(wide, full_matrices=False)
-    beta = wide.shape[0] / wide.shape[1]
-    threshold = (0.56 * beta**3 - 0.95 * beta**2 + 1.82 * beta + 1.43) * np.median(d)
-    kept = d > max(threshold, 1e-12 * d[0])
+    kept = d > max(noise_threshold(d, min(wide.shape) / max(wide.shape)), 1e-12 * d[0])
     flat = R.transpose(1, 0, 2).reshape(R.shape[1], -1)
     return np.asarray((flat @ V[kept].T / d[kept]) @ U[:, kept].T)
