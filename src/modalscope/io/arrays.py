@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.io.contents import Thing
+from modalscope.io.contents import Plain
 from modalscope.model import FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals
 from modalscope.model.checks import Array
 
@@ -67,8 +67,8 @@ def names_of(noun: type[Any]) -> set[str]:
     return own | {"output_units", "input_units", *GEOMETRY} | ({"quantity"} if noun is Signals else set())
 
 
-def to_arrays(thing: Thing) -> dict[str, Array]:
-    """Return a noun as named arrays; `contents_from_arrays` is the inverse."""
+def to_arrays(thing: Plain) -> dict[str, Array]:
+    """Return data, modes or a geometry as named arrays; `contents_from_arrays` is the inverse."""
     if isinstance(thing, Geometry):
         return _geometry_arrays(thing)
     arrays: dict[str, Array] = {}

@@ -8,11 +8,12 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from modalscope.model import FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals
+from modalscope.model import FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals, StabilizationDiagram
 
-__all__ = ["Contents", "Finding", "Format", "Options", "Survey", "Thing", "describe"]
+__all__ = ["Contents", "Finding", "Format", "Options", "Plain", "Survey", "Thing", "describe"]
 
-Thing: TypeAlias = FrequencyResponse | ImpulseResponse | Signals | ModalModel | Geometry
+Plain: TypeAlias = FrequencyResponse | ImpulseResponse | Signals | ModalModel | Geometry
+Thing: TypeAlias = Plain | StabilizationDiagram
 Options: TypeAlias = Mapping[str, Any]
 
 
@@ -151,6 +152,9 @@ def describe(thing: Thing) -> str:
     """
     if isinstance(thing, Geometry):
         return f"geometry: {_count(len(thing.nodes), 'node')}, {_count(len(thing.lines), 'line')}, {_count(len(thing.faces), 'face')}"
+    if isinstance(thing, StabilizationDiagram):
+        size = f"{_count(len(thing.poles), 'pole')} at {_count(len(thing.orders), 'order')}"
+        return f"stabilization diagram: {size}, of {describe(thing.response)}"
     sides = f"{_count(len(thing.output_dofs), 'output')}, {_count(len(thing.input_dofs), 'input')}"
     kind = f" ({thing.quantity})" if thing.quantity else ""
     if isinstance(thing, FrequencyResponse):

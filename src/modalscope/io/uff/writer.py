@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.io.contents import Options, Thing
+from modalscope.io.contents import Options, Plain
 from modalscope.io.uff.dofs import QUANTITY_CODES
 from modalscope.io.uff.function import Function, write_function
 from modalscope.io.uff.layout import one_set
@@ -29,7 +29,7 @@ _SI = {"m", "m/s", "m/s2", "m/s^2", "N"}
 _ROUNDING = 8 * np.finfo(float).eps
 
 
-def write(path: Path, thing: Thing, options: Options) -> None:
+def write(path: Path, thing: Plain, options: Options) -> None:
     """Write a noun.
 
     Parameters
