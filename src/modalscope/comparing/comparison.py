@@ -12,7 +12,7 @@ from modalscope.comparing.agreement import Group, pair
 from modalscope.comparing.channels import channel_causes, sign_causes, without_dead
 from modalscope.comparing.diagnosis import disagreements, mode_causes, order_cause
 from modalscope.comparing.identities import check_identities
-from modalscope.comparing.kinship import kinship
+from modalscope.comparing.kinship import Kinship, kinship
 from modalscope.comparing.plan import Response, plan
 from modalscope.comparing.result import Comparison
 from modalscope.comparing.run import MethodResult, Progress, run
@@ -20,6 +20,7 @@ from modalscope.comparing.scatter import noise_floor, stated
 from modalscope.comparing.verdict import judge, words
 from modalscope.identification.prepare import Data, prepare
 from modalscope.modal.basis import fit_error
+from modalscope.modal.explained import explained, explains_enough
 from modalscope.modal.rebuilt import fitted_terms, rebuilt
 from modalscope.model.labels import DofLike
 from modalscope.model.modes import ModalModel
@@ -95,15 +96,17 @@ def compare(
     kin = kinship(results)
     groups, unconfirmed = pair(results, kin)
     modes = _consensus(response, groups)
-    explained = rebuilt(response, modes) if groups else 0 * response.values
+    fitted = rebuilt(response, modes) if groups else 0 * response.values
+    left = fit_error(response.values, fitted)[0]
+    warned = f"{explained(left)}\n" if groups and not explains_enough(left) else ""
     if groups:
         findings += [
             *sign_causes(response),
-            *channel_causes(response, explained, modes.poles - window_damping(response), _best_fit(results)),
+            *channel_causes(response, fitted, modes.poles - window_damping(response), _best_fit(results)),
         ]
     low = order_cause(results)
     findings += [] if low is None else [low]
-    scatter = stated(groups, noise_floor(response, modes, explained, _duration(data)))
+    scatter = stated(groups, noise_floor(response, modes, fitted, _duration(data)))
     trust = tuple(
         judge(g, scatter.frequency[k], scatter.damping[k], mode_causes(k, groups, response, results), findings)
         for k, g in enumerate(groups)
@@ -115,15 +118,15 @@ def compare(
         groups=groups,
         unconfirmed=unconfirmed,
         scatter=scatter,
-        fit_error=fit_error(response.values, explained)[0],
+        fit_error=left,
         trust=trust,
         kinship=kin,
         identities=check_identities(response, min(max(2 * len(groups), 2), _IDENTITY_ORDER)),
         disagreements=disagreements(groups, response, results, findings),
         findings=tuple(findings),
-        verdict=words(groups, trust, scatter, results, findings),
+        verdict=f"{warned}{words(groups, trust, scatter, results, findings)}",
         settings=_settings(methods, orders, band, exclude, options),
-        notes=(*notes, *more, *_equals(kin.names, kin.classes)),
+        notes=(*notes, *more, *_equals(kin)),
     )
 
 
@@ -168,9 +171,5 @@ def _settings(methods: Any, orders: Any, band: Any, exclude: Any, options: dict[
     return {"methods": named, "orders": asked, "band": band, "exclude": exclude, **options}
 
 
-def _equals(names: Sequence[str], classes: Sequence[Sequence[int]]) -> list[str]:
-    return [
-        f"one and the same on these data, with one vote: {', '.join(names[i] for i in members)}"
-        for members in classes
-        if len(members) > 1
-    ]
+def _equals(kin: Kinship) -> list[str]:
+    return [f"one and the same on these data, with one vote: {'; '.join(labels)}" for labels in kin.equals]

@@ -227,8 +227,9 @@ def disagreements(
         missing, off = _differing(group, results)
         if not missing and not off:
             continue
-        words = [f"not found by {', '.join(missing)}"] if missing else []
-        words += [f"{name}: {what}" for name, what in off.items()]
+        labels = {r.name: r.label for r in results}
+        words = [f"not found by {', '.join(labels[name] for name in missing)}"] if missing else []
+        words += [f"{labels[name]}: {what}" for name, what in off.items()]
         names = (*missing, *off)
         causes = mode_causes(index, groups, response, results, names) or general
         causes = causes or (

@@ -9,7 +9,9 @@ import numpy as np
 import scipy.linalg as sla
 from scipy.optimize import linear_sum_assignment
 
+from modalscope.comparing.labels import label_of
 from modalscope.comparing.run import MethodResult
+from modalscope.identification.table import Method
 from modalscope.judging.evidence import oscillations
 from modalscope.judging.tracking import Poles
 from modalscope.modal.sufficient import sufficient_order
@@ -32,7 +34,7 @@ class Kinship:
     Parameters
     ----------
     names : tuple of str
-        Methods that found modes.
+        Methods that found modes, as `era (s)`.
     order : int
         The order at which pole sets are compared.
     distances : array, (k, k)
@@ -43,6 +45,8 @@ class Kinship:
         A map of the methods whose distances are nearest to those between the pole sets (classical scaling).
     classes : tuple of tuple of int
         Methods that are one and the same on these data.
+    methods : tuple of Method
+        The same as `names`.
     """
 
     names: tuple[str, ...]
@@ -51,6 +55,17 @@ class Kinship:
     angles: RealArray
     places: RealArray
     classes: tuple[tuple[int, ...], ...]
+    methods: tuple[Method, ...] = ()
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What the literature calls the methods."""
+        return tuple(label_of(m) for m in self.methods) or self.names
+
+    @property
+    def equals(self) -> tuple[tuple[str, ...], ...]:
+        """Labels of methods that are one and the same on these data, for every class of more than one."""
+        return tuple(tuple(self.labels[i] for i in members) for members in self.classes if len(members) > 1)
 
     def class_of(self, name: str) -> int:
         """Return which class a method belongs to, -1 for one that is not compared."""
@@ -78,7 +93,8 @@ def kinship(results: Sequence[MethodResult]) -> Kinship:
             distances[a, b] = distances[b, a] = pole_distance(_poles(sets[a], n), _poles(sets[b], there))
             angles[a, b] = angles[b, a] = subspace_angle(models[a], models[b])
     names = tuple(r.name for r in kept)
-    return Kinship(names, order, distances, angles, _map(distances), _classes(distances))
+    methods = tuple(r.method for r in kept)
+    return Kinship(names, order, distances, angles, _map(distances), _classes(distances), methods)
 
 
 def _orders_to_compare(a: MethodResult, b: MethodResult, order: int) -> tuple[int, int]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import Any
 
+from modalscope.comparing.labels import label_of
 from modalscope.comparing.plan import Cell, Response
 from modalscope.identification.prepare import Data
 from modalscope.identification.table import Method
@@ -56,8 +57,13 @@ class MethodResult:
 
     @property
     def name(self) -> str:
-        """Row and domain, as in `era (s)`."""
+        """Row and domain, as in `era (s)`: what results are told apart by."""
         return str(self.method)
+
+    @property
+    def label(self) -> str:
+        """What the literature calls the method, for tables and pictures."""
+        return label_of(self.method)
 
 
 class _Count:

@@ -120,5 +120,5 @@ def words(
         said += [f"{lead} {groups[k].frequency:.5g} Hz: {t.why}." for k, t in enumerate(trust) if t.grade == grade]
     said += [f"{c.name.capitalize()}: {c.evidence}. {c.remedy}" for c in data_causes]
     if failed:
-        said.append(f"{len(failed)} of {len(results)} methods failed: {', '.join(r.name for r in failed)}.")
+        said.append(f"{len(failed)} of {len(results)} methods failed: {'; '.join(r.label for r in failed)}.")
     return "\n".join(said)
