@@ -47,14 +47,11 @@ def merge_setups(parts: Sequence[ImpulseResponse], *, depth: int = _DEPTH) -> Im
     _check(parts, depth)
     lags = min(part.samples for part in parts) - depth + 1
     references = first.input_dofs
-    # weak setups count as much as strong ones: only then is their mean the better estimate
-    held = [part.values[:, [part.output_dofs.index(dof) for dof in references]] for part in parts]
-    scales = [float(np.sqrt(np.mean(R[: lags + depth - 1] ** 2))) or 1.0 for R in held]
-    common = np.asarray(np.mean([R[: lags + depth - 1] / s for R, s in zip(held, scales, strict=True)], axis=0))
-    common *= scales[0]
+    of_references = [part.values[:, [part.output_dofs.index(dof) for dof in references]] for part in parts]
+    common = _mean([R[: lags + depth - 1] for R in of_references])
     state = _stacked(common, depth, lags)
     names, columns, units = list(references), [common[:lags]], []
-    for part, R in zip(parts, held, strict=True):
+    for part, R in zip(parts, of_references, strict=True):
         roving = [i for i, dof in enumerate(part.output_dofs) if dof not in references]
         repeated = [part.output_dofs[i] for i in roving if part.output_dofs[i] in names]
         if repeated:
@@ -109,6 +106,12 @@ def _check(parts: Sequence[ImpulseResponse], depth: int) -> None:
                 f"setup {number} has {part.samples}",
                 "Estimate the correlations with more lags.",
             )
+
+
+def _mean(parts: Sequence[RealArray]) -> RealArray:
+    """Return the mean of the references' correlations at the level of the first; weak setups count as much as strong ones."""
+    scales = [float(np.sqrt(np.mean(R**2))) or 1.0 for R in parts]
+    return np.asarray(np.mean([R / s for R, s in zip(parts, scales, strict=True)], axis=0) * scales[0])
 
 
 def _stacked(R: Array, depth: int, lags: int) -> RealArray:

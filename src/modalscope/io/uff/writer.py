@@ -10,7 +10,8 @@ import numpy as np
 
 from modalscope.io.contents import Options, Plain
 from modalscope.io.uff.dofs import QUANTITY_CODES
-from modalscope.io.uff.function import Function, write_function
+from modalscope.io.uff.function import Function
+from modalscope.io.uff.function_writer import write_function
 from modalscope.io.uff.layout import one_set
 from modalscope.io.uff.nodes import write_lines, write_nodes
 from modalscope.io.uff.shapes import write_shapes
