@@ -16,11 +16,10 @@ from __future__ import annotations
 import numpy as np
 
 from modalscope.comparing.causes import Cause
-from modalscope.comparing.plan import Response
+from modalscope.comparing.questions import basis_of
 from modalscope.identification.prepare import Data
-from modalscope.modal.basis import basis_of_lines, basis_of_samples
 from modalscope.model.checks import Array
-from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.response import Response
 from modalscope.preprocess.findings import dead_channels, sides_of
 from modalscope.preprocess.polarity import check_polarity
 
@@ -97,10 +96,7 @@ def _turned_alone(response: Response, poles: Array) -> list[Cause]:
 
 def _free_residues(response: Response, poles: Array) -> Array:
     """Return residues (n, l, m) of every channel by least squares, not tied to a shape."""
-    if isinstance(response, FrequencyResponse):
-        basis = basis_of_lines(response, poles)
-    else:
-        basis = basis_of_samples(response, poles)
+    basis = basis_of(response, poles)
     columns = np.hstack([basis.terms, basis.functions])
     scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     rows, outputs, inputs = basis.data.shape

@@ -9,11 +9,12 @@ import numpy as np
 
 from modalscope.blocks.threads import one_thread
 from modalscope.comparing.agreement import Group, pair
+from modalscope.comparing.causes import Cause
 from modalscope.comparing.channels import channel_causes, sign_causes, without_dead
 from modalscope.comparing.diagnosis import disagreements, mode_causes, order_cause
 from modalscope.comparing.identities import check_identities
 from modalscope.comparing.kinship import Kinship, kinship
-from modalscope.comparing.plan import Response, plan
+from modalscope.comparing.plan import plan
 from modalscope.comparing.result import Comparison
 from modalscope.comparing.run import MethodResult, Progress, run
 from modalscope.comparing.scatter import noise_floor, stated
@@ -24,7 +25,7 @@ from modalscope.modal.explained import explained, explains_enough
 from modalscope.modal.rebuilt import fitted_terms, rebuilt
 from modalscope.model.labels import DofLike
 from modalscope.model.modes import ModalModel
-from modalscope.model.response import is_held, window_damping
+from modalscope.model.response import Response, is_held, window_damping
 from modalscope.model.signals import Signals
 
 __all__ = ["compare"]
@@ -93,41 +94,49 @@ def compare(
     records = data if isinstance(data, Signals) and in_band is not None else None
     cells, more = plan(response, methods, orders, records=records is not None)
     results = run(response, cells, records=records, band=band, progress=progress, workers=workers, **options)
+    judged = _judged(response, results, findings, _duration(data))
+    return Comparison(
+        response=response,
+        results=results,
+        settings=_settings(methods, orders, band, exclude, options),
+        notes=(*notes, *more, *_equals(judged["kinship"])),
+        **judged,
+    )
+
+
+def _judged(
+    response: Response, results: tuple[MethodResult, ...], findings: list[Cause], duration: float | None
+) -> dict[str, Any]:
+    """Return what the results say together, by the fields of a `Comparison`: the consensus, its trust, and what differs and why."""
     kin = kinship(results)
     groups, unconfirmed = pair(results, kin)
     modes = _consensus(response, groups)
     fitted = rebuilt(response, modes) if groups else 0 * response.values
     left = fit_error(response.values, fitted)[0]
-    warned = f"{explained(left)}\n" if groups and not explains_enough(left) else ""
     if groups:
-        findings += [
-            *sign_causes(response),
-            *channel_causes(response, fitted, modes.poles - window_damping(response), _best_fit(results)),
-        ]
+        findings += sign_causes(response)
+        findings += channel_causes(response, fitted, modes.poles - window_damping(response), _best_fit(results))
     low = order_cause(results)
     findings += [] if low is None else [low]
-    scatter = stated(groups, noise_floor(response, modes, fitted, _duration(data)))
+    scatter = stated(groups, noise_floor(response, modes, fitted, duration))
     trust = tuple(
         judge(g, scatter.frequency[k], scatter.damping[k], mode_causes(k, groups, response, results), findings)
         for k, g in enumerate(groups)
     )
-    return Comparison(
-        response=response,
-        results=results,
-        modes=modes,
-        groups=groups,
-        unconfirmed=unconfirmed,
-        scatter=scatter,
-        fit_error=left,
-        trust=trust,
-        kinship=kin,
-        identities=check_identities(response, min(max(2 * len(groups), 2), _IDENTITY_ORDER)),
-        disagreements=disagreements(groups, response, results, findings),
-        findings=tuple(findings),
-        verdict=f"{warned}{words(groups, trust, scatter, results, findings)}",
-        settings=_settings(methods, orders, band, exclude, options),
-        notes=(*notes, *more, *_equals(kin)),
-    )
+    warned = f"{explained(left)}\n" if groups and not explains_enough(left) else ""
+    return {
+        "modes": modes,
+        "groups": groups,
+        "unconfirmed": unconfirmed,
+        "scatter": scatter,
+        "fit_error": left,
+        "trust": trust,
+        "kinship": kin,
+        "identities": check_identities(response, min(max(2 * len(groups), 2), _IDENTITY_ORDER)),
+        "disagreements": disagreements(groups, response, results, findings),
+        "findings": tuple(findings),
+        "verdict": f"{warned}{words(groups, trust, scatter, results, findings)}",
+    }
 
 
 def _best_fit(results: Sequence[MethodResult]) -> float:

@@ -31,11 +31,11 @@ import numpy as np
 
 from modalscope.comparing.agreement import Group
 from modalscope.comparing.causes import Cause, Disagreement
-from modalscope.comparing.plan import Response
+from modalscope.comparing.questions import lines_of, spans_blocks, transformed_to
 from modalscope.comparing.run import MethodResult
 from modalscope.judging.evidence import LEAST_PEAK, LEAST_SIGNAL
 from modalscope.model.diagram import StabilizationDiagram
-from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.response import Response
 from modalscope.model.robust import noise_threshold
 
 __all__ = ["HEAVY", "disagreements", "mode_causes", "order_cause"]
@@ -122,9 +122,9 @@ def _weak(case: _Case) -> Cause | None:
 
 
 def _edge(case: _Case) -> Cause | None:
-    if not isinstance(case.response, FrequencyResponse):
+    g, f = case.group, lines_of(case.response)
+    if f is None:
         return None
-    g, f = case.group, case.response.frequencies
     away = min(g.frequency - f[0], f[-1] - g.frequency)
     if away > 2 * g.half_bandwidth:
         return None
@@ -135,9 +135,10 @@ def _edge(case: _Case) -> Cause | None:
 
 
 def _lines(case: _Case) -> Cause | None:
-    if not isinstance(case.response, FrequencyResponse) or case.response.lines < 2:
+    f = lines_of(case.response)
+    if f is None or f.size < 2:
         return None
-    step = float(np.median(np.diff(case.response.frequencies)))
+    step = float(np.median(np.diff(f)))
     width = 2 * case.group.half_bandwidth
     if width >= _LINES * step:
         return None
@@ -147,10 +148,10 @@ def _lines(case: _Case) -> Cause | None:
 def _blocks(case: _Case) -> Cause | None:
     spans = []
     for r in case.results:
-        if r.diagram is None or r.method.domain != "time" or not r.exact:
+        if r.diagram is None or not r.exact or not spans_blocks(r.method):
             continue
         rows = r.diagram.settings.get("block_rows")
-        if isinstance(rows, int) and r.diagram.dt is not None and not r.method.canonical:
+        if isinstance(rows, int) and r.diagram.dt is not None:
             spans.append((rows * r.diagram.dt, rows))
     if not spans or min(spans)[0] * case.group.frequency >= 1:
         return None
@@ -165,8 +166,9 @@ def _transformed(case: _Case) -> Cause | None:
     carried = {r.name for r in case.results if not r.exact}
     if not set(case.differing) <= carried:
         return None
-    what = "samples" if isinstance(case.response, FrequencyResponse) else "lines"
-    return Cause("transformed data", f"only methods differ whose data were transformed to {what}")
+    return Cause(
+        "transformed data", f"only methods differ whose data were transformed to {transformed_to(case.response)}"
+    )
 
 
 def order_cause(results: Sequence[MethodResult]) -> Cause | None:

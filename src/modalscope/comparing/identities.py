@@ -14,11 +14,10 @@ import numpy as np
 import scipy.linalg as sla
 from scipy.optimize import linear_sum_assignment
 
-from modalscope.comparing.plan import Response
+from modalscope.comparing.questions import domains_of, lines_of
 from modalscope.identification.pipeline import build
 from modalscope.model.checks import Array, DataError
-from modalscope.model.frequency import FrequencyResponse
-from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.response import Response
 from modalscope.realizations.balanced import projected_general
 
 __all__ = ["Identity", "check_identities", "pole_residual"]
@@ -63,11 +62,7 @@ def check_identities(response: Response, order: int) -> tuple[Identity, ...]:
     order : int
         Rank of the truncation; lowered where small data matrices carry less.
     """
-    if isinstance(response, FrequencyResponse):
-        domains: tuple[str, ...] = ("z",) if response.sampling_rate is not None else ("z", "s")
-    else:
-        domains = ("time", "z")
-    checks = [c for domain in domains for c in _checks(domain)]
+    checks = [c for domain in domains_of(response) for c in _checks(domain)]
     return tuple(_checked(response, max(order, 2), *c) for c in checks)
 
 
@@ -116,11 +111,11 @@ def pole_residual(a: Array, b: Array) -> float:
 
 
 def _sizes(response: Response, domain: str) -> dict[str, Any]:
-    outputs = response.values.shape[1]
-    if isinstance(response, ImpulseResponse):
-        rows = min(_ROWS, response.samples // 3)
-        return {"block_rows": rows, "block_columns": min(_COLUMNS, response.samples - rows - 1)}
-    return {"block_rows": max(min(_DEGREE, 240 // outputs), 4)}
+    count, outputs = response.values.shape[:2]
+    if lines_of(response) is not None:
+        return {"block_rows": max(min(_DEGREE, 240 // outputs), 4)}
+    rows = min(_ROWS, count // 3)
+    return {"block_rows": rows, "block_columns": min(_COLUMNS, count - rows - 1)}
 
 
 def _era_and_least_squares(response: Response, domain: str, order: int) -> float:
@@ -175,8 +170,7 @@ def _prce(response: Response, domain: str, order: int) -> float:
     degree = max(min(-(-order // inputs), 12), 1)
     sizes = _sizes(response, domain)
     sizes["block_columns"] = degree
-    if isinstance(response, ImpulseResponse):
-        sizes["block_rows"] = min(10 * _ROWS, response.samples - degree - 1)
+    sizes["block_rows"] = min(10 * _ROWS, response.values.shape[0] - degree - 1)
     companion = build(response, method="prce", domain=domain, order=degree * inputs, form="controllable", **sizes)
     matrix: Any = companion.matrix
     M = matrix.tall().dense()

@@ -10,6 +10,7 @@ import scipy.linalg as sla
 from scipy.optimize import linear_sum_assignment
 
 from modalscope.comparing.labels import label_of
+from modalscope.comparing.questions import states_per_order
 from modalscope.comparing.run import MethodResult
 from modalscope.identification.table import Method
 from modalscope.judging.evidence import oscillations
@@ -110,12 +111,7 @@ def _orders_to_compare(a: MethodResult, b: MethodResult, order: int) -> tuple[in
 
 
 def _states(result: MethodResult) -> int:
-    """States an order: one, or as many as inputs where the order is a degree."""
-    return (
-        result.diagram.participation.shape[1]
-        if result.diagram is not None and result.method.factors == "fraction"
-        else 1
-    )
+    return 1 if result.diagram is None else states_per_order(result.method, result.diagram.participation.shape[1])
 
 
 def _poles(poles: Poles, order: int) -> tuple[ComplexArray, RealArray]:

@@ -11,12 +11,12 @@ from modalscope.comparing.causes import Cause, Disagreement
 from modalscope.comparing.identities import Identity
 from modalscope.comparing.kinship import Kinship
 from modalscope.comparing.labels import find_by_name
-from modalscope.comparing.plan import Response
 from modalscope.comparing.run import MethodResult
 from modalscope.comparing.scatter import COVERAGE, Scatter
 from modalscope.comparing.verdict import Trust
 from modalscope.modal.explained import explains_enough, share_explained
 from modalscope.model.modes import ModalModel
+from modalscope.model.response import Response
 
 __all__ = ["Comparison"]
 

@@ -11,7 +11,7 @@ from threading import Lock
 from typing import Any
 
 from modalscope.comparing.labels import label_of
-from modalscope.comparing.plan import Cell, Response
+from modalscope.comparing.plan import Cell
 from modalscope.identification.prepare import Data
 from modalscope.identification.table import Method
 from modalscope.judging.select import select
@@ -20,6 +20,7 @@ from modalscope.modal.rebuilt import fit_of
 from modalscope.model.checks import DataError
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.modes import ModalModel
+from modalscope.model.response import Response
 from modalscope.model.signals import Signals
 
 __all__ = ["MethodResult", "Progress", "run"]
