@@ -1,4 +1,4 @@
-"""The verb: every technique on the same data, in one call."""
+"""Every method on the same data, compared in one call."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def compare(
     workers: int | None = None,
     **options: Any,
 ) -> Comparison:
-    """Identify the same data by every method of the table and say what they agree on, where they differ and why.
+    """Compare all methods on the same data: which modes they agree on, where they differ and why, and which to trust.
 
     Records are turned into responses once, for all methods. Each method has its own stabilization diagram and selection; modes are
     paired across methods by frequency, damping and shape. A method that fails is a row that says why. What has to be transformed from lines

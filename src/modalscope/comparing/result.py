@@ -23,7 +23,7 @@ __all__ = ["Comparison"]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Comparison:
-    """Every technique on the same data.
+    """What all methods found on the same data, the modes that they agree on, and how far to trust each.
 
     Parameters
     ----------

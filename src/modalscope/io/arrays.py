@@ -1,6 +1,6 @@
 """Nouns as named arrays, the layout that .npz, .mat and HDF5 files share.
 
-Each field of a noun is an array of that name; what is None is left out. Texts are text arrays. Units are `output_units` and
+Each field of a data object is an array of that name; what is None is left out. Texts are text arrays. Units are `output_units` and
 `input_units`, a geometry is `geometry_nodes`, `geometry_coordinates`, `geometry_lines` and `geometry_faces` (indices into
 the nodes, from 0) and `geometry_motions` (JSON text), indicators are `indicator_<name>`, reasons are JSON text.
 
@@ -46,7 +46,7 @@ AXES: dict[type[Any], dict[str, tuple[str, ...]]] = {
 
 
 def noun_of(names: Iterable[str]) -> type[Any] | None:
-    """Return the noun that arrays of these names make; None when they make none."""
+    """Return the data object that arrays of these names make; None when they make none."""
     held = set(names)
     for key, noun in (
         ("frequencies", FrequencyResponse),
@@ -60,7 +60,7 @@ def noun_of(names: Iterable[str]) -> type[Any] | None:
 
 
 def names_of(noun: type[Any]) -> set[str]:
-    """Return the names of the arrays that a noun may have."""
+    """Return the names of the arrays that a data object may have."""
     if noun is Geometry:
         return set(GEOMETRY)
     own = {field.name for field in fields(noun)} - {"units", "geometry", "indicators"}

@@ -1,4 +1,4 @@
-"""What a reader hands on: the noun, and an account of every part of the file."""
+"""What a reader hands on: the data object, and an account of every part of the file."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Finding:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Contents:
-    """The noun that a file gives, what was found in it, what is missing and what else to know."""
+    """The data object that a file gives, what was found in it, what is missing and what else to know."""
 
     thing: Thing
     findings: tuple[Finding, ...] = ()
@@ -95,7 +95,7 @@ class Survey:
         The format in words.
     result : str
         What `read` returns, in words.
-    thing : noun
+    thing : data object
         What `read` returns.
     found : tuple of Finding
     missing : tuple of str
@@ -143,7 +143,7 @@ def _count(number: int, word: str) -> str:
 
 
 def describe(thing: Thing) -> str:
-    """Return one line about a noun.
+    """Return one line about a data object.
 
     Examples
     --------

@@ -11,7 +11,8 @@ Numbers that are not finite are the texts "NaN", "Infinity" and "-Infinity" ther
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -53,15 +54,9 @@ def diagram_contents(where: str, arrays: Mapping[str, Array]) -> Contents:
     DataError
         Arrays that are missing, damaged or of no diagram.
     """
-    try:
+    with _checked(where):
         rest = json.loads(str(np.asarray(arrays[DIAGRAM])[()]))
         return _contents(where, rest, {name: a for name, a in arrays.items() if name != DIAGRAM})
-    except (KeyError, TypeError, AttributeError, IndexError, RecursionError) as error:
-        raise _damaged(where, f"{type(error).__name__}: {error}") from None
-    except DataError:
-        raise
-    except ValueError as error:
-        raise _damaged(where, str(error)) from None
 
 
 def write_document(path: Path, diagram: StabilizationDiagram) -> None:
@@ -73,15 +68,20 @@ def write_document(path: Path, diagram: StabilizationDiagram) -> None:
 
 def document_contents(where: str, document: Mapping[str, Any]) -> Contents:
     """Make the diagram that a JSON document holds; errors as in `diagram_contents`."""
-    try:
+    with _checked(where):
         arrays = {name: _array(values) for name, values in document["arrays"].items()}
         return _contents(where, document[DIAGRAM], arrays)
-    except (KeyError, TypeError, AttributeError, IndexError, OverflowError) as error:
-        raise _damaged(where, f"{type(error).__name__}: {error}") from None
+
+
+@contextmanager
+def _checked(where: str) -> Iterator[None]:
+    """Turn what damaged files make Python raise into an error that names the file."""
+    try:
+        yield
     except DataError:
         raise
-    except ValueError as error:
-        raise _damaged(where, str(error)) from None
+    except (KeyError, TypeError, AttributeError, IndexError, OverflowError, RecursionError, ValueError) as error:
+        raise _damaged(where, f"{type(error).__name__}: {error}") from None
 
 
 def _parted(diagram: StabilizationDiagram) -> tuple[dict[str, Array], dict[str, Any]]:

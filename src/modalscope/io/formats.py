@@ -51,7 +51,7 @@ _DIAGRAMS = (".npz", ".json")
 
 
 def read(path: str | Path, **options: Any) -> Thing:
-    """Read a measurement or modes; the format by suffix.
+    """Read a measurement, modes or a stabilization diagram from a file; the format by suffix.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def read(path: str | Path, **options: Any) -> Thing:
     Raises
     ------
     DataError
-        No such file, a folder, an unknown suffix or option, a damaged file, NaN, or anything that the noun refuses.
+        No such file, a folder, an unknown suffix or option, a damaged file, NaN, or anything that the data object refuses.
 
     Examples
     --------
@@ -117,12 +117,14 @@ def survey(path: str | Path, **options: Any) -> Survey:
 
 
 def write(path: str | Path, thing: Any, **options: Any) -> None:
-    """Write a noun; the format by suffix. An earlier file is replaced only when the new one is complete.
+    """Write data, modes or a stabilization diagram to a file; the format by suffix.
+
+    An earlier file is replaced only when the new one is complete.
 
     Parameters
     ----------
     path : path
-        `.npz`, `.h5` and `.uff` hold every noun, `.mat` all arrays; `.csv` responses, one run of records, or a table of modes;
+        `.npz`, `.h5` and `.uff` hold every data object, `.mat` all arrays; `.csv` responses, one run of records, or a table of modes;
         `.json` modes; `.npz` and `.json` a stabilization diagram with its response.
     thing : FrequencyResponse, ImpulseResponse, Signals, ModalModel, Geometry or StabilizationDiagram
     **options
@@ -190,7 +192,7 @@ def _check_options(path: Path, options: Options, known: tuple[str, ...], doing: 
 
 
 def _overridden(thing: Thing, options: Options) -> Thing:
-    """Return the noun with the fields that the caller gave; the formats of named arrays have used them already."""
+    """Return the data object with the fields that the caller gave; the formats of named arrays have used them already."""
     given = {name: options[name] for name in FIELD_OPTIONS if options.get(name) is not None}
     if isinstance(thing, Signals) and "quantity" in given:
         given["quantities"] = given.pop("quantity")

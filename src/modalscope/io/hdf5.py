@@ -45,7 +45,7 @@ _DIMENSIONS = {
 
 
 def write(path: Path, thing: Plain, options: Options) -> None:
-    """Write a noun; binary, so that it is read back exactly."""
+    """Write a data object; binary, so that it is read back exactly."""
     h5py = optional_package(f"writing {path.suffix}", "h5py", "hdf5")
     axes: dict[str, tuple[str, ...]] = {}
     with h5py.File(path, "w") as file:
@@ -68,7 +68,7 @@ def write(path: Path, thing: Plain, options: Options) -> None:
 
 
 def _axes(thing: Plain, name: str, array: Array) -> tuple[str, ...]:
-    """Return the names of an array's axes; the first ones of a noun that may lack runs or inputs."""
+    """Return the names of an array's axes; the first ones of a data object that may lack runs or inputs."""
     axes = _DIMENSIONS.get(name, ())
     if isinstance(thing, ImpulseResponse):
         axes = tuple("sample" if axis == "line" else axis for axis in axes)

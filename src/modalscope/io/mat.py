@@ -33,7 +33,7 @@ _DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeErr
 
 
 def write(path: Path, thing: Plain, options: Options) -> None:
-    """Write a noun as variables of a version 5 file."""
+    """Write a data object as variables of a version 5 file."""
     arrays: dict[str, Any] = {
         name: array.astype(object) if array.dtype.kind == "U" and array.ndim else array
         for name, array in to_arrays(thing).items()

@@ -92,7 +92,7 @@ def evidence_of(diagram: StabilizationDiagram) -> Evidence:
 
 
 def peaks(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> RealArray:
-    """Return the size of each pole's own term at its frequency over that of the whole response there."""
+    """Return the size of each pole's term at its frequency over that of the whole response there."""
     size = peak_sizes(diagram.response, poles.pole, poles.shape, poles.participation)
     return np.asarray(size / np.interp(poles.frequency, evidence.frequencies, evidence.level))
 

@@ -24,7 +24,7 @@ __all__ = ["select"]
 def select(
     diagram: StabilizationDiagram, *, frequencies: Iterable[float] | None = None, tolerance: float = 0.01
 ) -> ModalModel:
-    """Report the modes of a stabilization diagram with the reasons for each, or those at given frequencies.
+    """Choose the modes of a stabilization diagram automatically, with the reasons for each, or those at given frequencies.
 
     Poles are followed over the orders, and the members of a track that agree in frequency, damping and shape are taken
     together. The value reported is their median. A mode is found at many orders, persists from its first one on, stands

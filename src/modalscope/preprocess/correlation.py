@@ -97,7 +97,9 @@ def correlation_blocks(
     lags: int | None = None,
     blocks: int = 20,
 ) -> CorrelationBlocks:
-    """Sums of products y(t + k) y_ref(t)', block by block: what the uncertainty of a correlation is computed from.
+    """Correlate a record block by block, so that the uncertainty of its correlations can be computed from their scatter.
+
+    The sums of products y(t + k) y_ref(t)' of every block.
 
     The record is cut into `blocks` blocks of times t; t + k reaches into the next one, so that nothing is lost: `mean` is the
     unbiased estimate of the whole record. Several runs are cut each into its share of the blocks, at least one a run.
@@ -153,10 +155,11 @@ def estimate_correlation(
     segment: int | None = None,
     overlap: float = 0.5,
 ) -> ImpulseResponse:
-    """Correlations R(k) = E[y(t + k) y_ref(t)'] of the outputs with some of them (the natural excitation technique).
+    """Turn a record of outputs alone (ambient vibration) into correlations, which decay as free vibrations do.
 
-    Under white forces R(k) = C A^(k-1) G for k >= 1: a Markov sequence with the structure's own poles. It starts at lag 1;
-    R(0) does not belong to it and is kept apart, as `feedthrough`.
+    R(k) = E[y(t + k) y_ref(t)'] of the outputs with some of them, the natural excitation technique. Under white forces
+    R(k) = C A^(k-1) G for k >= 1: a Markov sequence with the structure's own poles. It starts at lag 1; R(0) does not belong to it
+    and is kept apart, as `feedthrough`.
 
     Parameters
     ----------

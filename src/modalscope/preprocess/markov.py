@@ -22,7 +22,7 @@ def estimate_markov(
     observer_order: int | None = None,
     samples: int | None = None,
 ) -> ImpulseResponse:
-    """Markov parameters Y(k) = C A^k B and the direct term from records of any input.
+    """Turn records with measured inputs of any kind into impulse responses: Markov parameters Y(k) = C A^k B and the direct term.
 
     Parameters
     ----------

@@ -229,9 +229,5 @@ def pulse_response(signals: Signals, Y: RealArray, D: RealArray, note: str) -> I
         sampling_rate=signals.sampling_rate,
         kind="pulse",
         quantity=signals.quantity,
-        output_dofs=signals.output_dofs,
-        input_dofs=signals.input_dofs,
-        units=signals.units,
-        geometry=signals.geometry,
-        processing=(*signals.processing, note),
-    )
+        **signals.labelled(),
+    ).noted(note)

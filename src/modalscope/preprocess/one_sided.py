@@ -13,7 +13,9 @@ __all__ = ["half_spectra"]
 
 
 def half_spectra(correlation: ImpulseResponse, *, lines: int | None = None) -> FrequencyResponse:
-    """Half spectra S+(z) = R(0) / 2 + sum_k R(k) z^-k, k >= 1, of correlations: rational with the poles of a frequency response.
+    """Turn correlations into half spectra, which frequency-domain methods take as they take frequency responses.
+
+    S+(z) = R(0) / 2 + sum_k R(k) z^-k, k >= 1: rational with the poles of a frequency response.
 
     For correlations C A^(k-1) G they are R(0) / 2 + C (z I - A)^-1 G, and S+ + S+* (for all channels as references) is the
     cross spectral matrix. What lies beyond the last lag is taken as zero.
@@ -53,9 +55,5 @@ def half_spectra(correlation: ImpulseResponse, *, lines: int | None = None) -> F
         frequencies=fft.rfftfreq(length, 1 / correlation.sampling_rate),
         sampling_rate=correlation.sampling_rate,
         quantity=correlation.quantity,
-        output_dofs=correlation.output_dofs,
-        input_dofs=correlation.input_dofs,
-        units=correlation.units,
-        geometry=correlation.geometry,
-        processing=(*correlation.processing, f"half spectra on {count} lines"),
-    )
+        **correlation.labelled(),
+    ).noted(f"half spectra on {count} lines")

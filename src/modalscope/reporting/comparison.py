@@ -10,9 +10,7 @@ import numpy as np
 from modalscope import plot
 from modalscope.comparing import CAUSES, Comparison, MethodResult
 from modalscope.comparing.scatter import COVERAGE
-from modalscope.modal.basis import fit_error
 from modalscope.modal.explained import explained, explains_enough
-from modalscope.modal.rebuilt import rebuilt
 from modalscope.reporting import record, sections
 from modalscope.reporting.figures import draw, stabilization_svg
 from modalscope.reporting.html import Section, listing, paragraph, picture, table
@@ -36,7 +34,7 @@ _ALIKE = 0.99
 
 def comparison_sections(c: Comparison, *, source: str | None = None, command: str | None = None) -> Iterator[Section]:
     """Give the sections on a comparison in the order of reading, each drawn when it is asked for."""
-    fit = fit_error(c.response.values, rebuilt(c.response, c.modes)) if len(c.modes) else None
+    fit = sections.fit_of(c.modes, c.response) if len(c.modes) else None
     yield _verdict(c)
     yield _modes(c)
     yield _methods(c)

@@ -12,8 +12,6 @@ from modalscope.comparing.labels import cell_label
 from modalscope.identification.identify import Identification
 from modalscope.io.atomic import replacing
 from modalscope.judging.select import select
-from modalscope.modal.basis import fit_error
-from modalscope.modal.rebuilt import rebuilt
 from modalscope.model import DataError, ModalModel, StabilizationDiagram
 from modalscope.model.checks import check_path
 from modalscope.model.response import Response
@@ -49,7 +47,9 @@ def report(
     source: str | None = None,
     command: str | None = None,
 ) -> Path:
-    """Write what was found as one self-contained HTML file, pictures included; nothing is asked from outside.
+    """Write a report on modes, a diagram, an identification or a comparison: one HTML file, pictures included.
+
+    Nothing is asked from outside: the file can be sent to anybody and read without a network.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def stabilization_sections(
 ) -> Iterator[Section]:
     """Give the sections on a diagram and its modes in the order of reading, each drawn when it is asked for."""
     response = diagram.response
-    fit = None if modes.participation is None else fit_error(response.values, rebuilt(response, modes))
+    fit = sections.fit_of(modes, response)
     yield sections.summary_section(modes, diagram, fit)
     yield sections.modes_section(modes)
     yield sections.stabilization_section(diagram, modes)

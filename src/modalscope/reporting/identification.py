@@ -8,9 +8,7 @@ import numpy as np
 
 from modalscope.comparing.labels import cell_label
 from modalscope.identification.identify import Identification
-from modalscope.modal.basis import fit_error
 from modalscope.modal.explained import explained, explains_enough
-from modalscope.modal.rebuilt import rebuilt
 from modalscope.reporting import record, sections
 from modalscope.reporting.figures import singular_values_svg
 from modalscope.reporting.html import Section, listing, paragraph, picture
@@ -25,7 +23,7 @@ def identification_sections(
 ) -> Iterator[Section]:
     """Give the sections on one identification in the order of reading, each drawn when it is asked for."""
     modes, response = found.modes, found.response
-    fit = fit_error(response.values, rebuilt(response, modes)) if len(modes) else None
+    fit = sections.fit_of(modes, response) if len(modes) else None
     yield _summary(found)
     yield sections.modes_section(modes)
     yield _model(found)

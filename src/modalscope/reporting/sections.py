@@ -7,7 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from modalscope.comparing.labels import cell_label
+from modalscope.modal.basis import fit_error
 from modalscope.modal.explained import explained, explains_enough
+from modalscope.modal.rebuilt import rebuilt
 from modalscope.model import FrequencyResponse, ModalModel, StabilizationDiagram
 from modalscope.model.checks import Array
 from modalscope.model.response import Response
@@ -24,6 +26,7 @@ from modalscope.reporting.numbers import decimals, frequency, heading, percent, 
 
 __all__ = [
     "Fit",
+    "fit_of",
     "loud",
     "mac_section",
     "mode_pictures",
@@ -68,6 +71,11 @@ def summary_section(modes: ModalModel, diagram: StabilizationDiagram, fit: Fit) 
         + "".join(paragraph(text) for text in (_least_sure(modes), "; ".join(odd)) if text)
     )
     return Section("summary", "Summary", body)
+
+
+def fit_of(modes: ModalModel, response: Response) -> Fit:
+    """Return what the modes leave of the data, in all and per channel; None when they cannot be rebuilt."""
+    return None if modes.participation is None else fit_error(response.values, rebuilt(response, modes))
 
 
 def loud(fit: Fit) -> str:

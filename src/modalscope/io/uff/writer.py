@@ -31,7 +31,7 @@ _ROUNDING = 8 * np.finfo(float).eps
 
 
 def write(path: Path, thing: Plain, options: Options) -> None:
-    """Write a noun.
+    """Write a data object.
 
     Parameters
     ----------
