@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import argparse
 import compileall
+import multiprocessing
 import os
 import py_compile
 import shutil
-import subprocess
 import sys
 import tempfile
 import time
@@ -21,6 +21,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
+
+import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 LIST = Path(__file__).with_suffix(".toml")
@@ -32,8 +34,16 @@ BESIDE = ("pyproject.toml", "README.md", "CHANGELOG.md")
 #: A fault that makes tests run this long, in seconds, is noticed.
 PATIENCE = 120
 
-#: Exit status of pytest: all passed, some failed.
-PASSED, FAILED = 0, 1
+#: One thread each: several faults are tried at a time. Pictures are drawn nowhere.
+SURROUNDINGS = {"MPLBACKEND": "Agg", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+
+#: What every run needs is loaded once; the library itself is not.
+LOADED = ["numpy", "scipy.linalg", "scipy.optimize", "scipy.signal", "matplotlib.pyplot", "pytest"]
+
+FORKS = multiprocessing.get_context("forkserver")
+
+#: Exit status of pytest: all passed, some failed; and of a process that said nothing more.
+PASSED, FAILED, CRASHED = 0, 1, -1
 
 
 @dataclass(frozen=True)
@@ -91,22 +101,30 @@ def copy_to(folder: Path, root: Path = ROOT) -> Path:
 
 def run(folder: Path, tests: Iterable[str]) -> tuple[int, str]:
     """Run tests against the library of a copy up to the first failure; return the exit status and the end of what was said."""
-    environment = {
-        **os.environ,
-        "PYTHONPATH": str(folder / "src"),
-        "PYTHONDONTWRITEBYTECODE": "1",
-        "MPLBACKEND": "Agg",
-        "OPENBLAS_NUM_THREADS": "1",
-        "OMP_NUM_THREADS": "1",
-    }
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "--no-header", "-p", "no:cacheprovider", *tests]
-    try:
-        done = subprocess.run(
-            command, cwd=folder, env=environment, capture_output=True, text=True, timeout=PATIENCE, check=False
-        )
-    except subprocess.TimeoutExpired:
+    log, end = folder / "log.txt", folder / "status.txt"
+    end.unlink(missing_ok=True)
+    # a fork of a server that holds what the library imports: starting anew would take longer than the tests
+    child = FORKS.Process(target=_run_here, args=(folder, tuple(tests), log, end))
+    child.start()
+    child.join(PATIENCE)
+    if child.is_alive():
+        child.kill()
+        child.join()
         return FAILED, f"longer than {PATIENCE} s"
-    return done.returncode, done.stdout[-2000:] + done.stderr[-500:]
+    status = int(end.read_text()) if end.exists() else CRASHED
+    return status, log.read_text(encoding="utf-8", errors="replace")[-2500:]
+
+
+def _run_here(folder: Path, tests: tuple[str, ...], log: Path, end: Path) -> None:
+    """Be the process that runs tests in a copy; what is said and the exit status of pytest are left in files."""
+    os.chdir(folder)
+    os.environ["PYTHONPATH"] = str(folder / "src")  # for the commands that tests start
+    sys.path.insert(0, str(folder / "src"))
+    sys.dont_write_bytecode = True
+    with log.open("w") as said:
+        os.dup2(said.fileno(), 1)
+        os.dup2(said.fileno(), 2)
+    end.write_text(str(int(pytest.main(["-x", "-q", "--no-header", "-p", "no:cacheprovider", *tests]))))
 
 
 def attempt(folder: Path, mutant: Mutant) -> str:
@@ -138,6 +156,8 @@ def main(arguments: Sequence[str] | None = None, path: Path = LIST, root: Path =
     if not mutants:
         print(f"no mutant has {given.word!r} in its name or file")
         return 1
+    os.environ.update(SURROUNDINGS)
+    FORKS.set_forkserver_preload(LOADED)
     started = time.perf_counter()
     with tempfile.TemporaryDirectory() as place, ThreadPoolExecutor(given.processes) as pool:
         copies: SimpleQueue[Path] = SimpleQueue()
