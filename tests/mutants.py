@@ -119,7 +119,9 @@ def _run_here(folder: Path, tests: tuple[str, ...], log: Path, end: Path) -> Non
     """Be the process that runs tests in a copy; what is said and the exit status of pytest are left in files."""
     os.chdir(folder)
     os.environ["PYTHONPATH"] = str(folder / "src")  # for the commands that tests start
-    sys.path.insert(0, str(folder / "src"))
+    sys.path[:0] = [str(folder / "src"), str(folder)]
+    for name in [name for name in sys.modules if name.partition(".")[0] == "tests"]:
+        del sys.modules[name]  # those of the copy are meant
     sys.dont_write_bytecode = True
     with log.open("w") as said:
         os.dup2(said.fileno(), 1)

@@ -92,7 +92,7 @@ def test_what_belongs_to_a_mode_goes_with_it_and_what_belongs_to_a_band_goes() -
         n = start + np.arange(len(f), dtype=float)
         return modes(
             f,
-            shapes=[at_angle(1 - v / 10) for v in range(len(f))],
+            shapes=[at_angle(1 - v / 100) for v in n],
             frequencies_spread=n,
             indicators={"emac": n / 10, **more},
             reasons=tuple({"text": str(int(v))} for v in n),
@@ -111,7 +111,7 @@ def test_what_belongs_to_a_mode_goes_with_it_and_what_belongs_to_a_band_goes() -
     assert [r["text"] for r in both.reasons] == ["1", "5", "6"]
     assert both.participation is not None
     assert both.participation[:, 0].tolist() == [2, 1, 2]
-    assert np.allclose(both.shapes.T, [at_angle(0.9), at_angle(1), at_angle(0.9)])
+    assert np.allclose(both.shapes.T, [at_angle(0.99), at_angle(0.95), at_angle(0.94)])
     assert both.feedthrough is None
     assert both.scaling == "as in each band"
     assert merge_bands([a, a], [LOW, HIGH]).scaling == "as of 0"
