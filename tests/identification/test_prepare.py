@@ -163,3 +163,14 @@ def test_a_single_pair_of_zeros_is_no_dead_channel() -> None:
 def test_other_things_are_no_data() -> None:
     with pytest.raises(DataError, match="this is ndarray"):
         prepare(np.ones(3), None, None, None)  # type: ignore[arg-type]
+
+
+def test_lags_of_a_correlation_that_no_block_holds_are_left_out() -> None:
+    found = build(samples(kind="correlation"), order=1, method="era", block_rows=5, block_columns=9)
+    assert isinstance(found.response, ImpulseResponse)
+    assert found.response.samples == 14
+    assert "14 of 64 lags are used" in found.notes
+    # other samples stay, whatever the blocks read
+    rest = build(samples(), order=1, method="era", block_rows=5, block_columns=9).response
+    assert isinstance(rest, ImpulseResponse)
+    assert rest.samples == 64
