@@ -17,8 +17,11 @@ from numpy.typing import ArrayLike
 from scipy.optimize import linear_sum_assignment
 
 from modalscope import systems
+from modalscope.identification.pipeline import Pipeline, factor
+from modalscope.identification.prepare import prepare
 from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, Signals, StateSpace
 from modalscope.model.poles import frequencies_and_damping, one_of_each_pair, poles_from
+from modalscope.model.response import Response
 
 #: The project, and the measured beam that comes with it.
 ROOT = Path(__file__).resolve().parents[1]
@@ -34,6 +37,12 @@ FIVE = {name: systems.catalog()[name] for name in ("chain5", "ring5", "close4", 
 SNR_DB = 20.0
 
 EPS = float(np.finfo(float).eps)
+
+
+def built(data: Signals | Response, order: int, **options: Any) -> Pipeline:
+    """Factor data for one row of the table up to an order; the options are those of `identify`."""
+    return factor(prepare(data, **options), order)
+
 
 Noisy = TypeVar("Noisy", ImpulseResponse, FrequencyResponse, Signals)
 

@@ -12,13 +12,12 @@ from modalscope.blocks.compression import random_projection
 from modalscope.blocks.factor import Factors, factorize, left_factor
 from modalscope.blocks.hankel import hankel
 from modalscope.identification.identify import identify
-from modalscope.identification.pipeline import build
 from modalscope.model import ImpulseResponse
 from modalscope.realizations.balanced import balanced, projected_general
 from modalscope.realizations.companion import null_space_companion
 from modalscope.realizations.regression import regression, regression_matrix
 from modalscope.realizations.shift import shift
-from tests.support import add_noise, random_system, relative
+from tests.support import add_noise, built, random_system, relative
 
 #: The identities hold to rounding; what is lost is the conditioning of the data, and 400 random systems stayed below 6e-13.
 EXACT = 1e-9
@@ -137,7 +136,7 @@ def test_i3_with_columns_is_the_controllable_form(case):
     _, d, Qt = np.linalg.svd(wide, full_matrices=False)
     d, Q = d[:n], Qt[:n].T
     want = (Q[m:].T @ np.linalg.pinv(Q[:-m].T)) * (d[:, None] ** 0.5 / d**0.5)
-    p = build(case.response, method="alternate", form="controllable", order=n, block_rows=ROWS, block_columns=COLUMNS)
+    p = built(case.response, method="alternate", form="controllable", order=n, block_rows=ROWS, block_columns=COLUMNS)
     assert apart(np.linalg.eigvals(p.triple(n).A), np.linalg.eigvals(want)) < EXACT
 
 
@@ -170,10 +169,10 @@ def test_i7_least_squares_without_truncation_is_the_block_companion(seed):
     assert np.linalg.matrix_rank(H[0]) == H[0].shape[1]
     literal = np.linalg.pinv(H[0]) @ H[1]
     options = {"method": "prce", "block_rows": rows, "block_columns": columns}
-    p = build(case.response, form="controllable", order=columns * 2, **options)
+    p = built(case.response, form="controllable", order=columns * 2, **options)
     assert relative(p.triple(columns * 2).A, literal) < EXACT
     wide = [np.block([[Y[i + j + k] for j in range(30)] for i in range(5)]) for k in (0, 1)]
-    q = build(case.response, method="prce", form="observable", order=20, block_rows=5, block_columns=30)
+    q = built(case.response, method="prce", form="observable", order=20, block_rows=5, block_columns=30)
     assert relative(q.triple(20).A, wide[1] @ np.linalg.pinv(wide[0])) < EXACT
 
 
@@ -186,7 +185,7 @@ def test_i7_ibrahims_method_is_the_case_of_one_input(seed):
     rows, columns = 4, 30
     H = [np.block([[Y[i + j + k] for j in range(columns)] for i in range(rows)]) for k in (0, 1)]
     ibrahim = H[1] @ H[0].T @ np.linalg.inv(H[0] @ H[0].T)
-    p = build(decay, method="prce", form="observable", order=12, block_rows=rows, block_columns=columns)
+    p = built(decay, method="prce", form="observable", order=12, block_rows=rows, block_columns=columns)
     # his normal equations square the condition
     room = np.linalg.cond(H[0]) ** 2 * 1e-14
     assert relative(p.triple(12).A, ibrahim) < max(EXACT, room)
@@ -196,8 +195,8 @@ def test_i7_ibrahims_method_is_the_case_of_one_input(seed):
 def test_i8_the_dual_has_the_same_poles(case):
     """ERA on the transposed response, the transposed model."""
     options = {"method": "era", "order": case.n}
-    p = build(case.response, form="observable", block_rows=ROWS, block_columns=COLUMNS, **options)
-    q = build(case.response, form="controllable", block_rows=ROWS, block_columns=COLUMNS, **options)
+    p = built(case.response, form="observable", block_rows=ROWS, block_columns=COLUMNS, **options)
+    q = built(case.response, form="controllable", block_rows=ROWS, block_columns=COLUMNS, **options)
     A, D = p.triple(case.n), q.triple(case.n)
     assert apart(np.linalg.eigvals(A.A), np.linalg.eigvals(D.A)) < EXACT
     for k in (0, 3):
@@ -265,36 +264,34 @@ def test_i13_indicators_do_not_depend_on_coordinates(case):
 
 def test_i13_evolution_is_invariant_under_similarity(case):
     """The factors' own sides: V T and T^-1 W with the model (T^-1 A T, T^-1 B, C T)."""
-    from modalscope.modal.evolution import column_side, row_side
-    from modalscope.realizations.triple import Realization
+    from modalscope.blocks.triple import Eigen, ModalFit, Triple
+    from modalscope.modal.evolution import side_coherence, side_emac
 
-    realization = balanced(case.matrix, case.factors)
-    A, B, C = (getattr(realization.triple(case.n), x) for x in "ABC")
-    z, X = np.linalg.eig(A)
-    Xi = np.linalg.inv(X)
-    rows = row_side(case.matrix, realization, case.n, z, X, C @ X)
-    columns = column_side(case.matrix, realization, case.n, z, Xi, Xi @ B)
-    f = realization.factors
-    T = np.random.default_rng(1).standard_normal((case.n, case.n)) + 3 * np.eye(case.n)
-    root = np.sqrt(f.d)
-    turned = Factors(
-        (f.P * root) @ T, np.ones(case.n), (np.linalg.solve(T, (f.Q * root).T)).T, f.spectrum, f.rank, f.how
-    )
-    other = Realization(turned, realization.triple)
-    scaled = X * np.exp(1j * np.arange(case.n))  # eigenvectors have no length or phase of their own
-    Y = np.linalg.solve(T, scaled)
-    rows2 = row_side(case.matrix, other, case.n, z, Y, C @ T @ Y)
-    columns2 = column_side(case.matrix, other, case.n, z, np.linalg.inv(Y), np.linalg.inv(Y) @ np.linalg.solve(T, B))
-    np.testing.assert_allclose(rows2[0], rows[0], atol=EXACT)
-    for ours, theirs in zip(columns, columns2, strict=True):
-        np.testing.assert_allclose(theirs, ours, atol=EXACT)
+    def sides(model: Triple, X: np.ndarray) -> list[np.ndarray]:
+        Xi = np.linalg.inv(X)
+        fit = ModalFit(model.C @ X, Xi @ model.B, np.zeros((1, 4, 3)))
+        eigen = Eigen(z, X, Xi)
+        found = case.matrix.row_side(model, eigen, fit), case.matrix.column_side(model, eigen, fit)
+        return [judge(side) for side in found for judge in (side_emac, side_coherence)]
+
+    n = case.n
+    model = balanced(case.matrix, case.factors).triple(n)
+    z, X = np.linalg.eig(model.A)
+    f = case.factors
+    T = np.random.default_rng(1).standard_normal((n, n)) + 3 * np.eye(n)
+    Ti, root = np.linalg.inv(T), np.sqrt(f.d)
+    turned = Factors((f.P * root) @ T, np.ones(n), (Ti @ (f.Q * root).T).T, f.spectrum, f.rank, f.how)
+    other = Triple(Ti @ model.A @ T, Ti @ model.B, model.C @ T, n, turned)
+    scaled = X * np.exp(1j * np.arange(n))  # eigenvectors have no length or phase of their own
+    for ours, theirs in zip(sides(other, Ti @ scaled), sides(model, X), strict=True):
+        np.testing.assert_allclose(ours, theirs, atol=EXACT)
 
 
 # What holds without noise only: to 1e-8 without, and by more than 1e-5 not with it (2e-4 to 9e-2 were measured at 20 dB).
 
 
 def poles_by(response, n, **options):
-    return build(response, order=n, block_rows=ROWS, block_columns=COLUMNS, **options)
+    return built(response, order=n, block_rows=ROWS, block_columns=COLUMNS, **options)
 
 
 def pairs(case: Case):

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from modalscope.identification.identify import identify
-from modalscope.identification.pipeline import build
 from modalscope.model import ImpulseResponse
-from tests.support import FIVE, add_noise, relative
+from tests.support import FIVE, add_noise, built, relative
 
 #: One formula against another on the same numbers: rounding, times the condition of the data at 20 dB.
 EXACT = 1e-9
@@ -43,7 +42,7 @@ def test_kungs_realization_and_least_squares_esprit_are_the_alternate_row(noisy)
     H = blocks(noisy, ROWS + 1, COLUMNS)
     P = np.linalg.svd(H)[0][:, :N]
     textbook = np.linalg.lstsq(P[:-4], P[4:], rcond=None)[0]
-    p = build(noisy, method="alternate", order=N, block_rows=ROWS, block_columns=COLUMNS)
+    p = built(noisy, method="alternate", order=N, block_rows=ROWS, block_columns=COLUMNS)
     assert same(p.triple(N).A, textbook)
 
 
@@ -51,7 +50,7 @@ def test_delay_embedded_dynamic_mode_decomposition_is_truncated_least_squares(no
     X, Xs = (blocks(noisy, ROWS, COLUMNS, k) for k in (0, 1))
     U, s, Vt = np.linalg.svd(X, full_matrices=False)
     textbook = U[:, :N].T @ Xs @ Vt[:N].T / s[:N]
-    p = build(noisy, method="least_squares", order=N, block_rows=ROWS, block_columns=COLUMNS)
+    p = built(noisy, method="least_squares", order=N, block_rows=ROWS, block_columns=COLUMNS)
     assert same(p.triple(N).A, textbook)
 
 
@@ -63,7 +62,7 @@ def test_prony_is_the_complex_exponential_of_one_channel(noisy):
     a = np.linalg.lstsq(known, y[p : p + rows], rcond=None)[0]
     roots = np.roots(np.concatenate([[1], -a[::-1]]))
     one = ImpulseResponse(values=noisy.values[:, :1, :1], sampling_rate=noisy.sampling_rate, kind="dirac")
-    model = build(one, method="prce", order=p, block_rows=rows, block_columns=p).triple(p)
+    model = built(one, method="prce", order=p, block_rows=rows, block_columns=p).triple(p)
     found = np.linalg.eigvals(model.A)
     # roots of a polynomial of degree 12 lose a few digits on their own
     assert abs(found[:, None] - roots).min(axis=1).max() < 1e-7
@@ -75,5 +74,5 @@ def test_polyreference_complex_exponential_solves_its_own_equations(noisy):
     known = blocks(noisy, rows, p)
     target = np.vstack([noisy.values[k + p] for k in range(rows)])
     a = -np.linalg.lstsq(known, target, rcond=None)[0]
-    model = build(noisy, method="prce", order=16, block_rows=rows, block_columns=p).triple(16)
+    model = built(noisy, method="prce", order=16, block_rows=rows, block_columns=p).triple(16)
     assert relative(-model.A[:, -2:], a) < EXACT

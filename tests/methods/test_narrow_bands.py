@@ -24,7 +24,7 @@ def test_overlapping_bands_give_each_mode_once() -> None:
 
 def test_of_two_the_one_deeper_inside_its_band_stays() -> None:
     modes = FIVE["chain5"]().modes()
-    marked = [modes.take([2]).noted("a"), modes.take([2]).noted("b")]
+    marked = [modes.take([2]).processed("a"), modes.take([2]).processed("b")]
     marked = [type(m)(poles=m.poles * (1 + 1e-5 * i), shapes=m.shapes) for i, m in enumerate(marked)]
     f = modes.frequencies[2]
     merged = merge_bands(marked, [(f - 0.01, f + 2), (f - 1, f + 1)])

@@ -9,8 +9,7 @@ from hypothesis import given, settings, strategies as st
 from modalscope import DataError, FrequencyResponse, Identification, StateSpace
 from modalscope.blocks.windows import model_transfer
 from modalscope.identification.identify import assemble
-from modalscope.identification.pipeline import build
-from tests.support import EPS, FIVE, random_system
+from tests.support import EPS, FIVE, built, random_system
 
 QUANTITIES = {"displacement": 0, "velocity": 1, "acceleration": 2}
 METHODS = ("era", "polyreference", "alternate", "least_squares")
@@ -22,7 +21,7 @@ REBUILT = 1e-8
 
 def identify_all(frf: FrequencyResponse, method: str, domain: str, order: int) -> Identification:
     """Identify at `order`, or at the largest order below that rounding leaves of it on a narrow band."""
-    pipeline = build(frf, method=method, domain=domain, order=order)
+    pipeline = built(frf, method=method, domain=domain, order=order)
     for n in range(min(order, pipeline.factors.rank), 1, -1):
         try:
             return assemble(pipeline, n)

@@ -122,7 +122,6 @@ def test_ambient_records_with_common_outputs_become_one_correlation():
         ([part(["1Z"], quantity="velocity"), part(["2Z"])], "the same quantity"),
         ([part(["1Z"]), part(["2Z"]).band(1, 1.5)], "parts on the same lines"),
         ([part(["1Z"], units="m"), part(["1Z"], units="mm")], "in m in one and in mm in another"),
-        ([Signals(outputs=np.ones((n, 1)), sampling_rate=1.0) for n in (4, 5)], "numbers of samples"),
         ([Signals(outputs=np.ones((4, 1)), sampling_rate=f) for f in (1.0, 2.0)], "sampling rates"),
         ([Signals(outputs=np.ones((4, 1)), sampling_rate=1.0, output_dofs=[d]) for d in "ab"], "no output is common"),
     ],

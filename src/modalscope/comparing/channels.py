@@ -17,13 +17,12 @@ from __future__ import annotations
 import numpy as np
 
 from modalscope.comparing.causes import Cause
-from modalscope.comparing.plan import Response
 from modalscope.identification.prepare import Data
-from modalscope.modal.basis import basis_of_lines, basis_of_samples
 from modalscope.model.channels import QUANTITIES
 from modalscope.model.checks import Array, RealArray
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.response import Response
 from modalscope.model.signals import Signals
 
 __all__ = ["channel_causes", "sign_causes", "without_dead"]
@@ -113,10 +112,7 @@ def _turned_alone(response: Response, poles: Array) -> list[Cause]:
 
 def _free_residues(response: Response, poles: Array) -> Array:
     """Return residues (n, l, m) of every channel by least squares, not tied to a shape."""
-    if isinstance(response, FrequencyResponse):
-        basis = basis_of_lines(response, poles)
-    else:
-        basis = basis_of_samples(response, poles)
+    basis = response.basis(poles)
     columns = np.hstack([basis.terms, basis.functions])
     scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     rows, outputs, inputs = basis.data.shape

@@ -13,17 +13,19 @@ from modalscope.comparing.channels import channel_causes, sign_causes, without_d
 from modalscope.comparing.diagnosis import disagreements, mode_causes, order_cause
 from modalscope.comparing.identities import check_identities
 from modalscope.comparing.kinship import kinship
-from modalscope.comparing.plan import Response, plan
+from modalscope.comparing.plan import plan
 from modalscope.comparing.result import Comparison
 from modalscope.comparing.run import MethodResult, Progress, run
 from modalscope.comparing.scatter import noise_floor, stated
 from modalscope.comparing.verdict import judge, words
-from modalscope.identification.prepare import Data, prepare
-from modalscope.modal.basis import fit_error
-from modalscope.modal.rebuilt import fitted_terms, rebuilt
+from modalscope.identification.prepare import Data, measure
+from modalscope.modal.rebuilt import fit_error, fitted_terms, rebuilt
+from modalscope.model.checks import check_kind
+from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.labels import DofLike
 from modalscope.model.modes import ModalModel
-from modalscope.model.response import is_held, window_damping
+from modalscope.model.response import Response, is_held, window_damping
 from modalscope.model.signals import Signals
 
 __all__ = ["compare"]
@@ -87,11 +89,12 @@ def compare(
     """
     if exclude is not None:
         data = data.select(exclude=exclude)
+    check_kind("compare", data, (FrequencyResponse, ImpulseResponse, Signals))
     data, findings = without_dead(data)
-    _, response, in_band, notes = prepare(data, None, None, band)
-    records = data if isinstance(data, Signals) and in_band is not None else None
-    cells, more = plan(response, methods, orders, records=records is not None)
-    results = run(response, cells, records=records, band=band, progress=progress, workers=workers, **options)
+    measured = measure(data, band)
+    response = measured.response
+    cells, more = plan(response, methods, orders, records=measured.records is not None)
+    results = run(measured, cells, progress=progress, workers=workers, **options)
     kin = kinship(results)
     groups, unconfirmed = pair(results, kin)
     modes = _consensus(response, groups)
@@ -123,7 +126,7 @@ def compare(
         findings=tuple(findings),
         verdict=words(groups, trust, scatter, results, findings),
         settings=_settings(methods, orders, band, exclude, options),
-        notes=(*notes, *more, *_equals(kin.names, kin.classes)),
+        notes=(*measured.notes, *more, *_equals(kin.names, kin.classes)),
     )
 
 

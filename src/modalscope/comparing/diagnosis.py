@@ -31,11 +31,11 @@ import numpy as np
 
 from modalscope.comparing.agreement import Group
 from modalscope.comparing.causes import Cause, Disagreement
-from modalscope.comparing.plan import Response
 from modalscope.comparing.run import MethodResult
 from modalscope.judging.evidence import LEAST_PEAK, LEAST_SIGNAL
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.response import Response
 
 __all__ = ["HEAVY", "disagreements", "mode_causes", "order_cause"]
 
@@ -146,11 +146,11 @@ def _lines(case: _Case) -> Cause | None:
 def _blocks(case: _Case) -> Cause | None:
     spans = []
     for r in case.results:
-        if r.diagram is None or r.method.domain != "time" or not r.exact:
+        if r.diagram is None or not r.exact:
             continue
-        rows = r.diagram.settings.get("block_rows")
-        if isinstance(rows, int) and r.diagram.dt is not None and not r.method.canonical:
-            spans.append((rows * r.diagram.dt, rows))
+        span = r.method.rows_span(r.diagram.settings, r.diagram.dt)
+        if span is not None:
+            spans.append((span, r.diagram.settings["block_rows"]))
     if not spans or min(spans)[0] * case.group.frequency >= 1:
         return None
     return Cause(

@@ -98,11 +98,7 @@ def _orders_to_compare(a: MethodResult, b: MethodResult, order: int) -> tuple[in
 
 def _states(result: MethodResult) -> int:
     """States an order: one, or as many as inputs where the order is a degree."""
-    return (
-        result.diagram.participation.shape[1]
-        if result.diagram is not None and result.method.factors == "fraction"
-        else 1
-    )
+    return 1 if result.diagram is None else result.method.orders.states_each(result.diagram.response)
 
 
 def _poles(diagram: StabilizationDiagram, order: int) -> tuple[ComplexArray, RealArray]:

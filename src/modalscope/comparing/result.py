@@ -10,11 +10,11 @@ from modalscope.comparing.agreement import Group
 from modalscope.comparing.causes import Cause, Disagreement
 from modalscope.comparing.identities import Identity
 from modalscope.comparing.kinship import Kinship
-from modalscope.comparing.plan import Response
 from modalscope.comparing.run import MethodResult
 from modalscope.comparing.scatter import COVERAGE, Scatter
 from modalscope.comparing.verdict import Trust
 from modalscope.model.modes import ModalModel
+from modalscope.model.response import Response
 
 __all__ = ["Comparison"]
 

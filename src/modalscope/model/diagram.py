@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, freeze, locked
 from modalscope.model.poles import HasPoles
 from modalscope.model.response import Response
+from modalscope.model.settings import Settings
 
 __all__ = ["StabilizationDiagram"]
 
@@ -68,7 +68,7 @@ class StabilizationDiagram(HasPoles):
     fit_errors: RealArray
     exact_rank: int | None = None
     tolerances: Mapping[str, float] = field(default_factory=dict)
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    settings: Settings = field(default_factory=Settings)
     notes: tuple[str, ...] = ()
     dt: float | None = None
 

@@ -179,6 +179,7 @@ def indicator(
     DataError
         An unknown kind.
     """
+    check_kind("a plot of an indicator", response, (FrequencyResponse, ImpulseResponse))
     check_choice("kind", kind, INDICATORS[:2])
     ax = new_axes(ax, (9.0, 4.5))
     lines, curves = indicator_curves(response, kind)
@@ -205,6 +206,7 @@ def fit_errors(diagram: StabilizationDiagram, ax: Axes | None = None) -> Axes:
     diagram : StabilizationDiagram
     ax : Axes, optional
     """
+    check_kind("a plot of fit errors", diagram, StabilizationDiagram)
     ax = new_axes(ax, (9.0, 4.8))
     known = np.isfinite(diagram.fit_errors) & (diagram.fit_errors > 0)
     ax.plot(

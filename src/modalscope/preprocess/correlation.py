@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 from scipy import fft
 
-from modalscope.model.checks import Array, DataError, RealArray, check_count
+from modalscope.model.checks import Array, DataError, RealArray, check_count, check_kind
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.labels import DofLike, indices_of
@@ -197,6 +197,7 @@ def estimate_correlation(
     >>> r.values.shape, r.kind
     ((50, 2, 1), 'correlation')
     """
+    check_kind("estimate_correlation", signals, Signals)
     chosen, count = _references(signals, references), _lags(signals, lags)
     if window is None:
         if segment is not None:
@@ -278,6 +279,7 @@ def half_spectra(correlation: ImpulseResponse, *, lines: int | None = None) -> F
     DataError
         A response that is no correlation, or whose R(0) is missing.
     """
+    check_kind("half_spectra", correlation, ImpulseResponse)
     if correlation.kind != "correlation" or correlation.feedthrough is None:
         raise DataError(
             "half spectra of a correlation were asked",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from modalscope.model.checks import DataError, RealArray
+from modalscope.model.checks import DataError, RealArray, check_kind
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.signals import Signals
@@ -55,12 +55,7 @@ def examine(data: Signals | FrequencyResponse | ImpulseResponse) -> tuple[Findin
     if isinstance(data, ImpulseResponse):
         flat = data.values.transpose(0, 2, 1).reshape(-1, len(data.output_dofs))
         return tuple(dead_channels(flat, data.output_dofs) + identical_channels(flat, data.output_dofs))
-    if not isinstance(data, Signals):
-        raise DataError(
-            "Signals, a FrequencyResponse or an ImpulseResponse was asked",
-            f"this is {type(data).__name__}",
-            "Wrap the arrays in one of these, or read a file.",
-        )
+    check_kind("examine", data, (FrequencyResponse, ImpulseResponse, Signals))
     return tuple(_examine_record(data))
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from modalscope.model.checks import ComplexArray, RealArray, check_count
+from modalscope.model.checks import ComplexArray, RealArray, check_count, check_kind
 from modalscope.model.signals import Signals
 from modalscope.preprocess.spectra import Segments, check_window, cross_spectra, segment_starts, window_samples
 
@@ -85,6 +85,7 @@ def decomposition(
     >>> f.round(1), round(float((shapes[1, 0] / shapes[0, 0]).real), 1)
     (array([5.]), -1.0)
     """
+    check_kind("decomposition", signals, Signals)
     outputs, _ = signals.by_run()
     y = outputs - outputs.mean(axis=1, keepdims=True)
     length = max(2, min(signals.samples * signals.runs // 20, signals.samples)) if segment is None else segment

@@ -10,8 +10,7 @@ import numpy as np
 from modalscope import plot
 from modalscope.comparing import CAUSES, Comparison, MethodResult
 from modalscope.comparing.scatter import COVERAGE
-from modalscope.modal.basis import fit_error
-from modalscope.modal.rebuilt import rebuilt
+from modalscope.modal.rebuilt import fit_error, rebuilt
 from modalscope.reporting import record, sections
 from modalscope.reporting.figures import draw, stabilization_svg
 from modalscope.reporting.html import Section, listing, paragraph, picture, script, table
@@ -240,9 +239,9 @@ def _settings(c: Comparison) -> Section:
     for r in c.results:
         if r.diagram is not None:
             found = ", ".join(f"{k} {v}" for k, v in r.diagram.settings.items() if v is not None)
-            blocks.append([r.name, found, "; ".join(r.diagram.notes)])
+            blocks.append([r.name, found, "; ".join(map(str, r.diagram.notes))])
     body = listing(facts.items()) + table(["method", "data matrix", "notes"], blocks, words=[0, 1, 2])
-    body += "".join(paragraph(note) for note in c.notes)
+    body += "".join(paragraph(str(note)) for note in c.notes)
     return Section("settings", "Settings and notes", body)
 
 

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from modalscope.comparing import Comparison
 from modalscope.io.atomic import replacing
-from modalscope.modal.basis import fit_error
-from modalscope.modal.rebuilt import rebuilt
+from modalscope.modal.rebuilt import fit_error, rebuilt
 from modalscope.model import DataError, ModalModel, StabilizationDiagram
 from modalscope.model.checks import check_path
 from modalscope.model.response import Response

@@ -99,7 +99,7 @@ def notes_section(diagram: StabilizationDiagram) -> Section:
     """What was chosen, converted or left out on the way, and poles that the diagram does not show."""
     kinds = diagram.kinds
     hidden = [f"{kinds.count(kind)} {kind}" for kind in ("real", "nyquist", "zero") if kind in kinds]
-    notes = list(diagram.notes)
+    notes = [str(note) for note in diagram.notes]
     if hidden:
         notes.append(f"Poles without a place on a frequency axis, not drawn: {', '.join(hidden)}.")
     body = "".join(paragraph(note) for note in notes) or paragraph("Nothing was left out.")

@@ -244,7 +244,7 @@ def test_unknown_sets_are_left_and_units_are_told(file):
     path = file(frf("1:+Z"), more=inches + header(1858, "whatever"))
     survey = mio.survey(path)
     assert [finding.reason for finding in survey.left] == ["dataset 1858 is not read"]
-    assert any("Inch" in note for note in survey.notes)
+    assert any("Inch" in str(note) for note in survey.notes)
     assert mio.read(path).units == (("",), ("",))
 
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.identification.eigenmodes import eigenmodes, split_extraneous
 from modalscope.identification.identify import identify
-from modalscope.identification.pipeline import build
+from modalscope.modal.eigenmodes import eigenmodes, split_extraneous
 from modalscope.realizations.reduction import reversed_companion
-from tests.support import FIVE, add_noise, match_poles
+from tests.support import FIVE, add_noise, built, match_poles
 
 
 @pytest.mark.parametrize("name", FIVE)
@@ -19,9 +18,9 @@ def test_extraneous_poles_lie_inside_the_circle_and_reversed_time_moves_the_othe
     structure = FIVE[name]()
     truth = np.exp(np.linalg.eigvals(structure.state_space().A) * structure.dt)
     options = {"method": "polyreference", "form": form, "order": truth.size, "block_rows": 12, "block_columns": 12}
-    p = build(structure.impulse_response(100), **options)
+    p = built(structure.impulse_response(100), **options)
     forward = np.linalg.eigvals(p.triple(truth.size).A)
-    backward = np.linalg.eigvals(reversed_companion(p.matrix, p.realization, truth.size))
+    backward = np.linalg.eigvals(reversed_companion(p.realization, truth.size))
     assert np.all(abs(forward) < 1)
     outside = backward[abs(backward) > 1]
     assert outside.size == truth.size
@@ -33,7 +32,7 @@ def test_the_smaller_form_is_the_default():
     response = FIVE["chain5"]().impulse_response(100)
     states = {}
     for rows, columns in ((12, 18), (8, 30)):
-        p = build(response, method="polyreference", order=10, block_rows=rows, block_columns=columns)
+        p = built(response, method="polyreference", order=10, block_rows=rows, block_columns=columns)
         states[rows, columns] = (p.settings["form"], p.triple(10).A.shape[0])
     assert states == {(12, 18): ("controllable", 36), (8, 30): ("observable", 32)}
 
@@ -59,9 +58,9 @@ def test_modes_are_told_from_extraneous_poles_in_noise(name, snr, share, form):
     hits, poles = 0, 0
     for seed in range(6):
         response = add_noise(structure.impulse_response(400), snr, seed)
-        p = build(response, method="polyreference", form=form, order=truth.size, block_rows=rows, block_columns=columns)
+        p = built(response, method="polyreference", form=form, order=truth.size, block_rows=rows, block_columns=columns)
         model = p.triple(truth.size)
-        modes = eigenmodes(p, model)
+        modes = eigenmodes(p.matrix, model)
         best = match_poles(modes.poles, truth).index
         own, _ = split_extraneous(modes, model)
         hits, poles = hits + len(set(own) & set(best)), poles + best.size
