@@ -6,6 +6,7 @@ from collections import Counter
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -18,7 +19,7 @@ from modalscope.reporting import report, report_modes, sections
 from modalscope.reporting.document import write_page
 from modalscope.reporting.figures import shape_svg
 from modalscope.reporting.html import Section
-from modalscope.reporting.record import program
+from modalscope.reporting.scripts import identification_script, stabilization_script
 from modalscope.systems import chain5
 from tests.plot import examples
 
@@ -177,14 +178,14 @@ def test_what_users_write_cannot_become_markup(tmp_path: Path) -> None:
 
 
 def test_the_script_repeats_the_identification() -> None:
-    text = program(examples.diagram(), "chain.uff")
+    text = stabilization_script(examples.diagram(), "chain.uff")
     compile(text, "script", "exec")
     assert "orders=range(2, 15, 2)" in text
     assert "block_rows=8" in text
     assert "weights" not in text  # not given
     f = examples.response().frequencies
     assert f"band=({float(f[0])!r}, {float(f[-1])!r})" in text
-    given = program(replace(examples.diagram(), settings={"weights": "given"}), None)
+    given = stabilization_script(replace(examples.diagram(), settings={"weights": "given"}), None)
     compile(given, "script", "exec")
     assert "# and as they were given: weights" in given
 
@@ -197,7 +198,7 @@ def test_running_the_script_gives_the_same_modes(tmp_path: Path, monkeypatch: py
     )
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
-    exec(compile(program(first, "chain.npz"), "script", "exec"), names)
+    exec(compile(stabilization_script(first, "chain.npz"), "script", "exec"), names)
     again = names["diagram"]
     assert isinstance(again, StabilizationDiagram)
     assert np.array_equal(again.poles, first.poles)
@@ -274,6 +275,65 @@ def test_a_write_that_fails_leaves_the_earlier_report_and_no_other_file(
         write_page(path, "title", "subtitle", [Section("one", "One", "")])
     assert path.read_bytes() == b"an earlier good report"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_diagram_alone_is_reported_with_the_modes_it_shows(tmp_path: Path) -> None:
+    diagram = ms.stabilize(chain5().impulse_response(300, noise=0.01, seed=0), orders=range(2, 21, 2))
+    pair = report((ms.select(diagram), diagram), tmp_path / "pair.html").read_bytes()
+    assert report(diagram, tmp_path / "alone.html").read_bytes() == pair
+    result = SimpleNamespace(modes=ms.select(diagram), diagram=diagram, findings=None)
+    assert report(result, tmp_path / "result.html").read_bytes() == pair
+
+
+@pytest.mark.parametrize("form", ["samples", "lines"])
+def test_an_identification_is_reported_with_its_model(form: str, tmp_path: Path) -> None:
+    if form == "samples":
+        found = ms.identify(chain5().impulse_response(300, noise=0.01, seed=0), method="polyreference", order=10)
+    else:
+        f = np.linspace(0.3, 7.5, 400)
+        found = ms.identify(chain5().frequency_response(f, noise=0.01, seed=0), method="alternate", order=10)
+    page = read(report(found, tmp_path / "r.html", source="chain.npz"))
+    anchors = [value for tag, name, value in page.attributes if tag == "section" and name == "id"]
+    assert anchors == ["summary", "modes", "model", "shapes", "mac", "responses", "data", "settings", "notes", "repeat"]
+    words = " ".join(page.words)
+    assert "order 10" in words
+    assert "the whole model explains" in words.lower()
+    assert f"{found.modes.frequencies[0]:.5f}" in words
+    assert ("extraneous poles" in words) is (form == "samples")
+
+
+def test_running_the_script_of_an_identification_gives_the_same_model(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ms.write(tmp_path / "chain.npz", chain5().impulse_response(300, noise=0.01, seed=0))
+    monkeypatch.chdir(tmp_path)
+    first = ms.identify(ms.read("chain.npz"), method="era", order=12, block_rows=40)
+    names: dict[str, object] = {}
+    exec(compile(identification_script(first, "chain.npz"), "script", "exec"), names)
+    again = names["found"]
+    assert isinstance(again, ms.Identification)
+    assert np.array_equal(again.state_space.A, first.state_space.A)
+    assert (tmp_path / "report.html").exists()
+
+
+def test_modes_that_explain_too_little_are_a_warning_that_comes_first(tmp_path: Path) -> None:
+    diagram = ms.stabilize(chain5().impulse_response(300, noise=0.01, seed=0), orders=range(2, 21, 2))
+    modes = ms.select(diagram)
+    text = report((modes.take([4]), diagram), tmp_path / "r.html").read_text()
+    assert '<h2>Summary</h2>\n<p class="loud">WARNING: the modes explain only' in text
+    assert "WARNING" not in report((modes, diagram), tmp_path / "r.html").read_text()
+
+
+def test_the_data_are_examined_and_what_is_wrong_stands_there(tmp_path: Path) -> None:
+    clean = chain5().frequency_response(np.linspace(0.3, 7.5, 300), quantity="acceleration", noise=0.01, seed=0)
+    values = np.array(clean.values)
+    values[:, 1] *= -1
+    for response, expected in (
+        (clean, "Their examination found nothing wrong."),
+        (replace(clean, values=values), "the force takes energy out of the structure at its own point"),
+    ):
+        diagram = ms.stabilize(response, orders=range(2, 21, 2))
+        assert expected in report(diagram, tmp_path / "r.html").read_text()
 
 
 def test_other_suffixes_folders_and_things_are_errors(tmp_path: Path) -> None:

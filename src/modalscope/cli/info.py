@@ -20,7 +20,7 @@ def run(options: argparse.Namespace) -> None:
     """Print what a file holds, what was taken and left, and what is wrong with the data."""
     from modalscope.cli.reading import reading_options
     from modalscope.io import survey
-    from modalscope.model import Geometry, ModalModel
+    from modalscope.model import Geometry, ModalModel, StabilizationDiagram
     from modalscope.preprocess import examine
 
     told = survey(options.file, **reading_options(options))
@@ -29,7 +29,7 @@ def run(options: argparse.Namespace) -> None:
     if isinstance(data, ModalModel):
         print(data.table())
         return
-    if isinstance(data, Geometry):  # nothing was measured
+    if isinstance(data, Geometry | StabilizationDiagram):  # nothing was measured
         return
     findings = examine(data)
     print("quality: nothing to report" if not findings else "quality:")

@@ -13,6 +13,7 @@ from modalscope.modal.indicators import mac
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.pairing import assign
 from modalscope.model.poles import poles_from
+from modalscope.model.robust import scatter
 
 __all__ = ["Group", "pair"]
 
@@ -177,15 +178,6 @@ def _central(flat: _Flat, group: Sequence[int]) -> int:
     return group[int(np.argmax(mac(flat.shape[list(group)].T).sum(axis=1)))]
 
 
-def _robust(values: RealArray) -> float:
-    """1.4826 times the median absolute deviation; of two values their standard deviation."""
-    if values.size < 2:
-        return 0.0
-    if values.size < 4:
-        return float(np.std(values, ddof=1))
-    return float(1.4826 * np.median(np.abs(values - np.median(values))))
-
-
 def _summed(
     members: Sequence[int], flat: _Flat, kept: Sequence[MethodResult], names: Sequence[str], votes: Sequence[int]
 ) -> Group:
@@ -204,8 +196,8 @@ def _summed(
         voters=len(votes),
         frequency=float(np.median(flat.f[count])),
         damping=float(np.median(flat.zeta[count])),
-        frequency_between=_robust(flat.f[count]),
-        damping_between=_robust(flat.zeta[count]),
+        frequency_between=scatter(flat.f[count]),
+        damping_between=scatter(flat.zeta[count]),
         frequency_over_orders=float(np.median(spreads[:, 0])),
         damping_over_orders=float(np.median(spreads[:, 1])),
         shape=flat.shape[central],

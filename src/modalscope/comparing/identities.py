@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import scipy.linalg as sla
 
+from modalscope.identification.method import DOMAINS
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
+from modalscope.identification.table import find_method
 from modalscope.model.checks import Array, DataError
-from modalscope.model.frequency import FrequencyResponse
-from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.pairing import assign
 from modalscope.model.response import Response
 from modalscope.realizations.balanced import projected_general
@@ -64,11 +64,13 @@ def check_identities(response: Response, order: int) -> tuple[Identity, ...]:
     order : int
         Rank of the truncation; lowered where small data matrices carry less.
     """
-    if isinstance(response, FrequencyResponse):
-        domains: tuple[str, ...] = ("z",) if response.sampling_rate is not None else ("z", "s")
-    else:
-        domains = ("time", "z")
-    checks = [c for domain in domains for c in _checks(domain)]
+    rows = [find_method("era", domain, domain) for domain in DOMAINS]
+    suited = [
+        m.domain
+        for m in rows
+        if not m.refusal(response, False) and not m.reservation(response) and m.exact_on(response)
+    ]
+    checks = [c for domain in suited for c in _checks(domain)]
     return tuple(_checked(response, max(order, 2), *c) for c in checks)
 
 
@@ -121,11 +123,11 @@ def pole_residual(a: Array, b: Array) -> float:
 
 
 def _sizes(response: Response, domain: str) -> dict[str, Any]:
-    outputs = response.values.shape[1]
-    if isinstance(response, ImpulseResponse):
-        rows = min(_ROWS, response.samples // 3)
-        return {"block_rows": rows, "block_columns": min(_COLUMNS, response.samples - rows - 1)}
-    return {"block_rows": max(min(_DEGREE, 240 // outputs), 4)}
+    count, outputs = response.values.shape[:2]
+    if response.grid is not None:
+        return {"block_rows": max(min(_DEGREE, 240 // outputs), 4)}
+    rows = min(_ROWS, count // 3)
+    return {"block_rows": rows, "block_columns": min(_COLUMNS, count - rows - 1)}
 
 
 def _era_and_least_squares(response: Response, domain: str, order: int) -> float:
@@ -174,8 +176,7 @@ def _prce(response: Response, domain: str, order: int) -> float:
     degree = max(min(-(-order // inputs), 12), 1)
     sizes = _sizes(response, domain)
     sizes["block_columns"] = degree
-    if isinstance(response, ImpulseResponse):
-        sizes["block_rows"] = min(10 * _ROWS, response.samples - degree - 1)
+    sizes["block_rows"] = min(10 * _ROWS, response.count - degree - 1)
     companion = _built(response, "prce", domain, degree * inputs, form="controllable", **sizes)
     M = companion.matrix.observable.tall().dense()
     known, target = M[: degree * inputs], M[inputs : (degree + 1) * inputs]

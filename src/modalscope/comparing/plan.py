@@ -79,8 +79,8 @@ def _named(item: Any, response: Response, out: dict[str, list[str]], records: bo
     name, _, domain = item.partition("/") if isinstance(item, str) else (item[0], "", item[1])
     if domain:
         return [find_method(name, check_choice("domain", domain, DOMAINS), domain)]
-    find_method(name, None, "time")  # an unknown name is an error
-    return [m for m in methods() if m.name == name and _allowed(m, response, out, records)]
+    row = find_method(name, None, "time").name  # an unknown name is an error
+    return [m for m in methods() if m.name == row and _allowed(m, response, out, records)]
 
 
 def _allowed(method: Method, response: Response, out: dict[str, list[str]], records: bool) -> bool:

@@ -55,8 +55,13 @@ class MethodResult:
 
     @property
     def name(self) -> str:
-        """Row and domain, as in `era (s)`."""
+        """Row and domain, as in `era (s)`: what results are told apart by."""
         return str(self.method)
+
+    @property
+    def label(self) -> str:
+        """What the literature calls the method, for tables and pictures."""
+        return self.method.label
 
 
 class _Count:

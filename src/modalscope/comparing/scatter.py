@@ -14,7 +14,6 @@ import numpy as np
 
 from modalscope.comparing.agreement import Group
 from modalscope.model.checks import Array, RealArray
-from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.modes import ModalModel
 from modalscope.model.response import Response, window_damping
 
@@ -82,7 +81,7 @@ def noise_floor(
         Length in seconds of the ambient record behind correlations.
     """
     n = len(modes)
-    if isinstance(response, ImpulseResponse) and response.kind == "correlation":
+    if response.origin == "correlation":
         f, zeta = modes.frequencies, modes.damping_ratios
         if cycles is None or not n:
             return np.full(n, np.nan), np.full(n, np.nan)

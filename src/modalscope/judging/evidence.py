@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.judging.tracking import Poles
+from modalscope.modal.contribution import of_diagram, peak_sizes
 from modalscope.modal.indicators import cmif, prominence
 from modalscope.model.checks import Array, RealArray
 from modalscope.model.diagram import StabilizationDiagram
@@ -65,19 +66,9 @@ class Candidate:
 def oscillations(diagram: StabilizationDiagram) -> Poles:
     """Return the decaying oscillations of a diagram; real, unstable and nearly aperiodic poles are no modes to select."""
     kept = np.flatnonzero((np.array(diagram.kinds) == "mode") & (diagram.damping_ratios < 0.9))
-    poles = Poles(
-        diagram.orders, diagram.order_of_pole, diagram.poles, diagram.shapes, diagram.participation, _own(diagram)
-    )
+    own = of_diagram(diagram)
+    poles = Poles(diagram.orders, diagram.order_of_pole, diagram.poles, diagram.shapes, diagram.participation, own)
     return poles.take(kept)
-
-
-def _own(diagram: StabilizationDiagram) -> RealArray:
-    """Return the norm of every pole's own contribution over that of the data, outputs scaled to one level."""
-    response, scale = diagram.response, output_scale(diagram.response)
-    size = np.linalg.norm(diagram.shapes / scale, axis=1) * np.linalg.norm(diagram.participation, axis=1)
-    decay = np.maximum(np.abs(diagram.poles.real), 1e-12 * np.abs(diagram.poles))
-    total = np.linalg.norm(response.values / scale[:, None])
-    return np.asarray(size * np.sqrt(response.energy(decay)) / total)
 
 
 def evidence_of(diagram: StabilizationDiagram) -> Evidence:
@@ -93,10 +84,9 @@ def evidence_of(diagram: StabilizationDiagram) -> Evidence:
 
 
 def peaks(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> RealArray:
-    """Return the size of each pole's own term at its frequency over that of the whole response there."""
-    scale = output_scale(diagram.response)
-    size = np.linalg.norm(poles.shape / scale, axis=1) * np.linalg.norm(poles.participation, axis=1)
-    return np.asarray(size / np.abs(poles.pole.real) / np.interp(poles.frequency, evidence.frequencies, evidence.level))
+    """Return the size of each pole's term at its frequency over that of the whole response there."""
+    size = peak_sizes(diagram.response, poles.pole, poles.shape, poles.participation)
+    return np.asarray(size / np.interp(poles.frequency, evidence.frequencies, evidence.level))
 
 
 def judge(poles: Poles, group: Array, peak: RealArray, fit: float, evidence: Evidence) -> Candidate:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, Unpack
 
@@ -107,7 +108,7 @@ def stabilized(
         raise DataError(
             f"orders {asked[0]} to {asked[-1]} were asked", found.notes[-1], "Choose other orders or block sizes."
         )
-    return collected(found.pipeline, cuts, limits, found.notes)
+    return replace(collected(found.pipeline, cuts, limits, found.notes), asked_orders=tuple(asked))
 
 
 def _limits(tolerances: Mapping[str, float] | None) -> dict[str, float]:

@@ -131,6 +131,11 @@ class FrequencyResponse(Response):
         return float(self.frequencies[0]), float(self.frequencies[-1])
 
     @property
+    def grid(self) -> RealArray:
+        """The lines, Hz."""
+        return self.frequencies
+
+    @property
     def held_input(self) -> bool:
         """Whether this is the response of a sampled system."""
         return self.sampling_rate is not None

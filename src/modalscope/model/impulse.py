@@ -126,6 +126,11 @@ class ImpulseResponse(Response):
         return 0.0, self.sampling_rate / 2
 
     @property
+    def grid(self) -> None:
+        """None: samples have no resolution of their own."""
+        return
+
+    @property
     def held_input(self) -> bool:
         """Whether this is a pulse response."""
         return self.kind == "pulse"

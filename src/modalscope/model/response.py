@@ -44,6 +44,8 @@ class Response(Channels):
     Parameters
     ----------
     values : array, (K, l, m)
+    sampling_rate : float, optional
+        Samples per second of a sampled system; None when the response is that of a continuous structure.
     quantity : str, optional
         Displacement, velocity or acceleration of the outputs.
     added_damping : float
@@ -51,6 +53,7 @@ class Response(Channels):
     """
 
     values: Array
+    sampling_rate: float | None = None
     quantity: str | None = None
     added_damping: float = 0.0
 
@@ -68,6 +71,11 @@ class Response(Channels):
     @abstractmethod
     def span(self) -> tuple[float, float]:
         """Lowest and highest frequency that the data can show, Hz."""
+
+    @property
+    @abstractmethod
+    def grid(self) -> RealArray | None:
+        """The lines in Hz; None of samples, which have no resolution of their own."""
 
     @property
     @abstractmethod

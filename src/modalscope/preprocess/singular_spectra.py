@@ -58,7 +58,9 @@ class Decomposition(NamedTuple):
 def decomposition(
     signals: Signals, *, segment: int | None = None, overlap: float = 0.5, window: str = "hann"
 ) -> Decomposition:
-    """Decompose S(f) = sum_i s_i(f) u_i(f) u_i(f)* of the outputs (frequency-domain decomposition).
+    """Show ambient resonances as peaks: singular values of the outputs' cross spectra over frequency (FDD).
+
+    Frequency-domain decomposition: S(f) = sum_i s_i(f) u_i(f) u_i(f)*.
 
     Parameters
     ----------
