@@ -142,9 +142,9 @@ def left_factor(matrix: Operator, route: str = "auto") -> Factors:
             d = np.sqrt(weights[::-1])
             how = f"structured Gram matrix of the rows of {rows} x {columns}"
             return Factors(np.ascontiguousarray(P[:, ::-1]), d, nothing, d, d.size, how)
-    R = np.zeros((0, rows))
+    R: RealArray = np.zeros((0, rows))
     for chunk in matrix.transposed().row_chunks(_CHUNK * rows):
-        R = np.asarray(sla.qr(np.vstack([R, chunk]), mode="r", check_finite=False)[0])[:rows]
+        R = np.asarray(sla.qr(np.vstack([R, chunk]), mode="r", check_finite=False)[0], dtype=float)[:rows]
     P, d, _ = sla.svd(R.T, full_matrices=False, check_finite=False)
     how = f"triangular factor of {rows} x {columns}"
     return _finish(P, d, nothing, d, max(rows, columns) * float(np.finfo(float).eps), how)

@@ -136,7 +136,7 @@ class LineMatrix(ABC):
     @cached_property
     def triangle(self) -> RealArray:
         """L (l (q + 1), k): the matrix times an orthonormal matrix, its exact stand-in, input by input."""
-        R = np.zeros((0, self.outputs * (self.block_rows + 1)))
+        R: Array = np.zeros((0, self.outputs * (self.block_rows + 1)))
         for i in range(self.inputs):
             whole = np.vstack([R, self.columns_array(i)])
             R = whole

@@ -149,7 +149,7 @@ class Projection:
     @cached_property
     def triangle(self) -> RealArray:
         """L21 (l (q + 1), r p): the projection times an orthonormal matrix, its exact stand-in, from runs and times in turn."""
-        R = np.zeros((0, self.rows))
+        R: Array = np.zeros((0, self.rows))
         for chunk in self._chunks():
             R = np.asarray(sla.qr(np.vstack([R, chunk]), mode="r", overwrite_a=True, check_finite=False)[0])[
                 : self.rows

@@ -98,7 +98,7 @@ def evidence_of(diagram: StabilizationDiagram) -> Evidence:
     else:
         count = response.samples
         # zeros behind the samples: lines fine enough that a neighbour's peak is not taken for a mode's own
-        f = np.fft.rfftfreq(8 * count, 1 / response.sampling_rate)
+        f = np.asarray(np.fft.rfftfreq(8 * count, 1 / response.sampling_rate), dtype=float)
         H = np.fft.rfft(response.values / scale, n=8 * count, axis=0) / response.sampling_rate
     curves = cmif(H)
     size = np.sqrt(count * outputs * inputs / (outputs + inputs))

@@ -240,7 +240,7 @@ def _diagram(
         domain=pipeline.method.domain,
         orders=tuple(cut.order for cut in cuts),
         order_of_pole=np.concatenate([np.full(cut.inside.size, cut.order) for cut in cuts]),
-        poles=np.concatenate([cut.modes.poles[cut.inside] for cut in cuts]) + window_damping(pipeline.response),
+        poles=np.concatenate([cut.modes.poles[cut.inside] + window_damping(pipeline.response) for cut in cuts]),
         shapes=np.concatenate([cut.modes.shapes[:, cut.inside].T for cut in cuts]),
         participation=np.concatenate([cut.modes.participation[cut.inside] for cut in cuts]),
         stable_frequency=flags[0],

@@ -58,7 +58,7 @@ def row_side(
     if blocks is None:
         return None
     first = matrix.first_block(shapes)
-    states = realization.factors.d[:n, None] ** realization.row_power * np.asarray(vectors, dtype=np.complex128)
+    states: Array = realization.factors.d[:n, None] ** realization.row_power * np.asarray(vectors, dtype=np.complex128)
     evolution = matrix.evolution(poles, blocks.shape[0])
     emac = _last_blocks(blocks, first, evolution, states)
     return emac, amplitude_coherence(_times(blocks, states), first, evolution) if coherence else None
@@ -93,7 +93,7 @@ def column_side(
     if blocks is None:
         return None
     first = matrix.first_block_of_inputs(participation).T
-    states = factors.d[:n, None] ** (1 - realization.row_power) * np.asarray(rows, dtype=np.complex128).T
+    states: Array = factors.d[:n, None] ** (1 - realization.row_power) * np.asarray(rows, dtype=np.complex128).T
     evolution = matrix.evolution(poles, blocks.shape[0])
     grown = _times(blocks, states)
     return _last_blocks(blocks, first, evolution, states), amplitude_coherence(grown, first, evolution)

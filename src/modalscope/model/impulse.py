@@ -128,7 +128,7 @@ class ImpulseResponse(Channels):
         held = self.kind in ("pulse", "correlation")  # sequences of a sampled system, which start one step late
         if frequencies is None:
             length = self.samples + 1
-            lines = np.fft.rfftfreq(length, 1 / self.sampling_rate)
+            lines = np.asarray(np.fft.rfftfreq(length, 1 / self.sampling_rate), dtype=float)
             values = np.fft.rfft(self.values, n=length, axis=0)
         else:
             lines = real_array("frequencies", frequencies, "(lines,)", 1)

@@ -37,7 +37,7 @@ def indicator_curves(response: FrequencyResponse | ImpulseResponse, kind: str = 
     if isinstance(response, FrequencyResponse):
         lines, values = response.frequencies, response.values
     else:
-        lines = np.fft.rfftfreq(response.samples, 1 / response.sampling_rate)
+        lines = np.asarray(np.fft.rfftfreq(response.samples, 1 / response.sampling_rate), dtype=float)
         values = np.fft.rfft(response.values, axis=0) / response.sampling_rate
     curves = cmif(values) if kind == "cmif" else np.abs(values).sum(axis=(1, 2))[:, None]
     return lines, curves

@@ -155,7 +155,7 @@ def least_squares_companion(matrix: DataMatrix, factors: Factors) -> Realization
                 f"its order is a multiple of {block}, at most {block * r} with {r} blocks",
                 "Choose such an order, or raise block_rows (block_columns in the controllable form).",
             )
-        L = triangle()
+        L: Array = triangle()
         known, target = L[:n, :n], L[n : n + block, :n]
         pivots = np.abs(np.diag(known))
         if n <= L.shape[1] and pivots.min() > np.sqrt(rcond) * pivots.max():

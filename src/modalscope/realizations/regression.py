@@ -35,7 +35,7 @@ def regression(matrix: DataMatrix, factors: Factors) -> Realization:
 
     def triple(n: int) -> Triple:
         factors.check_order(n)
-        C = np.linalg.lstsq(A[:n, :n].T, CA[:, :n].T, rcond=None)[0].T
+        C = np.asarray(np.linalg.lstsq(A[:n, :n].T, CA[:, :n].T, rcond=None)[0].T, dtype=float)
         return Triple(A[:n, :n], None if B is None else B[:n], C, n)
 
     return Realization(factors, triple, row_power=0.0)
