@@ -10,8 +10,11 @@ from modalscope.comparing import CAUSES, Comparison, compare
 from modalscope.comparing.agreement import pair
 from modalscope.comparing.identities import check_identities
 from modalscope.comparing.kinship import SAME, kinship, pole_distance, subspace_angle
+from modalscope.comparing.labels import cell_label, find_by_name, label_of
 from modalscope.comparing.plan import plan
+from modalscope.comparing.run import MethodResult
 from modalscope.comparing.scatter import noise_floor
+from modalscope.identification.table import methods
 from modalscope.modal.rebuilt import rebuilt
 from modalscope.model import DataError, FrequencyResponse, ImpulseResponse
 
@@ -55,7 +58,9 @@ def test_every_mode_of_a_known_structure_is_found_and_trusted_within_its_stated_
 
 def test_every_cell_that_samples_allow_is_a_row_and_the_others_are_noted(clean: Comparison) -> None:
     assert {r.method.domain for r in clean.results} == {"time", "z"}
-    assert any("domain s left out" in str(note) for note in clean.notes)
+    assert any(
+        "era (s), polyreference (s), alternate (s), least_squares (s) left out" in str(note) for note in clean.notes
+    )
     assert all(r.seconds > 0 and r.fit_error is not None for r in clean.results if not r.failure)
 
 
@@ -119,7 +124,7 @@ def test_a_method_that_fails_is_a_row_that_says_why_and_stops_no_other() -> None
     assert "no rational function" in failed.failure
     assert len(c["alternate (time)"].modes or ()) == 5
     assert "failed" in c.table()
-    assert "1 of 4 methods failed: era (s)" in c.verdict
+    assert "1 of 4 methods failed: ERA-FD, continuous" in c.verdict
 
 
 def test_no_method_at_all_gives_a_verdict_and_no_modes() -> None:
@@ -151,7 +156,7 @@ def test_the_same_whatever_the_number_of_workers() -> None:
 def test_the_table_holds_modes_methods_and_verdict(clean: Comparison) -> None:
     text = clean.table()
     for r in clean.results:
-        assert r.name in text
+        assert r.label in text
     assert f"{clean.modes.frequencies[0]:.4f}" in text
     assert clean.verdict in text
 
@@ -164,7 +169,7 @@ def test_named_methods_cells_and_pairs_are_understood() -> None:
         plan(response, ["eraa"], None)
     with pytest.raises(DataError, match="no method was named"):
         plan(response, [], None)
-    with pytest.raises(DataError, match="orders of at least 1"):
+    with pytest.raises(DataError, match="order needs a whole number of at least 1"):
         plan(response, "all", [0, 2])
 
 
@@ -173,7 +178,7 @@ def test_uneven_lines_leave_the_time_domain_out_with_a_note() -> None:
     uneven = r.at_lines(np.r_[0:300, 301 : r.lines])
     cells, notes = plan(uneven, "all", None)
     assert all(c.method.domain != "time" for c in cells)
-    assert any("domain time left out" in str(note) for note in notes)
+    assert any("era (time), polyreference (time)" in str(note) and "left out" in str(note) for note in notes)
 
 
 def test_pole_sets_are_compared_by_half_bandwidths_and_shares() -> None:
@@ -202,6 +207,53 @@ def test_modes_are_paired_by_shape_where_frequencies_cannot_tell() -> None:
     confirmed, unconfirmed = pair(c.results, kinship(c.results))
     assert [g.frequency for g in confirmed] == [g.frequency for g in c.groups]
     assert not unconfirmed
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted"),
+    [
+        ("era (time)", "era (time)"),
+        ("ERA/z", "era (z)"),
+        ("ERA-FD", "era (z)"),
+        (("era", "time"), "era (time)"),
+        ("ssi-cov", "alternate (time)"),
+        ("SSI_COV", "alternate (time)"),
+        ("alternate", "alternate (time)"),
+        ("Kung", "alternate (time)"),
+        ("polymax", "lscf (z)"),
+        ("p-LSCF", "lscf (z)"),
+    ],
+)
+def test_a_result_is_found_by_any_name_of_its_method(name: str, wanted: str) -> None:
+    table = {str(m): MethodResult(method=m, exact=True) for m in methods()}
+    kept = [table[n] for n in ("era (time)", "era (z)", "alternate (time)", "lscf (z)")]
+    assert find_by_name(kept, name) is table[wanted]
+
+
+def test_a_result_that_is_not_there_is_an_error_that_names_the_nearest(clean: Comparison) -> None:
+    with pytest.raises(DataError, match=r"'nonsense' was asked, but there are era \(time\), "):
+        clean["nonsense"]
+    with pytest.raises(DataError, match=r"Did you mean 'polyreference \(time\)'"):
+        clean["polyrefrence/time"]
+    with pytest.raises(DataError, match=r"'era' was asked, but that is era \(time\) and era \(z\)"):
+        clean["era"]
+
+
+def test_labels_tell_every_cell_of_the_table_apart() -> None:
+    labels = [label_of(m) for m in methods()]
+    assert len(set(labels)) == len(labels)
+    assert {"ERA", "SSI-cov (alternate)", "LSCF", "PRCE"} <= set(labels)
+    assert cell_label("era", "time") == "ERA"
+    assert cell_label("of another program", "z") == "of another program (z)"
+
+
+def test_a_consensus_that_explains_too_little_says_so_first() -> None:
+    """Two states hold one of five modes."""
+    response = chain(quantity="acceleration")
+    c = compare(response, ["era/time", "alternate/time"], orders=[2], workers=1)
+    assert c.fit_error > 0.6
+    assert c.verdict.startswith("WARNING: the modes explain only")
+    assert "EXPLAINS ONLY" in c.table()
 
 
 def test_every_cause_has_a_remedy() -> None:

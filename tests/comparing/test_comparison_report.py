@@ -11,7 +11,7 @@ from modalscope import plot, systems
 from modalscope.cli import main
 from modalscope.comparing import Comparison, compare
 from modalscope.reporting import report
-from modalscope.reporting.comparison import comparison_program
+from modalscope.reporting.scripts import comparison_script
 
 matplotlib.use("Agg")
 
@@ -54,7 +54,7 @@ def test_the_sections_stand_in_the_order_of_reading(page: str) -> None:
 
 def test_every_method_value_and_failure_is_there(comparison: Comparison, page: str) -> None:
     for r in comparison.results:
-        assert r.name in page
+        assert r.label in page
     assert "no rational function" in page
     for g in comparison.groups:
         assert f"{g.frequency:.5g}" in page
@@ -63,7 +63,7 @@ def test_every_method_value_and_failure_is_there(comparison: Comparison, page: s
 
 
 def test_the_script_repeats_the_comparison(comparison: Comparison) -> None:
-    text = comparison_program(comparison, "chain.uff")
+    text = comparison_script(comparison, "chain.uff")
     compile(text, "script", "exec")
     assert "methods=('era/time', 'least_squares/time', 'prce/time', 'era/s')" in text
     assert "orders=(2, 4, 6" in text
@@ -73,7 +73,7 @@ def test_the_script_repeats_the_comparison(comparison: Comparison) -> None:
 def test_the_map_puts_equals_on_one_point_and_names_all(comparison: Comparison) -> None:
     ax = plot.method_map(comparison)
     words = {text.get_text() for text in ax.texts}
-    assert words == {"era (time) = least_squares (time)", "prce (time)"}
+    assert words == {"ERA = least squares regression", "PRCE"}
     points = [tuple(np.ravel(line.get_xydata())) for line in ax.lines]
     # coordinates are roots of eigenvalues: rounding of 1e-12 in distances becomes 1e-6
     assert points[0] == pytest.approx(points[1], abs=1e-4)
@@ -100,7 +100,7 @@ def test_the_command_writes_a_report_and_repeats_itself(tmp_path: Path, capsys: 
     response = systems.chain5().impulse_response(300, noise=0.01, seed=0)
     np.savez(data, values=response.values, sampling_rate=20.0)
     out = tmp_path / "r.html"
-    assert main(["compare", str(data), "--methods", "era/time", "prce", "--orders", "2:20:2", "-o", str(out)]) == 0
+    assert main(["compare", str(data), "--orders", "2:20:2", "--methods", "era/time", "prce", "-o", str(out)]) == 0
     told = capsys.readouterr().out
     assert "can be trusted" in told
     assert f"modalscope compare {data} --orders 2:20:2 --methods era/time prce -o {out}" in out.read_text()

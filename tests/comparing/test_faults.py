@@ -58,12 +58,22 @@ def test_a_channel_of_zeros_is_left_out_and_named(make) -> None:  # type: ignore
     assert "Dead channel" in c.verdict
 
 
-def test_a_channel_of_noise_is_named_dead() -> None:
+@pytest.mark.parametrize("level", [1.0, 1e-7])
+def test_a_channel_that_never_changes_or_is_far_too_weak_is_dead(level: float) -> None:
+    """A sensor that is connected shows more noise than a millionth of the others' signal."""
+    clean = chain()
+    values = np.array(clean.values)
+    values[:, 2] = level if level == 1 else level * values[:, 2]
+    assert channels(run(replace(clean, values=values)), "dead channel") == {"4:+X"}
+
+
+def test_a_channel_of_noise_is_named_bad() -> None:
     clean = chain()
     values = np.array(clean.values)
     values[:, 2] = np.std(values) * np.random.default_rng(0).standard_normal(values[:, 2].shape)
     c = run(replace(clean, values=values))
-    assert channels(c, "dead channel") == {"4:+X"}
+    assert channels(c, "bad channel") == {"4:+X"}
+    assert "the modes leave 100 % of it" in c.findings[0].evidence
 
 
 @pytest.mark.parametrize("make", [chain, chain_lines])

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.modal.basis import basis_of_samples, rebuilt_rows
 from tests.judging.test_ambient import measured
 
 
@@ -43,9 +42,9 @@ def test_participation_is_the_least_squares_fit_to_the_correlation_of_the_record
     modes, response = found.modes, found.response
     assert response.kind == "correlation"
     assert response.samples == found.settings["block_rows"] + found.settings["block_columns"]
-    basis = basis_of_samples(response, modes.poles)
+    basis = response.basis(modes.poles)
     none = np.zeros((0, *response.values.shape[1:]))
-    left = response.values - rebuilt_rows(basis, modes.shapes, modes.participation, none)
+    left = response.values - basis.rebuilt(modes.shapes, modes.participation, none)
     # what is left is orthogonal to everything that a real change of the participation makes
     for j, c in enumerate(modes.shapes.T):
         g1, g2 = basis.functions[:, 2 * j], basis.functions[:, 2 * j + 1]

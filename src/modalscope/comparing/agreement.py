@@ -6,13 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from modalscope.comparing.kinship import Kinship
 from modalscope.comparing.run import MethodResult
 from modalscope.modal.indicators import mac
 from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.pairing import assign
 from modalscope.model.poles import poles_from
+from modalscope.model.robust import scatter
 
 __all__ = ["Group", "pair"]
 
@@ -165,7 +166,7 @@ def _placed(flat: _Flat, new: Array, groups: list[list[int]]) -> list[list[int]]
         shapes = np.array([flat.shape[_central(flat, g)] for g in groups])
         cost = _cost(flat, new, f, zeta, shapes)
         never = 1e6
-        for a, b in zip(*linear_sum_assignment(np.where(np.isfinite(cost), cost, never)), strict=True):
+        for a, b in zip(*assign(np.where(np.isfinite(cost), cost, never)), strict=True):
             if np.isfinite(cost[a, b]):
                 groups[b].append(int(new[a]))
                 taken.add(int(new[a]))
@@ -175,15 +176,6 @@ def _placed(flat: _Flat, new: Array, groups: list[list[int]]) -> list[list[int]]
 def _central(flat: _Flat, group: Sequence[int]) -> int:
     """Return the member whose shape is nearest to all others'."""
     return group[int(np.argmax(mac(flat.shape[list(group)].T).sum(axis=1)))]
-
-
-def _robust(values: RealArray) -> float:
-    """1.4826 times the median absolute deviation; of two values their standard deviation."""
-    if values.size < 2:
-        return 0.0
-    if values.size < 4:
-        return float(np.std(values, ddof=1))
-    return float(1.4826 * np.median(np.abs(values - np.median(values))))
 
 
 def _summed(
@@ -204,8 +196,8 @@ def _summed(
         voters=len(votes),
         frequency=float(np.median(flat.f[count])),
         damping=float(np.median(flat.zeta[count])),
-        frequency_between=_robust(flat.f[count]),
-        damping_between=_robust(flat.zeta[count]),
+        frequency_between=scatter(flat.f[count]),
+        damping_between=scatter(flat.zeta[count]),
         frequency_over_orders=float(np.median(spreads[:, 0])),
         damping_over_orders=float(np.median(spreads[:, 1])),
         shape=flat.shape[central],

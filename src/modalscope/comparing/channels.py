@@ -1,11 +1,10 @@
 """Rules about channels: dead, turned in sign, or bad. Each names its evidence.
 
 dead channel
-    Zero throughout (it is left out before anything is identified), or explained by no mode: its fit error is above .9
-    where the median is below .3.
+    It never changes, or is a million times weaker than the others (`modalscope.preprocess.findings`); it is left out before anything
+    is identified.
 swapped sign
-    At a driving point a structure cannot give energy: Im of the accelerance (Re of the mobility, -Im of the receptance) is
-    positive in sum. Reciprocity: H_ij = H_ji; a correlation below -.8 means that one side is turned. A single response is turned
+    By driving points and reciprocity (`modalscope.preprocess.polarity`). A single response is turned
     when more than 2 % of the residues is beyond rank one (a shape times a participation), and less than a third of that with
     its sign changed.
 bad channel
@@ -17,43 +16,27 @@ from __future__ import annotations
 import numpy as np
 
 from modalscope.comparing.causes import Cause
-from modalscope.comparing.plan import Response
 from modalscope.identification.prepare import Data
-from modalscope.modal.basis import basis_of_lines, basis_of_samples
-from modalscope.model.channels import QUANTITIES
-from modalscope.model.checks import Array, RealArray
-from modalscope.model.frequency import FrequencyResponse
-from modalscope.model.impulse import ImpulseResponse
-from modalscope.model.signals import Signals
+from modalscope.model.checks import Array
+from modalscope.model.response import Response
+from modalscope.preprocess.findings import dead_channels, sides_of
+from modalscope.preprocess.polarity import check_polarity
 
 __all__ = ["channel_causes", "sign_causes", "without_dead"]
 
-_DEAD, _HEALTHY = 0.9, 0.3
 _BAD, _TIMES = 0.25, 3.0
-_RECIPROCAL, _PASSIVE = -0.8, -0.5
 _MIXED, _REPAIRED = 0.02, 1 / 3
-
-#: Decay of the window over the record, in nepers.
-_WINDOW = 5.0
 
 
 def without_dead(data: Data) -> tuple[Data, list[Cause]]:
-    """Return the data without channels that are zero throughout, and one finding for each."""
-    if isinstance(data, Signals):
-        rows = np.any(data.outputs.reshape(-1, data.outputs.shape[-1]), axis=0)
-        inputs = data.inputs
-        columns = None if inputs is None else np.any(inputs.reshape(-1, inputs.shape[-1]), axis=0)
-    else:
-        rows, columns = np.any(data.values, axis=(0, 2)), np.any(data.values, axis=(0, 1))
-    causes, kept = [], {}
-    for side, alive, labels in (("output", rows, data.output_dofs), ("input", columns, data.input_dofs)):
-        if alive is None or alive.all() or not alive.any():
-            continue
-        kept[f"{side}s"] = [int(i) for i in np.flatnonzero(alive)]
-        causes += [
-            Cause("dead channel", f"{side} {labels[i]} is zero throughout and was left out", labels[i])
-            for i in np.flatnonzero(~alive)
-        ]
+    """Return the data without dead channels, and one finding for each; data of dead channels alone stay as they are."""
+    causes: list[Cause] = []
+    kept: dict[str, list[int]] = {}
+    for side, flat, labels in sides_of(data):
+        dead = {finding.channels[0]: finding.reason for finding in dead_channels(flat, labels)}
+        if 0 < len(dead) < len(labels):
+            kept[f"{side}s"] = [i for i, dof in enumerate(labels) if dof not in dead]
+            causes += [Cause("dead channel", f"{side} {dof} was left out: {why}", dof) for dof, why in dead.items()]
     return (data.select(**kept) if kept else data), causes
 
 
@@ -80,11 +63,10 @@ def channel_causes(response: Response, rebuilt: Array, poles: Array, best: float
         error = np.sqrt(left.sum(axis=axes) / np.maximum(size.sum(axis=axes), 1e-300))
         median = float(np.median(error))
         for i in np.flatnonzero(error > max(_BAD, _TIMES * median)):
-            dead = error[i] > _DEAD and median < _HEALTHY
             evidence = (
                 f"{side} {labels[i]}: the modes leave {100 * error[i]:.0f} % of it, {100 * median:.2g} % of the others"
             )
-            causes.append(Cause("dead channel" if dead else "bad channel", evidence, labels[i]))
+            causes.append(Cause("bad channel", evidence, labels[i]))
     return causes + _turned_alone(response, poles)
 
 
@@ -113,10 +95,7 @@ def _turned_alone(response: Response, poles: Array) -> list[Cause]:
 
 def _free_residues(response: Response, poles: Array) -> Array:
     """Return residues (n, l, m) of every channel by least squares, not tied to a shape."""
-    if isinstance(response, FrequencyResponse):
-        basis = basis_of_lines(response, poles)
-    else:
-        basis = basis_of_samples(response, poles)
+    basis = response.basis(poles)
     columns = np.hstack([basis.terms, basis.functions])
     scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     rows, outputs, inputs = basis.data.shape
@@ -132,71 +111,6 @@ def _beyond_rank_one(residues: Array) -> float:
 
 
 def sign_causes(response: Response) -> list[Cause]:
-    """Find channels whose sign is turned, from driving points and reciprocity."""
-    if isinstance(response, ImpulseResponse) and response.kind == "correlation":
-        return []  # a turned channel turns its row and its column: nothing shows
-    common = [dof for dof in response.output_dofs if dof in response.input_dofs]
-    if not common:
-        return []
-    H = response.values[:, [response.output_dofs.index(d) for d in common]][
-        :, :, [response.input_dofs.index(d) for d in common]
-    ]
-    causes = _from_driving_points(response, H, common)
-    return causes or _from_reciprocity(H, common)
-
-
-def _from_driving_points(response: Response, H: Array, common: list[str]) -> list[Cause]:
-    if response.quantity is None:
-        return []
-    driving = np.diagonal(H, axis1=1, axis2=2)
-    power = _power(response, driving)
-    return [
-        Cause("swapped sign", f"driving point {dof}: it gives energy ({100 * share:.0f} % of what it should take)", dof)
-        for dof, share in zip(common, power, strict=True)
-        if share < _PASSIVE
-    ]
-
-
-def _power(response: Response, driving: Array) -> RealArray:
-    """Return the power taken at each driving point over the sum of its magnitudes, -1 to 1; strong lines count more."""
-    if isinstance(response, FrequencyResponse):
-        s, values = 2j * np.pi * response.frequencies, driving
-    else:
-        # an exponential window keeps the mobility positive real, at s = alpha + j w, and the end of the record out of it
-        t = (np.arange(response.samples) + response.first_sample) / response.sampling_rate
-        t = t + (0.5 / response.sampling_rate if response.kind == "pulse" else 0.0)
-        alpha = _WINDOW / t[-1]
-        f = np.fft.rfftfreq(2 * response.samples, 1 / response.sampling_rate)
-        s = alpha + 2j * np.pi * f
-        values = np.fft.rfft(driving * np.exp(-alpha * t)[:, None], n=2 * response.samples, axis=0)
-        values = values * np.exp(-2j * np.pi * f * t[0])[:, None]
-    power = 1 - QUANTITIES[response.quantity or "velocity"]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        mobility = np.nan_to_num(values * s[:, None] ** power)
-    taken = np.real(mobility) * np.abs(values) ** 2
-    return np.asarray(taken.sum(axis=0) / np.maximum(np.abs(taken).sum(axis=0), 1e-300))
-
-
-def _from_reciprocity(H: Array, common: list[str]) -> list[Cause]:
-    k = len(common)
-    negative: dict[int, list[float]] = {}
-    for a in range(k):
-        for b in range(a):
-            x, y = H[:, a, b], H[:, b, a]
-            c = float(np.real(np.vdot(y, x)) / max(float(np.linalg.norm(x) * np.linalg.norm(y)), 1e-300))
-            if c < _RECIPROCAL:
-                negative.setdefault(a, []).append(c)
-                negative.setdefault(b, []).append(c)
-    if not negative:
-        return []
-    most = max(len(v) for v in negative.values())
-    named = [common[i] for i, v in sorted(negative.items()) if len(v) == most]
-    words = " or ".join(named)
-    value = np.mean([c for v in negative.values() for c in v])
-    return [
-        Cause(
-            "swapped sign",
-            f"{words}: H_ij and H_ji have a correlation of {value:.2f}; its output or its input is turned",
-            named[0],
-        )
-    ]
+    """Find channels whose sign is turned, from driving points and reciprocity, by the rules of `modalscope.preprocess.polarity`."""
+    turned = [finding for finding in check_polarity(response) if finding.kind == "polarity"]
+    return [Cause("swapped sign", f"{' or '.join(f.channels)}: {f.reason}", f.channels[0]) for f in turned]

@@ -1,4 +1,4 @@
-"""The verb: every technique on the same data, in one call."""
+"""Every method on the same data, compared in one call."""
 
 from __future__ import annotations
 
@@ -9,24 +9,25 @@ import numpy as np
 
 from modalscope.blocks.threads import one_thread
 from modalscope.comparing.agreement import Group, pair
+from modalscope.comparing.causes import Cause
 from modalscope.comparing.channels import channel_causes, sign_causes, without_dead
 from modalscope.comparing.diagnosis import disagreements, mode_causes, order_cause
 from modalscope.comparing.identities import check_identities
-from modalscope.comparing.kinship import kinship
-from modalscope.comparing.plan import Response, plan
+from modalscope.comparing.kinship import Kinship, kinship
+from modalscope.comparing.plan import plan
 from modalscope.comparing.result import Comparison
 from modalscope.comparing.run import MethodResult, Progress, run
 from modalscope.comparing.scatter import noise_floor, stated
 from modalscope.comparing.verdict import judge, words
-from modalscope.identification.prepare import Data, prepare
-from modalscope.modal.basis import fit_error
-from modalscope.modal.rebuilt import fitted_terms, rebuilt
+from modalscope.identification.prepare import Data, measure
+from modalscope.modal.explained import explained, explains_enough
+from modalscope.modal.rebuilt import fit_error, fitted_terms, rebuilt
 from modalscope.model.checks import check_kind
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.labels import DofLike
 from modalscope.model.modes import ModalModel
-from modalscope.model.response import is_held, window_damping
+from modalscope.model.response import Response, is_held, window_damping
 from modalscope.model.signals import Signals
 
 __all__ = ["compare"]
@@ -47,7 +48,7 @@ def compare(
     workers: int | None = None,
     **options: Any,
 ) -> Comparison:
-    """Identify the same data by every method of the table and say what they agree on, where they differ and why.
+    """Compare all methods on the same data: which modes they agree on, where they differ and why, and which to trust.
 
     Records are turned into responses once, for all methods. Each method has its own stabilization diagram and selection; modes are
     paired across methods by frequency, damping and shape. A method that fails is a row that says why. What has to be transformed from lines
@@ -92,43 +93,53 @@ def compare(
         data = data.select(exclude=exclude)
     check_kind("compare", data, (FrequencyResponse, ImpulseResponse, Signals))
     data, findings = without_dead(data)
-    _, response, in_band, notes = prepare(data, None, None, band)
-    records = data if isinstance(data, Signals) and in_band is not None else None
-    cells, more = plan(response, methods, orders, records=records is not None)
-    results = run(response, cells, records=records, band=band, progress=progress, workers=workers, **options)
+    measured = measure(data, band)
+    response = measured.response
+    cells, more = plan(response, methods, orders, records=measured.records is not None)
+    results = run(measured, cells, progress=progress, workers=workers, **options)
+    judged = _judged(response, results, findings, _duration(data))
+    return Comparison(
+        response=response,
+        results=results,
+        settings=_settings(methods, orders, band, exclude, options),
+        notes=(*measured.notes, *more, *_equals(judged["kinship"])),
+        **judged,
+    )
+
+
+def _judged(
+    response: Response, results: tuple[MethodResult, ...], findings: list[Cause], duration: float | None
+) -> dict[str, Any]:
+    """Return what the results say together, by the fields of a `Comparison`: the consensus, its trust, and what differs and why."""
     kin = kinship(results)
     groups, unconfirmed = pair(results, kin)
     modes = _consensus(response, groups)
-    explained = rebuilt(response, modes) if groups else 0 * response.values
+    fitted = rebuilt(response, modes) if groups else 0 * response.values
+    left = fit_error(response.values, fitted)[0]
     if groups:
-        findings += [
-            *sign_causes(response),
-            *channel_causes(response, explained, modes.poles - window_damping(response), _best_fit(results)),
-        ]
+        findings += sign_causes(response)
+        findings += channel_causes(response, fitted, modes.poles - window_damping(response), _best_fit(results))
     low = order_cause(results)
     findings += [] if low is None else [low]
-    scatter = stated(groups, noise_floor(response, modes, explained, _duration(data)))
+    scatter = stated(groups, noise_floor(response, modes, fitted, duration))
     trust = tuple(
         judge(g, scatter.frequency[k], scatter.damping[k], mode_causes(k, groups, response, results), findings)
         for k, g in enumerate(groups)
     )
-    return Comparison(
-        response=response,
-        results=results,
-        modes=modes,
-        groups=groups,
-        unconfirmed=unconfirmed,
-        scatter=scatter,
-        fit_error=fit_error(response.values, explained)[0],
-        trust=trust,
-        kinship=kin,
-        identities=check_identities(response, min(max(2 * len(groups), 2), _IDENTITY_ORDER)),
-        disagreements=disagreements(groups, response, results, findings),
-        findings=tuple(findings),
-        verdict=words(groups, trust, scatter, results, findings),
-        settings=_settings(methods, orders, band, exclude, options),
-        notes=(*notes, *more, *_equals(kin.names, kin.classes)),
-    )
+    warned = f"{explained(left)}\n" if groups and not explains_enough(left) else ""
+    return {
+        "modes": modes,
+        "groups": groups,
+        "unconfirmed": unconfirmed,
+        "scatter": scatter,
+        "fit_error": left,
+        "trust": trust,
+        "kinship": kin,
+        "identities": check_identities(response, min(max(2 * len(groups), 2), _IDENTITY_ORDER)),
+        "disagreements": disagreements(groups, response, results, findings),
+        "findings": tuple(findings),
+        "verdict": f"{warned}{words(groups, trust, scatter, results, findings)}",
+    }
 
 
 def _best_fit(results: Sequence[MethodResult]) -> float:
@@ -172,9 +183,5 @@ def _settings(methods: Any, orders: Any, band: Any, exclude: Any, options: dict[
     return {"methods": named, "orders": asked, "band": band, "exclude": exclude, **options}
 
 
-def _equals(names: Sequence[str], classes: Sequence[Sequence[int]]) -> list[str]:
-    return [
-        f"one and the same on these data, with one vote: {', '.join(names[i] for i in members)}"
-        for members in classes
-        if len(members) > 1
-    ]
+def _equals(kin: Kinship) -> list[str]:
+    return [f"one and the same on these data, with one vote: {'; '.join(labels)}" for labels in kin.equals]

@@ -31,11 +31,11 @@ import numpy as np
 
 from modalscope.comparing.agreement import Group
 from modalscope.comparing.causes import Cause, Disagreement
-from modalscope.comparing.plan import Response
 from modalscope.comparing.run import MethodResult
 from modalscope.judging.evidence import LEAST_PEAK, LEAST_SIGNAL
 from modalscope.model.diagram import StabilizationDiagram
-from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.response import Response
+from modalscope.model.robust import noise_threshold
 
 __all__ = ["HEAVY", "disagreements", "mode_causes", "order_cause"]
 
@@ -48,7 +48,7 @@ _OFF_FREQUENCY, _OFF_DAMPING, _OFF_SHAPE = 0.25, 0.25, 0.1
 _WEAK_SIGNAL = 4 * LEAST_SIGNAL
 _LINES = 3
 _FALLS, _MUCH, _SOME, _STEEP, _SHARE = 0.8, 0.1, 0.03, 0.85, 0.75
-_ROUNDING, _THRESHOLD = 1e-9, 2.858
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,9 +121,9 @@ def _weak(case: _Case) -> Cause | None:
 
 
 def _edge(case: _Case) -> Cause | None:
-    if not isinstance(case.response, FrequencyResponse):
+    g, f = case.group, case.response.grid
+    if f is None:
         return None
-    g, f = case.group, case.response.frequencies
     away = min(g.frequency - f[0], f[-1] - g.frequency)
     if away > 2 * g.half_bandwidth:
         return None
@@ -134,9 +134,10 @@ def _edge(case: _Case) -> Cause | None:
 
 
 def _lines(case: _Case) -> Cause | None:
-    if not isinstance(case.response, FrequencyResponse) or case.response.lines < 2:
+    f = case.response.grid
+    if f is None or f.size < 2:
         return None
-    step = float(np.median(np.diff(case.response.frequencies)))
+    step = float(np.median(np.diff(f)))
     width = 2 * case.group.half_bandwidth
     if width >= _LINES * step:
         return None
@@ -146,11 +147,11 @@ def _lines(case: _Case) -> Cause | None:
 def _blocks(case: _Case) -> Cause | None:
     spans = []
     for r in case.results:
-        if r.diagram is None or r.method.domain != "time" or not r.exact:
+        if r.diagram is None or not r.exact:
             continue
-        rows = r.diagram.settings.get("block_rows")
-        if isinstance(rows, int) and r.diagram.dt is not None and not r.method.canonical:
-            spans.append((rows * r.diagram.dt, rows))
+        span = r.method.rows_span(r.diagram.settings, r.diagram.dt)
+        if span is not None:
+            spans.append((span, r.diagram.settings["block_rows"]))
     if not spans or min(spans)[0] * case.group.frequency >= 1:
         return None
     return Cause(
@@ -164,8 +165,10 @@ def _transformed(case: _Case) -> Cause | None:
     carried = {r.name for r in case.results if not r.exact}
     if not set(case.differing) <= carried:
         return None
-    what = "samples" if isinstance(case.response, FrequencyResponse) else "lines"
-    return Cause("transformed data", f"only methods differ whose data were transformed to {what}")
+    return Cause(
+        "transformed data",
+        "only methods differ whose data were transformed to " + ("lines" if case.response.grid is None else "samples"),
+    )
 
 
 def order_cause(results: Sequence[MethodResult]) -> Cause | None:
@@ -204,7 +207,7 @@ def _still_falls(diagram: StabilizationDiagram) -> tuple[float, float] | None:
 def _stand_out(diagram: StabilizationDiagram) -> int:
     """Return how many singular values stand out of the noise."""
     d = diagram.singular_values
-    return int(np.count_nonzero(d > _THRESHOLD * np.median(d))) if d.size else 0
+    return int(np.count_nonzero(d > noise_threshold(d))) if d.size else 0
 
 
 def disagreements(
@@ -226,8 +229,9 @@ def disagreements(
         missing, off = _differing(group, results)
         if not missing and not off:
             continue
-        words = [f"not found by {', '.join(missing)}"] if missing else []
-        words += [f"{name}: {what}" for name, what in off.items()]
+        labels = {r.name: r.label for r in results}
+        words = [f"not found by {', '.join(labels[name] for name in missing)}"] if missing else []
+        words += [f"{labels[name]}: {what}" for name, what in off.items()]
         names = (*missing, *off)
         causes = mode_causes(index, groups, response, results, names) or general
         causes = causes or (

@@ -7,12 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as sla
-from scipy.optimize import linear_sum_assignment
 
 from modalscope.comparing.run import MethodResult
+from modalscope.identification.method import Method
+from modalscope.judging.evidence import oscillations
+from modalscope.judging.tracking import Poles
+from modalscope.modal.sufficient import sufficient_order
 from modalscope.model.checks import Array, ComplexArray, RealArray
-from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.modes import ModalModel
+from modalscope.model.pairing import assign
 
 __all__ = ["Kinship", "kinship", "pole_distance", "subspace_angle"]
 
@@ -30,7 +33,7 @@ class Kinship:
     Parameters
     ----------
     names : tuple of str
-        Methods that found modes.
+        Methods that found modes, as `era (s)`.
     order : int
         The order at which pole sets are compared.
     distances : array, (k, k)
@@ -41,6 +44,8 @@ class Kinship:
         A map of the methods whose distances are nearest to those between the pole sets (classical scaling).
     classes : tuple of tuple of int
         Methods that are one and the same on these data.
+    methods : tuple of Method
+        The same as `names`.
     """
 
     names: tuple[str, ...]
@@ -49,6 +54,17 @@ class Kinship:
     angles: RealArray
     places: RealArray
     classes: tuple[tuple[int, ...], ...]
+    methods: tuple[Method, ...] = ()
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What the literature calls the methods."""
+        return tuple(m.label for m in self.methods) or self.names
+
+    @property
+    def equals(self) -> tuple[tuple[str, ...], ...]:
+        """Labels of methods that are one and the same on these data, for every class of more than one."""
+        return tuple(tuple(self.labels[i] for i in members) for members in self.classes if len(members) > 1)
 
     def class_of(self, name: str) -> int:
         """Return which class a method belongs to, -1 for one that is not compared."""
@@ -67,21 +83,17 @@ def kinship(results: Sequence[MethodResult]) -> Kinship:
     diagrams = [r.diagram for r in kept if r.diagram is not None]
     models = [r.modes for r in kept if r.modes is not None]
     k = len(kept)
-    order = _order(diagrams) if diagrams else 0
+    order = int(np.median([sufficient_order(d) for d in diagrams])) if diagrams else 0
+    sets = [oscillations(d) for d in diagrams]
     distances, angles = np.zeros((k, k)), np.zeros((k, k))
     for a in range(k):
         for b in range(a):
             n, there = _orders_to_compare(kept[a], kept[b], order)
-            distances[a, b] = distances[b, a] = pole_distance(_poles(diagrams[a], n), _poles(diagrams[b], there))
+            distances[a, b] = distances[b, a] = pole_distance(_poles(sets[a], n), _poles(sets[b], there))
             angles[a, b] = angles[b, a] = subspace_angle(models[a], models[b])
     names = tuple(r.name for r in kept)
-    return Kinship(names, order, distances, angles, _map(distances), _classes(distances))
-
-
-def _order(diagrams: Sequence[StabilizationDiagram]) -> int:
-    """Return the median over methods of the first order whose fit error is within a fifth of the method's best."""
-    first = [d.orders[int(np.argmax(d.fit_errors <= 1.2 * d.fit_errors.min()))] for d in diagrams]
-    return int(np.median(first))
+    methods = tuple(r.method for r in kept)
+    return Kinship(names, order, distances, angles, _map(distances), _classes(distances), methods)
 
 
 def _orders_to_compare(a: MethodResult, b: MethodResult, order: int) -> tuple[int, int]:
@@ -98,24 +110,14 @@ def _orders_to_compare(a: MethodResult, b: MethodResult, order: int) -> tuple[in
 
 def _states(result: MethodResult) -> int:
     """States an order: one, or as many as inputs where the order is a degree."""
-    return (
-        result.diagram.participation.shape[1]
-        if result.diagram is not None and result.method.factors == "fraction"
-        else 1
-    )
+    return 1 if result.diagram is None else result.method.orders.states_each(result.diagram.response)
 
 
-def _poles(diagram: StabilizationDiagram, order: int) -> tuple[ComplexArray, RealArray]:
+def _poles(poles: Poles, order: int) -> tuple[ComplexArray, RealArray]:
     """Return the decaying oscillations of one order and the share of each in the response; the nearest order where it is missing."""
-    orders = np.asarray(diagram.orders)
-    there = orders[np.argmin(np.abs(orders - order))]
-    index = np.flatnonzero(
-        (diagram.order_of_pole == there) & (np.array(diagram.kinds) == "mode") & (diagram.damping_ratios < 0.9)
-    )
-    size = np.linalg.norm(diagram.shapes[index], axis=1) * np.linalg.norm(diagram.participation[index], axis=1)
-    poles = diagram.poles[index]
-    # energy of R exp(s t): |R|^2 / 2 |Re s|
-    return poles, size / np.sqrt(np.maximum(np.abs(poles.real), 1e-12 * np.abs(poles)))
+    there = min(poles.orders, key=lambda n: (abs(n - order), n))
+    one = poles.take(np.flatnonzero(poles.order == there))
+    return one.pole, one.own
 
 
 def pole_distance(a: tuple[ComplexArray, RealArray], b: tuple[ComplexArray, RealArray]) -> float:
@@ -137,7 +139,7 @@ def pole_distance(a: tuple[ComplexArray, RealArray], b: tuple[ComplexArray, Real
     half = np.maximum(np.abs(s.real)[:, None], np.abs(t.real))
     apart = np.minimum(np.abs(s[:, None] - t) / np.maximum(half, 1e-300), 1.0)
     weight = (v[:, None] + w) / 2
-    rows, columns = linear_sum_assignment(weight * (apart - 1))
+    rows, columns = assign(weight * (apart - 1))
     paired = weight[rows, columns]
     # what stands alone counts in full: the shares of both sides sum to one
     return float(np.clip(1 - np.sum(paired * (1 - apart[rows, columns])), 0, 1))

@@ -10,18 +10,20 @@ from modalscope.comparing.agreement import Group
 from modalscope.comparing.causes import Cause, Disagreement
 from modalscope.comparing.identities import Identity
 from modalscope.comparing.kinship import Kinship
-from modalscope.comparing.plan import Response
+from modalscope.comparing.labels import find_by_name
 from modalscope.comparing.run import MethodResult
 from modalscope.comparing.scatter import COVERAGE, Scatter
 from modalscope.comparing.verdict import Trust
+from modalscope.modal.explained import explains_enough, share_explained
 from modalscope.model.modes import ModalModel
+from modalscope.model.response import Response
 
 __all__ = ["Comparison"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Comparison:
-    """Every technique on the same data.
+    """What all methods found on the same data, the modes that they agree on, and how far to trust each.
 
     Parameters
     ----------
@@ -74,9 +76,25 @@ class Comparison:
         every += [c for d in self.disagreements for c in d.causes]
         return frozenset(c.name for c in every)
 
-    def __getitem__(self, name: str) -> MethodResult:
-        """Return the result of one method by its name, as in `comparison["era (s)"]`."""
-        return next(r for r in self.results if r.name == name)
+    def __getitem__(self, name: str | tuple[str, str]) -> MethodResult:
+        """Return the result of one method, by any of its names: `comparison["era (s)"]`, `comparison["ssi-cov"]`.
+
+        Raises
+        ------
+        DataError
+            No method of that name was compared; the nearest is named.
+        """
+        return find_by_name(self.results, name)
+
+    def label(self, name: str) -> str:
+        """Return what the literature calls a method that groups and disagreements name.
+
+        Parameters
+        ----------
+        name : str
+            As in `MethodResult.name`.
+        """
+        return next((r.label for r in self.results if r.name == name), name)
 
     def table(self) -> str:
         """Return modes, methods and verdict as text."""
@@ -107,10 +125,12 @@ class Comparison:
         rows = []
         for r in self.results:
             if r.modes is None or r.fit_error is None:
-                rows.append([r.name, "-", "-", f"{r.seconds:.1f}", f"failed: {r.failure}"])
+                rows.append([r.label, "-", "-", f"{r.seconds:.1f}", f"failed: {r.failure}"])
                 continue
             note = "" if r.exact else "transformed data, no vote"
-            rows.append([r.name, str(len(r.modes)), f"{100 * r.fit_error:.2f}", f"{r.seconds:.1f}", note])
+            if not explains_enough(r.fit_error):
+                note = f"EXPLAINS ONLY {100 * share_explained(r.fit_error):.0f} %" + (f"; {note}" if note else "")
+            rows.append([r.label, str(len(r.modes)), f"{100 * r.fit_error:.2f}", f"{r.seconds:.1f}", note])
         return _aligned([head, *rows], "Methods", left=(0, 4))
 
     def _each_table(self) -> str:
@@ -120,7 +140,7 @@ class Comparison:
         head = ["f [Hz] / zeta [%]", *(f"mode {k + 1}" for k in range(len(self.groups)))]
         rows = [
             [
-                name,
+                self.label(name),
                 *(
                     f"{g.frequencies[name]:.5g} / {100 * g.damping_ratios[name]:.3g}" if name in g.members else "-"
                     for g in self.groups

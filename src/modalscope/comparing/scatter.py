@@ -13,14 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from modalscope.comparing.agreement import Group
-from modalscope.comparing.plan import Response
-from modalscope.modal.basis import basis_of_lines, basis_of_samples
 from modalscope.model.checks import Array, RealArray
-from modalscope.model.frequency import FrequencyResponse
-from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.modes import ModalModel
-from modalscope.model.poles import to_discrete
-from modalscope.model.response import window_damping
+from modalscope.model.response import Response, window_damping
 
 __all__ = ["COVERAGE", "Scatter", "noise_floor", "stated"]
 
@@ -86,7 +81,7 @@ def noise_floor(
         Length in seconds of the ambient record behind correlations.
     """
     n = len(modes)
-    if isinstance(response, ImpulseResponse) and response.kind == "correlation":
+    if response.origin == "correlation":
         f, zeta = modes.frequencies, modes.damping_ratios
         if cycles is None or not n:
             return np.full(n, np.nan), np.full(n, np.nan)
@@ -120,13 +115,10 @@ def _information(response: Response, modes: ModalModel, rebuilt: Array) -> RealA
     the functions e1, e2 of the squared pole; sum_c S_c' E'(I - Q Q')E S_c / variance_c, Q spanning what residues can explain.
     """
     poles = modes.poles - window_damping(response)
-    if isinstance(response, FrequencyResponse):
-        basis = basis_of_lines(response, poles)
-    else:
-        basis = basis_of_samples(response, poles)
+    basis = response.basis(poles)
     linear = np.hstack([basis.terms, basis.functions])
     Q = np.linalg.qr(linear / np.maximum(np.linalg.norm(linear, axis=0), 1e-300))[0]
-    E = _derivatives(response, poles)
+    E = response.derivatives(poles)
     E = E - Q @ (Q.T @ E)
     gram = E.T @ E
     rows, unknown = E.shape[0], Q.shape[1]
@@ -144,19 +136,3 @@ def _information(response: Response, modes: ModalModel, rebuilt: Array) -> RealA
         S[j, j + 1], S[j + 1, j + 1] = -residues[:, o, i].imag, residues[:, o, i].real
         total += S.T @ gram @ S / variance[o, i]
     return total
-
-
-def _derivatives(response: Response, poles: Array) -> RealArray:
-    """Return d/ds of the modal functions, real columns e1, e2 of every pole."""
-    if isinstance(response, ImpulseResponse):
-        t = (np.arange(response.samples) + response.first_sample) / response.sampling_rate
-        grown = t[:, None] * np.exp(np.outer(t, poles))
-        return np.stack([2 * grown.real, -2 * grown.imag], axis=2).reshape(t.size, -1)
-    f, rate = response.frequencies, response.sampling_rate
-    x, p, chain = 2j * np.pi * f, poles, np.ones(poles.size, dtype=complex)
-    if rate is not None:
-        x, p = np.exp(x / rate), to_discrete(poles, 1 / rate)
-        chain = p / rate
-    own, pair = chain / (x[:, None] - p) ** 2, chain.conj() / (x[:, None] - p.conj()) ** 2
-    columns = np.stack([own + pair, 1j * (own - pair)], axis=2).reshape(f.size, -1)
-    return np.vstack([columns.real, columns.imag])

@@ -98,27 +98,27 @@ def words(
     failed = [r for r in results if r.modes is None]
     if not ran:
         return f"No method could use these data. {failed[0].failure if failed else ''}".strip()
-    said = []
+    lines = []
     sure = [k for k, t in enumerate(trust) if t.trusted]
     if sure:
         which = ", ".join(f"{groups[k].frequency:.5g}" for k in sure)
         count = f"All {len(sure)} modes" if len(sure) == len(groups) > 1 else f"{len(sure)} of {len(groups)} modes"
         worst = max(sure, key=lambda k: scatter.damping[k] / groups[k].damping)
-        said.append(
+        lines.append(
             f"{count} can be trusted in frequency and damping: {which} Hz. "
             f"The widest stated scatter among them is ±{100 * scatter.damping[worst] / groups[worst].damping:.2g} % "
             f"of the damping, at {groups[worst].frequency:.5g} Hz."
         )
     elif groups:
-        said.append(f"None of the {len(groups)} modes can be trusted in full.")
+        lines.append(f"None of the {len(groups)} modes can be trusted in full.")
     else:
-        said.append("No mode stands out of the data by any method.")
+        lines.append("No mode stands out of the data by any method.")
     for grade, lead in (
         ("frequency only", "Trust the frequency, but not the damping, of"),
         ("doubtful", "Do not trust"),
     ):
-        said += [f"{lead} {groups[k].frequency:.5g} Hz: {t.why}." for k, t in enumerate(trust) if t.grade == grade]
-    said += [f"{c.name.capitalize()}: {c.evidence}. {c.remedy}" for c in data_causes]
+        lines += [f"{lead} {groups[k].frequency:.5g} Hz: {t.why}." for k, t in enumerate(trust) if t.grade == grade]
+    lines += [f"{c.name.capitalize()}: {c.evidence}. {c.remedy}" for c in data_causes]
     if failed:
-        said.append(f"{len(failed)} of {len(results)} methods failed: {', '.join(r.name for r in failed)}.")
-    return "\n".join(said)
+        lines.append(f"{len(failed)} of {len(results)} methods failed: {'; '.join(r.label for r in failed)}.")
+    return "\n".join(lines)

@@ -1,6 +1,6 @@
 """Nouns as named arrays, the layout that .npz, .mat and HDF5 files share.
 
-Each field of a noun is an array of that name; what is None is left out. Texts are text arrays. Units are `output_units` and
+Each field of a data object is an array of that name; what is None is left out. Texts are text arrays. Units are `output_units` and
 `input_units`, a geometry is `geometry_nodes`, `geometry_coordinates`, `geometry_lines` and `geometry_faces` (indices into
 the nodes, from 0) and `geometry_motions` (JSON text), indicators are `indicator_<name>`, reasons, notes, `left_out` and `harmonics` are
 JSON text, and the arrays of modes before their refinement are `unrefined_<name>`.
@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.io.contents import Thing
+from modalscope.io.contents import Plain
 from modalscope.model import FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Note, Signals
 from modalscope.model.candidates import Candidate, Harmonic
 from modalscope.model.checks import Array
@@ -76,7 +76,7 @@ AXES: dict[type[Any], dict[str, tuple[str, ...]]] = {
 
 
 def noun_of(names: Iterable[str]) -> type[Any] | None:
-    """Return the noun that arrays of these names make; None when they make none."""
+    """Return the data object that arrays of these names make; None when they make none."""
     held = set(names)
     for key, noun in (
         ("frequencies", FrequencyResponse),
@@ -90,15 +90,15 @@ def noun_of(names: Iterable[str]) -> type[Any] | None:
 
 
 def names_of(noun: type[Any]) -> set[str]:
-    """Return the names of the arrays that a noun may have."""
+    """Return the names of the arrays that a data object may have."""
     if noun is Geometry:
         return set(GEOMETRY)
     own = {field.name for field in fields(noun)} - {"units", "geometry", "indicators", "source_path", "unrefined"}
     return own | {"output_units", "input_units", *GEOMETRY} | ({"quantity"} if noun is Signals else set())
 
 
-def to_arrays(thing: Thing) -> dict[str, Array]:
-    """Return a noun as named arrays; `contents_from_arrays` is the inverse."""
+def to_arrays(thing: Plain) -> dict[str, Array]:
+    """Return data, modes or a geometry as named arrays; `contents_from_arrays` is the inverse."""
     if isinstance(thing, Geometry):
         return _geometry_arrays(thing)
     arrays: dict[str, Array] = {}

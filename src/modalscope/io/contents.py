@@ -1,4 +1,4 @@
-"""What a reader hands on: the noun, and an account of every part of the file."""
+"""What a reader hands on: the data object, and an account of every part of the file."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from modalscope.model import FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals
+from modalscope.model import FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals, StabilizationDiagram
+from modalscope.model.response import Response
 
-__all__ = ["Contents", "Finding", "Format", "Options", "Survey", "Thing", "describe"]
+__all__ = ["Contents", "Finding", "Format", "Options", "Plain", "Survey", "Thing", "describe"]
 
-Thing: TypeAlias = FrequencyResponse | ImpulseResponse | Signals | ModalModel | Geometry
+Plain: TypeAlias = FrequencyResponse | ImpulseResponse | Signals | ModalModel | Geometry
+Thing: TypeAlias = Plain | StabilizationDiagram
 Options: TypeAlias = Mapping[str, Any]
 
 
@@ -52,7 +54,7 @@ class Finding:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Contents:
-    """The noun that a file gives, what was found in it, what is missing and what else to know."""
+    """The data object that a file gives, what was found in it, what is missing and what else to know."""
 
     thing: Thing
     findings: tuple[Finding, ...] = ()
@@ -94,7 +96,7 @@ class Survey:
         The format in words.
     result : str
         What `read` returns, in words.
-    thing : noun
+    thing : data object
         What `read` returns.
     found : tuple of Finding
     missing : tuple of str
@@ -141,8 +143,8 @@ def _count(number: int, word: str) -> str:
     return f"{number} {word}" + ("" if number == 1 else "s")
 
 
-def describe(thing: Thing) -> str:
-    """Return one line about a noun.
+def describe(thing: Thing | Response) -> str:
+    """Return one line about a data object.
 
     Examples
     --------
@@ -151,6 +153,9 @@ def describe(thing: Thing) -> str:
     """
     if isinstance(thing, Geometry):
         return f"geometry: {_count(len(thing.nodes), 'node')}, {_count(len(thing.lines), 'line')}, {_count(len(thing.faces), 'face')}"
+    if isinstance(thing, StabilizationDiagram):
+        size = f"{_count(len(thing.poles), 'pole')} at {_count(len(thing.orders), 'order')}"
+        return f"stabilization diagram: {size}, of {describe(thing.response)}"
     sides = f"{_count(len(thing.output_dofs), 'output')}, {_count(len(thing.input_dofs), 'input')}"
     kind = f" ({thing.quantity})" if thing.quantity else ""
     if isinstance(thing, FrequencyResponse):
@@ -160,6 +165,7 @@ def describe(thing: Thing) -> str:
         return f"impulse responses{kind} ({thing.kind}): {thing.samples} samples at {thing.sampling_rate:g} Hz, {sides}"
     if isinstance(thing, ModalModel):
         return f"modes{kind}: {_count(len(thing), 'mode')}, {sides}"
+    assert isinstance(thing, Signals)
     runs = "" if thing.runs == 1 else f"{thing.runs} runs of "
     inputs = _count(len(thing.input_dofs), "input") if thing.input_dofs else "no inputs"
     outputs = _count(len(thing.output_dofs), "output")

@@ -1,4 +1,4 @@
-"""CSV: responses and records with a header, in and out; tables of modes out.
+"""CSV: responses and records with a header, in and (`csv_writer`) out; tables of modes out.
 
 The first line that is not a comment names the columns; the first column is the abscissa. Labels carry their unit in
 brackets. Comments `# name: value` before it hold what has no column (quantity, sampling_rate, kind, first_sample).
@@ -25,9 +25,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modalscope.io.contents import Contents, Finding, Options, Thing
-from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, ModalModel, Signals
+from modalscope.io.csv_writer import write
+from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, Signals
 from modalscope.model.checks import Array, RealArray
-from modalscope.model.mode_table import known_columns
 
 __all__ = ["read", "write"]
 
@@ -44,99 +44,6 @@ class _Table(NamedTuple):
     notes: dict[str, str]
     header: list[str]
     numbers: RealArray
-
-
-# ------------------------------------------------------------------------------------------------------------- writing
-
-
-def write(path: Path, thing: Thing, options: Options) -> None:
-    """Write a response, a record of one run or a table of modes."""
-    if isinstance(thing, ModalModel):
-        _put(path, {}, *_modes_table(thing))
-    elif isinstance(thing, FrequencyResponse):
-        _put(path, _notes(thing, "quantity", "sampling_rate"), *_frequency_table(thing))
-    elif isinstance(thing, ImpulseResponse):
-        if thing.feedthrough is not None:
-            raise DataError(
-                "writing an impulse response as .csv was asked",
-                "its direct term has no column there",
-                "Use .npz, .h5 or .uff.",
-            )
-        header = [
-            "time_s",
-            *(_pair(thing, i, j) for i in range(thing.values.shape[1]) for j in range(thing.values.shape[2])),
-        ]
-        _put(
-            path,
-            _notes(thing, "quantity", "sampling_rate", "kind", "first_sample"),
-            header,
-            np.column_stack([thing.times, _flat(thing.values)]).tolist(),
-        )
-    elif isinstance(thing, Signals):
-        _put(path, _notes(thing, "sampling_rate") | _quantities(thing), *_record_table(thing))
-    else:
-        raise DataError(
-            f"writing {type(thing).__name__} as .csv was asked", "there is no such table", "Use .npz, .h5 or .uff."
-        )
-
-
-def _put(path: Path, notes: dict[str, str], header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    with path.open("w", encoding="utf-8", newline="") as file:
-        file.writelines(f"# {name}: {value}\n" for name, value in notes.items())
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(header)
-        writer.writerows(rows)
-
-
-def _notes(thing: Any, *names: str) -> dict[str, str]:
-    return {name: str(value) for name in names if (value := getattr(thing, name)) is not None}
-
-
-def _quantities(record: Signals) -> dict[str, str]:
-    return {"quantities": ", ".join(q or "" for q in record.quantities)} if any(record.quantities) else {}
-
-
-def _flat(values: Array) -> Array:
-    return values.reshape(values.shape[0], -1)
-
-
-def _pair(thing: Any, i: int, j: int) -> str:
-    units = (thing.units[0][i], thing.units[1][j])
-    return f"{thing.output_dofs[i]} / {thing.input_dofs[j]}" + (f" [{units[0]} / {units[1]}]" if any(units) else "")
-
-
-def _frequency_table(frf: FrequencyResponse) -> tuple[list[str], list[list[float]]]:
-    pairs = [_pair(frf, i, j) for i in range(frf.values.shape[1]) for j in range(frf.values.shape[2])]
-    values = _flat(frf.values)
-    both = np.stack([values.real, values.imag], axis=2).reshape(values.shape[0], -1)
-    header = ["frequency_hz", *(f"{part} {pair}" for pair in pairs for part in ("real", "imag"))]
-    return header, np.column_stack([frf.frequencies, both]).tolist()
-
-
-def _record_table(record: Signals) -> tuple[list[str], list[list[float]]]:
-    if record.runs > 1:
-        raise DataError(
-            "writing records as .csv was asked",
-            f"there are {record.runs} runs, and a table holds one",
-            "Use .npz or .h5, or write each run alone.",
-        )
-    outputs, inputs = record.by_run()
-    sides = [("out", label, unit) for label, unit in zip(record.output_dofs, record.units[0], strict=True)]
-    sides += [("in", label, unit) for label, unit in zip(record.input_dofs, record.units[1], strict=True)]
-    header = ["time_s", *(f"{side} {label}" + (f" [{unit}]" if unit else "") for side, label, unit in sides)]
-    columns = [np.arange(record.samples) / record.sampling_rate, outputs[0]] + ([] if inputs is None else [inputs[0]])
-    return header, np.column_stack(columns).tolist()
-
-
-def _modes_table(modes: ModalModel) -> tuple[list[str], list[list[Any]]]:
-    columns: dict[str, Sequence[Any]] = {"mode": list(range(1, len(modes) + 1))}
-    columns |= {name: np.asarray(values).tolist() for name, values in known_columns(modes).items()}
-    for label, row in zip(modes.output_dofs, modes.shapes, strict=True):
-        columns |= {f"real {label}": row.real.tolist(), f"imag {label}": row.imag.tolist()}
-    return list(columns), [list(row) for row in zip(*columns.values(), strict=True)]
-
-
-# ------------------------------------------------------------------------------------------------------------- reading
 
 
 def read(path: Path, options: Options) -> Contents:

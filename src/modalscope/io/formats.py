@@ -10,7 +10,15 @@ from modalscope.io import csv, hdf5, json, mat, npz, uff
 from modalscope.io.atomic import replacing
 from modalscope.io.contents import Contents, Format, Options, Survey, Thing, describe
 from modalscope.io.from_arrays import ARRAY_OPTIONS, FIELD_OPTIONS
-from modalscope.model import DataError, FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals
+from modalscope.model import (
+    DataError,
+    FrequencyResponse,
+    Geometry,
+    ImpulseResponse,
+    ModalModel,
+    Signals,
+    StabilizationDiagram,
+)
 from modalscope.model.channels import Channels
 from modalscope.model.checks import check_kind, check_path
 from modalscope.model.groups import AUTO, input_groups
@@ -31,7 +39,7 @@ FORMATS: dict[str, Format] = {
     ".npz": Format(name="NumPy archive", reader=npz.read, writer=npz.write, read_options=ARRAY_OPTIONS),
     ".uff": _UNIVERSAL,
     ".unv": _UNIVERSAL,
-    ".json": Format(name="modes.json", reader=json.read, writer=json.write, write_options=json.WRITE_OPTIONS),
+    ".json": Format(name="JSON", reader=json.read, writer=json.write, write_options=json.WRITE_OPTIONS),
     ".csv": Format(name="CSV table", reader=csv.read, writer=csv.write),
     ".mat": Format(name="MATLAB file", reader=mat.read, writer=mat.write, read_options=ARRAY_OPTIONS),
     ".h5": _HDF5,
@@ -39,8 +47,13 @@ FORMATS: dict[str, Format] = {
 }
 
 
+#: What can be written, and the suffixes that hold a diagram with its response.
+_WRITTEN = (FrequencyResponse, ImpulseResponse, Signals, ModalModel, Geometry, StabilizationDiagram)
+_DIAGRAMS = (".npz", ".json")
+
+
 def read(path: str | Path, **options: Any) -> Thing:
-    """Read a measurement or modes; the format by suffix.
+    """Read a measurement, modes or a stabilization diagram from a file; the format by suffix.
 
     Parameters
     ----------
@@ -59,12 +72,12 @@ def read(path: str | Path, **options: Any) -> Thing:
 
     Returns
     -------
-    FrequencyResponse, ImpulseResponse, Signals, ModalModel or Geometry
+    FrequencyResponse, ImpulseResponse, Signals, ModalModel, Geometry or StabilizationDiagram
 
     Raises
     ------
     DataError
-        No such file, a folder, an unknown suffix or option, a damaged file, NaN, or anything that the noun refuses.
+        No such file, a folder, an unknown suffix or option, a damaged file, NaN, or anything that the data object refuses.
 
     Examples
     --------
@@ -106,14 +119,16 @@ def survey(path: str | Path, **options: Any) -> Survey:
 
 
 def write(path: str | Path, thing: Any, **options: Any) -> None:
-    """Write a noun; the format by suffix. An earlier file is replaced only when the new one is complete.
+    """Write data, modes or a stabilization diagram to a file; the format by suffix.
+
+    An earlier file is replaced only when the new one is complete.
 
     Parameters
     ----------
     path : path
-        `.npz`, `.h5` and `.uff` hold every noun, `.mat` all arrays; `.csv` responses, one run of records, or a table of modes;
-        `.json` modes.
-    thing : FrequencyResponse, ImpulseResponse, Signals, ModalModel or Geometry
+        `.npz`, `.h5` and `.uff` hold every data object, `.mat` all arrays; `.csv` responses, one run of records, or a table of modes;
+        `.json` modes; `.npz` and `.json` a stabilization diagram with its response.
+    thing : FrequencyResponse, ImpulseResponse, Signals, ModalModel, Geometry or StabilizationDiagram
     **options
         Universal files: `text=True` (datasets 58 as text), `dataset=55 | 2414` (modes), `nodes=2411 | 15`,
         `lines=82 | 2412`. JSON: `method`, `domain`, `orders`, `data`, written beside the modes.
@@ -124,8 +139,14 @@ def write(path: str | Path, thing: Any, **options: Any) -> None:
         An unknown suffix or option, something that the format cannot hold, or a place that cannot be written.
     """
     file = check_path(path)
-    check_kind("what is written", thing, (FrequencyResponse, ImpulseResponse, Signals, ModalModel, Geometry))
+    check_kind("what is written", thing, _WRITTEN)
     row = _format(file, "writing")
+    if isinstance(thing, StabilizationDiagram) and file.suffix.lower() not in _DIAGRAMS:
+        raise DataError(
+            f"writing a stabilization diagram as {file.suffix} was asked",
+            f"diagrams are written as {' or '.join(_DIAGRAMS)}",
+            "Choose one of these suffixes, or write the modes that select(diagram) gives.",
+        )
     if row.writer is None:
         raise DataError(f"writing {file.name} was asked", f"a {row.name} is only read", "Choose another suffix.")
     _check_options(file, options, row.write_options, "writing")

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.io.arrays import to_arrays
-from modalscope.io.contents import Contents, Options, Thing
+from modalscope.io.contents import Contents, Options, Plain
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.model import DataError, ImpulseResponse
 from modalscope.model.checks import Array
@@ -44,8 +44,8 @@ _DIMENSIONS = {
 }
 
 
-def write(path: Path, thing: Thing, options: Options) -> None:
-    """Write a noun; binary, so that it is read back exactly."""
+def write(path: Path, thing: Plain, options: Options) -> None:
+    """Write a data object; binary, so that it is read back exactly."""
     h5py = optional_package(f"writing {path.suffix}", "h5py", "hdf5")
     axes: dict[str, tuple[str, ...]] = {}
     with h5py.File(path, "w") as file:
@@ -67,8 +67,8 @@ def write(path: Path, thing: Thing, options: Options) -> None:
             _label(file, name, names)
 
 
-def _axes(thing: Thing, name: str, array: Array) -> tuple[str, ...]:
-    """Return the names of an array's axes; the first ones of a noun that may lack runs or inputs."""
+def _axes(thing: Plain, name: str, array: Array) -> tuple[str, ...]:
+    """Return the names of an array's axes; the first ones of a data object that may lack runs or inputs."""
     axes = _DIMENSIONS.get(name, ())
     if isinstance(thing, ImpulseResponse):
         axes = tuple("sample" if axis == "line" else axis for axis in axes)

@@ -25,7 +25,8 @@ import numpy as np
 
 from modalscope.io.arrays import from_json_numbers
 from modalscope.io.contents import Contents, Finding, Options
-from modalscope.model import DataError, Geometry, ModalModel
+from modalscope.io.diagrams import DIAGRAM, document_contents, write_document
+from modalscope.model import DataError, Geometry, ModalModel, StabilizationDiagram
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.mode_table import COLUMNS
 from modalscope.model.poles import poles_from
@@ -44,11 +45,14 @@ _OF_DATA = ("quantity", "dt", "held_input", "scaling")
 
 
 def write(path: Path, modes: Any, options: Options) -> None:
-    """Write modes; `method`, `domain`, `orders` and a mapping `data` are added as they are given."""
+    """Write modes; `method`, `domain`, `orders` and a mapping `data` are added as they are given. Or a diagram, which has them itself."""
+    if isinstance(modes, StabilizationDiagram):
+        write_document(path, modes)
+        return
     if not isinstance(modes, ModalModel):
         raise DataError(
             f"writing {type(modes).__name__} as .json was asked",
-            "that layout holds modes",
+            "that layout holds modes or a stabilization diagram",
             "Use .npz, .h5 or .uff for records and responses.",
         )
     data = {name: getattr(modes, name) for name in _OF_DATA}
@@ -131,13 +135,15 @@ def _null(value: Any) -> Any:
 
 
 def read(path: Path, options: Options) -> Contents:
-    """Read modes back."""
+    """Read modes or a stabilization diagram back."""
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:
         raise DataError(
             f"reading {path.name} as modes was asked", f"it is not JSON ({error})", "Write it with modalscope."
         ) from None
+    if isinstance(document, dict) and DIAGRAM in document:
+        return document_contents(path.name, document)
     if not isinstance(document, dict) or not isinstance(document.get("modes"), list) or "modalscope" not in document:
         raise DataError(
             f"reading {path.name} as modes was asked",

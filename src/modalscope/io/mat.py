@@ -14,7 +14,7 @@ import numpy as np
 from scipy import io as sio
 
 from modalscope.io.arrays import INDICATOR, UNREFINED, to_arrays
-from modalscope.io.contents import Contents, Options, Thing
+from modalscope.io.contents import Contents, Options, Plain
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.mat5 import read_mat5
 from modalscope.model import DataError
@@ -32,8 +32,8 @@ _HDF5_SIGNATURE = b"MATLAB 7.3"
 _DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError, MemoryError)
 
 
-def write(path: Path, thing: Thing, options: Options) -> None:
-    """Write a noun as variables of a version 5 file."""
+def write(path: Path, thing: Plain, options: Options) -> None:
+    """Write a data object as variables of a version 5 file."""
     arrays: dict[str, Any] = {
         name: array.astype(object) if array.dtype.kind == "U" and array.ndim else array
         for name, array in to_arrays(thing).items()

@@ -13,8 +13,9 @@ import numpy as np
 
 from modalscope.io.arrays import to_arrays
 from modalscope.io.contents import Contents, Options, Thing
+from modalscope.io.diagrams import DIAGRAM, diagram_arrays, diagram_contents
 from modalscope.io.from_arrays import contents_from_arrays
-from modalscope.model import DataError
+from modalscope.model import DataError, StabilizationDiagram
 from modalscope.model.checks import Array
 
 __all__ = ["read", "write"]
@@ -57,6 +58,8 @@ def read(path: Path, options: Options) -> Contents:
                 f"its member {name} is not an array",
                 "Keep only .npy members in it.",
             )
+    if DIAGRAM in arrays:
+        return diagram_contents(path.name, arrays)
     return contents_from_arrays(path.name, arrays, options)
 
 
@@ -76,6 +79,6 @@ def _refuse(path: Path, error: Exception) -> DataError:
 
 def write(path: Path, thing: Thing, options: Options) -> None:
     """Write a noun as named arrays; binary, so that it is read back exactly."""
-    arrays: dict[str, Any] = to_arrays(thing)
+    arrays: dict[str, Any] = diagram_arrays(thing) if isinstance(thing, StabilizationDiagram) else to_arrays(thing)
     with path.open("wb") as file:
         np.savez(file, **arrays)

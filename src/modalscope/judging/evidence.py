@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 
 from modalscope.judging.tracking import Poles
+from modalscope.modal.contribution import of_diagram, peak_sizes
 from modalscope.modal.indicators import cmif, prominence
 from modalscope.model.checks import Array, RealArray
 from modalscope.model.diagram import StabilizationDiagram
-from modalscope.model.frequency import FrequencyResponse
-from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.response import output_scale
 
 __all__ = [
@@ -67,49 +66,27 @@ class Candidate:
 def oscillations(diagram: StabilizationDiagram) -> Poles:
     """Return the decaying oscillations of a diagram; real, unstable and nearly aperiodic poles are no modes to select."""
     kept = np.flatnonzero((np.array(diagram.kinds) == "mode") & (diagram.damping_ratios < 0.9))
-    poles = Poles(
-        diagram.orders, diagram.order_of_pole, diagram.poles, diagram.shapes, diagram.participation, _own(diagram)
-    )
+    own = of_diagram(diagram)
+    poles = Poles(diagram.orders, diagram.order_of_pole, diagram.poles, diagram.shapes, diagram.participation, own)
     return poles.take(kept)
-
-
-def _own(diagram: StabilizationDiagram) -> RealArray:
-    """Return the norm of every pole's own contribution over that of the data, outputs scaled to one level."""
-    response, scale = diagram.response, output_scale(diagram.response)
-    size = np.linalg.norm(diagram.shapes / scale, axis=1) * np.linalg.norm(diagram.participation, axis=1)
-    decay = np.maximum(np.abs(diagram.poles.real), 1e-12 * np.abs(diagram.poles))
-    total = np.linalg.norm(response.values / scale[:, None])
-    if isinstance(response, FrequencyResponse):
-        # integral of |1 / (j w - s)|^2 over w is pi / |Re s|; lines lie `step` apart in w
-        step = 2 * np.pi * np.median(np.diff(response.frequencies)) if response.lines > 1 else 1.0
-        return np.asarray(size * np.sqrt(np.pi / decay / step) / total)
-    # sum over samples of |2 Re R exp(s t)|^2 is about |R|^2 fs / |Re s|, over no more than the samples there are
-    return np.asarray(size * np.sqrt(np.minimum(response.sampling_rate / decay, 2 * response.samples)) / total)
 
 
 def evidence_of(diagram: StabilizationDiagram) -> Evidence:
     """Gather what the data themselves show, outputs scaled to one level."""
     response, scale = diagram.response, output_scale(diagram.response)[:, None]
     outputs, inputs = response.values.shape[1:]
-    ambient = isinstance(response, ImpulseResponse) and response.kind == "correlation"
-    H: Array
-    if isinstance(response, FrequencyResponse):
-        f, H, count = response.frequencies, response.values / scale, response.lines
-    else:
-        count = response.samples
-        # zeros behind the samples: lines fine enough that a neighbour's peak is not taken for a mode's own
-        f = np.asarray(np.fft.rfftfreq(8 * count, 1 / response.sampling_rate), dtype=float)
-        H = np.fft.rfft(response.values / scale, n=8 * count, axis=0) / response.sampling_rate
+    ambient = response.origin == "correlation"
+    f, spectrum = response.spectrum()
+    H, count = spectrum / scale, response.count
     curves = cmif(H)
     size = np.sqrt(count * outputs * inputs / (outputs + inputs))
     return Evidence(f, np.linalg.norm(H, axis=(1, 2)), np.sqrt(curves) if ambient else curves, float(size), ambient)
 
 
 def peaks(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> RealArray:
-    """Return the size of each pole's own term at its frequency over that of the whole response there."""
-    scale = output_scale(diagram.response)
-    size = np.linalg.norm(poles.shape / scale, axis=1) * np.linalg.norm(poles.participation, axis=1)
-    return np.asarray(size / np.abs(poles.pole.real) / np.interp(poles.frequency, evidence.frequencies, evidence.level))
+    """Return the size of each pole's term at its frequency over that of the whole response there."""
+    size = peak_sizes(diagram.response, poles.pole, poles.shape, poles.participation)
+    return np.asarray(size / np.interp(poles.frequency, evidence.frequencies, evidence.level))
 
 
 def judge(poles: Poles, group: Array, peak: RealArray, fit: float, evidence: Evidence) -> Candidate:

@@ -16,13 +16,9 @@ from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.modes import ModalModel
 from modalscope.model.poles import poles_from
 from modalscope.model.response import Response, is_held
+from modalscope.model.robust import scatter
 
 __all__ = ["modes_of"]
-
-
-def _spread(values: Array) -> float:
-    """Standard deviation over orders, robustly: 1.4826 times the median absolute deviation."""
-    return float(1.4826 * np.median(np.abs(values - np.median(values))))
 
 
 def modes_of(diagram: StabilizationDiagram, poles: Poles, chosen: list[Candidate]) -> ModalModel:
@@ -34,7 +30,7 @@ def modes_of(diagram: StabilizationDiagram, poles: Poles, chosen: list[Candidate
     fitted = fitted_terms(response, values, shapes)
     members = [c.members for c in chosen]
     spreads = [
-        {"frequency_spread_hz": _spread(poles.frequency[m]), "damping_ratio_spread": _spread(poles.damping[m])}
+        {"frequency_spread_hz": scatter(poles.frequency[m]), "damping_ratio_spread": scatter(poles.damping[m])}
         for m in members
     ]
     model = ModalModel(

@@ -12,21 +12,19 @@ from modalscope.judging.evidence import Candidate, Evidence, evidence_of, judge,
 from modalscope.judging.outcome import modes_of
 from modalscope.judging.tracking import Poles, consensus, join_broken, merge_splits, tracks
 from modalscope.modal.indicators import mac
+from modalscope.modal.sufficient import usable_orders
 from modalscope.model.checks import DataError, check_each, check_kind, check_positive
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.modes import ModalModel
 
 __all__ = ["select"]
 
-#: Orders are used up to twice (at least 20 above) the first whose fit is within this factor of the best.
-SLACK = 1.2
-
 
 @one_thread
 def select(
     diagram: StabilizationDiagram, *, frequencies: Iterable[float] | None = None, tolerance: float = 0.01
 ) -> ModalModel:
-    """Report the modes of a stabilization diagram with the reasons for each, or those at given frequencies.
+    """Choose the modes of a stabilization diagram automatically, with the reasons for each, or those at given frequencies.
 
     Poles are followed over the orders, and the members of a track that agree in frequency, damping and shape are taken
     together. The value reported is their median. A mode is found at many orders, persists from its first one on, stands
@@ -100,20 +98,12 @@ def _exact(diagram: StabilizationDiagram, poles: Poles) -> list[Candidate]:
 
 
 def _candidates(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> tuple[Poles, list[Candidate]]:
-    orders, fit = _usable_orders(diagram)
+    orders, fit = usable_orders(diagram)
     poles = replace(poles, orders=orders).take(np.flatnonzero(poles.order <= orders[-1]))
     poles = merge_splits(poles)
     groups = [group for group in (consensus(poles, t) for t in tracks(poles)) if group.size >= min(3, len(orders))]
     peak = peaks(diagram, poles, evidence)
     return poles, [judge(poles, group, peak, fit, evidence) for group in join_broken(poles, groups)]
-
-
-def _usable_orders(diagram: StabilizationDiagram) -> tuple[tuple[int, ...], float]:
-    """Return the orders to use and the best fit among them: beyond there is only noise left to explain."""
-    errors, orders = np.asarray(diagram.fit_errors), np.asarray(diagram.orders)
-    enough = orders[np.argmax(errors <= SLACK * errors.min())]
-    used = orders <= max(2 * enough, enough + 20)
-    return tuple(int(n) for n in orders[used]), float(errors[used].min())
 
 
 def _none_twice(poles: Poles, chosen: list[Candidate]) -> list[Candidate]:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modalscope.model.channels import Channels, check_quantity, derivatives_between
+from modalscope.model.channels import check_quantity
 from modalscope.model.checks import (
     Array,
     ComplexArray,
@@ -16,20 +16,30 @@ from modalscope.model.checks import (
     check_band,
     check_count,
     check_number,
-    check_positive,
     complex_array,
     freeze,
     real_array,
 )
 from modalscope.model.groups import AUTO, Groups, check_groups, chosen_groups, input_groups
 from modalscope.model.impulse import ImpulseResponse
-from modalscope.model.line_checks import check_beside, check_complex, check_lines
+from modalscope.model.line_checks import check_beside, check_lines, check_rate
+from modalscope.model.line_transforms import in_quantity, inverse_transform
+from modalscope.model.modal_basis import ModalBasis, line_basis, line_derivatives, residual_powers, scaled_terms
+from modalscope.model.response import AsLines, AsSamples, Response
+
+if TYPE_CHECKING:
+    from modalscope.model.modes import ModalModel
+    from modalscope.model.statespace import StateSpace
 
 __all__ = ["FrequencyResponse"]
 
 
+#: Up to so many lines residuals explain the modes themselves.
+_FEW_LINES = 8
+
+
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class FrequencyResponse(Channels):
+class FrequencyResponse(Response):
     """Complex frequency responses H(f) = output / input on increasing lines.
 
     Parameters
@@ -82,21 +92,13 @@ class FrequencyResponse(Channels):
     def __post_init__(self) -> None:
         values = complex_array("values", self.values, "(lines, outputs, inputs)", 3)
         lines = real_array("frequencies", self.frequencies, "(lines,)", 1)
-        check_lines(lines, values.shape)
-        check_complex(values, lines)
-        rate = None if self.sampling_rate is None else check_positive("sampling_rate", self.sampling_rate)
-        if rate is not None and lines[-1] > rate / 2 * (1 + 1e-9):
-            raise DataError(
-                f"lines up to half the sampling rate, {rate / 2:g} Hz, were asked",
-                f"there are lines up to {lines[-1]:g} Hz",
-                "Correct the sampling rate, or leave it out for the response of a continuous structure.",
-            )
+        check_lines(lines, values)
         freeze(
             self,
             values=values,
             frequencies=lines,
             quantity=check_quantity(self.quantity),
-            sampling_rate=rate,
+            sampling_rate=check_rate(self.sampling_rate, lines),
             coherence=check_beside("coherence", self.coherence, values.shape),
             variance=check_beside("variance", self.variance, values.shape),
             averages=None if self.averages is None else check_count("averages", self.averages),
@@ -109,6 +111,114 @@ class FrequencyResponse(Channels):
     def lines(self) -> int:
         """Number of lines."""
         return int(self.frequencies.size)
+
+    @property
+    def origin(self) -> str:
+        """Lines."""
+        return "lines"
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Lowest and highest line, Hz."""
+        return float(self.frequencies[0]), float(self.frequencies[-1])
+
+    @property
+    def grid(self) -> RealArray:
+        """The lines, Hz."""
+        return self.frequencies
+
+    @property
+    def held_input(self) -> bool:
+        """Whether this is the response of a sampled system."""
+        return self.sampling_rate is not None
+
+    @property
+    def steps_late(self) -> int:
+        """Lines begin at the impulse itself: 0."""
+        return 0
+
+    def basis(self, poles: Array, powers: tuple[int, ...] = (0,), weights: Array | None = None) -> ModalBasis:
+        """Return what poles can contribute on the lines; see `Response.basis`.
+
+        Raises
+        ------
+        DataError
+            A line at 0 Hz with a residual that divides by its frequency.
+        """
+        if powers and min(powers) < 0 and self.frequencies[0] == 0:
+            raise DataError(
+                "residuals of modes below the band were asked",
+                f"the {self.quantity or 'response'} has a line at 0 Hz, where they are infinite",
+                "Leave that line out with band(), or ask for residuals=False.",
+            )
+        return line_basis(self.frequencies, self.sampling_rate, self.values, poles, powers, weights)
+
+    @property
+    def outside_powers(self) -> tuple[int, ...]:
+        """Mass line of the modes below, (j w)^(p-2), and stiffness line of those above, (j w)^p; a sampled system has a direct term."""
+        residuals = self.sampling_rate is None and self.frequencies[0] > 0 and self.lines > _FEW_LINES
+        return residual_powers(self.quantity, residuals)
+
+    def named_terms(self, terms: RealArray, powers: tuple[int, ...]) -> dict[str, RealArray | None]:
+        """Return fitted terms by name; see `Response.named_terms`."""
+        if len(powers) == 1:
+            return {"feedthrough": terms[0]}
+        lower, upper = scaled_terms(terms, powers, self.frequencies)
+        return {"lower_residual": lower, "upper_residual": upper}
+
+    def derivatives(self, poles: Array) -> RealArray:
+        """Return d/ds of the functions of `basis`; see `Response.derivatives`."""
+        return line_derivatives(self.frequencies, self.sampling_rate, poles)
+
+    def spectrum(self) -> tuple[RealArray, ComplexArray]:
+        """Return the lines and the values themselves."""
+        return self.frequencies, self.values
+
+    def energy(self, decay: Array) -> RealArray:
+        """Return pi / (decay step): the integral of |1 / (j w - s)|^2 over w, on lines that lie `step` apart in w."""
+        step = 2 * np.pi * np.median(np.diff(self.frequencies)) if self.lines > 1 else 1.0
+        return np.asarray(np.pi / np.asarray(decay) / step)
+
+    @property
+    def exact_samples(self) -> bool:
+        """Whether the lines are those of a sampled system from zero to half its rate."""
+        rate, (low, high) = self.sampling_rate, self.span
+        return rate is not None and low == 0 and bool(np.isclose(high, rate / 2))
+
+    @property
+    def exact_lines(self) -> bool:
+        """True: these are the lines."""
+        return True
+
+    def as_samples(self) -> AsSamples:
+        """Return the inverse transform, see `exact_samples`."""
+        note = "the lines were transformed to samples: damping is biased unless they cover the whole spectrum"
+        return AsSamples(self.to_impulse_response(), note)
+
+    def as_lines(self) -> AsLines:
+        """Return the lines themselves."""
+        return AsLines(self, "")
+
+    def in_band(self, band: tuple[float, float] | None) -> FrequencyResponse:
+        """Return the lines in a band."""
+        return self if band is None else self.band(*band)
+
+    def reported_band(self, band: tuple[float, float] | None) -> tuple[float, float]:
+        """Return the lowest and the highest line: the band has cut them."""
+        return self.span
+
+    def rebuilt_by(self, model: StateSpace) -> FrequencyResponse:
+        """Return the response of a model on these lines; see `Response.rebuilt_by`."""
+        return model.frequency_response(self.frequencies, **self.rebuilt_labels())
+
+    def values_of(self, model: StateSpace) -> Array:
+        """Return the transfer functions of a model on these lines; see `Response.values_of`."""
+        s = 2j * np.pi * self.frequencies
+        return model.transfer(s if model.dt is None else np.exp(s * model.dt))
+
+    def of_modes(self, modes: ModalModel) -> FrequencyResponse:
+        """Return the response of modes on these lines; see `Response.of_modes`."""
+        return modes.frequency_response(self.frequencies)
 
     def band(self, lowest: float, highest: float) -> FrequencyResponse:
         """Return the lines from `lowest` to `highest` Hz, both included.
@@ -160,25 +270,7 @@ class FrequencyResponse(Channels):
         DataError
             The quantity is not known, or a line at 0 Hz would be divided by zero.
         """
-        power = derivatives_between(self.quantity, wanted)
-        if power < 0 and self.frequencies[0] == 0:
-            raise DataError(
-                f"the {self.quantity} as {wanted} was asked",
-                "its first line lies at 0 Hz, where that divides by zero",
-                "Leave that line out with band().",
-            )
-        factor = (2j * np.pi * self.frequencies) ** power
-        variance = None if self.variance is None else self.variance * np.abs(factor[:, None, None]) ** 2
-        note = f"{self.quantity} turned into {wanted} in the frequency domain"
-        units = self.units if power == 0 else (("",) * len(self.output_dofs), self.units[1])
-        return replace(
-            self,
-            values=self.values * factor[:, None, None],
-            variance=variance,
-            quantity=wanted,
-            units=units,
-            processing=(*self.processing, note),
-        )
+        return in_quantity(self, wanted)
 
     def to_impulse_response(self) -> ImpulseResponse:
         """Return the inverse Fourier transform of the lines: samples at twice the highest frequency.
@@ -192,50 +284,7 @@ class FrequencyResponse(Channels):
         DataError
             Lines that are not equally spaced, or that do not lie on multiples of their spacing.
         """
-        spectrum, step = self._from_zero()
-        held = self.sampling_rate is not None
-        length = 2 * (spectrum.shape[0] - 1)
-        rate = length * step
-        if self.sampling_rate is not None:
-            rate = self.sampling_rate
-            length = round(rate / step)
-            if abs(rate / step - length) > 1e-3:
-                raise DataError(
-                    "the inverse transform of a sampled response needs lines that divide the sampling rate",
-                    f"{rate:g} Hz holds {rate / step:.6g} steps of {step:g} Hz",
-                    "Use a frequency-domain method (domain='z'), which takes any lines.",
-                )
-        samples = np.fft.irfft(spectrum, n=length, axis=0)
-        note = f"inverse transform of {self.lines} lines, {self.frequencies[0]:g} to {self.frequencies[-1]:g} Hz"
-        return ImpulseResponse(
-            values=samples[1:] if held else samples[1:] * rate,
-            feedthrough=samples[0],
-            sampling_rate=rate,
-            kind="pulse" if held else "dirac",
-            first_sample=0 if held else 1,
-            quantity=self.quantity,
-            added_damping=self.added_damping,
-            groups=self.groups,
-            **self.labelled(),
-        ).processed(note)
-
-    def _from_zero(self) -> tuple[ComplexArray, float]:
-        """Return values on all multiples of the lines' spacing from 0 Hz, zero below the band, and that spacing in Hz."""
-        if self.lines < 2:
-            raise DataError("an inverse transform needs a band of lines", "there is one line", "Measure more lines.")
-        step = (self.frequencies[-1] - self.frequencies[0]) / (self.lines - 1)
-        bins = self.frequencies / step
-        whole = np.rint(bins).astype(int)
-        if np.max(np.abs(bins - whole)) > 1e-3 or np.any(np.diff(whole) != 1):
-            steps = np.diff(self.frequencies)
-            raise DataError(
-                "an inverse transform needs equally spaced lines on multiples of their spacing",
-                f"they start at {self.frequencies[0]:g} Hz with steps from {steps.min():g} to {steps.max():g} Hz",
-                "Use a frequency-domain method (domain='s' or 'z'), which takes any lines.",
-            )
-        spectrum = np.zeros((whole[-1] + 1, *self.values.shape[1:]), dtype=complex)
-        spectrum[whole] = self.values
-        return spectrum, float(step)
+        return inverse_transform(self)
 
     def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
         def cut(array: Array | None) -> Any:

@@ -37,10 +37,6 @@ _DOMAINS = {"time": (BLUE, "o"), "z": (VERMILLION, "s"), "s": (GREEN, "^")}
 _NO_ANGLE = 1e-4
 
 
-def _domain(name: str) -> str:
-    return name.rpartition("(")[2].rstrip(")")
-
-
 def method_map(kin: Comparison | Kinship, ax: Axes | None = None) -> Axes:
     """Draw the map of methods: what lies together found the same poles, what lies apart did not.
 
@@ -59,7 +55,7 @@ def method_map(kin: Comparison | Kinship, ax: Axes | None = None) -> Axes:
     seen: set[str] = set()
     for members in kin.classes:
         for i in members:
-            domain = _domain(kin.names[i])
+            domain = kin.methods[i].domain if kin.methods else "unknown"
             colour, marker = _DOMAINS.get(domain, (INK, "D"))
             label = None if domain in seen else f"domain {domain}"
             seen.add(domain)
@@ -101,7 +97,7 @@ def _name(ax: Axes, kin: Kinship, places: RealArray) -> None:
     heights = dodge((places[[m[0] for m in order], 1] - y0) / (y1 - y0), gap=0.05, low=0.02, high=0.98)
     for members, height in zip(order, heights, strict=True):
         x, y = places[members[0]]
-        text = " = ".join(kin.names[i] for i in members)
+        text = " = ".join(kin.labels[i] for i in members)
         at = (float(places[:, 0].max()) + 0.06 * (x1 - x0), y0 + height * (y1 - y0))
         ax.annotate(
             text,
@@ -149,8 +145,8 @@ def method_distances(kin: Comparison | Kinship, ax: Axes | None = None) -> Axes:
         )
     dress(ax, title="Distances between methods", grid=False)
     aside(ax, "below: poles, above: subspaces")
-    ax.set_xticks(range(k), kin.names, rotation=90)
-    ax.set_yticks(range(k), kin.names)
+    ax.set_xticks(range(k), kin.labels, rotation=90)
+    ax.set_yticks(range(k), kin.labels)
     ax.tick_params(length=0)
     frameless(ax)
     return ax
@@ -172,9 +168,8 @@ def deviations(comparison: Comparison, axes: tuple[Axes, Axes] | None = None) ->
     check_kind("a plot of deviations", comparison, Comparison)
     upper, lower = axes or _two_axes()
     groups = comparison.groups
-    names = [r.name for r in comparison.results if r.modes is not None]
-    exact = {r.name: r.exact for r in comparison.results}
-    offsets = np.linspace(-0.32, 0.32, max(len(names), 2))
+    kept = [r for r in comparison.results if r.modes is not None]
+    offsets = np.linspace(-0.32, 0.32, max(len(kept), 2))
     for ax, kind, unit in ((upper, "frequency", "half bandwidths"), (lower, "damping", "% of its value")):
         seen: set[str] = set()
         reach = []
@@ -185,14 +180,15 @@ def deviations(comparison: Comparison, axes: tuple[Axes, Axes] | None = None) ->
                 reach.append(width)
             ax.fill_between([k - 0.42, k + 0.42], -width, width, color=PALE, alpha=0.35, linewidth=0)
             found = g.frequencies if kind == "frequency" else g.damping_ratios
-            for name, offset in zip(names, offsets, strict=False):
-                if name not in found:
+            for r, offset in zip(kept, offsets, strict=False):
+                if r.name not in found:
                     continue
-                colour, marker = _DOMAINS.get(_domain(name), (INK, "D"))
-                label = None if _domain(name) in seen else f"domain {_domain(name)}"
-                seen.add(_domain(name))
-                face = colour if exact[name] else "white"
-                value = (found[name] - getattr(g, kind)) / size
+                domain = r.method.domain
+                colour, marker = _DOMAINS.get(domain, (INK, "D"))
+                label = None if domain in seen else f"domain {domain}"
+                seen.add(domain)
+                face = colour if r.exact else "white"
+                value = (found[r.name] - getattr(g, kind)) / size
                 if comparison.trust[k].grade != "doubtful":
                     reach.append(abs(value))
                 ax.plot(k + offset, value, marker, color=colour, markerfacecolor=face, markersize=4.5, label=label)

@@ -1,12 +1,14 @@
 """Floor 1: from records to responses, and their quality."""
 
 from modalscope.preprocess.conditioning import decimate, detrend, differentiate, filter_band, integrate
-from modalscope.preprocess.correlation import correlation_blocks, estimate_correlation, half_spectra
+from modalscope.preprocess.correlation import correlation_blocks, estimate_correlation
 from modalscope.preprocess.findings import Finding
 from modalscope.preprocess.frf import estimate_frf
 from modalscope.preprocess.impacts import exponential_decay
-from modalscope.preprocess.markov import Observer, estimate_markov, estimate_observer
+from modalscope.preprocess.markov import estimate_markov
 from modalscope.preprocess.merging import merge
+from modalscope.preprocess.observer import Observer, estimate_observer
+from modalscope.preprocess.one_sided import half_spectra
 from modalscope.preprocess.quality import examine
 from modalscope.preprocess.setups import merge_setups
 from modalscope.preprocess.singular_spectra import Decomposition, decomposition

@@ -41,6 +41,12 @@ def _on_all(signals: Signals, change: Callable[[RealArray], RealArray], note: st
 def detrend(signals: Signals, *, kind: str = "linear") -> Signals:
     """Return the record without its mean ("constant") or its straight-line trend ("linear"), channel by channel and run by run.
 
+    Parameters
+    ----------
+    signals : Signals
+    kind : {"linear", "constant"}
+        The straight line by least squares, or the mean alone.
+
     Examples
     --------
     >>> record = Signals(outputs=np.arange(10.0)[:, None], sampling_rate=1.0)
@@ -201,6 +207,12 @@ def differentiate(signals: Signals, *, times: int = 1) -> Signals:
 
     The inputs stay as they are. The line through the first and the last sample is taken apart first and its slope added
     again. A few samples at both ends are less accurate than the others.
+
+    Parameters
+    ----------
+    signals : Signals
+    times : int
+        1 takes displacements to velocities, 2 to accelerations.
 
     Raises
     ------

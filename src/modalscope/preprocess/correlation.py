@@ -10,14 +10,13 @@ import numpy as np
 import scipy
 from scipy import fft
 
-from modalscope.model.checks import Array, DataError, RealArray, check_count, check_kind
-from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.checks import DataError, RealArray, check_count, check_kind
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.labels import DofLike, indices_of
 from modalscope.model.signals import Signals
 from modalscope.preprocess.spectra import check_window, segment_starts, window_samples
 
-__all__ = ["CorrelationBlocks", "correlation_blocks", "estimate_correlation", "half_spectra"]
+__all__ = ["CorrelationBlocks", "correlation_blocks", "estimate_correlation"]
 
 #: By default a tenth of the samples of all runs, and no more than this many lags.
 _MOST_LAGS = 2000
@@ -98,7 +97,9 @@ def correlation_blocks(
     lags: int | None = None,
     blocks: int = 20,
 ) -> CorrelationBlocks:
-    """Sums of products y(t + k) y_ref(t)', block by block: what the uncertainty of a correlation is computed from.
+    """Correlate a record block by block, so that the uncertainty of its correlations can be computed from their scatter.
+
+    The sums of products y(t + k) y_ref(t)' of every block.
 
     The record is cut into `blocks` blocks of times t; t + k reaches into the next one, so that nothing is lost: `mean` is the
     unbiased estimate of the whole record. Several runs are cut each into its share of the blocks, at least one a run.
@@ -154,10 +155,11 @@ def estimate_correlation(
     segment: int | None = None,
     overlap: float = 0.5,
 ) -> ImpulseResponse:
-    """Correlations R(k) = E[y(t + k) y_ref(t)'] of the outputs with some of them (the natural excitation technique).
+    """Turn a record of outputs alone (ambient vibration) into correlations, which decay as free vibrations do.
 
-    Under white forces R(k) = C A^(k-1) G for k >= 1: a Markov sequence with the structure's own poles. It starts at lag 1;
-    R(0) does not belong to it and is kept apart, as `feedthrough`.
+    R(k) = E[y(t + k) y_ref(t)'] of the outputs with some of them, the natural excitation technique. Under white forces
+    R(k) = C A^(k-1) G for k >= 1: a Markov sequence with the structure's own poles. It starts at lag 1; R(0) does not belong to it
+    and is kept apart, as `feedthrough`.
 
     Parameters
     ----------
@@ -254,53 +256,3 @@ def _windowed(
             total += _products(cut, cut, references, lags)
     R = total / (signals.runs * len(starts) * own)[:, None, None]
     return R, f"{signals.runs * len(starts)} segments of {length} samples, {window} window"
-
-
-def half_spectra(correlation: ImpulseResponse, *, lines: int | None = None) -> FrequencyResponse:
-    """Half spectra S+(z) = R(0) / 2 + sum_k R(k) z^-k, k >= 1, of correlations: rational with the poles of a frequency response.
-
-    For correlations C A^(k-1) G they are R(0) / 2 + C (z I - A)^-1 G, and S+ + S+* (for all channels as references) is the
-    cross spectral matrix. What lies beyond the last lag is taken as zero.
-
-    Parameters
-    ----------
-    correlation : ImpulseResponse
-        From `estimate_correlation`, with R(0) as its feedthrough.
-    lines : int, optional
-        Lines from 0 Hz to half the sampling rate; one more than half the lags by default.
-
-    Returns
-    -------
-    FrequencyResponse
-        Of a sampled system: for the domain "z".
-
-    Raises
-    ------
-    DataError
-        A response that is no correlation, or whose R(0) is missing.
-    """
-    check_kind("half_spectra", correlation, ImpulseResponse)
-    if correlation.kind != "correlation" or correlation.feedthrough is None:
-        raise DataError(
-            "half spectra of a correlation were asked",
-            f"this is a {correlation.kind} response" + (" without R(0)" if correlation.feedthrough is None else ""),
-            "Give the result of estimate_correlation.",
-        )
-    R: Array = np.concatenate([correlation.feedthrough[None] / 2, correlation.values])
-    count = correlation.samples // 2 + 1 if lines is None else check_count("lines", lines, least=2)
-    length = 2 * (count - 1)
-    # lines closer than the lags need zeros behind them, wider ones a sequence folded on itself
-    folded = np.zeros((-(-R.shape[0] // length) * length, *R.shape[1:]))
-    folded[: R.shape[0]] = R
-    values = fft.rfft(folded.reshape(-1, length, *R.shape[1:]).sum(axis=0), axis=0)
-    return FrequencyResponse(
-        values=values,
-        frequencies=fft.rfftfreq(length, 1 / correlation.sampling_rate),
-        sampling_rate=correlation.sampling_rate,
-        quantity=correlation.quantity,
-        output_dofs=correlation.output_dofs,
-        input_dofs=correlation.input_dofs,
-        units=correlation.units,
-        geometry=correlation.geometry,
-        processing=(*correlation.processing, f"half spectra on {count} lines"),
-    )

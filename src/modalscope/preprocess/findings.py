@@ -8,8 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from modalscope.model.checks import Array
+from modalscope.model.response import Response
+from modalscope.model.signals import Signals
 
-__all__ = ["KINDS", "Finding", "dead_channels", "identical_channels"]
+__all__ = ["KINDS", "Finding", "Side", "dead_channels", "identical_channels", "sides_of"]
+
+#: One side of the data: "output" or "input", its channels as columns (N, c), and their labels.
+Side = tuple[str, Array, tuple[str, ...]]
 
 #: All kinds of findings.
 KINDS = (
@@ -59,6 +64,22 @@ class Finding(NamedTuple):
         return f"{self.kind}: {', '.join(self.channels)}: {self.reason}. {self.change}"
 
 
+def sides_of(data: Signals | Response) -> list[Side]:
+    """Return outputs and, where there are any, inputs as columns: samples or lines, runs and channels of the other side below each other.
+
+    Examples
+    --------
+    >>> [
+    ...     (side, x.shape)
+    ...     for side, x, _ in sides_of(Signals(outputs=np.ones((9, 3)), inputs=np.ones((9, 2)), sampling_rate=1.0))
+    ... ]
+    [('output', (9, 3)), ('input', (9, 2))]
+    """
+    both = (data.outputs, data.inputs) if isinstance(data, Signals) else (data.values.swapaxes(1, 2), data.values)
+    named = zip(("output", "input"), both, (data.output_dofs, data.input_dofs), strict=True)
+    return [(side, x.reshape(-1, x.shape[-1]), labels) for side, x, labels in named if x is not None and x.shape[-1]]
+
+
 def dead_channels(samples: Array, labels: Sequence[str]) -> list[Finding]:
     """Find channels (N, c) that are constant, or a million times weaker than the median of all."""
     rms = np.sqrt(np.mean(np.abs(samples - samples.mean(axis=0)) ** 2, axis=0))
@@ -79,7 +100,8 @@ def dead_channels(samples: Array, labels: Sequence[str]) -> list[Finding]:
 
 def identical_channels(samples: Array, labels: Sequence[str]) -> list[Finding]:
     """Find pairs of channels (N, c) that are multiples of each other to 1e-6; channels at rest are passed over."""
-    x = samples - samples.mean(axis=0)
+    x = np.concatenate([samples.real, samples.imag]) if np.iscomplexobj(samples) else samples
+    x = x - x.mean(axis=0)
     size = np.sqrt(np.sum(np.abs(x) ** 2, axis=0))
     alive = np.flatnonzero(size > 0)
     if alive.size < 2:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modalscope.model.checks import Array, DataError, RealArray, check_count
+from modalscope.model.robust import NORMAL
 
 __all__ = ["Hit", "clipped_samples", "cut_hits", "exponential_decay", "find_hits", "is_impact"]
 
@@ -63,6 +64,18 @@ def exponential_decay(end: float, duration: float) -> float:
     It is what the window adds to the decay of every mode: `FrequencyResponse(added_damping=...)` takes it, so that poles
     identified from windowed responses, of other programs too, are shifted back.
 
+    Parameters
+    ----------
+    end : float
+        What the window falls to, above 0 and at most 1.
+    duration : float
+        Seconds from 1 to `end`.
+
+    Raises
+    ------
+    DataError
+        An end outside (0, 1], a duration that is not above zero.
+
     Examples
     --------
     >>> round(exponential_decay(0.01, 2.0), 4)
@@ -103,7 +116,7 @@ def _pulses(force: RealArray, peak: float) -> list[tuple[int, int]]:
     """Return (start, stop) of all stretches above the trigger level; short dips below it do not part them."""
     rest = np.median(force)
     size = np.abs(force - rest)
-    noise = float(np.median(size)) / 0.6745  # the deviation of Gaussian noise, untouched by a few pulses
+    noise = NORMAL * float(np.median(size))  # the deviation of Gaussian noise, untouched by a few pulses
     above = np.flatnonzero(size > max(_TRIGGER * peak, _ABOVE_NOISE * noise))
     if above.size == 0:
         return []

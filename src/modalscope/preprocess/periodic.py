@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import fft
 
-from modalscope.model.checks import DataError, RealArray
+from modalscope.model.checks import ComplexArray, DataError, RealArray
 from modalscope.preprocess.estimators import Estimate, check_inputs, solve_h1
 from modalscope.preprocess.spectra import CrossSpectra, silent_lines
 
@@ -76,13 +76,19 @@ def synchronous(
     H = solve_h1(spectra)
     variance, coherence = None, None
     if periods > 1:
-        e = Y[:, :, ~silent] - np.einsum("fij,rpfj->rpfi", H, U[:, :, ~silent], optimize=True)
-        scatter = np.sum(np.abs(e - e.mean(axis=1, keepdims=True)) ** 2, axis=(0, 1)) / (runs * (periods - 1))
-        inverse = np.einsum("fii->fi", np.linalg.inv(spectra.inputs)).real
-        variance = np.asarray(scatter[:, :, None] / periods * inverse[:, None, :])
-        power = np.mean(np.abs(Y[:, :, ~silent]) ** 2, axis=(0, 1))
-        coherence = np.clip(1 - np.divide(scatter, power, out=np.ones_like(power), where=power > 0), 0, 1)
+        variance, coherence = _scatter(Y[:, :, ~silent], U[:, :, ~silent], H, spectra.inputs)
     return Synchronous(spectra.frequencies, Estimate(H, variance), coherence, periods, int(np.sum(silent)))
+
+
+def _scatter(Y: ComplexArray, U: ComplexArray, H: ComplexArray, inputs: ComplexArray) -> tuple[RealArray, RealArray]:
+    """Return the variance of H (F, l, m) and the coherence (F, l) from what single periods (R, P, F, ...) leave."""
+    runs, periods = Y.shape[:2]
+    e = Y - np.einsum("fij,rpfj->rpfi", H, U, optimize=True)
+    scatter = np.sum(np.abs(e - e.mean(axis=1, keepdims=True)) ** 2, axis=(0, 1)) / (runs * (periods - 1))
+    inverse = np.einsum("fii->fi", np.linalg.inv(inputs)).real
+    power = np.mean(np.abs(Y) ** 2, axis=(0, 1))
+    coherence = np.clip(1 - np.divide(scatter, power, out=np.ones_like(power), where=power > 0), 0, 1)
+    return np.asarray(scatter[:, :, None] / periods * inverse[:, None, :]), coherence
 
 
 def _only_noise(U: np.ndarray, Um: np.ndarray) -> np.ndarray:

@@ -7,9 +7,10 @@ import numpy as np
 from modalscope.model.checks import DataError, RealArray, check_kind
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.response import Response
 from modalscope.model.signals import Signals
 from modalscope.preprocess.excitation import find_excitation
-from modalscope.preprocess.findings import Finding, dead_channels, identical_channels
+from modalscope.preprocess.findings import Finding, dead_channels, identical_channels, sides_of
 from modalscope.preprocess.frf import estimate_frf
 from modalscope.preprocess.record_checks import bad_hits, clipped, leakage, noisy_channels, too_short, useful_lines
 from modalscope.preprocess.response_checks import examine_response
@@ -25,7 +26,7 @@ _ALIKE = 0.5
 _SHOWN_BY_RESPONSES = {"low coherence", "reciprocity", "polarity", "swapped", "wrong quantity"}
 
 
-def examine(data: Signals | FrequencyResponse | ImpulseResponse) -> tuple[Finding, ...]:
+def examine(data: Signals | Response) -> tuple[Finding, ...]:
     """Look for what commonly goes wrong in a test: each finding names channels and reason, and says what to do.
 
     Looked for are overloaded, double and clipped hits, clipped, dead, noisy, duplicate and swapped channels, wrong polarity,
@@ -50,48 +51,41 @@ def examine(data: Signals | FrequencyResponse | ImpulseResponse) -> tuple[Findin
     ...     print(finding)
     dead: y2: it never changes. Check cable and sensor, or leave it out: exclude=['y2'].
     """
-    if isinstance(data, FrequencyResponse):
+    if isinstance(data, Response):
         return tuple(examine_response(data))
-    if isinstance(data, ImpulseResponse):
-        flat = data.values.transpose(0, 2, 1).reshape(-1, len(data.output_dofs))
-        return tuple(dead_channels(flat, data.output_dofs) + identical_channels(flat, data.output_dofs))
     check_kind("examine", data, (FrequencyResponse, ImpulseResponse, Signals))
     return tuple(_examine_record(data))
 
 
 def _examine_record(signals: Signals) -> list[Finding]:
-    outputs, inputs = signals.by_run()
-    kind = "ambient" if inputs is None else find_excitation(signals)
-    found = []
-    for records, labels in ((outputs, signals.output_dofs), (inputs, signals.input_dofs)):
-        if records is not None:
-            flat = records.reshape(-1, records.shape[2])
-            found += dead_channels(flat, labels) + identical_channels(flat, labels)
+    kind = "ambient" if signals.inputs is None else find_excitation(signals)
+    found: list[Finding] = []
+    alive: dict[str, list[int]] = {}
+    for side, flat, labels in sides_of(signals):
+        at_rest = dead_channels(flat, labels)
+        dead = [finding.channels[0] for finding in at_rest]
+        alive[side] = [i for i, dof in enumerate(labels) if dof not in dead]
+        found += at_rest + identical_channels(flat, labels)
     found += clipped(signals, kind)
-    dead = {finding.channels[0] for finding in found if finding.kind == "dead"}
-    forced = inputs is not None and not dead & set(signals.input_dofs)
-    alive = signals.select(exclude=sorted(dead & set(signals.output_dofs))) if _some_left(signals, dead) else None
-    if alive is None:
+    if not all(alive.values()):
         return found
+    moving = signals.select(**{f"{side}s": kept for side, kept in alive.items()})
+    forced = signals.inputs is not None and len(alive["input"]) == len(signals.input_dofs)
     if kind == "impact":
         found += bad_hits(signals)
     if kind in ("impact", "burst"):
-        found += leakage(alive)
-    short = too_short(alive) if kind in ("random", "ambient") else []
+        found += leakage(moving)
+    short = too_short(moving) if kind in ("random", "ambient") else []
     found += short
-    changed = _runs(alive) if forced else []
+    changed = _runs(moving) if forced else []
     found += changed
     # what a change between runs does to coherence is no finding of its own
     explained = {dof for finding in changed for dof in finding.channels}
-    noisy = [finding for finding in noisy_channels(alive, kind) if finding.channels[0] not in explained]
+    noisy = [finding for finding in noisy_channels(moving, kind) if finding.channels[0] not in explained]
     found += noisy
     if forced:
-        found += _of_response(alive, bool(short), explained | {finding.channels[0] for finding in noisy})
+        found += _of_response(moving, bool(short), explained | {finding.channels[0] for finding in noisy})
     return found
-
-
-def _some_left(signals: Signals, dead: set[str]) -> bool:
-    return any(dof not in dead for dof in signals.output_dofs)
 
 
 def _of_response(signals: Signals, short: bool, explained: set[str]) -> list[Finding]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from modalscope.model.checks import Array, DataError, RealArray
 from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.robust import noise_threshold
 
 __all__ = ["merge_setups"]
 
@@ -40,21 +41,17 @@ def merge_setups(parts: Sequence[ImpulseResponse], *, depth: int = _DEPTH) -> Im
     References
     ----------
     The idea of Doehler, Andersen and Mevel, "Data merging for multi-setup operational modal analysis with data-driven SSI",
-    IMAC 2010, applied to correlations; the threshold: Gavish and Donoho, "The optimal hard threshold for singular values is
-    4/sqrt(3)", 2014.
+    IMAC 2010, applied to correlations; the threshold is `modalscope.model.robust.noise_threshold`.
     """
     first = parts[0]
     _check(parts, depth)
     lags = min(part.samples for part in parts) - depth + 1
     references = first.input_dofs
-    # weak setups count as much as strong ones: only then is their mean the better estimate
-    held = [part.values[:, [part.output_dofs.index(dof) for dof in references]] for part in parts]
-    scales = [float(np.sqrt(np.mean(R[: lags + depth - 1] ** 2))) or 1.0 for R in held]
-    common = np.asarray(np.mean([R[: lags + depth - 1] / s for R, s in zip(held, scales, strict=True)], axis=0))
-    common *= scales[0]
+    of_references = [part.values[:, [part.output_dofs.index(dof) for dof in references]] for part in parts]
+    common = _mean([R[: lags + depth - 1] for R in of_references])
     state = _stacked(common, depth, lags)
     names, columns, units = list(references), [common[:lags]], []
-    for part, R in zip(parts, held, strict=True):
+    for part, R in zip(parts, of_references, strict=True):
         roving = [i for i, dof in enumerate(part.output_dofs) if dof not in references]
         repeated = [part.output_dofs[i] for i in roving if part.output_dofs[i] in names]
         if repeated:
@@ -111,6 +108,12 @@ def _check(parts: Sequence[ImpulseResponse], depth: int) -> None:
             )
 
 
+def _mean(parts: Sequence[RealArray]) -> RealArray:
+    """Return the mean of the references' correlations at the level of the first; weak setups count as much as strong ones."""
+    scales = [float(np.sqrt(np.mean(R**2))) or 1.0 for R in parts]
+    return np.asarray(np.mean([R / s for R, s in zip(parts, scales, strict=True)], axis=0) * scales[0])
+
+
 def _stacked(R: Array, depth: int, lags: int) -> RealArray:
     """Return X(k) = [R(k); ...; R(k + depth - 1)], (lags, depth r, r)."""
     return np.concatenate([R[i : i + lags] for i in range(depth)], axis=1)
@@ -120,8 +123,6 @@ def _transfer(R: Array, X: Array) -> RealArray:
     """Return M with R(k) = M X(k) for all k, from the singular values of X above the noise."""
     wide = X.transpose(1, 0, 2).reshape(X.shape[1], -1)
     U, d, V = np.linalg.svd(wide, full_matrices=False)
-    beta = wide.shape[0] / wide.shape[1]
-    threshold = (0.56 * beta**3 - 0.95 * beta**2 + 1.82 * beta + 1.43) * np.median(d)
-    kept = d > max(threshold, 1e-12 * d[0])
+    kept = d > max(noise_threshold(d, min(wide.shape) / max(wide.shape)), 1e-12 * d[0])
     flat = R.transpose(1, 0, 2).reshape(R.shape[1], -1)
     return np.asarray((flat @ V[kept].T / d[kept]) @ U[:, kept].T)

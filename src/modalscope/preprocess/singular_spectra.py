@@ -40,7 +40,12 @@ class Decomposition(NamedTuple):
     def peaks(self, count: int | None = None) -> tuple[RealArray, ComplexArray]:
         """Return frequencies (n,) and shapes (l, n) of the first singular value's peaks, in order of frequency.
 
-        A peak stands out of its surroundings by at least 6 dB; with `count`, the `count` that stand out most.
+        A peak stands out of its surroundings by at least 6 dB.
+
+        Parameters
+        ----------
+        count : int, optional
+            How many, those that stand out most; all by default.
         """
         level = np.log(np.maximum(self.singular_values[:, 0], np.finfo(float).tiny))
         places = scipy.signal.find_peaks(level, prominence=np.log(_STANDS_OUT))[0]
@@ -53,7 +58,9 @@ class Decomposition(NamedTuple):
 def decomposition(
     signals: Signals, *, segment: int | None = None, overlap: float = 0.5, window: str = "hann"
 ) -> Decomposition:
-    """Decompose S(f) = sum_i s_i(f) u_i(f) u_i(f)* of the outputs (frequency-domain decomposition).
+    """Show ambient resonances as peaks: singular values of the outputs' cross spectra over frequency (FDD).
+
+    Frequency-domain decomposition: S(f) = sum_i s_i(f) u_i(f) u_i(f)*.
 
     Parameters
     ----------

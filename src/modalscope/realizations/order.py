@@ -8,6 +8,7 @@ import numpy as np
 
 from modalscope.blocks.factor import Factors
 from modalscope.model.checks import Array, RealArray
+from modalscope.model.robust import noise_threshold
 
 __all__ = ["OrderAdvice", "gap_after", "noise_floor", "recommend_order"]
 
@@ -60,9 +61,7 @@ def noise_floor(singular_values: Array, rows: int, columns: int) -> float:
     >>> bool(1 < noise_floor(d, 200, 100) / d[0] < 1.3)
     True
     """
-    beta = min(rows, columns) / max(rows, columns)
-    omega = 0.56 * beta**3 - 0.95 * beta**2 + 1.82 * beta + 1.43
-    return float(omega * np.median(singular_values))
+    return noise_threshold(singular_values, min(rows, columns) / max(rows, columns))
 
 
 def gap_after(singular_values: Array, rounding: float = 0.0) -> tuple[int, float]:

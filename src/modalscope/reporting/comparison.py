@@ -10,17 +10,17 @@ import numpy as np
 from modalscope import plot
 from modalscope.comparing import CAUSES, Comparison, MethodResult
 from modalscope.comparing.scatter import COVERAGE
-from modalscope.modal.basis import fit_error
-from modalscope.modal.rebuilt import rebuilt
+from modalscope.modal.explained import explained, explains_enough
 from modalscope.reporting import record, sections
 from modalscope.reporting.figures import draw, stabilization_svg
-from modalscope.reporting.html import Section, listing, paragraph, picture, script, table
-from modalscope.reporting.numbers import decimals, percent
+from modalscope.reporting.html import Section, listing, paragraph, picture, table
+from modalscope.reporting.numbers import decimals
+from modalscope.reporting.scripts import comparison_script
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["comparison_program", "comparison_sections"]
+__all__ = ["comparison_sections"]
 
 #: Stabilization diagrams that are drawn; the others stand in the table only.
 _DIAGRAMS = 6
@@ -34,7 +34,7 @@ _ALIKE = 0.99
 
 def comparison_sections(c: Comparison, *, source: str | None = None, command: str | None = None) -> Iterator[Section]:
     """Give the sections on a comparison in the order of reading, each drawn when it is asked for."""
-    fit = fit_error(c.response.values, rebuilt(c.response, c.modes)) if len(c.modes) else None
+    fit = sections.fit_of(c.modes, c.response) if len(c.modes) else None
     yield _verdict(c)
     yield _modes(c)
     yield _methods(c)
@@ -45,13 +45,10 @@ def comparison_sections(c: Comparison, *, source: str | None = None, command: st
     if any(r.diagram is not None for r in c.results):
         yield _stabilization(c)
     if len(c.modes):
-        yield sections.shapes_section(c.modes)
-        if len(c.modes) > 1:
-            yield sections.mac_section(c.modes)
-        yield sections.responses_section(c.modes, c.response, fit)
+        yield from sections.mode_pictures(c.modes, c.response, fit)
     yield record.data_section(c.response, source)
     yield _settings(c)
-    yield _repeat(c, source, command)
+    yield record.repeat_section(comparison_script(c, source), command)
 
 
 def _verdict(c: Comparison) -> Section:
@@ -59,15 +56,16 @@ def _verdict(c: Comparison) -> Section:
     ran = [r for r in c.results if r.modes is not None]
     count = f"{len(ran)} of {len(c.results)} methods" if len(ran) < len(c.results) else f"{len(ran)} methods"
     lead = f"{count} on the same data, {low:.5g} to {high:.5g} Hz; {len(c.modes)} modes in the consensus"
-    lead += (
-        f", which explains {percent(max(1 - c.fit_error**2, 0.0), 4)} of the measured mean square." if c.groups else "."
-    )
+    lead += "."
+    if c.groups and explains_enough(c.fit_error):
+        lead += f" {explained(c.fit_error)}"
     rows = [
         [str(k + 1), f"{g.frequency:.5g}", t.grade, t.why, ", ".join(x.name for x in t.causes) or "–"]
         for k, (g, t) in enumerate(zip(c.groups, c.trust, strict=True))
     ]
-    said = c.verdict.splitlines()
-    body = paragraph(said[0], "verdict") + "".join(paragraph(line) for line in said[1:]) + paragraph(lead, "muted")
+    lines = c.verdict.splitlines()
+    first = "loud" if c.groups and not explains_enough(c.fit_error) else "verdict"
+    body = paragraph(lines[0], first) + "".join(paragraph(line) for line in lines[1:]) + paragraph(lead, "muted")
     body += table(["mode", "frequency [Hz]", "trust", "why", "makes it hard"], rows, words=[2, 3, 4]) if rows else ""
     return Section("verdict", "Verdict", body)
 
@@ -95,7 +93,7 @@ def _modes(c: Comparison) -> Section:
         "muted",
     )
     if c.unconfirmed:
-        which = ", ".join(f"{g.frequency:.5g} Hz ({', '.join(g.members)})" for g in c.unconfirmed)
+        which = ", ".join(f"{g.frequency:.5g} Hz ({'; '.join(map(c.label, g.members))})" for g in c.unconfirmed)
         body += paragraph(f"Shown by transformed data only, and not in the consensus: {which}.")
     if c.groups:
         caption = "Every method against the consensus; grey: the stated scatter. Open marks: transformed data, which have no vote."
@@ -130,11 +128,11 @@ def _methods(c: Comparison) -> Section:
 
 def _method_row(r: MethodResult) -> list[str]:
     if r.modes is None or r.fit_error is None or r.diagram is None:
-        return [r.name, r.method.realization, "–", "–", "–", f"{r.seconds:.1f}", f"failed: {r.failure}"]
+        return [r.label, r.method.realization, "–", "–", "–", f"{r.seconds:.1f}", f"failed: {r.failure}"]
     orders = f"{r.diagram.orders[0]} to {r.diagram.orders[-1]}"
     remark = "" if r.exact else "transformed data, no vote"
     return [
-        r.name,
+        r.label,
         r.method.realization,
         str(len(r.modes)),
         f"{100 * r.fit_error:.2f}",
@@ -150,7 +148,10 @@ def _each(c: Comparison, kind: str, title: str, scale: float) -> str:
         return ""
     digits = {"frequencies": decimals(c.modes.frequencies), "damping_ratios": 3, "mac": 3}[kind]
     rows = [
-        [name, *(f"{scale * getattr(g, kind)[name]:.{digits}f}" if name in g.members else "–" for g in c.groups)]
+        [
+            c.label(name),
+            *(f"{scale * getattr(g, kind)[name]:.{digits}f}" if name in g.members else "–" for g in c.groups),
+        ]
         for name in names
     ]
     return table(["method", *(f"{k + 1}" for k in range(len(c.groups)))], rows, words=[0], caption=title)
@@ -158,7 +159,7 @@ def _each(c: Comparison, kind: str, title: str, scale: float) -> str:
 
 def _kinship(c: Comparison) -> Section:
     kin = c.kinship
-    equal = [" = ".join(kin.names[i] for i in members) for members in kin.classes if len(members) > 1]
+    equal = [" = ".join(labels) for labels in kin.equals]
     body = paragraph(
         f"Distance of two methods: how far their poles of order {kin.order} lie apart, in half bandwidths, "
         "each weighted by its share of the response (0: the same poles, 1: none in common). "
@@ -224,7 +225,7 @@ def _stabilization(c: Comparison) -> Section:
             classes.add(kind)
             kept.append(r)
     parts = [
-        picture(stabilization_svg(r.diagram, r.modes), f"Stabilization diagram of {r.name}", r.name)
+        picture(stabilization_svg(r.diagram, r.modes), f"Stabilization diagram of {r.label}", r.label)
         for r in kept[:_DIAGRAMS]
         if r.diagram is not None and r.modes is not None
     ]
@@ -240,34 +241,7 @@ def _settings(c: Comparison) -> Section:
     for r in c.results:
         if r.diagram is not None:
             found = ", ".join(f"{k} {v}" for k, v in r.diagram.settings.items() if v is not None)
-            blocks.append([r.name, found, "; ".join(map(str, r.diagram.notes))])
+            blocks.append([r.label, found, "; ".join(map(str, r.diagram.notes))])
     body = listing(facts.items()) + table(["method", "data matrix", "notes"], blocks, words=[0, 1, 2])
     body += "".join(paragraph(str(note)) for note in c.notes)
     return Section("settings", "Settings and notes", body)
-
-
-def _repeat(c: Comparison, source: str | None, command: str | None) -> Section:
-    parts = [paragraph("At the command line:"), script(command)] if command else []
-    parts += [paragraph("In Python:"), script(comparison_program(c, source)), paragraph(record.versions(), "muted")]
-    return Section("repeat", "How to repeat it", "".join(parts))
-
-
-def comparison_program(c: Comparison, source: str | None) -> str:
-    """Return the script that repeats a comparison."""
-    plain = {k: v for k, v in c.settings.items() if v is not None and k != "methods"}
-    lines = [
-        f"    {key}={found!r},\n" for key, found in plain.items() if isinstance(found, str | int | float | tuple | list)
-    ]
-    lost = [key for key, found in plain.items() if not isinstance(found, str | int | float | tuple | list)]
-    note = f"    # and as they were given: {', '.join(lost)}\n" if lost else ""
-    return (
-        "import modalscope as ms\n\n"
-        f"data = ms.read({source or 'your file'!r})\n"
-        "comparison = ms.compare(\n"
-        "    data,\n"
-        f"    methods={c.settings.get('methods', 'all')!r},\n"
-        f"{''.join(lines)}{note}"
-        ")\n"
-        "print(comparison.table())\n"
-        'ms.report(comparison, "report.html")\n'
-    )

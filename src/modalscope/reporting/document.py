@@ -2,39 +2,59 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import date
 from pathlib import Path
+from typing import Protocol
 
 from modalscope.comparing import Comparison
+from modalscope.comparing.labels import cell_label
+from modalscope.identification.identify import Identification
 from modalscope.io.atomic import replacing
-from modalscope.modal.basis import fit_error
-from modalscope.modal.rebuilt import rebuilt
+from modalscope.judging.select import select
 from modalscope.model import DataError, ModalModel, StabilizationDiagram
 from modalscope.model.checks import check_path
 from modalscope.model.response import Response
 from modalscope.model.version import VERSION
+from modalscope.preprocess import Finding
 from modalscope.reporting import record, sections
 from modalscope.reporting.comparison import comparison_sections
 from modalscope.reporting.html import Section, page
+from modalscope.reporting.identification import identification_sections
+from modalscope.reporting.scripts import stabilization_script
 
-__all__ = ["identification_sections", "report", "report_modes", "write_page"]
+__all__ = ["report", "report_modes", "stabilization_sections", "write_page"]
+
+
+class _Result(Protocol):
+    """What has selected modes and the diagram that they were selected from."""
+
+    @property
+    def modes(self) -> ModalModel: ...
+
+    @property
+    def diagram(self) -> StabilizationDiagram: ...
+
+
+Reported = Comparison | Identification | StabilizationDiagram | tuple[ModalModel, StabilizationDiagram] | _Result
 
 
 def report(
-    thing: tuple[ModalModel, StabilizationDiagram] | Comparison,
+    thing: Reported,
     path: str | Path,
     *,
     title: str | None = None,
     source: str | None = None,
     command: str | None = None,
 ) -> Path:
-    """Write what was found as one self-contained HTML file, pictures included; nothing is asked from outside.
+    """Write a report on modes, a diagram, an identification or a comparison: one HTML file, pictures included.
+
+    Nothing is asked from outside: the file can be sent to anybody and read without a network.
 
     Parameters
     ----------
-    thing : (ModalModel, StabilizationDiagram) or Comparison
-        Selected modes and the diagram that they were selected from; or a comparison of methods.
+    thing : StabilizationDiagram, (ModalModel, StabilizationDiagram), Identification, Comparison or any result with modes and diagram
+        A diagram, whose modes are selected automatically; or with its selected modes; one order; or a comparison of methods.
     path : path
         Ends in .html. An earlier file is replaced only by a complete new one.
     title, source, command : str, optional
@@ -48,21 +68,39 @@ def report(
     Raises
     ------
     DataError
-        Something else than modes with their diagram or a comparison, another suffix, or a file that cannot be written.
+        Something that has neither modes nor a diagram, another suffix, or a file that cannot be written.
     """
+    beside = {"source": source, "command": command}
     if isinstance(thing, Comparison):
-        heading = title or (f"Methods compared on {Path(source).name}" if source else "Methods compared")
-        parts = comparison_sections(thing, source=source, command=command)
-        return write_page(path, heading, _subtitle(thing.response), parts)
-    if isinstance(thing, tuple) and len(thing) == 2:
-        modes, diagram = thing if isinstance(thing[0], ModalModel) else thing[::-1]
+        heading = title or _heading("Methods compared", " on ", source)
+        return write_page(path, heading, _subtitle(thing.response), comparison_sections(thing, **beside))
+    if isinstance(thing, Identification):
+        heading = title or _heading(f"{cell_label(thing.method, thing.domain)}, order {thing.order}", ": ", source)
+        return write_page(path, heading, _subtitle(thing.response), identification_sections(thing, **beside))
+    modes, diagram = _selected(thing)
+    return report_modes(
+        path, modes=modes, diagram=diagram, title=title, findings=getattr(thing, "findings", None), **beside
+    )
+
+
+def _selected(thing: object) -> tuple[ModalModel, StabilizationDiagram]:
+    """Return modes and diagram: the pair in either order, of a result, or those that a diagram shows."""
+    if isinstance(thing, StabilizationDiagram):
+        return select(thing), thing
+    pair = thing if isinstance(thing, tuple) else (getattr(thing, "modes", None), getattr(thing, "diagram", None))
+    if len(pair) == 2:
+        modes, diagram = pair if isinstance(pair[0], ModalModel) else pair[::-1]
         if isinstance(modes, ModalModel) and isinstance(diagram, StabilizationDiagram):
-            return report_modes(path, modes=modes, diagram=diagram, title=title, source=source, command=command)
+            return modes, diagram
     raise DataError(
         "a report was asked",
         f"it was given {type(thing).__name__}",
-        "Give the pair (modes, diagram), modes = select(diagram), or a comparison.",
+        "Give a diagram (of stabilize), the pair (modes, diagram) with modes = select(diagram), an identification, or a comparison.",
     )
+
+
+def _heading(what: str, joint: str, source: str | None) -> str:
+    return f"{what}{joint}{Path(source).name}" if source else what
 
 
 def report_modes(
@@ -73,33 +111,35 @@ def report_modes(
     title: str | None = None,
     source: str | None = None,
     command: str | None = None,
+    findings: Sequence[Finding] | None = None,
 ) -> Path:
-    """Write the report on one identification; see `report`."""
+    """Write the report on selected modes and their diagram; see `report`."""
     heading = title or (f"Modes of {Path(source).name}" if source else "Modal identification")
-    parts = identification_sections(modes, diagram, source=source, command=command)
+    parts = stabilization_sections(modes, diagram, source=source, command=command, findings=findings)
     return write_page(path, heading, _subtitle(diagram.response), parts)
 
 
-def identification_sections(
-    modes: ModalModel, diagram: StabilizationDiagram, *, source: str | None = None, command: str | None = None
+def stabilization_sections(
+    modes: ModalModel,
+    diagram: StabilizationDiagram,
+    *,
+    source: str | None = None,
+    command: str | None = None,
+    findings: Sequence[Finding] | None = None,
 ) -> Iterator[Section]:
-    """Give the sections on one identification in the order of reading, each drawn when it is asked for."""
+    """Give the sections on a diagram and its modes in the order of reading, each drawn when it is asked for."""
     response = diagram.response
-    fit = None if modes.participation is None else fit_error(response.values, rebuilt(response, modes))
+    fit = sections.fit_of(modes, response)
     yield sections.summary_section(modes, diagram, fit)
     yield sections.modes_section(modes)
     yield sections.stabilization_section(diagram, modes)
-    if len(modes):
-        yield sections.shapes_section(modes)
-    if len(modes) > 1:
-        yield sections.mac_section(modes)
-    yield sections.responses_section(modes, response, fit)
+    yield from sections.mode_pictures(modes, response, fit)
     if modes.reasons:
         yield sections.reasons_section(modes)
-    yield record.data_section(response, source)
+    yield record.data_section(response, source, findings)
     yield record.settings_section(diagram)
-    yield record.notes_section(diagram)
-    yield record.repeat_section(diagram, source, command)
+    yield record.notes_section(diagram.notes, diagram.kinds)
+    yield record.repeat_section(stabilization_script(diagram, source), command)
 
 
 def _subtitle(response: Response) -> str:

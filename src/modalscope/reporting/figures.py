@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from modalscope import plot
 from modalscope.model import ModalModel, StabilizationDiagram
+from modalscope.model.checks import RealArray
 from modalscope.model.response import Response
 
 if TYPE_CHECKING:
@@ -35,9 +36,9 @@ def stabilization_svg(diagram: StabilizationDiagram, modes: ModalModel) -> bytes
     return draw((11.0, 6.6), lambda figure: plot.stabilization(diagram, modes, figure.add_subplot()))
 
 
-def singular_values_svg(diagram: StabilizationDiagram) -> bytes:
-    """Draw the singular values that all orders were cut from, as far as three times the largest order."""
-    shown = diagram.singular_values[: 3 * max(diagram.orders, default=20)]
+def singular_values_svg(singular_values: RealArray, orders: Sequence[int]) -> bytes:
+    """Draw the singular values that orders were cut from, as far as three times the largest of them."""
+    shown = singular_values[: 3 * max(orders, default=20)]
     return draw((7.0, 4.0), lambda figure: plot.singular_values(shown, figure.add_subplot()))
 
 

@@ -3,32 +3,54 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Sequence
 from importlib.metadata import version
 
 import numpy as np
 
+from modalscope.comparing.labels import cell_label
 from modalscope.model import FrequencyResponse, ImpulseResponse, StabilizationDiagram
 from modalscope.model.checks import Array
 from modalscope.model.response import Response, output_scale
+from modalscope.model.settings import Settings
 from modalscope.model.version import VERSION
+from modalscope.preprocess import Finding, examine
 from modalscope.reporting.html import Section, listing, paragraph, script, table
 from modalscope.reporting.numbers import heading, list_some, value
 
-__all__ = ["data_section", "notes_section", "program", "repeat_section", "settings_section", "versions"]
+__all__ = ["data_section", "notes_section", "repeat_section", "settings_listed", "settings_section", "versions"]
 
 #: Channels that are listed one by one.
 _ROWS = 60
 
 
-def data_section(response: Response, source: str | None) -> Section:
-    """What was measured: channels, lines or samples, quantity, processing; level and coherence of every output."""
+def data_section(response: Response, source: str | None, findings: Sequence[Finding] | None = None) -> Section:
+    """What was measured: channels, lines or samples, quantity, processing; level and coherence of every output; what is wrong with it.
+
+    Parameters
+    ----------
+    response : FrequencyResponse or ImpulseResponse
+    source : str, optional
+        Where the data came from.
+    findings : sequence of Finding, optional
+        Of the data before they were turned into the response; by default the response itself is examined.
+    """
     facts = {"source": source or "not stated", **_extent(response)}
     facts["quantity"] = response.quantity or "not stated"
     facts["outputs"] = f"{len(response.output_dofs)}: {list_some(response.output_dofs)}"
     facts["inputs"] = f"{len(response.input_dofs)}: {list_some(response.input_dofs)}"
     facts["geometry"] = "none" if response.geometry is None else f"{len(response.geometry.nodes)} nodes"
     facts["processing"] = "; ".join(response.processing) or "none"
-    return Section("data", "Data and their quality", listing(facts.items()) + _channels(response))
+    found = examine(response) if findings is None else findings
+    return Section("data", "Data and their quality", listing(facts.items()) + _quality(found) + _channels(response))
+
+
+def _quality(findings: Sequence[Finding]) -> str:
+    """List what an examination found wrong, and what to do about it."""
+    if not findings:
+        return paragraph("Their examination found nothing wrong.")
+    rows = [[f.kind, list_some(f.channels), f.reason, f.change] for f in findings]
+    return table(["finding", "channels", "what was seen", "what to do"], rows, words=[0, 1, 2, 3])
 
 
 def _extent(response: Response) -> dict[str, str]:
@@ -37,6 +59,7 @@ def _extent(response: Response) -> dict[str, str]:
             "kind": f"{response.kind} response",
             "samples": f"{response.samples} at {response.sampling_rate:.6g} Hz, {response.samples / response.sampling_rate:.4g} s",
         }
+    assert isinstance(response, FrequencyResponse)
     f = response.frequencies
     steps = np.diff(f)
     even = steps.size and np.allclose(steps, steps[0], rtol=1e-6)
@@ -80,10 +103,15 @@ def _weakest_first(rms: Array) -> Array:
 
 def settings_section(diagram: StabilizationDiagram) -> Section:
     """How it was identified."""
-    facts = {"method": diagram.method, "domain": diagram.domain, "orders": value("orders", _orders(diagram.orders))}
-    facts |= {heading(key): value(key, found) for key, found in diagram.settings.items() if found is not None}
+    facts = {"method": cell_label(diagram.method, diagram.domain), "domain": diagram.domain}
+    facts |= {"orders": value("orders", _orders(diagram.orders)), **settings_listed(diagram.settings)}
     facts |= {f"tolerance, {name}": value(name, limit) for name, limit in diagram.tolerances.items()}
     return Section("settings", "Settings", listing(facts.items()))
+
+
+def settings_listed(settings: Settings) -> dict[str, str]:
+    """Return the options that were used, in words."""
+    return {heading(key): value(key, found) for key, found in settings.items() if found is not None}
 
 
 def _orders(orders: tuple[int, ...]) -> str:
@@ -95,21 +123,19 @@ def _orders(orders: tuple[int, ...]) -> str:
     return ", ".join(map(str, orders))
 
 
-def notes_section(diagram: StabilizationDiagram) -> Section:
-    """What was chosen, converted or left out on the way, and poles that the diagram does not show."""
-    kinds = diagram.kinds
+def notes_section(notes: Sequence[object], kinds: Sequence[str] = ()) -> Section:
+    """What was chosen, converted or left out on the way, and poles (of these kinds) that a diagram does not show."""
     hidden = [f"{kinds.count(kind)} {kind}" for kind in ("real", "nyquist", "zero") if kind in kinds]
-    notes = [str(note) for note in diagram.notes]
+    texts = [str(note) for note in notes]
     if hidden:
-        notes.append(f"Poles without a place on a frequency axis, not drawn: {', '.join(hidden)}.")
-    body = "".join(paragraph(note) for note in notes) or paragraph("Nothing was left out.")
-    return Section("notes", "Notes", body)
+        texts.append(f"Poles without a place on a frequency axis, not drawn: {', '.join(hidden)}.")
+    return Section("notes", "Notes", "".join(map(paragraph, texts)) or paragraph("Nothing was left out."))
 
 
-def repeat_section(diagram: StabilizationDiagram, source: str | None, command: str | None) -> Section:
+def repeat_section(script_text: str, command: str | None) -> Section:
     """The command and the script that give the same result, and the versions that gave this one."""
     parts = [paragraph("At the command line:"), script(command)] if command else []
-    parts += [paragraph("In Python:"), script(program(diagram, source))]
+    parts += [paragraph("In Python:"), script(script_text)]
     return Section("repeat", "How to repeat it", "".join(parts) + paragraph(versions(), "muted"))
 
 
@@ -118,44 +144,3 @@ def versions() -> str:
     return (
         f"Python {platform.python_version()}, modalscope {VERSION}, numpy {version('numpy')}, scipy {version('scipy')}"
     )
-
-
-def program(diagram: StabilizationDiagram, source: str | None) -> str:
-    """Return the script that repeats an identification."""
-    low_high = ""
-    if isinstance(diagram.response, FrequencyResponse):
-        f = diagram.response.frequencies
-        low_high = f"    band=({float(f[0])!r}, {float(f[-1])!r}),\n"
-    kept = {key: found for key, found in diagram.settings.items() if found is not None}
-    options = "".join(f"    {key}={found!r},\n" for key, found in kept.items() if _plain(key, found))
-    lost = [key for key, found in kept.items() if not _plain(key, found)]
-    if diagram.tolerances:
-        options += f"    tolerances={ {name: float(limit) for name, limit in diagram.tolerances.items()}!r},\n"
-    note = f"    # and as they were given: {', '.join(lost)}\n" if lost else ""
-    return (
-        "import modalscope as ms\n\n"
-        f"data = ms.read({source or 'your file'!r})\n"
-        "diagram = ms.stabilize(\n"
-        "    data,\n"
-        f"    method={diagram.method!r},\n"
-        f"    domain={diagram.domain!r},\n"
-        f"    orders={_orders_in_python(diagram.orders)},\n"
-        f"{low_high}{options}{note}"
-        ")\n"
-        "modes = ms.select(diagram)\n"
-        "print(modes.table())\n"
-        'ms.report((modes, diagram), "report.html")\n'
-    )
-
-
-def _plain(key: str, found: object) -> bool:
-    """Whether an option can be written down as it stands."""
-    return isinstance(found, str | int | float | bool) and not (key == "weights" and found == "given")
-
-
-def _orders_in_python(orders: tuple[int, ...]) -> str:
-    steps = set(np.diff(orders).tolist())
-    if len(steps) == 1:
-        step = int(steps.pop())
-        return f"range({orders[0]}, {orders[-1] + 1}, {step})"
-    return repr(tuple(int(order) for order in orders))

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
-from modalscope.model import FrequencyResponse, ModalModel, StabilizationDiagram
+from modalscope.comparing.labels import cell_label
+from modalscope.modal.explained import explained, explains_enough
+from modalscope.modal.rebuilt import fit_error, rebuilt
+from modalscope.model import ModalModel, StabilizationDiagram
 from modalscope.model.checks import Array
 from modalscope.model.response import Response
 from modalscope.reporting.figures import (
@@ -20,7 +25,10 @@ from modalscope.reporting.numbers import decimals, frequency, heading, percent, 
 
 __all__ = [
     "Fit",
+    "fit_of",
+    "loud",
     "mac_section",
+    "mode_pictures",
     "modes_section",
     "reasons_section",
     "responses_section",
@@ -52,15 +60,26 @@ def summary_section(modes: ModalModel, diagram: StabilizationDiagram, fit: Fit) 
     low, high = band_of(diagram.response)
     count = f"{len(modes)} mode{'' if len(modes) == 1 else 's'}"
     orders = f"orders {diagram.orders[0]} to {diagram.orders[-1]}" if diagram.orders else "no order"
-    verdict = f"{count} between {low:.5g} and {high:.5g} Hz, by {diagram.method} in domain {diagram.domain}, {orders}."
-    if fit is not None:
-        verdict += f" The modes explain {percent(max(1 - fit[0] ** 2, 0.0), 4)} of the measured mean square"
-        verdict += f" (fit error {percent(fit[0])})."
+    verdict = f"{count} between {low:.5g} and {high:.5g} Hz, by {cell_label(diagram.method, diagram.domain)}, {orders}."
+    if fit is not None and explains_enough(fit[0]):
+        verdict += f" {explained(fit[0])}"
     odd = [f"mode {i + 1} is {kind}" for i, kind in enumerate(modes.kinds) if kind != "mode"]
-    body = paragraph(verdict, "verdict") + "".join(
-        paragraph(text) for text in (_least_sure(modes), "; ".join(odd)) if text
+    body = (
+        loud(fit)
+        + paragraph(verdict, "verdict")
+        + "".join(paragraph(text) for text in (_least_sure(modes), "; ".join(odd)) if text)
     )
     return Section("summary", "Summary", body)
+
+
+def fit_of(modes: ModalModel, response: Response) -> Fit:
+    """Return what the modes leave of the data, in all and per channel; None when they cannot be rebuilt."""
+    return None if modes.participation is None else fit_error(response.values, rebuilt(response, modes))
+
+
+def loud(fit: Fit) -> str:
+    """Return the warning that the modes explain too little, set off; nothing where they explain enough."""
+    return "" if fit is None or explains_enough(fit[0]) else paragraph(explained(fit[0]), "loud")
 
 
 def _least_sure(modes: ModalModel) -> str:
@@ -78,9 +97,7 @@ def _least_sure(modes: ModalModel) -> str:
 
 def band_of(response: Response) -> tuple[float, float]:
     """Return the lowest and the highest frequency of the data."""
-    if isinstance(response, FrequencyResponse):
-        return float(response.frequencies[0]), float(response.frequencies[-1])
-    return 0.0, response.sampling_rate / 2
+    return response.span
 
 
 def modes_section(modes: ModalModel) -> Section:
@@ -123,12 +140,27 @@ def stabilization_section(diagram: StabilizationDiagram, modes: ModalModel) -> S
     beside = []
     if diagram.singular_values.size > 1:
         words = "Singular values of the data matrix: a step tells how many states stand out of the noise."
-        beside.append(picture(singular_values_svg(diagram), "Singular values of the data matrix", words))
+        beside.append(
+            picture(
+                singular_values_svg(diagram.singular_values, diagram.orders),
+                "Singular values of the data matrix",
+                words,
+            )
+        )
     if len(diagram.orders) > 1:
         words = "What every order leaves unexplained, its outputs brought to the same level: where it turns flat, more states fit noise."
         beside.append(picture(fit_errors_svg(diagram), "Fit error of every order", words))
     body += f'<div class="pair">{"".join(beside)}</div>' if beside else ""
     return Section("stabilization", "Stabilization", body)
+
+
+def mode_pictures(modes: ModalModel, response: Response, fit: Fit) -> Iterator[Section]:
+    """Give shapes, their MAC and the rebuilt responses, whatever of them there is."""
+    if len(modes):
+        yield shapes_section(modes)
+    if len(modes) > 1:
+        yield mac_section(modes)
+    yield responses_section(modes, response, fit)
 
 
 def shapes_section(modes: ModalModel) -> Section:

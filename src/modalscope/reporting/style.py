@@ -21,6 +21,7 @@ a:hover { text-decoration: underline; }
 section { background: var(--paper); border: 1px solid var(--line); border-radius: 8px; padding: 1.2rem 1.4rem; margin: 0 0 1.1rem; }
 p { margin: 0 0 .7rem; max-width: 75ch; }
 .verdict { font-size: 1.12rem; }
+.loud { font-weight: 600; color: var(--shadow); border-left: 4px solid var(--shadow); padding-left: .7rem; }
 .scroll { overflow-x: auto; margin: 0 0 .9rem; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .92rem; }
 caption { text-align: left; padding: 0 0 .35rem; font-size: .9rem; }

@@ -1,4 +1,4 @@
-"""Universal files: a guard for the sets, one module a kind of set, rules that sort them into one noun, and the way back.
+"""Universal files: a guard for the sets, one module a kind of set, rules that sort them into one data object, and the way back.
 
 Read are datasets 58 (text and binary, every function type), 15, 2411, 82, 2412, 2420 (geometry), 55, 2414 (modes), 151 (header)
 and 164 (units); others are left and said so. Every record is read here, by its columns, and every count is checked;

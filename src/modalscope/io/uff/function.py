@@ -1,4 +1,4 @@
-"""Dataset 58, function at a nodal dof: text and binary, real and complex, even and uneven, in and out."""
+"""Dataset 58, function at a nodal dof: text and binary, real and complex, even and uneven."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.io.uff.dofs import dof_fields, label_from
-from modalscope.io.uff.layout import DAMAGED, Field, form, parse
-from modalscope.io.uff.scan import BINARY, FORM, HEADER_LINES, Block
+from modalscope.io.uff.dofs import label_from
+from modalscope.io.uff.layout import DAMAGED, Field, parse
+from modalscope.io.uff.scan import FORM, HEADER_LINES, Block
 from modalscope.model import DataError
 from modalscope.model.checks import Array, RealArray
 
-__all__ = ["FUNCTION_TYPES", "Function", "read_function", "write_function"]
+__all__ = ["AXIS", "DOFS", "FUNCTION_TYPES", "TEXT", "Function", "read_function"]
 
 FUNCTION_TYPES = (
     "general function", "time response", "auto spectrum", "cross spectrum", "frequency response", "transmissibility", "coherence",
@@ -25,16 +25,16 @@ FUNCTION_TYPES = (
     "shock response spectrum", "finite impulse response filter", "multiple coherence", "order function",
 )  # fmt: skip
 
-_DOFS = (
+DOFS = (
     Field("function type", 5, "i"), Field("function number", 10, "i"), Field("version", 5, "i"), Field("load case", 10, "i"),
     Field("response entity", 11, "a"), Field("response node", 10, "i"), Field("response direction", 4, "i"),
     Field("reference entity", 11, "a"), Field("reference node", 10, "i"), Field("reference direction", 4, "i"),
 )  # fmt: skip
-_AXIS = (
+AXIS = (
     Field("data type", 10, "i"), Field("length exponent", 5, "i"), Field("force exponent", 5, "i"), Field("temperature exponent", 5, "i"),
     Field("label", 21, "a"), Field("unit", 21, "a"),
 )  # fmt: skip
-_TEXT = (Field("text", 80, "a"),)
+TEXT = (Field("text", 80, "a"),)
 
 _ALPHABET = b"0123456789+-.EeDd \t"
 _EXACT = re.compile(r"abscissa (\S+) to (\S+)")
@@ -71,9 +71,6 @@ class Function:
         return FUNCTION_TYPES[self.kind] if 0 <= self.kind < len(FUNCTION_TYPES) else f"function of type {self.kind}"
 
 
-# ------------------------------------------------------------------------------------------------------------- reading
-
-
 def read_function(name: str, block: Block) -> Function:
     """Read one dataset 58.
 
@@ -89,8 +86,8 @@ def read_function(name: str, block: Block) -> Function:
             f"it has {len(block.records)}",
             DAMAGED,
         )
-    dofs, shape = parse(_DOFS, block.records[5], where), parse(FORM, block.records[6], where)
-    abscissa, ordinate, denominator = (parse(_AXIS, line, where) for line in block.records[7:10])
+    dofs, shape = parse(DOFS, block.records[5], where), parse(FORM, block.records[6], where)
+    abscissa, ordinate, denominator = (parse(AXIS, line, where) for line in block.records[7:10])
     _check_form(where, shape)
     x, values = (
         _from_bytes(where, block, shape)
@@ -249,66 +246,3 @@ def _from_text(where: str, lines: Sequence[bytes], shape: dict[str, Any]) -> tup
     values = _joined(y)
     _check_finite(where, x, values)
     return x, values
-
-
-# ------------------------------------------------------------------------------------------------------------- writing
-
-
-def write_function(function: Function, *, text: bool = False) -> bytes:
-    """Return one dataset 58 in double precision: binary, or text of 12 digits."""
-    cplx = np.iscomplexobj(function.values)
-    points, even = function.values.size, function.even
-    parts = 2 if cplx else 1
-    y = np.ascontiguousarray(function.values, dtype=complex if cplx else float).view(float).reshape(points, parts)
-    first, last = float(function.x[0]), float(function.x[-1])
-    step = (last - first) / (points - 1) if points > 1 else 1.0
-    records = _header(function, (6 if cplx else 4, points, int(even), first * even, step * even), (first, last))
-    if text:
-        body = _text_body(y, None if even else function.x)
-        return b"    -1\n    58\n" + (records + body).encode("ascii", "replace") + b"    -1\n"
-    table = y if even else np.column_stack([function.x, y])
-    payload = np.ascontiguousarray(table, dtype="<f8").tobytes()
-    # the flag stands right behind the number
-    head = (
-        f"{58:6d}b"
-        + form(
-            BINARY,
-            {
-                "byte order": 1,
-                "floating-point format": 2,
-                "number of ASCII lines": HEADER_LINES,
-                "number of bytes": len(payload),
-            },
-        )[7:]
-    )
-    return b"    -1\n" + (head + "\n" + records).encode("ascii", "replace") + payload + b"    -1\n"
-
-
-def _header(function: Function, shape: tuple[int, int, int, float, float], ends: tuple[float, float]) -> str:
-    texts = [*function.texts, *["NONE"] * 4][:4]
-    texts.append(f"abscissa {ends[0]!r} to {ends[1]!r}" if function.even else "NONE")
-    entity, node, direction = dof_fields(function.output)
-    entity_in, node_in, direction_in = dof_fields(function.input) if function.input else ("NONE", 0, 0)
-    lines = [form(_TEXT, {"text": line}) for line in texts]
-    lines.append(form(_DOFS, {
-        "function type": function.kind, "function number": function.place,
-        "response entity": entity, "response node": node, "response direction": direction,
-        "reference entity": entity_in, "reference node": node_in, "reference direction": direction_in,
-    }))  # fmt: skip
-    names = ("ordinate data type", "number of points", "abscissa spacing", "abscissa minimum", "abscissa increment")
-    lines.append(form(FORM, dict(zip(names, shape, strict=True))))
-    units = {17: "s", 18: "Hz"}
-    lines.append(form(_AXIS, {"data type": function.abscissa_type, "unit": units.get(function.abscissa_type)}))
-    lines.append(form(_AXIS, {"data type": function.quantity, "unit": function.unit}))
-    lines.append(form(_AXIS, {"data type": function.denominator, "unit": function.unit_in}))
-    lines.append(form(_AXIS, {}))
-    return "\n".join(lines) + "\n"
-
-
-def _text_body(y: RealArray, x: RealArray | None) -> str:
-    if x is None:
-        flat = [f"{value:20.11E}" for value in y.ravel()]
-        return "".join("".join(flat[k : k + 4]) + "\n" for k in range(0, len(flat), 4))
-    rows = [f"{point:13.5E}" + "".join(f"{value:20.11E}" for value in row) for point, row in zip(x, y, strict=True)]
-    together = 2 if y.shape[1] == 1 else 1
-    return "".join("".join(rows[k : k + together]) + "\n" for k in range(0, len(rows), together))

@@ -41,7 +41,7 @@ Pair = tuple[str, str]
 
 @dataclass(slots=True)
 class Sorted:
-    """The noun's fields, why functions were left (by place), and what is missing."""
+    """The data object's fields, why functions were left (by place), and what is missing."""
 
     thing: Any = None
     left: dict[int, str] = field(default_factory=dict)

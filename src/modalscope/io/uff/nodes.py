@@ -45,7 +45,7 @@ class _Node:
 
 @dataclass(slots=True)
 class Parts:
-    """What the geometry sets of a file held, before it is put together."""
+    """What the geometry sets of a file contain, before it is put together."""
 
     nodes: dict[int, dict[int, _Node]] = field(default_factory=dict)
     lines: list[tuple[int, int]] = field(default_factory=list)
@@ -57,7 +57,7 @@ class Parts:
 
 
 def add_block(parts: Parts, block: Block, name: str) -> str:
-    """Add one geometry set to the parts, and say what it held."""
+    """Add one geometry set to the parts, and say what it contains."""
     where = f"{block.name} of {name}"
     try:
         if block.dataset in (15, 2411):

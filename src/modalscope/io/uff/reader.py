@@ -1,4 +1,4 @@
-"""Reading universal files: sets to findings, findings to one noun."""
+"""Reading universal files: sets to findings, findings to one data object."""
 
 from __future__ import annotations
 

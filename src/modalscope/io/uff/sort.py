@@ -1,4 +1,4 @@
-"""From many functions to one noun: which are taken, which are left, and why."""
+"""From many functions to one data object: which are taken, which are left, and why."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _CORRELATIONS, _FILTER = (7, 8), 25
 
 
 def kind_of(function: Function) -> str:
-    """Return which noun a function can be part of: frequency response, impulse response, records, coherence or none."""
+    """Return which data object a function can be part of: frequency response, impulse response, records, coherence or none."""
     if function.kind == _FRF:
         return "frequency response"
     if function.kind in (*_CORRELATIONS, _FILTER) or (function.kind == _TIME and function.denominator in FORCES):
@@ -42,7 +42,7 @@ def kind_of(function: Function) -> str:
     return "coherence" if function.kind in (_COHERENCE, _MULTIPLE) else ""
 
 
-# ------------------------------------------------------------------------------------------------------------ the nouns
+# ------------------------------------------------------------------------------------------------------------ the data objects
 
 
 def sort_frequency(

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.io.contents import Options, Thing
+from modalscope.io.contents import Options, Plain
 from modalscope.io.uff.dofs import QUANTITY_CODES
-from modalscope.io.uff.function import Function, write_function
+from modalscope.io.uff.function import Function
+from modalscope.io.uff.function_writer import write_function
 from modalscope.io.uff.layout import one_set
 from modalscope.io.uff.nodes import write_lines, write_nodes
 from modalscope.io.uff.shapes import write_shapes
@@ -29,8 +30,8 @@ _SI = {"m", "m/s", "m/s2", "m/s^2", "N"}
 _ROUNDING = 8 * np.finfo(float).eps
 
 
-def write(path: Path, thing: Thing, options: Options) -> None:
-    """Write a noun.
+def write(path: Path, thing: Plain, options: Options) -> None:
+    """Write a data object.
 
     Parameters
     ----------

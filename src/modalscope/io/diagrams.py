@@ -1,0 +1,164 @@
+"""Stabilization diagrams as named arrays and as JSON, with the response they belong to: read back, `select` gives the same modes.
+
+Arrays stand under the names of the diagram's fields, those of its response behind `response_`; indicators are `indicator_<name>`.
+All that is no array is one JSON text, `diagram`. A JSON file holds the same:
+
+    {"modalscope": version, "diagram": {"method", "domain", "orders", ...}, "arrays": {name: [...] or {"real", "imag"}}}
+
+Numbers that are not finite are the texts "NaN", "Infinity" and "-Infinity" there. Nothing is rounded.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from modalscope.io.arrays import INDICATOR, from_json_numbers, to_arrays
+from modalscope.io.contents import Contents, Finding
+from modalscope.io.from_arrays import contents_from_arrays
+from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, StabilizationDiagram
+from modalscope.model.checks import Array
+from modalscope.model.version import VERSION
+
+__all__ = ["DIAGRAM", "diagram_arrays", "diagram_contents", "document_contents", "write_document"]
+
+#: The text that holds what is no array; where it is, the file holds a diagram.
+DIAGRAM = "diagram"
+
+_RESPONSE = "response_"
+
+
+def diagram_arrays(diagram: StabilizationDiagram) -> dict[str, Array]:
+    """Return a diagram with its response as named arrays; `diagram_contents` is the inverse."""
+    arrays, rest = _parted(diagram)
+    return {DIAGRAM: np.asarray(json.dumps(rest)), **arrays}
+
+
+def diagram_contents(where: str, arrays: Mapping[str, Array]) -> Contents:
+    """Make the diagram that named arrays describe.
+
+    Parameters
+    ----------
+    where : str
+        The file, for messages.
+    arrays : mapping
+
+    Raises
+    ------
+    DataError
+        Arrays that are missing, damaged or of no diagram.
+    """
+    with _checked(where):
+        rest = json.loads(str(np.asarray(arrays[DIAGRAM])[()]))
+        return _contents(where, rest, {name: a for name, a in arrays.items() if name != DIAGRAM})
+
+
+def write_document(path: Path, diagram: StabilizationDiagram) -> None:
+    """Write a diagram as JSON."""
+    arrays, rest = _parted(diagram)
+    document = {"modalscope": VERSION, DIAGRAM: rest, "arrays": {name: _listed(a) for name, a in arrays.items()}}
+    path.write_text(json.dumps(document, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def document_contents(where: str, document: Mapping[str, Any]) -> Contents:
+    """Make the diagram that a JSON document holds; errors as in `diagram_contents`."""
+    with _checked(where):
+        arrays = {name: _array(values) for name, values in document["arrays"].items()}
+        return _contents(where, document[DIAGRAM], arrays)
+
+
+@contextmanager
+def _checked(where: str) -> Iterator[None]:
+    """Turn what damaged files make Python raise into an error that names the file."""
+    try:
+        yield
+    except DataError:
+        raise
+    except (KeyError, TypeError, AttributeError, IndexError, OverflowError, RecursionError, ValueError) as error:
+        raise _damaged(where, f"{type(error).__name__}: {error}") from None
+
+
+def _parted(diagram: StabilizationDiagram) -> tuple[dict[str, Array], dict[str, Any]]:
+    """Return the arrays of a diagram and of its response, and whatever is no array as plain values."""
+    arrays: dict[str, Array] = {}
+    rest: dict[str, Any] = {}
+    for field in fields(diagram):
+        name, value = field.name, getattr(diagram, field.name)
+        if name == "response":
+            arrays |= {_RESPONSE + key: array for key, array in to_arrays(value).items()}
+        elif name == "indicators":
+            arrays |= {INDICATOR + key: np.asarray(array) for key, array in value.items()}
+        elif isinstance(value, np.ndarray):
+            arrays[name] = value
+        else:
+            rest[name] = _plain(value)
+    return arrays, rest
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as JSON holds it: mappings, lists, numbers and texts."""
+    if is_dataclass(value) and not isinstance(value, type):
+        value = asdict(value)
+    if isinstance(value, np.generic | np.ndarray):
+        value = from_json_numbers(value)
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float):
+        return value if np.isfinite(value) else None
+    return value if value is None or isinstance(value, str | int | bool) else str(value)
+
+
+def _contents(where: str, rest: Mapping[str, Any], arrays: Mapping[str, Array]) -> Contents:
+    measured = {name.removeprefix(_RESPONSE): a for name, a in arrays.items() if name.startswith(_RESPONSE)}
+    response = contents_from_arrays(where, measured, {}).thing
+    if not isinstance(response, FrequencyResponse | ImpulseResponse):
+        raise _damaged(where, "its response is missing")
+    own = {name: a for name, a in arrays.items() if not name.startswith((_RESPONSE, INDICATOR))}
+    marks = {name.removeprefix(INDICATOR): a for name, a in arrays.items() if name.startswith(INDICATOR)}
+    diagram = StabilizationDiagram(
+        **{**{name: _tuples(value) for name, value in rest.items()}, **own, "response": response, "indicators": marks}
+    )
+    what = f"{len(diagram.poles)} poles at {len(diagram.orders)} orders ({diagram.method}, {diagram.domain})"
+    return Contents(thing=diagram, findings=(Finding(part=DIAGRAM, what=what),))
+
+
+def _tuples(value: Any) -> Any:
+    """Return lists as tuples, which is what a diagram holds."""
+    if isinstance(value, list):
+        return tuple(_tuples(item) for item in value)
+    return {key: _tuples(item) for key, item in value.items()} if isinstance(value, dict) else value
+
+
+def _listed(array: Array) -> Any:
+    if not array.size:  # lists lose the length of what is empty
+        return {"shape": list(array.shape), "kind": array.dtype.kind}
+    if array.dtype.kind == "c":
+        return {"real": _listed(array.real), "imag": _listed(array.imag)}
+    if array.dtype.kind == "f" and not np.all(np.isfinite(array)):
+        texts = {"nan": "NaN", "inf": "Infinity", "-inf": "-Infinity"}
+        flat = [texts.get(str(v), v) for v in array.ravel().tolist()]
+        return np.array(flat, dtype=object).reshape(array.shape).tolist()
+    return array.tolist()
+
+
+def _array(values: Any) -> Array:
+    if isinstance(values, dict) and "shape" in values:
+        return np.zeros(values["shape"], {"c": complex, "f": float, "i": int, "b": bool}[values["kind"]])
+    if isinstance(values, dict):
+        return np.asarray(_array(values["real"]) + 1j * _array(values["imag"]))
+    array = np.asarray(values)
+    if array.dtype.kind == "U" and {"NaN", "Infinity", "-Infinity"} & set(array.ravel().tolist()):
+        array = np.array(np.asarray(values, dtype=object), dtype=float)
+    return array
+
+
+def _damaged(where: str, found: str) -> DataError:
+    return DataError(f"reading a stabilization diagram from {where} was asked", found, "Write the file again.")

@@ -1,0 +1,55 @@
+"""Statistics that a few outliers do not move: the scatter of values, and the threshold between modes and noise in a spectrum."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modalscope.model.checks import Array
+
+__all__ = ["NORMAL", "noise_threshold", "scatter"]
+
+#: Standard deviation of Gaussian values over their median absolute deviation, 1 / Phi^-1(3/4).
+NORMAL = 1.4826
+
+
+def scatter(values: Array) -> float:
+    """Return 1.4826 times the median absolute deviation: the standard deviation of Gaussian values, whatever a few others are.
+
+    Of two or three values the deviation of the middle one says nothing, and the standard deviation itself is returned; of one, 0.
+
+    Examples
+    --------
+    >>> scatter([1.0, 2.0]), scatter([1.0, 2.0, 3.0, 4.0, 1e9])
+    (0.7071067811865476, 1.4826)
+    """
+    x = np.asarray(values, dtype=float)
+    if x.size < 2:
+        return 0.0
+    if x.size < 4:
+        return float(np.std(x, ddof=1))
+    return float(NORMAL * np.median(np.abs(x - np.median(x))))
+
+
+def noise_threshold(singular_values: Array, ratio: float = 1.0) -> float:
+    """Return omega(beta) times the median singular value: what exceeds it stands out of white noise of unknown level.
+
+    omega(beta) = .56 beta^3 - .95 beta^2 + 1.82 beta + 1.43.
+
+    Parameters
+    ----------
+    singular_values : array
+        Of the whole matrix.
+    ratio : float
+        beta, the shorter side of the matrix over the longer one.
+
+    References
+    ----------
+    M. Gavish and D. L. Donoho, The optimal hard threshold for singular values is 4 / sqrt(3), IEEE Trans. Inf. Theory 60, 2014.
+
+    Examples
+    --------
+    >>> round(noise_threshold([1.0, 1.0, 1.0]), 2)
+    2.86
+    """
+    omega = 0.56 * ratio**3 - 0.95 * ratio**2 + 1.82 * ratio + 1.43
+    return float(omega * np.median(singular_values))

@@ -1,0 +1,347 @@
+from __future__ import annotations
+
+import base64
+import re
+from collections import Counter
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from types import SimpleNamespace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from matplotlib import style
+
+import modalscope as ms
+from modalscope.model import DataError, ModalModel, StabilizationDiagram
+from modalscope.reporting import report, report_modes, sections
+from modalscope.reporting.document import write_page
+from modalscope.reporting.figures import shape_svg
+from modalscope.reporting.html import Section
+from modalscope.reporting.scripts import identification_script, stabilization_script
+from modalscope.systems import chain5
+from tests.plot import examples
+
+VOID = {"meta", "img", "br", "hr", "link", "input"}
+
+
+class Reader(HTMLParser):
+    """Checks that tags close in order, and collects what a page holds."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: Counter[str] = Counter()
+        self.attributes: list[tuple[str, str, str]] = []
+        self.words: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags[tag] += 1
+        self.attributes += [(tag, name, value or "") for name, value in attrs]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.words.append(data)
+
+    def values(self, tag: str, name: str) -> list[str]:
+        return [value for t, n, value in self.attributes if (t, n) == (tag, name)]
+
+
+def read(path: Path) -> Reader:
+    reader = Reader()
+    reader.feed(path.read_text(encoding="utf-8"))
+    reader.close()
+    assert not reader.open
+    return reader
+
+
+def judged() -> ModalModel:
+    """Return modes with everything a report may show."""
+    modes = examples.modes()
+    n = len(modes)
+    reasons = tuple(
+        {
+            "orders_found": 7 - k,
+            "orders_tried": 7,
+            "frequency_spread_hz": 0.001,
+            "fit_loss": 0.125,
+            "agrees": True,
+            "nearest": {"mode": 2, "mac": 0.04},
+            "text": f"Found at {7 - k} of 7 orders.",
+        }
+        for k in range(n)
+    )
+    spread = np.array([1e-5, 1e-5, 1e-3, 1e-5, 1e-5])
+    indicators = {"mpc": np.ones(n), "emac": np.full(n, np.nan)}
+    return replace(
+        modes,
+        frequencies_spread=np.full(n, 0.001),
+        damping_ratios_spread=spread,
+        indicators=indicators,
+        reasons=reasons,
+    )
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("report") / "chain.html"
+    return report(
+        (judged(), examples.diagram()), path, source="chain.uff", command="modalscope identify chain.uff -o chain.html"
+    )
+
+
+def test_nothing_is_asked_from_outside(written: Path) -> None:
+    page = read(written)
+    text = written.read_text(encoding="utf-8")
+    assert not re.search(r"(?:https?:)?//[\w.]", re.sub(r"base64,[A-Za-z0-9+/=]+", "", text))
+    assert not {"script", "link", "iframe", "object", "embed"} & set(page.tags)
+    assert all(value.startswith("data:image/svg+xml;base64,") for value in page.values("img", "src"))
+    assert all(value.startswith("#") for value in page.values("a", "href"))
+    assert "@import" not in text
+    assert "url(" not in text
+
+
+def test_every_picture_is_whole_described_and_asks_for_nothing(written: Path) -> None:
+    page = read(written)
+    pictures = page.values("img", "src")
+    # diagram, singular values, fit errors, five shapes, MAC, four channels
+    assert len(pictures) == 1 + 2 + 5 + 1 + 4
+    assert all(page.values("img", "alt"))
+    for source in pictures:
+        tree = ElementTree.fromstring(base64.b64decode(source.partition(",")[2]))
+        assert tree.tag.endswith("svg")
+        links = [v for node in tree.iter() for k, v in node.attrib.items() if k.endswith("href")]
+        assert all(link.startswith(("#", "data:image/png;base64,")) for link in links)
+
+
+def test_links_lead_to_the_sections_in_order(written: Path) -> None:
+    page = read(written)
+    anchors = page.values("section", "id")
+    assert page.values("a", "href") == [f"#{anchor}" for anchor in anchors]
+    assert anchors[:3] == ["summary", "modes", "stabilization"]
+    assert {"shapes", "mac", "responses", "reasons", "data", "settings", "notes", "repeat"} == set(anchors[3:])
+
+
+def test_the_verdict_counts_the_modes_tells_the_fit_and_names_the_least_sure(written: Path) -> None:
+    words = " ".join(read(written).words)
+    assert "5 modes between" in words
+    assert "explain 100 % of the measured mean square" in words
+    assert "Least sure is mode 3" in words  # its spread was made a hundred times the others'
+
+
+def test_the_table_of_modes_holds_every_value() -> None:
+    modes = judged()
+    body = sections.modes_section(modes).body
+    cells = [re.findall(r"<td[^>]*>([^<]*)</td>", row) for row in body.split("<tr>")[2:]]
+    f, f_spread, zeta, zeta_spread = ([float(row[column]) for row in cells] for column in (1, 2, 3, 4))
+    assert f == pytest.approx(modes.frequencies, rel=1e-5)  # about six digits are written
+    assert zeta == pytest.approx(100 * modes.damping_ratios, abs=5e-4)  # three decimals of a per cent
+    assert f_spread == pytest.approx(modes.frequencies_spread)
+    assert zeta_spread == pytest.approx(100 * np.asarray(modes.damping_ratios_spread))
+    assert "emac" in body
+    assert "<td>–</td>" in body  # an indicator that is not known
+    assert body.count("<tr>") == 6
+
+
+def test_reasons_are_shown_whatever_they_hold() -> None:
+    section = sections.reasons_section(judged())
+    heads = re.findall(r"<th[^>]*>([^<]*)</th>", section.body)
+    assert heads == [
+        "mode",
+        "frequency [Hz]",
+        "orders found",
+        "orders tried",
+        "fit loss [%]",
+        "agrees",
+        "nearest",
+    ]
+    assert "<td>12.5</td>" in section.body
+    assert "<td>yes</td>" in section.body
+    assert "mode 2, mac 0.04" in section.body
+    assert section.body.count("<li>") == 5
+    assert "</b> Found at 6 of 7 orders." in section.body
+
+
+def test_what_users_write_cannot_become_markup(tmp_path: Path) -> None:
+    evil = '<script>alert("1")</script>'
+    modes = replace(judged(), reasons=({"text": evil},) * 5, scaling=evil)
+    diagram = replace(examples.diagram(), notes=(evil,), settings={"window": evil})
+    path = report_modes(tmp_path / "r.html", modes=modes, diagram=diagram, title=evil, source=evil, command=evil)
+    page = read(path)
+    assert page.tags["script"] == 0
+    assert " ".join(page.words).count(evil) >= 7
+
+
+def test_the_script_repeats_the_identification() -> None:
+    text = stabilization_script(examples.diagram(), "chain.uff")
+    compile(text, "script", "exec")
+    assert "orders=range(2, 15, 2)" in text
+    assert "block_rows=8" in text
+    assert "weights" not in text  # not given
+    f = examples.response().frequencies
+    assert f"band=({float(f[0])!r}, {float(f[-1])!r})" in text
+    given = stabilization_script(replace(examples.diagram(), settings={"weights": "given"}), None)
+    compile(given, "script", "exec")
+    assert "# and as they were given: weights" in given
+
+
+def test_running_the_script_gives_the_same_modes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    f = examples.response().frequencies
+    ms.write(tmp_path / "chain.npz", chain5().frequency_response(f, noise=0.01, seed=1))
+    first = ms.stabilize(
+        ms.read(tmp_path / "chain.npz"), orders=range(2, 21, 2), band=(0.5, 4.0), tolerances={"shape": 0.1}
+    )
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    exec(compile(stabilization_script(first, "chain.npz"), "script", "exec"), names)
+    again = names["diagram"]
+    assert isinstance(again, StabilizationDiagram)
+    assert np.array_equal(again.poles, first.poles)
+    assert np.array_equal(again.stable, first.stable)
+    assert (tmp_path / "report.html").exists()
+
+
+def test_the_command_and_the_notes_are_there(written: Path) -> None:
+    words = " ".join(read(written).words)
+    assert "modalscope identify chain.uff -o chain.html" in words
+    assert "orders 16 to 20 left out" in words
+    assert f"not drawn: {examples.REAL} real" in words
+
+
+def test_the_fit_error_of_every_channel_is_listed() -> None:
+    r = examples.response()
+    errors = np.linspace(0.01, 0.08, 8).reshape(4, 2)
+    body = sections.responses_section(examples.modes(), r, (0.05, errors)).body
+    assert [f"{100 * e:.2f}" for e in errors.ravel()] == re.findall(r'--shade:\d+%">([\d.]+)<', body)
+    worst = re.findall(r'alt="Output ([^,]+), input ([^,]+),', body)[0]
+    assert worst == (r.output_dofs[3], r.input_dofs[1])
+
+
+def test_modes_without_participation_are_reported_without_rebuilt_responses(tmp_path: Path) -> None:
+    modes = replace(judged(), participation=None, input_dofs=(), units="m")
+    page = read(report((modes, examples.diagram()), tmp_path / "r.html"))
+    assert "participation of the modes is not known" in " ".join(page.words)
+
+
+def test_no_modes_and_samples_are_reported_too(tmp_path: Path) -> None:
+    irf = examples.modes().impulse_response(300, 20.0)
+    diagram = replace(examples.diagram(), response=irf, domain="time")
+    none = examples.modes().take([])
+    page = read(report((none, diagram), tmp_path / "r.html"))
+    assert "0 modes between 0 and 10 Hz" in " ".join(page.words)
+    assert "dirac response" in page.words
+
+
+def test_the_same_result_gives_the_same_picture() -> None:
+    assert shape_svg(judged(), 1) == shape_svg(judged(), 1)
+
+
+def test_pictures_look_the_same_whatever_style_the_user_has() -> None:
+    plain = shape_svg(judged(), 0)
+    with style.context("dark_background"):
+        assert shape_svg(judged(), 0) == plain
+
+
+def test_a_report_cut_short_leaves_the_earlier_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "r.html"
+    path.write_text("an earlier good report")
+
+    def broken(modes: ModalModel, diagram: StabilizationDiagram) -> Section:
+        raise RuntimeError("the picture cannot be drawn")
+
+    monkeypatch.setattr(sections, "stabilization_section", broken)
+    with pytest.raises(RuntimeError):
+        report((judged(), examples.diagram()), path)
+    assert path.read_text() == "an earlier good report"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_write_that_fails_leaves_the_earlier_report_and_no_other_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "r.html"
+    path.write_text("an earlier good report")
+
+    def full(self: Path, data: str, **options: object) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(DataError, match="no space left on device"):
+        write_page(path, "title", "subtitle", [Section("one", "One", "")])
+    assert path.read_bytes() == b"an earlier good report"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_diagram_alone_is_reported_with_the_modes_it_shows(tmp_path: Path) -> None:
+    diagram = ms.stabilize(chain5().impulse_response(300, noise=0.01, seed=0), orders=range(2, 21, 2))
+    pair = report((ms.select(diagram), diagram), tmp_path / "pair.html").read_bytes()
+    assert report(diagram, tmp_path / "alone.html").read_bytes() == pair
+    result = SimpleNamespace(modes=ms.select(diagram), diagram=diagram, findings=None)
+    assert report(result, tmp_path / "result.html").read_bytes() == pair
+
+
+@pytest.mark.parametrize("form", ["samples", "lines"])
+def test_an_identification_is_reported_with_its_model(form: str, tmp_path: Path) -> None:
+    if form == "samples":
+        found = ms.identify(chain5().impulse_response(300, noise=0.01, seed=0), method="polyreference", order=10)
+    else:
+        f = np.linspace(0.3, 7.5, 400)
+        found = ms.identify(chain5().frequency_response(f, noise=0.01, seed=0), method="alternate", order=10)
+    page = read(report(found, tmp_path / "r.html", source="chain.npz"))
+    anchors = [value for tag, name, value in page.attributes if tag == "section" and name == "id"]
+    assert anchors == ["summary", "modes", "model", "shapes", "mac", "responses", "data", "settings", "notes", "repeat"]
+    words = " ".join(page.words)
+    assert "order 10" in words
+    assert "the whole model explains" in words.lower()
+    assert f"{found.modes.frequencies[0]:.5f}" in words
+    assert ("extraneous poles" in words) is (form == "samples")
+
+
+def test_running_the_script_of_an_identification_gives_the_same_model(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ms.write(tmp_path / "chain.npz", chain5().impulse_response(300, noise=0.01, seed=0))
+    monkeypatch.chdir(tmp_path)
+    first = ms.identify(ms.read("chain.npz"), method="era", order=12, block_rows=40)
+    names: dict[str, object] = {}
+    exec(compile(identification_script(first, "chain.npz"), "script", "exec"), names)
+    again = names["found"]
+    assert isinstance(again, ms.Identification)
+    assert np.array_equal(again.state_space.A, first.state_space.A)
+    assert (tmp_path / "report.html").exists()
+
+
+def test_modes_that_explain_too_little_are_a_warning_that_comes_first(tmp_path: Path) -> None:
+    diagram = ms.stabilize(chain5().impulse_response(300, noise=0.01, seed=0), orders=range(2, 21, 2))
+    modes = ms.select(diagram)
+    text = report((modes.take([4]), diagram), tmp_path / "r.html").read_text()
+    assert '<h2>Summary</h2>\n<p class="loud">WARNING: the modes explain only' in text
+    assert "WARNING" not in report((modes, diagram), tmp_path / "r.html").read_text()
+
+
+def test_the_data_are_examined_and_what_is_wrong_stands_there(tmp_path: Path) -> None:
+    clean = chain5().frequency_response(np.linspace(0.3, 7.5, 300), quantity="acceleration", noise=0.01, seed=0)
+    values = np.array(clean.values)
+    values[:, 1] *= -1
+    for response, expected in (
+        (clean, "Their examination found nothing wrong."),
+        (replace(clean, values=values), "the force takes energy out of the structure at its own point"),
+    ):
+        diagram = ms.stabilize(response, orders=range(2, 21, 2))
+        assert expected in report(diagram, tmp_path / "r.html").read_text()
+
+
+def test_other_suffixes_folders_and_things_are_errors(tmp_path: Path) -> None:
+    pair = (examples.modes(), examples.diagram())
+    with pytest.raises(DataError, match="reports are HTML files"):
+        report(pair, tmp_path / "r.pdf")
+    with pytest.raises(DataError, match="the system refuses"):
+        report(pair, tmp_path / "missing" / "r.html")
+    with pytest.raises(DataError, match="it was given int"):
+        report(3, tmp_path / "r.html")  # type: ignore[arg-type]
+    assert not list(tmp_path.iterdir())
