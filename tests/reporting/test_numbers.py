@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from modalscope.report.numbers import decimals, frequency, heading, list_some, percent, value
+from modalscope.report.sections import summary_section
 
 from modalscope.model import ImpulseResponse
 from modalscope.model.modes import ModalModel
 from modalscope.model.poles import poles_from
-from modalscope.report.numbers import decimals, frequency, heading, list_some, percent, value
-from modalscope.report.sections import summary_section
 from tests.judging.made import Pole, diagram_of
 
 
