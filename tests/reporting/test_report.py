@@ -300,6 +300,8 @@ def test_an_identification_is_reported_with_its_model(form: str, tmp_path: Path)
     assert "the whole model explains" in words.lower()
     assert f"{found.modes.frequencies[0]:.5f}" in words
     assert ("extraneous poles" in words) is (form == "samples")
+    assert "stable yes" in words  # every state of the model decays
+    assert np.all(found.state_space.continuous_poles.real < 0)
 
 
 def test_running_the_script_of_an_identification_gives_the_same_model(
