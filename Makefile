@@ -18,17 +18,19 @@ SINGLE := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 QUIET_PLOTS := MPLBACKEND=Agg
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint format bench study clean
+.PHONY: help setup demo test lint format architecture changelog bench study clean
 
 help:
-	@echo "make setup   .venv with everything in it"
-	@echo "make demo    modes of a measured beam, next to the published ones"
-	@echo "make test    lint, then every test and every example in a docstring"
-	@echo "make lint    ruff, mypy, floors"
-	@echo "make format  let ruff write what it can"
-	@echo "make bench   time and memory, against other programs"
-	@echo "make study   statistics over many seeds (long)"
-	@echo "make clean   remove what make made"
+	@echo "make setup         .venv with everything in it"
+	@echo "make demo          modes of a measured beam, next to the published ones"
+	@echo "make test          lint, then every test and every example in a docstring"
+	@echo "make lint          ruff, mypy, floors"
+	@echo "make format        let ruff write what it can"
+	@echo "make architecture  draw the floors of pyproject.toml into the documents"
+	@echo "make changelog     join the fragments of changelog.d under the version"
+	@echo "make bench         time and memory, against other programs"
+	@echo "make study         statistics over many seeds (long)"
+	@echo "make clean         remove what make made"
 
 setup: $(STAMP)
 
@@ -57,6 +59,12 @@ format: setup
 	@$(BIN)/ruff check --fix-only .
 	@$(BIN)/ruff format .
 
+architecture: setup
+	@$(BIN)/python -m tools.floors
+
+changelog: setup
+	@$(BIN)/python -m tools.changelog
+
 test: lint
 	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m pytest -q -n $(WORKERS)
 
@@ -71,4 +79,4 @@ study: setup
 
 clean:
 	rm -rf .venv build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
-	find src tests examples benchmarks -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true
+	find src tests tools examples benchmarks -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true

@@ -16,7 +16,7 @@ from sdypy import EMA
 
 from modalscope import FrequencyResponse
 from modalscope.blocks.fraction import fraction
-from modalscope.realizations.fraction import fraction_companion, fraction_factors
+from modalscope.realizations.fraction import fraction_companion
 
 OUTPUTS, LINES, DEGREE, MODES = 50, 4000, 60, 10
 FREQUENCIES = 0.5 * np.arange(1, LINES + 1)
@@ -37,7 +37,7 @@ def receptances(inputs: int) -> np.ndarray:
 def ours(H: np.ndarray, step: int = 1) -> list[np.ndarray]:
     """Return the poles of degrees step, 2 step, ..., 60 step."""
     matrix = fraction(FrequencyResponse(values=H, frequencies=FREQUENCIES), degree=step * DEGREE)
-    model = fraction_companion(matrix, fraction_factors(matrix))
+    model = fraction_companion(matrix, matrix.factors)
     return [matrix.to_s(1 / np.linalg.eigvals(model.triple(step * p).A)) for p in range(1, DEGREE + 1)]
 
 

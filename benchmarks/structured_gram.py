@@ -17,7 +17,8 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope import ImpulseResponse, identify
-from modalscope.identification.pipeline import build
+from modalscope.identification.pipeline import factor
+from modalscope.identification.prepare import prepare
 from modalscope.judging.stabilize import stabilize
 from modalscope.model.poles import poles_from
 from modalscope.systems import add_noise
@@ -50,7 +51,7 @@ def by_scipy(response: ImpulseResponse) -> np.ndarray:
 
 def by_structure(response: ImpulseResponse) -> np.ndarray:
     """Return the same through the table."""
-    return build(response, method="era", order=ORDER, **SIZES).triple(ORDER).A
+    return factor(prepare(response, method="era", **SIZES), ORDER).triple(ORDER).A
 
 
 def timed(run: Callable[[], Result]) -> tuple[float, Result]:
@@ -86,7 +87,7 @@ def all_orders(response: ImpulseResponse) -> None:
         for _ in range(PAIRS):
             one, _ = timed(lambda m=method: identify(response, method=m, order=LARGEST, **SIZES))  # type: ignore[misc]
             every, _ = timed(lambda m=method: stabilize(response, method=m, orders=orders, **SIZES))  # type: ignore[misc]
-            pipeline = build(response, method=method, order=LARGEST, **SIZES)
+            pipeline = factor(prepare(response, method=method, **SIZES), LARGEST)
             models = [pipeline.triple(n).A for n in orders]
             eigen, _ = timed(lambda found=models: [np.linalg.eig(A) for A in found])  # type: ignore[misc]
             ratios.append(every / (one + eigen))

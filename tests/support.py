@@ -1,20 +1,34 @@
-"""What tests of every room share: structures, random systems, matched poles and noise.
+"""What tests of every package share: where data lie, structures, random systems, matched poles and noise.
 
 Import it as `from tests.support import ...`.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeVar
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
+import pytest
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 from scipy.optimize import linear_sum_assignment
 
 from modalscope import systems
-from modalscope.model import FrequencyResponse, ImpulseResponse, Signals, StateSpace
+from modalscope.identification.pipeline import Pipeline, factor
+from modalscope.identification.prepare import prepare
+from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, Signals, StateSpace
 from modalscope.model.poles import frequencies_and_damping, one_of_each_pair, poles_from
+from modalscope.model.response import Response
+
+#: The project, and the measured beam that comes with it.
+ROOT = Path(__file__).resolve().parents[1]
+BEAM = ROOT / "examples" / "beam_hammer"
+
+#: Measured data too large for the repository: beside it, or where MODALSCOPE_DATA says. Each folder has its licence.
+DATA = Path(os.environ.get("MODALSCOPE_DATA") or ROOT.parent / "shared" / "data")
 
 #: The five structures on which every method is tried, by name; call one to build it.
 FIVE = {name: systems.catalog()[name] for name in ("chain5", "ring5", "close4", "heavy4", "over4")}
@@ -23,6 +37,12 @@ FIVE = {name: systems.catalog()[name] for name in ("chain5", "ring5", "close4", 
 SNR_DB = 20.0
 
 EPS = float(np.finfo(float).eps)
+
+
+def built(data: Signals | Response, order: int, **options: Any) -> Pipeline:
+    """Factor data for one row of the table up to an order; the options are those of `identify`."""
+    return factor(prepare(data, **options), order)
+
 
 Noisy = TypeVar("Noisy", ImpulseResponse, FrequencyResponse, Signals)
 
@@ -70,6 +90,22 @@ def _visible(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
 def random_systems(**fixed: object) -> st.SearchStrategy[StateSpace]:
     """Return a hypothesis strategy of `random_system`; keyword arguments fix what is not to vary."""
     return st.integers(0, 2**32 - 1).map(lambda seed: random_system(np.random.default_rng(seed), **fixed))  # type: ignore[arg-type]
+
+
+def measured(*parts: str) -> Path:
+    """Return a file or folder of the measured data; the test is skipped where it is not there (see conftest)."""
+    path = DATA.joinpath(*parts)
+    if not path.exists():
+        pytest.skip(f"{'/'.join(parts)} is not there")
+    return path
+
+
+def refused(text: str, call: Callable[..., Any], *arguments: Any, **options: Any) -> DataError:
+    """Return the error of a call that must be a DataError of three parts, and match."""
+    with pytest.raises(DataError, match=text) as error:
+        call(*arguments, **options)
+    assert all((error.value.asked, error.value.found, error.value.change))
+    return error.value
 
 
 class Match(NamedTuple):

@@ -37,9 +37,25 @@ def public_callables() -> Iterator[tuple[str, Callable[..., Any]]]:
 CALLABLES = dict(public_callables())
 
 
+def extended() -> dict[Callable[..., Any], list[Callable[..., Any]]]:
+    """Return for each public method those of the same name in the classes that its own extends: what they describe need not be repeated."""
+    classes = [thing for thing in CALLABLES.values() if inspect.isclass(thing)]
+    return {
+        vars(kind)[name]: [vars(base)[name] for base in kind.__mro__[1:-1] if inspect.isfunction(vars(base).get(name))]
+        for kind in classes
+        for name in vars(kind)
+        if inspect.isfunction(vars(kind)[name])
+    }
+
+
+EXTENDED = extended()
+
+
 def described(thing: Callable[..., Any]) -> set[str]:
-    """Return the names in the Parameters section of a docstring."""
-    section = re.search(r"^Parameters\n-+\n(.*?)(?=^\S[^\n]*\n-+$|\Z)", inspect.getdoc(thing) or "", re.S | re.M)
+    """Return the names in the Parameters section of a docstring; a named tuple may call it Attributes."""
+    section = re.search(
+        r"^(?:Parameters|Attributes)\n-+\n(.*?)(?=^\S[^\n]*\n-+$|\Z)", inspect.getdoc(thing) or "", re.S | re.M
+    )
     heads = [line for line in (section[1].splitlines() if section else ()) if line and not line[0].isspace()]
     return {name.strip().lstrip("*") for head in heads for name in head.partition(" : ")[0].split(",")}
 
@@ -52,7 +68,9 @@ def taken(thing: Callable[..., Any]) -> set[str]:
 
 def inherited(thing: Callable[..., Any]) -> set[str]:
     """Return what a noun's docstring leaves to those of the classes that it extends."""
-    return set().union(*(described(base) for base in thing.__mro__[1:-1])) if inspect.isclass(thing) else set()
+    if inspect.isclass(thing):
+        return set().union(*(described(base) for base in thing.__mro__[1:-1]))
+    return set().union(*(described(other) for other in EXTENDED.get(thing, ())))
 
 
 @pytest.mark.parametrize("name", CALLABLES)

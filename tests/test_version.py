@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import tomllib
-from pathlib import Path
 
 import modalscope
+from modalscope.model.version import VERSION
+from tests.support import ROOT
 
-PROJECT = Path(__file__).resolve().parents[1] / "pyproject.toml"
 
-
-def test_the_package_and_its_project_file_state_one_version() -> None:
-    assert modalscope.__version__ == tomllib.loads(PROJECT.read_text(encoding="utf-8"))["project"]["version"]
+def test_the_package_its_files_and_its_project_file_state_one_version() -> None:
+    stated = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    assert modalscope.__version__ == VERSION == stated

@@ -6,81 +6,123 @@ and `select` reports the modes with the reasons for each. "The report", and equa
 of J.-N. Juang, Mathematical Correlation of Modal Parameter Identification Methods via System Realization Theory, NASA TM 87720 (1986).
 """
 
-from modalscope import plot, systems
-from modalscope.comparing import Comparison, compare
-from modalscope.identification.dwell import Dwell, mmif, tuned_dwell
-from modalscope.identification.identify import Identification, identify, realize
-from modalscope.identification.table import methods
-from modalscope.io import read, write
-from modalscope.judging.bands import merge_bands
-from modalscope.judging.select import select
-from modalscope.judging.stabilize import stabilize
-from modalscope.modal.indicators import cmif, mac
-from modalscope.modal.shapes import fit_residues
-from modalscope.model import (
-    DataError,
-    FrequencyResponse,
-    Geometry,
-    ImpulseResponse,
-    ModalModel,
-    Signals,
-    StabilizationDiagram,
-    StateSpace,
-)
-from modalscope.model.version import VERSION
-from modalscope.preprocess import (
-    decomposition,
-    estimate_correlation,
-    estimate_frf,
-    estimate_markov,
-    examine,
-    filter_band,
-    half_spectra,
-    merge,
-)
-from modalscope.realizations.sensors import EquationsOfMotion, equations_of_motion, first_order_form
-from modalscope.reporting import report
+from __future__ import annotations
 
-__version__ = VERSION
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+from warnings import warn
 
-__all__ = [
-    "Comparison",
-    "DataError",
-    "Dwell",
-    "EquationsOfMotion",
-    "FrequencyResponse",
-    "Geometry",
-    "Identification",
-    "ImpulseResponse",
-    "ModalModel",
-    "Signals",
-    "StabilizationDiagram",
-    "StateSpace",
-    "cmif",
-    "compare",
-    "decomposition",
-    "equations_of_motion",
-    "estimate_correlation",
-    "estimate_frf",
-    "estimate_markov",
-    "examine",
-    "filter_band",
-    "first_order_form",
-    "fit_residues",
-    "half_spectra",
-    "identify",
-    "mac",
-    "merge",
-    "merge_bands",
-    "methods",
-    "mmif",
-    "plot",
-    "read",
-    "realize",
-    "report",
-    "select",
-    "stabilize",
-    "systems",
-    "tuned_dwell",
-    "write",
-]
+if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the same place when it is first asked for
+    from modalscope import plot as plot, preprocess as preprocess, systems as systems
+    from modalscope.comparing import Comparison as Comparison, compare as compare
+    from modalscope.identification.dwell import Dwell as Dwell, tuned_dwell as tuned_dwell
+    from modalscope.identification.identify import (
+        Identification as Identification,
+        identify as identify,
+        realize as realize,
+    )
+    from modalscope.identification.table import methods as methods
+    from modalscope.io import read as read, write as write
+    from modalscope.judging.bands import merge_bands as merge_bands
+    from modalscope.judging.select import select as select
+    from modalscope.judging.stabilize import stabilize as stabilize
+    from modalscope.modal import indicators as indicators
+    from modalscope.modal.indicators import mac as mac
+    from modalscope.modal.shapes import fit_residues as fit_residues
+    from modalscope.model import (
+        DataError as DataError,
+        FrequencyResponse as FrequencyResponse,
+        Geometry as Geometry,
+        ImpulseResponse as ImpulseResponse,
+        ModalModel as ModalModel,
+        Note as Note,
+        Records as Records,
+        Signals as Signals,
+        StabilizationDiagram as StabilizationDiagram,
+        StateSpace as StateSpace,
+    )
+    from modalscope.preprocess import (
+        estimate_correlation as estimate_correlation,
+        estimate_frf as estimate_frf,
+        estimate_markov as estimate_markov,
+        merge as merge,
+    )
+    from modalscope.realizations.sensors import (
+        EquationsOfMotion as EquationsOfMotion,
+        equations_of_motion as equations_of_motion,
+        first_order_form as first_order_form,
+    )
+    from modalscope.reporting import report as report
+
+__version__ = "0.1.0"
+
+#: Where each name of the face lives.
+_HOMES = {
+    "comparing": ("Comparison", "compare"),
+    "identification.dwell": ("Dwell", "tuned_dwell"),
+    "identification.identify": ("Identification", "identify", "realize"),
+    "identification.table": ("methods",),
+    "io": ("read", "write"),
+    "judging.bands": ("merge_bands",),
+    "judging.select": ("select",),
+    "judging.stabilize": ("stabilize",),
+    "modal.indicators": ("mac",),
+    "modal.shapes": ("fit_residues",),
+    "model": (
+        "DataError",
+        "FrequencyResponse",
+        "Geometry",
+        "ImpulseResponse",
+        "ModalModel",
+        "Note",
+        "Records",
+        "Signals",
+        "StabilizationDiagram",
+        "StateSpace",
+    ),
+    "preprocess": ("estimate_correlation", "estimate_frf", "estimate_markov", "merge"),
+    "realizations.sensors": ("EquationsOfMotion", "equations_of_motion", "first_order_form"),
+    "reporting": ("report",),
+}
+
+#: What else there is, in namespaces.
+_NAMESPACES = {
+    "indicators": "modal.indicators",
+    "plot": "plot",
+    "preprocess": "preprocess",
+    "systems": "systems",
+}
+
+#: Names that stood at the face and now stand in a namespace alone.
+_MOVED = {
+    "cmif": "indicators",
+    "decomposition": "preprocess",
+    "examine": "preprocess",
+    "filter_band": "preprocess",
+    "half_spectra": "preprocess",
+    "mmif": "indicators",
+}
+
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+
+__all__ = sorted([*_HOME_OF, *_NAMESPACES])
+
+if not TYPE_CHECKING:  # so that a name that is not there is a type checker's error, not Any
+
+    def __getattr__(name: str) -> Any:
+        """Load what is asked for: `import modalscope` alone costs neither numpy nor scipy."""
+        if name in _HOME_OF:
+            found = getattr(import_module(f"modalscope.{_HOME_OF[name]}"), name)
+        elif name in _NAMESPACES:
+            found = import_module(f"modalscope.{_NAMESPACES[name]}")
+        elif name in _MOVED:
+            place = f"modalscope.{_MOVED[name]}"
+            warn(f"modalscope.{name} is now {place}.{name}", DeprecationWarning, stacklevel=2)
+            return getattr(__getattr__(_MOVED[name]), name)
+        else:
+            raise AttributeError(f"module 'modalscope' has no attribute {name!r}")
+        globals()[name] = found
+        return found
+
+    def __dir__() -> list[str]:
+        return sorted([*globals(), *__all__])

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 import modalscope as ms
 from modalscope.blocks.factor import factorize
@@ -82,6 +81,7 @@ def test_free_decays_without_noise_give_the_poles_to_rounding():
     assert np.max(np.min(np.abs(z[:, None] - poles), axis=1)) < 1e-9
 
 
+@pytest.mark.study
 def test_the_poles_of_white_driven_records_converge_with_their_length():
     building = ms.systems.spring_chain()
     modes = building.modes()

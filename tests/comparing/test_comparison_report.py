@@ -100,7 +100,7 @@ def test_the_command_writes_a_report_and_repeats_itself(tmp_path: Path, capsys: 
     response = systems.chain5().impulse_response(300, noise=0.01, seed=0)
     np.savez(data, values=response.values, sampling_rate=20.0)
     out = tmp_path / "r.html"
-    assert main(["compare", str(data), "--methods", "era/time", "prce", "--orders", "2:20:2", "-o", str(out)]) == 0
+    assert main(["compare", str(data), "--orders", "2:20:2", "--methods", "era/time", "prce", "-o", str(out)]) == 0
     told = capsys.readouterr().out
     assert "can be trusted" in told
     assert f"modalscope compare {data} --orders 2:20:2 --methods era/time prce -o {out}" in out.read_text()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from modalscope import DataError, FrequencyResponse, mac
-from modalscope.identification.dwell import mmif, tuned_dwell
+from modalscope.identification.dwell import tuned_dwell
 from modalscope.systems import chain
 from tests.support import FIVE, add_noise
 
@@ -47,20 +47,6 @@ def test_the_force_pattern_is_blind_to_the_other_mode() -> None:
     assert len(found.modes) == 2
     work = np.abs(found.forces @ s.modes().shapes.real)
     assert np.all(np.sort(work, axis=1)[:, 0] < 0.02 * np.sort(work, axis=1)[:, 1])
-
-
-def test_the_indicator_is_a_share_and_finds_repeated_modes() -> None:
-    frf = FIVE["ring5"]().frequency_response(np.arange(0.3, 7, 0.005))
-    curves, forces = mmif(frf)
-    assert curves.shape == (frf.lines, 2)
-    assert curves.min() >= 0
-    assert curves.max() <= 1
-    assert np.allclose(np.linalg.norm(forces, axis=1), 1)
-    # by its definition, for any force no less than the smallest curve
-    f = np.array([0.6, -0.8])
-    y = frf.values @ f
-    share = np.sum(y.real**2, axis=1) / np.sum(np.abs(y) ** 2, axis=1)
-    assert np.all(share >= curves[:, 0] - 1e-9)
 
 
 def test_noise_of_one_percent_leaves_the_modes() -> None:

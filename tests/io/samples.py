@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.model import FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals
+from modalscope.model import FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Note, Signals
+from modalscope.model.candidates import Candidate, Harmonic
 
 OUTPUTS, INPUTS = ("1:+Z", "2:+Z", "12:-X"), ("1:+Z", "shaker")
 UNITS = ("m/s2", "N")
@@ -62,6 +63,21 @@ def records(seed: int = 0, runs: int = 1, samples: int = 9) -> Signals:
     )
 
 
+def unrefined(seed: int = 0, count: int = 2) -> ModalModel:
+    rng = np.random.default_rng(seed + 1)
+    return ModalModel(
+        poles=-rng.uniform(0.1, 1, count) + 1j * np.sort(rng.uniform(5, 500, count)),
+        shapes=rng.normal(size=(3, count)) + 1j * rng.normal(size=(3, count)),
+        participation=rng.normal(size=(count, 2)) + 1j * rng.normal(size=(count, 2)),
+        quantity="acceleration",
+        indicators={"emac": rng.uniform(size=count)},
+        output_dofs=OUTPUTS,
+        input_dofs=INPUTS,
+        units=UNITS,
+        processing=("band 1 to 100 Hz",),
+    )
+
+
 def modes(seed: int = 0, count: int = 2) -> ModalModel:
     rng = np.random.default_rng(seed)
     return ModalModel(
@@ -80,6 +96,15 @@ def modes(seed: int = 0, count: int = 2) -> ModalModel:
         units=UNITS,
         geometry=geometry(seed),
         processing=("band 1 to 100 Hz",),
+        frequencies_std=rng.uniform(size=count),
+        shapes_std=rng.uniform(size=(3, count)),
+        damping_ratios_repeatability=rng.uniform(size=count),
+        gain=rng.uniform(5, 50, count),
+        left_out=[Candidate(frequency=7.5, damping_ratio=0.3, reason="seen in two orders only", remedy="raise orders")],
+        harmonics=[Harmonic(frequency=25.0, order=1, level=0.4, evidence="no damping at all")],
+        unrefined=unrefined(seed, count),
+        converged=True,
+        notes=[Note("rank", {"rank": 12}, "the data have rank 12"), "seen in one band"],
     )
 
 
@@ -98,6 +123,8 @@ def differences(a: Any, b: Any) -> list[str]:
         return [f"{type(a).__name__} became {type(b).__name__}"]
     found = []
     for field in dataclasses.fields(a):
+        if field.name == "source_path":
+            continue
         x, y = getattr(a, field.name), getattr(b, field.name)
         if dataclasses.is_dataclass(x):
             found += differences(x, y)

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 from hypothesis.extra import numpy as hnp
 
 import modalscope.io as mio
@@ -29,6 +28,32 @@ def test_runs_stay_runs(tmp_path, suffix):
     record = samples.records(runs=3)
     mio.write(tmp_path / f"a{suffix}", record)
     assert samples.differences(record, mio.read(tmp_path / f"a{suffix}")) == []
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".h5", ".mat"])
+@pytest.mark.parametrize("groups", [("a", "a", "b", "c"), None, "auto"])
+def test_groups_come_back_given_none_or_by_default(tmp_path, suffix, groups):
+    frf = FrequencyResponse(values=np.full((3, 1, 4), 1j), frequencies=[1, 2, 3], groups=groups)
+    mio.write(tmp_path / f"a{suffix}", frf)
+    assert mio.read(tmp_path / f"a{suffix}").groups == frf.groups
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".h5", ".mat", ".uff", ".csv"])
+@pytest.mark.parametrize("kind", ["frequency response", "records"])
+def test_data_remember_the_file_that_they_came_from(tmp_path, suffix, kind):
+    path = tmp_path / f"a{suffix}"
+    mio.write(path, samples.EVERY[kind]())
+    data = mio.read(path)
+    assert data.source_path == path
+    assert data.select(outputs=[0]).processed("cut").source_path == path
+    assert samples.EVERY[kind]().source_path is None
+    assert mio.survey(path).thing.source_path == path
+
+
+def test_inputs_that_are_named_while_reading_are_groups_by_their_names(tmp_path):
+    mio.write(tmp_path / "a.npz", FrequencyResponse(values=np.full((3, 1, 4), 1j), frequencies=[1, 2, 3]))
+    assert mio.read(tmp_path / "a.npz", input_dofs=list("abcd")).groups == tuple("abcd")
+    assert mio.read(tmp_path / "a.npz", groups=[1, 1, 2, 2]).groups == ("1", "1", "2", "2")
 
 
 def test_one_output_and_one_input_keep_their_axes_in_matlab(tmp_path):

@@ -1,14 +1,11 @@
 """Geometry from folders of text tables, and the records that belong to it."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import modalscope.io as mio
 from modalscope.model import DataError
-
-DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
+from tests.support import measured
 
 
 @pytest.fixture
@@ -50,14 +47,13 @@ def test_tables_that_do_not_fit_are_named(folder):
 
 @pytest.mark.parametrize(("name", "channels"), [("palisaden", 6), ("building_3sl", 24)])
 def test_measured_folders_are_read(name, channels):
-    if not (DATA / name).exists():
-        pytest.skip("the shared data are not there")
-    geometry = mio.geometry_from_tables(DATA / name)
-    sensors = [line.split()[0] for line in (DATA / name / "sens_coord.txt").read_text().splitlines()[1:]]
-    directions = np.loadtxt(DATA / name / "sens_dir.txt")
+    folder = measured(name)
+    geometry = mio.geometry_from_tables(folder)
+    sensors = [line.split()[0] for line in (folder / "sens_coord.txt").read_text().splitlines()[1:]]
+    directions = np.loadtxt(folder / "sens_dir.txt")
     assert len(sensors) == channels
     points = dict(zip(geometry.nodes, geometry.coordinates, strict=True))
-    coordinates = np.loadtxt(DATA / name / "sens_coord.txt", skiprows=1, usecols=(1, 2, 3))
+    coordinates = np.loadtxt(folder / "sens_coord.txt", skiprows=1, usecols=(1, 2, 3))
     for sensor, place, direction in zip(sensors, coordinates, directions, strict=True):
         # the second route: each sensor's own place and direction, in tables that the reader does not use
         moved = [(points[node].tolist(), np.abs(vector).tolist()) for node, vector in geometry.motion_of(sensor)]
@@ -68,21 +64,20 @@ def test_measured_folders_are_read(name, channels):
 
 
 def test_measured_records_are_read_under_their_own_names():
-    if not DATA.exists():
-        pytest.skip("the shared data are not there")
+    records, hits = measured("palisaden", "palisaden_dec5.npz"), measured("impact_hits", "impacts.npz")
     names = ("ch1", "ch2", "ch3", "ch4", "ch5", "ch6")
     house = mio.read(
-        DATA / "palisaden" / "palisaden_dec5.npz",
+        records,
         rename={"y": "outputs", "fs": "sampling_rate"},
         quantity="acceleration",
         output_dofs=names,
-        geometry=mio.geometry_from_tables(DATA / "palisaden"),
+        geometry=mio.geometry_from_tables(records.parent),
     )
     assert (house.outputs.shape, house.sampling_rate) == ((108000, 6), 20.0)
     assert house.geometry.displaced(names, np.ones(6)).any(axis=1).sum() == 3
-    hits = mio.read(
-        DATA / "impact_hits" / "impacts.npz",
+    hammer = mio.read(
+        hits,
         rename={"acc": "outputs", "force": "inputs", "fs": "sampling_rate"},
         axes={"outputs": "runs samples", "inputs": "runs samples"},
     )
-    assert (hits.outputs.shape, hits.inputs.shape) == ((5, 51200, 1), (5, 51200, 1))
+    assert (hammer.outputs.shape, hammer.inputs.shape) == ((5, 51200, 1), (5, 51200, 1))

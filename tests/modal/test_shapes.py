@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from modalscope import DataError, FrequencyResponse, ModalModel, StateSpace
-from modalscope.identification.eigenmodes import from_modes
-from modalscope.modal.basis import basis_of_lines, fit_participation, rebuilt_rows
+from modalscope.modal.eigenmodes import from_modes
 from modalscope.modal.shapes import fit_residues
 from modalscope.systems import chain
 from tests.support import FIVE, random_system, relative
@@ -152,8 +150,8 @@ def test_the_shared_factor_solves_the_plain_problem(seed: int) -> None:
     values = values + 0.1 * np.abs(values).mean() * rng.standard_normal(values.shape)
     poles = ss.poles[ss.poles.imag > 0]
     shapes = rng.standard_normal((3, 3)) + 1j * rng.standard_normal((3, 3))
-    basis = basis_of_lines(FrequencyResponse(values=values, frequencies=f), poles, weights=rng.uniform(0.5, 2, 60))
-    found, terms = fit_participation(basis, shapes)
+    basis = FrequencyResponse(values=values, frequencies=f).basis(poles, weights=rng.uniform(0.5, 2, 60))
+    found, terms = basis.fit_participation(shapes)
     rows = basis.data.shape[0]
     for i in range(2):
         J = np.zeros((3, rows, 6 + 3))
@@ -166,7 +164,7 @@ def test_the_shared_factor_solves_the_plain_problem(seed: int) -> None:
         plain = np.linalg.lstsq(J.reshape(-1, 9), basis.data[:, :, i].T.ravel(), rcond=None)[0]
         assert relative(found[:, i], plain[:6:2] + 1j * plain[1:6:2]) < 1e-8
         assert relative(terms[0, :, i], plain[6:]) < 1e-8
-    rebuilt = rebuilt_rows(basis, shapes, found, terms)
+    rebuilt = basis.rebuilt(shapes, found, terms)
     assert np.linalg.norm(rebuilt - basis.data) <= np.linalg.norm(basis.data)
 
 

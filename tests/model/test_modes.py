@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from modalscope import systems
 from modalscope.model import DataError, ModalModel
+from modalscope.model.candidates import Candidate, Harmonic
+from modalscope.model.mode_fields import joined
 from tests.support import EPS, FIVE, relative
 
 QUANTITIES = ("displacement", "velocity", "acceleration")
@@ -122,6 +126,10 @@ def test_taking_modes_takes_all_that_belongs_to_them() -> None:
         shapes=modes.shapes,
         participation=modes.participation,
         frequencies_spread=np.arange(5.0),
+        frequencies_repeatability=np.arange(5.0) / 2,
+        shapes_std=np.ones((4, 1)) * np.arange(5.0),
+        gain=np.arange(5.0) + 7,
+        unrefined=modes,
         indicators={"mpc": np.arange(5.0) / 5},
         reasons=tuple({"mode": i} for i in range(5)),
     )
@@ -131,6 +139,12 @@ def test_taking_modes_takes_all_that_belongs_to_them() -> None:
         assert some.frequencies_spread is not None
         np.testing.assert_array_equal(some.frequencies_spread, [3, 1])
         np.testing.assert_array_equal(some.indicators["mpc"], [0.6, 0.2])
+        assert some.gain is not None
+        assert some.shapes_std is not None
+        assert some.unrefined is not None
+        np.testing.assert_array_equal(some.gain, [10, 8])
+        np.testing.assert_array_equal(some.shapes_std[0], [3, 1])
+        np.testing.assert_array_equal(some.unrefined.poles, some.poles)
         assert [reason["mode"] for reason in some.reasons] == [3, 1]
     assert len(full.take(modes.frequencies > 5)) == 2
 
@@ -200,3 +214,129 @@ def test_mass_scaling_needs_a_known_quantity() -> None:
     )
     with pytest.raises(DataError, match="quantity of the response is not known"):
         modes.normalized("mass")
+
+
+def full() -> ModalModel:
+    """Three modes of two outputs and one input with every field known."""
+    return ModalModel(
+        poles=[-1 + 10j, -2 + 20j, -3 + 30j],
+        shapes=[[1, 2j, 3], [2, 1, -4]],
+        shapes_std=np.full((2, 3), 0.1),
+        participation=[[1], [2], [3j]],
+        frequencies_spread=[0.1, 0.2, 0.3],
+        frequencies_std=[0.1, np.nan, 0.3],
+        frequencies_repeatability=[0.2, 0.2, 0.2],
+        gain=[10, 20, 30],
+        indicators={"mpc": [0.9, 0.8, 0.7]},
+        reasons=[{"text": name} for name in "abc"],
+        left_out=[Candidate(frequency=4.0, damping_ratio=0.5, reason="too damped")],
+        harmonics=[Harmonic(frequency=25.0, order=1)],
+        unrefined=ModalModel(
+            poles=[-1 + 11j, -2 + 21j, -3 + 31j], shapes=np.ones((2, 3)), participation=np.ones((3, 1))
+        ),
+        converged=True,
+        notes=["one note"],
+    )  # type: ignore[arg-type]
+
+
+def test_one_mode_is_a_view_and_several_are_modes() -> None:
+    modes = full()
+    second = modes[1]
+    assert second.pole == -2 + 20j
+    assert (second.frequency, second.damping_ratio) == (modes.frequencies[1], modes.damping_ratios[1])
+    assert np.shares_memory(second.shape, modes.shapes)
+    np.testing.assert_array_equal(second.shape, [2j, 1])
+    np.testing.assert_array_equal(second.participation, [2])
+    assert (second.kind, second.indicators, second.reason) == ("mode", {"mpc": 0.8}, {"text": "b"})
+    assert second.spreads.keys() == {"frequency_spread_hz", "frequency_std_hz", "frequency_repeatability_hz", "gain"}
+    assert second.spreads["gain"] == 20
+    assert [mode.index for mode in modes] == [0, 1, 2]
+    assert modes[-1].pole == -3 + 30j
+    assert str(modes[0]) == "1.5995 Hz, 9.950 %"  # |-1 + 10j| / 2 pi and 1 / |-1 + 10j|
+    for some in (modes[1:], modes[[1, 2]], modes[modes.frequencies > 2], modes[[-2, -1]]):
+        assert isinstance(some, ModalModel)
+        np.testing.assert_array_equal(some.poles, modes.poles[1:])
+    assert len(modes[3:]) == len(modes[[]]) == 0
+    bare = ModalModel(poles=[-1 + 10j], shapes=[[1.0]])  # type: ignore[arg-type]
+    assert (bare[0].participation, bare[0].reason, bare[0].spreads) == (None, {}, {})
+
+
+@pytest.mark.parametrize("which", [3, -4, [0, 3], [0.5], "first", [[0]], [True, False]])
+def test_modes_that_are_not_there_are_an_error(which: object) -> None:
+    with pytest.raises(DataError, match="asked"):
+        full()[which]  # type: ignore[call-overload]
+
+
+def test_scaling_keeps_deviations_relative_to_the_shapes() -> None:
+    modes = full()
+    scaled = modes.normalized("max")
+    assert scaled.shapes_std is not None
+    np.testing.assert_allclose(scaled.shapes_std / np.abs(scaled.shapes), modes.shapes_std / np.abs(modes.shapes))
+    assert scaled.unrefined is not None
+    assert scaled.unrefined.scaling == scaled.scaling == "largest component 1"
+    assert (scaled.left_out, scaled.harmonics, scaled.converged) == (modes.left_out, modes.harmonics, True)
+
+
+def test_fewer_channels_are_fewer_for_deviations_and_for_the_modes_before_refinement() -> None:
+    some = full().select(outputs=[1])
+    assert some.shapes_std is not None
+    assert some.unrefined is not None
+    assert some.shapes_std.shape == some.unrefined.shapes.shape == (1, 3)
+
+
+def test_joined_modes_hold_what_is_known_of_all() -> None:
+    modes = full()
+    both = joined([modes[:1], modes[1:]])
+    for name in ("poles", "shapes", "shapes_std", "participation", "frequencies_spread", "gain"):
+        np.testing.assert_array_equal(getattr(both, name), getattr(modes, name))
+    assert both.reasons == modes.reasons
+    assert both.notes == modes.notes
+    assert both.unrefined is not None
+    np.testing.assert_array_equal(both.unrefined.poles, modes.unrefined.poles)
+    assert both.harmonics == modes.harmonics  # the same line of the same machine
+    assert both.converged is True
+    other = joined([modes[:1], ModalModel(poles=[-1 + 5j], shapes=[[1], [1]], participation=[[1]])])  # type: ignore[arg-type]
+    assert (other.gain, other.unrefined, other.converged, other.reasons) == (None, None, None, ())
+
+
+def test_an_interval_takes_the_wider_deviation_and_withholds_what_is_withheld() -> None:
+    modes = full()
+    frequency = modes.interval(0.95)["frequency"]
+    half = 1.959963984540054 * np.array([0.2, np.nan, 0.3])  # the 97.5 % point of the normal distribution
+    np.testing.assert_allclose(frequency.mean(axis=1)[[0, 2]], modes.frequencies[[0, 2]])
+    np.testing.assert_allclose(np.diff(frequency)[:, 0] / 2, half)
+    assert np.isnan(modes.interval()["damping_ratio"]).all()
+    plain = ModalModel(poles=[-1 + 10j], shapes=[[1.0]], damping_ratios_repeatability=[0.01])  # type: ignore[arg-type]
+    # one standard deviation on either side holds erf(1 / sqrt 2)
+    ends = plain.interval(0.6826894921370859)["damping_ratio"]
+    np.testing.assert_allclose(ends - plain.damping_ratios[:, None], [[-0.01, 0.01]])
+
+
+@pytest.mark.parametrize(
+    ("modes", "level", "message"),
+    [
+        (ModalModel(poles=[-1 + 9j], shapes=[[1.0]]), 0.95, "no standard deviation of these modes is known"),  # type: ignore[arg-type]
+        (full(), 1.0, "a level between 0 and 1 was asked, but it is 1"),
+        (full(), "high", "level needs a finite number"),
+    ],
+)
+def test_intervals_that_cannot_be_told(modes: ModalModel, level: float, message: str) -> None:
+    with pytest.raises(DataError, match=message):
+        modes.interval(level)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"shapes_std": np.ones((3, 2))}, r"shapes_std needs the shape of shapes, \(2, 3\), but it has \(3, 2\)"),
+        ({"gain": [1.0]}, "gain needs 3 entries"),
+        ({"left_out": [4.0]}, "each of left_out"),
+        ({"harmonics": "25 Hz"}, "harmonics needs a list of Harmonic"),
+        ({"unrefined": "before"}, "unrefined"),
+        ({"unrefined": full()[:1]}, "unrefined needs 3 modes, one for each that was refined, but it has 1"),
+        ({"converged": "yes"}, "converged"),
+    ],
+)
+def test_fields_of_a_result_that_do_not_fit_are_refused(change: dict, message: str) -> None:  # type: ignore[type-arg]
+    with pytest.raises(DataError, match=message):
+        replace(full(), **change)

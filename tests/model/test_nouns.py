@@ -6,8 +6,7 @@ import pickle
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from modalscope.model import (
     DataError,
@@ -171,7 +170,7 @@ def test_runs_are_counted_and_selected_alike() -> None:
 
 
 def test_processing_is_written_down_in_order() -> None:
-    record = Signals(**GOOD[Signals], processing="read").noted("filtered")  # type: ignore[arg-type]
+    record = Signals(**GOOD[Signals], processing="read").processed("filtered")  # type: ignore[arg-type]
     assert record.processing == ("read", "filtered")
 
 

@@ -7,8 +7,7 @@ from dataclasses import replace
 import matplotlib
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from matplotlib import pyplot
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

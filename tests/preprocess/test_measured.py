@@ -1,21 +1,15 @@
 """Measured records, against what their authors and independent programs found; skipped where the data are not at hand."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from modalscope.model import Signals
 from modalscope.preprocess import estimate_correlation, estimate_frf, examine, filter_band, merge
-
-DATA = Path(__file__).parents[2].parent / "shared" / "data"
+from tests.support import measured
 
 
 def load(*parts):
-    path = DATA.joinpath(*parts)
-    if not path.exists():
-        pytest.skip(f"{'/'.join(parts)} is not here")
-    return np.load(path, allow_pickle=False)
+    return np.load(measured(*parts), allow_pickle=False)
 
 
 @pytest.fixture(scope="module")

@@ -111,4 +111,4 @@ def test_identify_without_an_order_takes_the_advice():
     response = FIVE["ring5"]().impulse_response(400, noise=0.01, seed=3)
     found = identify(response, method="era")
     assert found.order == 10
-    assert any("order 10 was chosen (certain)" in note for note in found.notes)
+    assert any("order 10 was chosen (certain)" in str(note) for note in found.notes)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from modalscope import DataError, StateSpace, identify
-from modalscope.identification.eigenmodes import from_modes
+from modalscope.modal.eigenmodes import from_modes
 from modalscope.realizations.sensors import equations_of_motion, first_order_form
 from modalscope.systems import chain
 from tests.support import FIVE, match_poles, relative

@@ -10,14 +10,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 import scipy.linalg as sla
 
 from modalscope.blocks.operators import Operator
+from modalscope.blocks.sums import TriangleSum
 from modalscope.model.checks import DataError, RealArray, check_choice
 
-__all__ = ["Factors", "factorize", "left_factor"]
+__all__ = ["Factors", "RightFactor", "factorize", "left_factor"]
 
 #: Up to this many entries, and while the shorter side stays below `_DENSE_SIDE`, the dense route takes a fraction of a second.
 _DENSE_ENTRIES = 250_000
@@ -34,6 +36,14 @@ _GRAM_CONDITION = 1e4
 
 #: Rows that a streamed triangular factorization takes at a time, in multiples of the columns.
 _CHUNK = 2
+
+
+class RightFactor(Protocol):
+    """The right factor on the columns that indicators compare, computed when it is first asked for."""
+
+    @property
+    def blocks(self) -> RealArray:
+        """Rows of Q by input, (m, rows, k)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +66,8 @@ class Factors:
         The route, in words.
     gram : array, optional
         The Gram matrix that was decomposed in part.
+    right : RightFactor, optional
+        The right factor on the data's own columns, where Q belongs to a stand-in.
     """
 
     P: RealArray
@@ -65,6 +77,7 @@ class Factors:
     rank: int
     how: str
     gram: RealArray | None = field(default=None, repr=False)
+    right: RightFactor | None = field(default=None, repr=False)
 
     def transposed(self) -> Factors:
         """Return the factors of H'."""
@@ -142,10 +155,10 @@ def left_factor(matrix: Operator, route: str = "auto") -> Factors:
             d = np.sqrt(weights[::-1])
             how = f"structured Gram matrix of the rows of {rows} x {columns}"
             return Factors(np.ascontiguousarray(P[:, ::-1]), d, nothing, d, d.size, how)
-    R = np.zeros((0, rows))
+    total = TriangleSum(rows)
     for chunk in matrix.transposed().row_chunks(_CHUNK * rows):
-        R = np.asarray(sla.qr(np.vstack([R, chunk]), mode="r", check_finite=False)[0])[:rows]
-    P, d, _ = sla.svd(R.T, full_matrices=False, check_finite=False)
+        total.add(chunk)
+    P, d, _ = sla.svd(total.finish().T, full_matrices=False, check_finite=False)
     how = f"triangular factor of {rows} x {columns}"
     return _finish(P, d, nothing, d, max(rows, columns) * float(np.finfo(float).eps), how)
 

@@ -18,10 +18,14 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import ArrayLike
 
+from modalscope.blocks.factor import Factors
+from modalscope.blocks.matrix import DataMatrix
+from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_count
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.poles import to_continuous, to_discrete
 from modalscope.model.response import output_scale
+from modalscope.model.statespace import StateSpace
 
 __all__ = ["Fraction", "fraction", "trigonometric_sums"]
 
@@ -112,7 +116,7 @@ def fraction(
 
 
 @dataclass(frozen=True, eq=False)
-class Fraction:
+class Fraction(DataMatrix):
     """Normal equations of a right matrix fraction (made by `fraction`)."""
 
     response: FrequencyResponse
@@ -121,6 +125,21 @@ class Fraction:
     interval: float
     weights: RealArray | None
     output_scale: RealArray
+
+    @property
+    def judged(self) -> FrequencyResponse:
+        """The lines themselves."""
+        return self.response
+
+    @property
+    def outputs(self) -> int:
+        """Outputs of the response."""
+        return int(self.response.values.shape[1])
+
+    @property
+    def block_rows(self) -> int:
+        """Largest degree of the polynomials."""
+        return self.degree
 
     @property
     def dt(self) -> float | None:
@@ -175,6 +194,13 @@ class Fraction:
             found.append(running[: (k + 1) * m, : (k + 1) * m].copy())
         return tuple(found)
 
+    @cached_property
+    def factors(self) -> Factors:
+        """Eigenvectors of M of the largest degree and the roots of its eigenvalues, the singular values of the data behind it."""
+        weights, vectors = np.linalg.eigh(self.gram_matrices[-1])
+        d, V = np.sqrt(np.clip(weights[::-1], 0, None)), vectors[:, ::-1]
+        return Factors(V, d, V, d, d.size, f"normal equations, {d.size} unknowns a column")
+
     def to_s(self, poles: Array) -> ComplexArray:
         """Continuous poles, rad/s, of roots of A(z)."""
         z = np.asarray(poles, dtype=complex)
@@ -187,10 +213,20 @@ class Fraction:
         upper = to_discrete(np.where(s.imag < 0, s.conj(), s) - 2j * np.pi * self.base, self.interval)
         return np.where(s.imag < 0, upper.conj(), upper)
 
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What a result made from this matrix must say: nothing."""
-        return ()
+    def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
+        """Return participation, the last entries of the left eigenvectors; shapes and residuals by least squares over the lines."""
+        participation = eigen.left[:, -self.inputs :]
+        powers = self.response.outside_powers
+        basis = self.response.basis(self.to_s(eigen.values), powers, self.weights)
+        shapes, terms = basis.fit_shapes(participation)
+        return ModalFit(shapes, participation, terms, powers)
+
+    def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> tuple[Array, Array]:
+        """Return data and model with the residuals, which no state has."""
+        if fit.powers == (0,):
+            return super().compared(model, poles, fit)
+        basis = self.response.basis(poles, fit.powers)
+        return basis.data, basis.rebuilt(fit.shapes, fit.participation, fit.terms)
 
     def describe(self) -> str:
         """Say what the normal equations are, in words."""

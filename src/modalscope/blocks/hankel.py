@@ -1,8 +1,7 @@
-"""Block Hankel matrices of Markov parameters, in full generality (Eqs. 17, 20-21).
+"""Block Hankel matrices of Markov parameters (Eq. 17): whole consecutive blocks, whose structure every product uses.
 
-Block (j, i) of H(k) is Y_{J_j I_i}(s_j + k + t_i) = C_{J_j} A^{s_j} A^k A^{t_i} B_{I_i}: any sensors in every block row but the
-first, any inputs in every block column but the first, any shifts. What acts alike in every block (a weight a channel, a compression
-T_0) is applied to the samples, and whole consecutive blocks keep their structure; anything else makes an array.
+Block (j, i) of H(k) is Y(j + k + i) = C A^j A^k A^i B. What acts alike in every block (a weight a channel, a compression T_0) is applied
+to the samples and keeps that structure; anything else is a `GeneralHankel`.
 """
 
 from __future__ import annotations
@@ -17,14 +16,16 @@ from numpy.typing import ArrayLike
 from modalscope.blocks.compression import adds_channels
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.layout import block_shifts
-from modalscope.blocks.matrix import Evolution, RowShift
-from modalscope.blocks.operators import BlockHankel, DenseMatrix, Operator
+from modalscope.blocks.matrix import DataMatrix, Evolved
+from modalscope.blocks.operators import BlockHankel, Operator
+from modalscope.blocks.shift import RowShift
 from modalscope.blocks.side import Side, side_of
+from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.poles import powers_of, to_continuous, to_discrete
 
-__all__ = ["Hankel", "hankel"]
+__all__ = ["Hankel", "fit_of_samples", "hankel"]
 
 
 def hankel(
@@ -92,26 +93,34 @@ def hankel(
             if row_shifts is None and column_shifts is None
             else f"Lower the last shifts to {samples - 2} in all, or measure a longer response.",
         )
-    return Hankel(
-        response,
-        side_of("row", outputs, s, row_subsets, row_weights, row_compression),
-        side_of("column", inputs, t, column_subsets, column_weights, column_compression),
-    )
+    rows = side_of("row", outputs, s, row_subsets, row_weights, row_compression)
+    columns = side_of("column", inputs, t, column_subsets, column_weights, column_compression)
+    if rows.structured and columns.structured:
+        return Hankel(response, rows, columns)
+    from modalscope.blocks.general_hankel import GeneralHankel
+
+    return GeneralHankel(response, rows, columns)
 
 
 @dataclass(frozen=True, eq=False)
-class Hankel:
-    """A block Hankel matrix: which samples, outputs and inputs its rows and columns are (made by `hankel`).
+class Hankel(DataMatrix):
+    """A block Hankel matrix of whole consecutive blocks (made by `hankel`).
 
     Parameters
     ----------
     response : ImpulseResponse
     rows, columns : Side
+        What is combined within the blocks of each side.
     """
 
     response: ImpulseResponse
     rows: Side
     columns: Side
+
+    @property
+    def judged(self) -> ImpulseResponse:
+        """The samples themselves."""
+        return self.response
 
     @property
     def outputs(self) -> int:
@@ -141,69 +150,33 @@ class Hankel:
         return self.response.values if T is None else np.asarray(T @ self.response.values)
 
     @cached_property
-    def _values(self) -> RealArray:
+    def values(self) -> RealArray:
         """Samples (N, l', m'), combined within blocks on both sides."""
         T = self.rows.within
         return self._column_values if T is None else np.asarray(T @ self._column_values)
 
-    def _matrix(self, rows: Side, k: int) -> Operator:
-        if rows.structured and self.columns.structured:
-            return BlockHankel(self._values, rows.shifts.size, self.block_columns, first=k)
-        (s, outputs), (t, inputs) = rows.entries, self.columns.entries
-        H = rows.apply(self._values[s[:, None] + k + t, outputs[:, None], inputs])
-        return DenseMatrix(np.ascontiguousarray(self.columns.apply(H.T).T))
-
     def shifted(self, k: int) -> Operator:
-        """Return H(k), weighted and compressed."""
-        return self._matrix(self.rows, k)
+        """Return H(k)."""
+        return BlockHankel(self.values, self.block_rows, self.block_columns, first=k)
 
     def tall(self) -> Operator:
-        """Return H(0) with one more block row, the rows of H(0) and of H(1) together.
+        """Return H(0) with one more block row, the rows of H(0) and of H(1) together."""
+        return BlockHankel(self.values, self.block_rows + 1, self.block_columns)
 
-        Raises
-        ------
-        DataError
-            Shifts that are not consecutive, or compression over whole columns: A cannot be read off a row shift then.
-        """
-        return self._matrix(self._tall_rows, 0)
-
-    @cached_property
-    def _tall_rows(self) -> Side:
-        asked = "a realization from the row shift was asked (alternate, polyreference and prce in this form)"
-        others = "use the other form (controllable when this is the observable one), or method='era' or 'least_squares'"
-        if self.rows.over is not None:
-            raise DataError(
-                asked,
-                "a compression over whole columns leaves nothing of that shift",
-                f"Compress within blocks (one column a channel), or {others}.",
-            )
-        shifts = self.rows.shifts
-        if not np.array_equal(shifts, np.arange(shifts.size)):
-            last = int(np.flatnonzero(shifts != np.arange(shifts.size))[0]) - 1
-            raise DataError(
-                asked,
-                f"the shifts are not consecutive: {shifts[last + 1]} follows {shifts[last]}",
-                f"Use consecutive shifts, or {others}.",
-            )
-        return self.rows.taller()
-
-    @cached_property
+    @property
     def row_shift(self) -> RowShift:
         """E0 and E1 for factors of `tall()`: E0 drops the last block, E1 the first (Eq. 57, with the words the right way)."""
-        side = self._tall_rows
-        place = {(int(a), int(b)): i for i, (a, b) in enumerate(side.entries.T)}
-        pairs = [(i, place[(a + 1, b)]) for (a, b), i in place.items() if (a + 1, b) in place]
-        before, after = np.array(pairs).T
-        whole = self.rows.whole
-        return RowShift(block=self._values.shape[1], before=before, after=after, weight=side.weights, whole=whole)
+        block = self.values.shape[1]
+        before = np.arange(self.block_rows * block)
+        return RowShift(block=block, before=before, after=before + block)
 
     def row_blocks(self, P: Array) -> RealArray | None:
-        """Return a left factor (rows, k) by block rows, (blocks, l', k); None where the blocks are not whole."""
-        return P.reshape(-1, self._values.shape[1], P.shape[1]) if self.rows.structured else None
+        """Return a left factor (rows, k) by block rows, (blocks, l', k)."""
+        return P.reshape(-1, self.values.shape[1], P.shape[1])
 
     def column_blocks(self, Q: Array) -> RealArray | None:
-        """Return a right factor (columns, k) by block columns, (blocks, m', k); None where the blocks are not whole."""
-        return Q.reshape(-1, self._values.shape[2], Q.shape[1]) if self.columns.structured else None
+        """Return a right factor (columns, k) by block columns, (blocks, m', k)."""
+        return Q.reshape(-1, self.values.shape[2], Q.shape[1])
 
     def first_block(self, shapes: Array) -> Array:
         """Return T_0 C: what the first block row of the factor V holds for shapes (l, n)."""
@@ -216,23 +189,22 @@ class Hankel:
         return np.asarray(participation) if T is None else np.asarray(participation @ T.T)
 
     def first_rows(self, right: Array, k: int = 0) -> RealArray:
-        """Return E_l' H(k) X of the uncompressed, unweighted first block row: C = E_l' H(0) Q d^-1/2 (Eqs. 28, 39)."""
-        t, inputs = self.columns.entries
-        row = self._column_values[t + k, :, inputs]
-        return np.asarray(self.columns.apply(row).T @ right)
+        """Return E_l' H(k) X of the uncompressed first block row: C = E_l' H(0) Q d^-1/2 (Eqs. 28, 39)."""
+        row = self._column_values[k : k + self.block_columns].transpose(0, 2, 1)
+        return np.asarray(row.reshape(-1, self.outputs).T @ right)
 
     def first_block_column(self, *, tall: bool = False) -> RealArray:
         """Return H(0) E_m, or that of `tall()`, with the inputs themselves: B of the companion forms (Eqs. 53, 54, 65)."""
-        rows = self._tall_rows if tall else self.rows
-        s, outputs = rows.entries
-        return rows.apply(self._row_values[s, outputs])
+        return self._row_values[: self.block_rows + tall].reshape(-1, self.response.values.shape[2])
 
     def first_columns(self, factors: Factors) -> RealArray:
         """Return X (m, k) such that B = d^1/2 X' (Eqs. 28, 37): the first rows of Q, or from P where columns are combined."""
-        if self.columns.within is None and self.columns.over is None:
-            inputs = self.response.values.shape[2]
-            w = self.columns.weights
-            return factors.Q[:inputs] if w is None else factors.Q[:inputs] / w[:inputs, None]
+        if self.columns.within is None:
+            return factors.Q[: self.response.values.shape[2]]
+        return self._first_columns_from(factors)
+
+    def _first_columns_from(self, factors: Factors) -> RealArray:
+        """Return X from the left factor, by the first block column before anything was combined."""
         tall = factors.P.shape[0] != self.rows.size
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(self.first_block_column(tall=tall).T @ factors.P / factors.d)
@@ -250,23 +222,32 @@ class Hankel:
         """Sampling interval, seconds."""
         return 1 / self.response.sampling_rate
 
-    def evolution(self, poles: Array, blocks: int) -> Evolution:
+    def evolution(self, poles: Array, blocks: int) -> ComplexArray:
         """Return z^k for blocks k = 0, 1, ...: how a mode runs down the rows."""
         return powers_of(poles, blocks)
+
+    def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
+        """Return shapes C X and participation X^-1 B, referred to the impulse (Eqs. 15-16)."""
+        return fit_of_samples(self.response, model, eigen)
+
+    def column_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> Evolved | None:
+        """Return W = d^(1-a) Q' against b_j z^k; its columns start from the first sample there is, not from the impulse."""
+        if model.factors is None:
+            return None
+        n = model.rank
+        blocks = self.column_blocks(model.factors.Q[:, :n])
+        if blocks is None:
+            return None
+        participation = fit.participation * eigen.values[:, None] ** self.response.first_sample
+        states = model.factors.d[:n, None] ** (1 - model.power) * eigen.left.T
+        first = self.first_block_of_inputs(participation).T
+        return Evolved(blocks, states, first, self.evolution(eigen.values, len(blocks)))
 
     def describe(self) -> str:
         """Say what the matrix is, in words."""
         shape = f"{self.block_rows} x {self.block_columns} blocks of {self.response.values.shape[1]} x {self.response.values.shape[2]}"
         extra = [
-            f"{name} {what}"
-            for name, side in (("rows", self.rows), ("columns", self.columns))
-            for what, there in (
-                ("chosen", not side.whole),
-                ("combined or weighted within blocks", side.within is not None),
-                ("weighted", side.weights is not None),
-                ("compressed", side.over is not None),
-            )
-            if there
+            f"{name} {what}" for name, side in (("rows", self.rows), ("columns", self.columns)) for what in side.words()
         ]
         return f"Hankel matrix of {shape}" + (f", {', '.join(extra)}" if extra else "")
 
@@ -280,3 +261,14 @@ class Hankel:
                 "of repeated ones) are lost, and noise weighs more",
             )
         return ()
+
+
+def fit_of_samples(response: ImpulseResponse, model: Triple, eigen: Eigen) -> ModalFit:
+    """Return shapes C X, participation X^-1 B referred to the impulse (Eqs. 15-16), and the direct term."""
+    assert model.B is not None
+    participation = eigen.left @ model.B
+    if response.first_sample:
+        participation = participation / eigen.values[:, None] ** response.first_sample
+    known = response.feedthrough
+    direct = np.zeros(response.values.shape[1:]) if known is None else known
+    return ModalFit(np.asarray(model.C @ eigen.vectors), participation, direct[None])

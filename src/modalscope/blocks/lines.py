@@ -6,17 +6,20 @@ and products, and stands in for it. The right factor, rows over lines, is brough
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-import scipy.linalg as sla
 from numpy.typing import ArrayLike
 
 from modalscope.blocks.factor import Factors
-from modalscope.blocks.matrix import RowShift
+from modalscope.blocks.matrix import DataMatrix, Evolved
 from modalscope.blocks.operators import DenseMatrix
+from modalscope.blocks.shift import RowShift
+from modalscope.blocks.sums import TriangleSum
+from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, real_array
 from modalscope.model.frequency import FrequencyResponse
 
@@ -87,19 +90,14 @@ def real_columns(columns: ComplexArray, weights: Array | None) -> RealArray:
     return np.vstack([weighted.real, weighted.imag])
 
 
-class LineMatrix(ABC):
+class LineMatrix(DataMatrix):
     """A block matrix whose columns are lines, real and imaginary parts side by side, input by input.
 
-    A concrete matrix gives `outputs`, `inputs`, `block_rows`, `columns_array`, `column_functions`, `residue_scale`, `level` and
-    `full_shift`, and what a `DataMatrix` offers beyond these.
+    A concrete matrix gives `inputs`, `columns_array`, `column_functions`, `residue_scale`, `level` and `full_shift`, and what every
+    `DataMatrix` must give.
     """
 
     row_shifts: tuple[int, ...] | None
-
-    @property
-    @abstractmethod
-    def outputs(self) -> int:
-        """Rows of a block."""
 
     @property
     @abstractmethod
@@ -125,24 +123,16 @@ class LineMatrix(ABC):
 
     @property
     @abstractmethod
-    def block_rows(self) -> int:
-        """Block rows below the last: q."""
-
-    @property
-    @abstractmethod
     def full_shift(self) -> RowShift:
         """E0 and E1 on all q + 1 block rows."""
 
     @cached_property
     def triangle(self) -> RealArray:
         """L (l (q + 1), k): the matrix times an orthonormal matrix, its exact stand-in, input by input."""
-        R = np.zeros((0, self.outputs * (self.block_rows + 1)))
+        total = TriangleSum(self.outputs * (self.block_rows + 1))
         for i in range(self.inputs):
-            whole = np.vstack([R, self.columns_array(i)])
-            R = whole
-            if whole.shape[0] > whole.shape[1]:
-                R = sla.qr(whole, mode="r", overwrite_a=True, check_finite=False)[0][: whole.shape[1]]
-        return np.ascontiguousarray(R.T)
+            total.add(self.columns_array(i))
+        return np.ascontiguousarray(total.finish().T)
 
     @property
     def kept_rows(self) -> IntArray:
@@ -178,19 +168,6 @@ class LineMatrix(ABC):
         """Return a left factor (rows, k) by block rows, (blocks, l, k); None where it is that of fewer rows than H(0) has."""
         return None if P.shape[0] < self.block_rows * self.outputs else P.reshape(-1, self.outputs, P.shape[1])
 
-    def first_block_column(self, *, tall: bool = False) -> None:
-        """None: the columns are lines."""
-        return
-
-    def first_columns(self, factors: Factors) -> None:
-        """None: the columns are lines; B and D come from least squares over them."""
-        return
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Nothing that a result made from this matrix must say."""
-        return ()
-
     def block_indices(self, count: int) -> IntArray:
         """Return which block rows a left factor of `count` blocks stands for."""
         return np.arange(count) if self.row_shifts is None else np.asarray(self.row_shifts)
@@ -204,25 +181,64 @@ class LineMatrix(ABC):
         evenly = np.linspace(0, level.size - 1, _COMPARED // 2).astype(int)
         return np.union1d(evenly, np.argsort(-level, kind="stable")[: _COMPARED // 2])
 
-    def right_factor(self, factors: Factors) -> RealArray:
-        """Return rows of Q (m, 2 F', k), H' P d^-1, of every input on the lines that are compared; kept for the factors last asked."""
-        last: tuple[Factors, RealArray] | None = self.__dict__.get("_right")
-        if last is None or last[0] is not factors:
-            n = max(min(factors.rank, factors.d.size), 1)
-            rows = factors.P.shape[0]
-            everything = rows == self.outputs * (self.block_rows + 1)
-            kept = np.arange(rows) if everything else self.kept_rows
-            back = factors.P[:, :n] / factors.d[:n]
-            lines = self._both_parts
-            last = (factors, np.stack([self.columns_array(i)[lines][:, kept] @ back for i in range(self.inputs)]))
-            self.__dict__["_right"] = last
-        return last[1]
+    def with_columns(self, factors: Factors) -> Factors:
+        """Return the factors with their rows of Q over the lines, H' P d^-1, for when they are asked."""
+        return replace(factors, right=LineColumns(self, factors))
+
+    def column_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> Evolved | None:
+        """Return the rows of W over the lines against b_j / (x_i - s_j) at +w and -w, without what was eliminated.
+
+        There is no last block: every line stands for itself.
+        """
+        if model.factors is None or model.factors.right is None:
+            return None
+        n = model.rank
+        right = model.factors.right.blocks[:, :, :n] * model.factors.d[:n] ** (1 - model.power)
+        functions, seen = self.compared_functions(eigen.values)
+        expected = functions * self.residue_scale(eigen.values) * fit.participation.T[:, None, :]
+        blocks, first = (_at_both_signs(part) for part in (right, expected))
+        ones = np.ones((1, eigen.values.size))
+        return Evolved(blocks.reshape(1, -1, n), eigen.left.T, first.reshape(-1, eigen.values.size), ones, seen)
 
     def compared_functions(self, poles: Array) -> tuple[ComplexArray, Array]:
         """Return `column_functions` on the lines that are compared, and whether rounding leaves enough of each to compare."""
         functions, share = self.column_functions(poles)
-        return functions[self._both_parts], share > _SEEN
+        return functions[self.both_parts], share > _SEEN
 
     @property
-    def _both_parts(self) -> IntArray:
+    def both_parts(self) -> IntArray:
+        """Real and imaginary parts of the lines that are compared."""
         return np.concatenate([self.compared_lines, self.level.size + self.compared_lines])
+
+
+def _at_both_signs(columns: Array) -> ComplexArray:
+    """Turn columns of real and imaginary parts (m, 2 F, k) into the values at +w and -w."""
+    real, imaginary = np.split(columns, 2, axis=1)
+    return np.concatenate([real + 1j * imaginary, real - 1j * imaginary], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class LineColumns:
+    """The right factor over the lines that indicators compare, computed when it is first asked for.
+
+    Parameters
+    ----------
+    matrix : LineMatrix
+    factors : Factors
+        Of the triangular stand-in.
+    """
+
+    matrix: LineMatrix
+    factors: Factors
+
+    @cached_property
+    def blocks(self) -> RealArray:
+        """Rows of Q (m, 2 F', k) of every input."""
+        matrix, factors = self.matrix, self.factors
+        n = max(min(factors.rank, factors.d.size), 1)
+        rows = factors.P.shape[0]
+        everything = rows == matrix.outputs * (matrix.block_rows + 1)
+        kept = np.arange(rows) if everything else matrix.kept_rows
+        back = factors.P[:, :n] / factors.d[:n]
+        lines = matrix.both_parts
+        return np.stack([matrix.columns_array(i)[lines][:, kept] @ back for i in range(matrix.inputs)])

@@ -1,130 +1,172 @@
-"""What a block data matrix offers to the realizations, whatever its domain."""
+"""What a block data matrix offers to factorizations, realizations and judges, whatever its domain."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NoReturn
 
 import numpy as np
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.operators import Operator
-from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
+from modalscope.blocks.shift import RowShift
+from modalscope.blocks.triple import Eigen, ModalFit, Triple
+from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
+from modalscope.model.response import Response
+from modalscope.model.statespace import StateSpace
 
-__all__ = ["DataMatrix", "Evolution", "RowShift"]
-
-Evolution = ComplexArray
+__all__ = ["DataMatrix", "Evolved"]
 
 
-@dataclass(frozen=True, eq=False)
-class RowShift:
-    """E0 and E1 with (E1 V) = (E0 V) A for the row factor V = [C g_0; C g_1; ...] of the matrix with one block row more.
-
-    In the time domain both select rows. On a polynomial basis E1 combines the block rows by the basis' recurrence
-    x p_k = sum_j h_jk p_j, so that E1 = h' (x) I.
+@dataclass(frozen=True, eq=False, slots=True)
+class Evolved:
+    """One factor of the data matrix in modal coordinates, beside what modes must give there: block k is the first times g_k.
 
     Parameters
     ----------
-    before, after : array of int, optional
-        Rows that E0 and E1 select.
-    recurrence : array, (degree + 1, degree), optional
-        h, when E1 combines.
-    block : int
-        Rows in a block.
-    weight : array, optional
-        Row weights that the factor still carries; they are removed first.
-    whole : bool
-        Whether every block row holds all `block` channels, as companion forms need.
+    blocks : array, (K, c, N)
+        Blocks of the factor.
+    states : array of complex, (N, k)
+        What takes the factor's states to modes.
+    first : array of complex, (c, k)
+        The block that starts the evolution.
+    evolution : array of complex, (K, k)
+        g_k.
+    seen : array of bool, (k,), optional
+        Modes of which something is left to compare; all when None.
     """
 
-    block: int
-    before: IntArray | None = None
-    after: IntArray | None = None
-    recurrence: RealArray | None = None
-    weight: RealArray | None = None
-    whole: bool = True
-
-    def unweighted(self, V: Array) -> RealArray:
-        """Return V without the row weights."""
-        return V if self.weight is None else V / self.weight[:, None]
-
-    def split(self, V: Array) -> tuple[RealArray, RealArray]:
-        """Return E0 V and E1 V."""
-        V = self.unweighted(V)
-        if self.recurrence is None:
-            assert self.before is not None
-            assert self.after is not None
-            return _rows(V, self.before), _rows(V, self.after)
-        h = self.recurrence
-        blocks = V.reshape(h.shape[0], self.block, -1)
-        combined = np.tensordot(h.T, blocks, axes=1).reshape(h.shape[1] * self.block, -1)
-        return V[: h.shape[1] * self.block], combined
+    blocks: Array
+    states: ComplexArray
+    first: ComplexArray
+    evolution: ComplexArray
+    seen: Array | None = None
 
 
-def _rows(V: Array, index: IntArray) -> RealArray:
-    """Select rows: a view when they are consecutive, as they are for whole blocks."""
-    first, last = int(index[0]), int(index[-1])
-    if last - first + 1 == index.size and np.array_equal(index, np.arange(first, last + 1)):
-        return V[first : last + 1]
-    return np.asarray(V[index])
-
-
-class DataMatrix(Protocol):
+class DataMatrix(ABC):
     """The object between the data and the factorizations.
 
-    `tall()` holds the rows of H(0) and of H(1) together; `row_shift` belongs to its factors. What the structure does not
-    allow is a DataError that says so.
+    H(0) and H(1) are given by `shifted`; `tall` holds the rows of both together, and `row_shift` belongs to its factors. What a
+    structure does not allow is None, or a DataError that says so.
     """
 
+    # ------------------------------------------------------------------------------------------------ the matrix itself
     @property
+    @abstractmethod
+    def judged(self) -> Response:
+        """The response that a model of this matrix is compared with."""
+
+    @property
+    @abstractmethod
     def outputs(self) -> int:
         """Outputs of the response (inputs, when it was transposed)."""
 
     @property
+    @abstractmethod
     def block_rows(self) -> int:
         """Blocks in a column of H(0)."""
 
-    def shifted(self, k: int) -> Operator:
-        """H(k), k = 0 or 1."""
-
-    def tall(self) -> Operator:
-        """H with one block row more than H(0)."""
-
-    @property
-    def row_shift(self) -> RowShift:
-        """E0 and E1."""
-
-    def first_rows(self, right: Array, k: int = 0) -> RealArray:
-        """The first block row of H(k), times X, in outputs: C = first_rows(Q d^-1/2), C A = first_rows(Q d^-1/2, 1)."""
-
-    def first_block_column(self, *, tall: bool = False) -> RealArray | None:
-        """H(0) E_m, or that of tall(), with the inputs themselves; None where columns are lines."""
-
-    def first_columns(self, factors: Factors) -> RealArray | None:
-        """X (m, k) such that B = d^1/2 X', as a rule the first rows of Q; None where columns are lines."""
-
-    def first_block(self, shapes: Array) -> Array:
-        """What the first block row of the factor V holds for given shapes (l, n): T_0 C, or C p_0 on polynomials."""
-
-    def row_blocks(self, P: Array) -> RealArray | None:
-        """A left factor (rows, k) by block rows, (blocks, channels, k); None where the blocks are not whole."""
+    @abstractmethod
+    def describe(self) -> str:
+        """What the matrix is, in words."""
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What a result made from this matrix must say."""
+        return ()
 
+    @property
+    def observable(self) -> DataMatrix:
+        """The matrix that is factored: this one, or in the controllable form that of the transposed response."""
+        return self
+
+    def shifted(self, k: int) -> Operator:
+        """H(k), k = 0 or 1."""
+        self._has_no(f"H({k})")
+
+    def tall(self) -> Operator:
+        """H with one block row more than H(0)."""
+        self._has_no("block row more")
+
+    @property
+    def row_shift(self) -> RowShift:
+        """E0 and E1."""
+        self._has_no("shift of its rows")
+
+    def first_rows(self, right: Array, k: int = 0) -> RealArray:
+        """The first block row of H(k), times X, in outputs: C = first_rows(Q d^-1/2), C A = first_rows(Q d^-1/2, 1)."""
+        self._has_no("first block row")
+
+    def first_block(self, shapes: Array) -> Array:
+        """What the first block row of the factor V holds for given shapes (l, n): T_0 C, or C p_0 on polynomials."""
+        return np.asarray(shapes)
+
+    def first_block_column(self, *, tall: bool = False) -> RealArray | None:
+        """H(0) E_m, or that of tall(), with the inputs themselves; None where columns are lines or times."""
+        return None
+
+    def first_columns(self, factors: Factors) -> RealArray | None:
+        """X (m, k) such that B = d^1/2 X', as a rule the first rows of Q; None where columns are lines or times."""
+        return None
+
+    def row_blocks(self, P: Array) -> RealArray | None:
+        """A left factor (rows, k) by block rows, (blocks, channels, k); None where the blocks are not whole."""
+        return None
+
+    def with_columns(self, factors: Factors) -> Factors:
+        """The factors with what the indicators need of the columns, where these are not Q itself."""
+        return factors
+
+    # ---------------------------------------------------------------------------------------------------- poles and modes
+    @abstractmethod
     def to_s(self, poles: Array) -> ComplexArray:
         """Continuous poles, rad/s."""
 
+    @abstractmethod
     def from_s(self, poles: Array) -> ComplexArray:
         """The matrix' own poles from continuous ones."""
 
     @property
+    @abstractmethod
     def dt(self) -> float | None:
         """Sampling interval of the identified system; None when it is continuous."""
 
-    def evolution(self, poles: Array, blocks: int) -> Evolution:
+    def evolution(self, poles: Array, blocks: int) -> ComplexArray:
         """How a mode runs down the block rows: (blocks, n) factors of its first block."""
+        self._has_no("block rows for a mode to run down")
 
-    def describe(self) -> str:
-        """What the matrix is, in words."""
+    @abstractmethod
+    def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
+        """Shapes and participation of the eigenvalues of a model: from C and B, or by least squares on the data."""
+
+    def model(self, triple: Triple) -> Triple:
+        """The model of the response, from that of the matrix that was factored."""
+        return triple
+
+    def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> tuple[Array, Array]:
+        """Data and model where the model was fitted: (measured, rebuilt)."""
+        return self.judged.values, self.judged.values_of(model)
+
+    # --------------------------------------------------------------------------------------------------------- indicators
+    def row_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> Evolved | None:
+        """The row factor V against c_j g_k; None when its blocks are not whole, or the states are the rows themselves."""
+        if model.factors is None:
+            return None
+        n = model.rank
+        blocks = self.row_blocks(model.factors.P[:, :n])
+        if blocks is None:
+            return None
+        states = model.factors.d[:n, None] ** model.power * eigen.vectors
+        return Evolved(blocks, states, self.first_block(fit.shapes), self.evolution(eigen.values, len(blocks)))
+
+    def column_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> Evolved | None:
+        """The column factor W against b_j h_k; None where blocks are not whole, and where columns are times of unknown states."""
+        return None
+
+    def _has_no(self, what: str) -> NoReturn:
+        raise DataError(
+            f"a realization that needs {what.removeprefix('a ')} was asked",
+            f"this data matrix has no {what}: {self.describe()}",
+            "Choose another method, see methods().",
+        )

@@ -11,13 +11,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.linalg as sla
 from numpy.lib.stride_tricks import sliding_window_view
 
-from modalscope.blocks.factor import Factors
-from modalscope.blocks.matrix import Evolution, RowShift
+from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.operators import DenseMatrix
+from modalscope.blocks.shift import RowShift
+from modalscope.blocks.sums import TriangleSum
+from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, check_count
+from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.labels import DofLike, indices_of
 from modalscope.model.poles import powers_of, to_continuous, to_discrete
 from modalscope.model.signals import Signals
@@ -33,6 +35,7 @@ def projection(
     references: Iterable[DofLike] | DofLike | None = None,
     block_rows: int = 10,
     block_columns: int = 10,
+    correlation: ImpulseResponse | None = None,
 ) -> Projection:
     """Project future outputs on past reference outputs: what data-driven stochastic subspace identification factors.
 
@@ -51,6 +54,8 @@ def projection(
         Outputs of the past; all by default.
     block_rows, block_columns : int
         Blocks of the future but one, and of the past.
+    correlation : ImpulseResponse, optional
+        Of the same records: what participation is fitted to and a model is compared with.
 
     Returns
     -------
@@ -83,7 +88,8 @@ def projection(
         )
     future, past = check_count("block_rows", block_rows), check_count("block_columns", block_columns)
     outputs, _ = signals.by_run()
-    made = Projection(outputs - outputs.mean(axis=1, keepdims=True), chosen, future, past, signals.sampling_rate)
+    centred = outputs - outputs.mean(axis=1, keepdims=True)
+    made = Projection(centred, chosen, future, past, signals.sampling_rate, correlation)
     if made.columns < made.rows:
         raise DataError(
             f"projection(block_rows={future}, block_columns={past}) of {outputs.shape[2]} outputs on {chosen.size} references was asked",
@@ -95,7 +101,7 @@ def projection(
 
 
 @dataclass(frozen=True, eq=False)
-class Projection:
+class Projection(DataMatrix):
     """Future outputs projected on past reference outputs (made by `projection`).
 
     Parameters
@@ -103,16 +109,34 @@ class Projection:
     values : array, (R, N, l)
         Runs without their means.
     references : array of int, (r,)
-    block_rows, block_columns : int
+    future_blocks, past_blocks : int
         Blocks of the future but one, and of the past.
     sampling_rate : float
+    correlation : ImpulseResponse, optional
     """
 
     values: RealArray
     references: IntArray
-    block_rows: int
-    block_columns: int
+    future_blocks: int
+    past_blocks: int
     sampling_rate: float
+    correlation: ImpulseResponse | None = None
+
+    @property
+    def judged(self) -> ImpulseResponse:
+        """The correlation of the records."""
+        if self.correlation is None:
+            raise DataError(
+                "modes of projected records were asked",
+                "their correlation is not there",
+                "Give projection(..., correlation=estimate_correlation(signals)).",
+            )
+        return self.correlation
+
+    @property
+    def block_rows(self) -> int:
+        """Blocks of the future but one."""
+        return self.future_blocks
 
     @property
     def outputs(self) -> int:
@@ -123,12 +147,12 @@ class Projection:
     def columns(self) -> int:
         """Times at which past and future lie within a run, over all runs."""
         runs, samples, _ = self.values.shape
-        return int(runs * max(samples - self.block_rows - self.block_columns, 0))
+        return int(runs * max(samples - self.block_rows - self.past_blocks, 0))
 
     @property
     def past(self) -> int:
         """Rows of the past, r p."""
-        return int(self.references.size * self.block_columns)
+        return int(self.references.size * self.past_blocks)
 
     @property
     def rows(self) -> int:
@@ -137,7 +161,7 @@ class Projection:
 
     def _chunks(self) -> Iterator[RealArray]:
         """Yield columns of [past; future] as rows, some at a time."""
-        p = self.block_columns
+        p = self.past_blocks
         for run in self.values:
             windows = sliding_window_view(run, p + self.block_rows + 1, axis=0)  # (columns, l, blocks)
             for start in range(0, len(windows), _CHUNK * self.rows):
@@ -149,11 +173,10 @@ class Projection:
     @cached_property
     def triangle(self) -> RealArray:
         """L21 (l (q + 1), r p): the projection times an orthonormal matrix, its exact stand-in, from runs and times in turn."""
-        R = np.zeros((0, self.rows))
+        total = TriangleSum(self.rows)
         for chunk in self._chunks():
-            R = np.asarray(sla.qr(np.vstack([R, chunk]), mode="r", overwrite_a=True, check_finite=False)[0])[
-                : self.rows
-            ]
+            total.add(chunk)
+        R = total.finish()
         return np.asarray(R[: self.past, self.past :].T / np.sqrt(self.columns), order="C")
 
     def tall(self) -> DenseMatrix:
@@ -174,26 +197,9 @@ class Projection:
         """Return the first block row of H(k), times X: C = first_rows(Q d^-1/2)."""
         return np.asarray(self.triangle[k * self.outputs : (k + 1) * self.outputs] @ right)
 
-    def first_block_column(self, *, tall: bool = False) -> None:
-        """None: the columns are times."""
-        return
-
-    def first_columns(self, factors: Factors) -> None:
-        """None: the columns are times; participation comes from least squares over the correlation of the record."""
-        return
-
-    def first_block(self, shapes: Array) -> Array:
-        """Return C itself: blocks are whole."""
-        return np.asarray(shapes)
-
     def row_blocks(self, P: Array) -> RealArray:
         """Return a left factor (rows, k) by block rows, (blocks, l, k)."""
         return np.asarray(P.reshape(-1, self.outputs, P.shape[1]))
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Nothing that a result made from this matrix must say."""
-        return ()
 
     def to_s(self, poles: Array) -> ComplexArray:
         """Continuous poles ln(z) fs, rad/s."""
@@ -208,13 +214,21 @@ class Projection:
         """Sampling interval, seconds."""
         return 1 / self.sampling_rate
 
-    def evolution(self, poles: Array, blocks: int) -> Evolution:
+    def evolution(self, poles: Array, blocks: int) -> ComplexArray:
         """Return z^k for blocks k = 0, 1, ...: how a mode runs down the rows."""
         return powers_of(poles, blocks)
+
+    def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
+        """Return shapes C X, and participation by least squares over the correlation of the records."""
+        shapes = np.asarray(model.C @ eigen.vectors)
+        response = self.judged
+        participation, _ = response.basis(self.to_s(eigen.values)).fit_participation(shapes)
+        known = response.feedthrough
+        return ModalFit(shapes, participation, (0 * response.values[0] if known is None else known)[None])
 
     def describe(self) -> str:
         """Say what the matrix is, in words."""
         return (
-            f"{self.block_rows + 1} future blocks of {self.outputs} outputs projected on {self.block_columns} past blocks "
+            f"{self.block_rows + 1} future blocks of {self.outputs} outputs projected on {self.past_blocks} past blocks "
             f"of {self.references.size} references, over {self.columns} times"
         )

@@ -15,13 +15,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.blocks.lines import LineMatrix, kept_block_rows, real_columns
-from modalscope.blocks.matrix import Evolution, RowShift
+from modalscope.blocks.shift import RowShift
+from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.blocks.windows import is_full_grid, shifted_transfer, window_lines, window_sum
 from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, check_count
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.modal_basis import stacked_basis
 from modalscope.model.poles import to_continuous, to_discrete
 from modalscope.model.response import Response
+from modalscope.model.statespace import StateSpace
 
 __all__ = ["Shifted", "shifted"]
 
@@ -100,6 +103,7 @@ def _samples_of(response: Response) -> tuple[RealArray, float]:
                 "Use source='elimination', which takes any lines.",
             )
         return response.to_impulse_response().values, float(response.sampling_rate or 0)
+    assert isinstance(response, ImpulseResponse)
     return response.values, response.sampling_rate
 
 
@@ -117,6 +121,11 @@ class Shifted(LineMatrix):
     interval: float
     degree: int
     row_shifts: tuple[int, ...] | None = None
+
+    @property
+    def judged(self) -> Response:
+        """The samples, or the lines that they were made of."""
+        return self.response
 
     @property
     def block_rows(self) -> int:
@@ -151,8 +160,7 @@ class Shifted(LineMatrix):
 
     def residue_scale(self, poles: Array) -> ComplexArray:
         """Participation at the first sample for that at the impulse: z^(steps between them), (k,)."""
-        late = self.response.first_sample if isinstance(self.response, ImpulseResponse) else 0
-        power = np.asarray(poles, dtype=complex) ** late
+        power = np.asarray(poles, dtype=complex) ** self.response.steps_late
         if isinstance(self.response, FrequencyResponse):  # periodised: B' = (I - A^M)^-1 B
             power = power / (1 - np.asarray(poles) ** (len(self.samples) + 1))
         return power
@@ -172,10 +180,6 @@ class Shifted(LineMatrix):
         """Return (first block row of H(k)) X."""
         return np.asarray(self.triangle[k * self.outputs : (k + 1) * self.outputs] @ right)
 
-    def first_block(self, shapes: Array) -> Array:
-        """Return C for shapes C."""
-        return np.asarray(shapes)
-
     def to_s(self, poles: Array) -> ComplexArray:
         """Continuous poles, rad/s."""
         return to_continuous(poles, self.interval)
@@ -189,7 +193,7 @@ class Shifted(LineMatrix):
         """Sampling interval."""
         return self.interval
 
-    def evolution(self, poles: Array, blocks: int) -> Evolution:
+    def evolution(self, poles: Array, blocks: int) -> ComplexArray:
         """Return z^k."""
         return np.asarray(poles)[None, :] ** self.block_indices(blocks)[:, None]
 
@@ -200,6 +204,33 @@ class Shifted(LineMatrix):
     def window_functions(self, poles: Array) -> ComplexArray:
         """Return sum_(k < K) (z_j / z_i)^k, (F, k): what a mode contributes to Y_0."""
         return window_sum(poles, self.points, self.window)
+
+    def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
+        """Return shapes C X; participation by least squares over the lines of the window, or over those that were measured."""
+        shapes = np.asarray(model.C @ eigen.vectors)
+        if isinstance(self.response, FrequencyResponse):
+            basis = self.response.basis(self.to_s(eigen.values))
+            participation, terms = basis.fit_participation(shapes)
+            return ModalFit(shapes, participation, terms, reach=basis.reach)
+        z = eigen.values
+        functions, mirrored = self.window_functions(z), self.window_functions(z.conj())
+        nothing = np.zeros((len(functions), 0))
+        window = stacked_basis(
+            functions, mirrored, z.imag == 0, nothing, self.transformed(self.samples), self.line_weights
+        )
+        participation = window.fit_participation(shapes)[0]
+        late = self.response.steps_late
+        if late:
+            participation = participation / z[:, None] ** late
+        known = self.response.feedthrough if isinstance(self.response, ImpulseResponse) else None
+        return ModalFit(shapes, participation, (np.zeros(self.samples.shape[1:]) if known is None else known)[None])
+
+    def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> tuple[Array, Array]:
+        """Return data and model on the lines of the window; where lines were measured, on those."""
+        measured, rebuilt = super().compared(model, poles, fit)
+        if isinstance(self.response, FrequencyResponse):
+            return measured, rebuilt
+        return self.transformed(measured), self.transformed(rebuilt)
 
     def describe(self) -> str:
         """Say what the matrix is, in words."""

@@ -63,6 +63,16 @@ class Side:
             weights=None if self.weights is None else np.concatenate([self.weights, self.weights[last]]),
         )
 
+    def words(self) -> list[str]:
+        """What was done to the side, in words."""
+        done = (
+            ("chosen", not self.whole),
+            ("combined or weighted within blocks", self.within is not None),
+            ("weighted", self.weights is not None),
+            ("compressed", self.over is not None),
+        )
+        return [what for what, there in done if there]
+
     def apply(self, rows: Array) -> RealArray:
         """Return rows of the matrix weighted and combined."""
         weighted = rows if self.weights is None else rows * self.weights[:, None]

@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.blocks.lines import LineMatrix, kept_block_rows, real_columns
-from modalscope.blocks.matrix import Evolution, RowShift
 from modalscope.blocks.plane import Plane, plane_of
 from modalscope.blocks.polynomials import basis_on, evaluate, remainders
+from modalscope.blocks.shift import RowShift
+from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.channels import derivatives_between, known_quantity
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_count, real_array
 from modalscope.model.frequency import FrequencyResponse
@@ -156,6 +157,11 @@ class Transfer(LineMatrix):
     row_shifts: tuple[int, ...] | None = None
 
     @property
+    def judged(self) -> FrequencyResponse:
+        """The lines themselves."""
+        return self.response
+
+    @property
     def block_rows(self) -> int:
         """Blocks in a column of H(0), which is the degree q."""
         return int(self.recurrence.shape[1])
@@ -250,6 +256,13 @@ class Transfer(LineMatrix):
         c = np.einsum("kn,kln->ln", p.conj(), blocks) / np.sum(np.abs(p) ** 2, axis=0) / size
         return np.asarray(self.output_scale[:, None] * c)
 
+    def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
+        """Return shapes from all block rows; participation and direct term by least squares over the lines."""
+        shapes = self.shapes(model.row_states(eigen.vectors), eigen.values)
+        basis = self.response.basis(self.to_s(eigen.values), weights=self.weights)
+        participation, terms = basis.fit_participation(shapes)
+        return ModalFit(shapes, participation, terms, reach=basis.reach)
+
     def to_s(self, poles: Array) -> ComplexArray:
         """Continuous poles, rad/s."""
         return self.plane.to_s(poles)
@@ -263,7 +276,7 @@ class Transfer(LineMatrix):
         """Sampling interval of the identified system; None in the s-domain and under the bilinear map."""
         return self.plane.dt
 
-    def evolution(self, poles: Array, blocks: int) -> Evolution:
+    def evolution(self, poles: Array, blocks: int) -> ComplexArray:
         """Return p_k(x) / p_0 at the poles."""
         return evaluate(self.recurrence, 1.0, poles)[self.block_indices(blocks)]
 

@@ -1,4 +1,4 @@
-"""What the commands share: files and ranges as users write them."""
+"""Files and ranges as users write them."""
 
 from __future__ import annotations
 
@@ -6,22 +6,19 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from modalscope.model.checks import DataError
+from modalscope.io import read
+from modalscope.model import DataError, ModalModel
 
-__all__ = ["left_out", "parse_orders", "read_data", "read_responses", "reading_options"]
+__all__ = ["parse_orders", "read_data", "read_responses", "reading_options"]
 
 
 def read_data(options: argparse.Namespace, path: Path) -> Any:
     """Read a file with the options given on the command line."""
-    from modalscope.io import read
-
     return read(path, **reading_options(options))
 
 
 def read_responses(options: argparse.Namespace, asked: str) -> Any:
     """Read a file of responses or records; one that holds modes already is refused."""
-    from modalscope.model import ModalModel
-
     data = read_data(options, options.file)
     if isinstance(data, ModalModel):
         raise DataError(
@@ -40,15 +37,6 @@ def reading_options(options: argparse.Namespace) -> dict[str, Any]:
         if items:
             given[name] = _pairs(name, items, example)
     return given
-
-
-def left_out(path: Path, thing: Any) -> str:
-    """Say what a format cannot hold of modes; nothing for other things and formats."""
-    from modalscope.model import ModalModel
-
-    if not isinstance(thing, ModalModel) or path.suffix.lower() not in (".uff", ".unv"):
-        return ""
-    return "\nuniversal files hold poles and shapes: participation, spreads, indicators and reasons are left out (.json keeps them)"
 
 
 def _pairs(name: str, items: list[str], example: str) -> dict[str, str]:

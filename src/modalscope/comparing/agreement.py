@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from modalscope.comparing.kinship import Kinship
 from modalscope.comparing.run import MethodResult
 from modalscope.modal.indicators import mac
 from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.pairing import assign
 from modalscope.model.poles import poles_from
 from modalscope.model.robust import scatter
 
@@ -166,7 +166,7 @@ def _placed(flat: _Flat, new: Array, groups: list[list[int]]) -> list[list[int]]
         shapes = np.array([flat.shape[_central(flat, g)] for g in groups])
         cost = _cost(flat, new, f, zeta, shapes)
         never = 1e6
-        for a, b in zip(*linear_sum_assignment(np.where(np.isfinite(cost), cost, never)), strict=True):
+        for a, b in zip(*assign(np.where(np.isfinite(cost), cost, never)), strict=True):
             if np.isfinite(cost[a, b]):
                 groups[b].append(int(new[a]))
                 taken.add(int(new[a]))

@@ -16,7 +16,6 @@ from __future__ import annotations
 import numpy as np
 
 from modalscope.comparing.causes import Cause
-from modalscope.comparing.questions import basis_of
 from modalscope.identification.prepare import Data
 from modalscope.model.checks import Array
 from modalscope.model.response import Response
@@ -96,7 +95,7 @@ def _turned_alone(response: Response, poles: Array) -> list[Cause]:
 
 def _free_residues(response: Response, poles: Array) -> Array:
     """Return residues (n, l, m) of every channel by least squares, not tied to a shape."""
-    basis = basis_of(response, poles)
+    basis = response.basis(poles)
     columns = np.hstack([basis.terms, basis.functions])
     scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     rows, outputs, inputs = basis.data.shape

@@ -19,10 +19,12 @@ from modalscope.comparing.result import Comparison
 from modalscope.comparing.run import MethodResult, Progress, run
 from modalscope.comparing.scatter import noise_floor, stated
 from modalscope.comparing.verdict import judge, words
-from modalscope.identification.prepare import Data, prepare
-from modalscope.modal.basis import fit_error
+from modalscope.identification.prepare import Data, measure
 from modalscope.modal.explained import explained, explains_enough
-from modalscope.modal.rebuilt import fitted_terms, rebuilt
+from modalscope.modal.rebuilt import fit_error, fitted_terms, rebuilt
+from modalscope.model.checks import check_kind
+from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.labels import DofLike
 from modalscope.model.modes import ModalModel
 from modalscope.model.response import Response, is_held, window_damping
@@ -89,17 +91,18 @@ def compare(
     """
     if exclude is not None:
         data = data.select(exclude=exclude)
+    check_kind("compare", data, (FrequencyResponse, ImpulseResponse, Signals))
     data, findings = without_dead(data)
-    _, response, in_band, notes = prepare(data, None, None, band)
-    records = data if isinstance(data, Signals) and in_band is not None else None
-    cells, more = plan(response, methods, orders, records=records is not None)
-    results = run(response, cells, records=records, band=band, progress=progress, workers=workers, **options)
+    measured = measure(data, band)
+    response = measured.response
+    cells, more = plan(response, methods, orders, records=measured.records is not None)
+    results = run(measured, cells, progress=progress, workers=workers, **options)
     judged = _judged(response, results, findings, _duration(data))
     return Comparison(
         response=response,
         results=results,
         settings=_settings(methods, orders, band, exclude, options),
-        notes=(*notes, *more, *_equals(judged["kinship"])),
+        notes=(*measured.notes, *more, *_equals(judged["kinship"])),
         **judged,
     )
 

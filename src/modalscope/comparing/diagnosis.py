@@ -31,7 +31,6 @@ import numpy as np
 
 from modalscope.comparing.agreement import Group
 from modalscope.comparing.causes import Cause, Disagreement
-from modalscope.comparing.questions import lines_of, spans_blocks, transformed_to
 from modalscope.comparing.run import MethodResult
 from modalscope.judging.evidence import LEAST_PEAK, LEAST_SIGNAL
 from modalscope.model.diagram import StabilizationDiagram
@@ -122,7 +121,7 @@ def _weak(case: _Case) -> Cause | None:
 
 
 def _edge(case: _Case) -> Cause | None:
-    g, f = case.group, lines_of(case.response)
+    g, f = case.group, case.response.grid
     if f is None:
         return None
     away = min(g.frequency - f[0], f[-1] - g.frequency)
@@ -135,7 +134,7 @@ def _edge(case: _Case) -> Cause | None:
 
 
 def _lines(case: _Case) -> Cause | None:
-    f = lines_of(case.response)
+    f = case.response.grid
     if f is None or f.size < 2:
         return None
     step = float(np.median(np.diff(f)))
@@ -148,11 +147,11 @@ def _lines(case: _Case) -> Cause | None:
 def _blocks(case: _Case) -> Cause | None:
     spans = []
     for r in case.results:
-        if r.diagram is None or not r.exact or not spans_blocks(r.method):
+        if r.diagram is None or not r.exact:
             continue
-        rows = r.diagram.settings.get("block_rows")
-        if isinstance(rows, int) and r.diagram.dt is not None:
-            spans.append((rows * r.diagram.dt, rows))
+        span = r.method.rows_span(r.diagram.settings, r.diagram.dt)
+        if span is not None:
+            spans.append((span, r.diagram.settings["block_rows"]))
     if not spans or min(spans)[0] * case.group.frequency >= 1:
         return None
     return Cause(
@@ -167,7 +166,8 @@ def _transformed(case: _Case) -> Cause | None:
     if not set(case.differing) <= carried:
         return None
     return Cause(
-        "transformed data", f"only methods differ whose data were transformed to {transformed_to(case.response)}"
+        "transformed data",
+        "only methods differ whose data were transformed to " + ("lines" if case.response.grid is None else "samples"),
     )
 
 

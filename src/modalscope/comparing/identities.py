@@ -12,11 +12,13 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg as sla
-from scipy.optimize import linear_sum_assignment
 
-from modalscope.comparing.questions import domains_of, lines_of
-from modalscope.identification.pipeline import build
+from modalscope.identification.method import DOMAINS
+from modalscope.identification.pipeline import Pipeline, factor
+from modalscope.identification.prepare import prepare
+from modalscope.identification.table import find_method
 from modalscope.model.checks import Array, DataError
+from modalscope.model.pairing import assign
 from modalscope.model.response import Response
 from modalscope.realizations.balanced import projected_general
 
@@ -62,11 +64,21 @@ def check_identities(response: Response, order: int) -> tuple[Identity, ...]:
     order : int
         Rank of the truncation; lowered where small data matrices carry less.
     """
-    checks = [c for domain in domains_of(response) for c in _checks(domain)]
+    rows = [find_method("era", domain, domain) for domain in DOMAINS]
+    suited = [
+        m.domain
+        for m in rows
+        if not m.refusal(response, False) and not m.reservation(response) and m.exact_on(response)
+    ]
+    checks = [c for domain in suited for c in _checks(domain)]
     return tuple(_checked(response, max(order, 2), *c) for c in checks)
 
 
 _Check = Callable[[Response, str, int], float]
+
+
+def _built(response: Response, method: str, domain: str, order: int, **options: Any) -> Pipeline:
+    return factor(prepare(response, method, domain, **options), order)
 
 
 def _checks(domain: str) -> list[tuple[str, str, str, _Check]]:
@@ -106,13 +118,13 @@ def pole_residual(a: Array, b: Array) -> float:
     """
     s, t = np.asarray(a, complex), np.asarray(b, complex)
     apart = np.abs(s[:, None] - t)
-    rows, columns = linear_sum_assignment(apart)
+    rows, columns = assign(apart)
     return float(apart[rows, columns].max() / np.abs(t).max())
 
 
 def _sizes(response: Response, domain: str) -> dict[str, Any]:
     count, outputs = response.values.shape[:2]
-    if lines_of(response) is not None:
+    if response.grid is not None:
         return {"block_rows": max(min(_DEGREE, 240 // outputs), 4)}
     rows = min(_ROWS, count // 3)
     return {"block_rows": rows, "block_columns": min(_COLUMNS, count - rows - 1)}
@@ -120,9 +132,7 @@ def _sizes(response: Response, domain: str) -> dict[str, Any]:
 
 def _era_and_least_squares(response: Response, domain: str, order: int) -> float:
     sizes = _sizes(response, domain)
-    era, squares = (
-        build(response, method=name, domain=domain, order=order, **sizes) for name in ("era", "least_squares")
-    )
+    era, squares = (_built(response, name, domain, order, **sizes) for name in ("era", "least_squares"))
     n = min(order, era.factors.rank)
     return pole_residual(np.linalg.eigvals(squares.triple(n).A), np.linalg.eigvals(era.triple(n).A))
 
@@ -130,12 +140,10 @@ def _era_and_least_squares(response: Response, domain: str, order: int) -> float
 def _alternate_and_polyreference(response: Response, domain: str, order: int) -> float:
     sizes, form = _sizes(response, domain), "observable" if domain == "time" else None
     shift, companion = (
-        build(response, method=name, domain=domain, order=order, form=form, **sizes)
-        for name in ("alternate", "polyreference")
+        _built(response, name, domain, order, form=form, **sizes) for name in ("alternate", "polyreference")
     )
     n = min(order, shift.factors.rank)
-    matrix: Any = companion.matrix
-    V = matrix.row_shift.split(companion.factors.P[:, :n])[0]
+    V = companion.matrix.row_shift.split(companion.factors.P[:, :n])[0]
     reduced = np.linalg.lstsq(V, companion.triple(n).A @ V, rcond=None)[0]
     return pole_residual(np.linalg.eigvals(reduced), np.linalg.eigvals(shift.triple(n).A))
 
@@ -143,8 +151,7 @@ def _alternate_and_polyreference(response: Response, domain: str, order: int) ->
 def _dual(response: Response, domain: str, order: int) -> float:
     sizes = _sizes(response, domain)
     plain, turned = (
-        build(response, method="era", domain=domain, order=order, form=form, **sizes)
-        for form in ("observable", "controllable")
+        _built(response, "era", domain, order, form=form, **sizes) for form in ("observable", "controllable")
     )
     n = min(order, plain.factors.rank)
     return pole_residual(np.linalg.eigvals(turned.triple(n).A), np.linalg.eigvals(plain.triple(n).A))
@@ -152,14 +159,13 @@ def _dual(response: Response, domain: str, order: int) -> float:
 
 def _factorization(response: Response, domain: str, order: int) -> float:
     """Mix the singular vectors by a triangular matrix, which leaves H(0)_n = F G but neither F nor G orthonormal."""
-    pipeline = build(response, method="era", domain=domain, order=order, **_sizes(response, domain))
+    pipeline = _built(response, "era", domain, order, **_sizes(response, domain))
     n = min(order, pipeline.factors.rank)
     P, d, Q = pipeline.factors.P[:, :n], pipeline.factors.d[:n], pipeline.factors.Q[:, :n]
     mix = np.eye(n) + np.triu(np.full((n, n), 0.1), 1)
     other = Q * d @ np.linalg.inv(mix).T
     l, m = response.values.shape[1:]
-    matrix: Any = pipeline.matrix
-    shifted = matrix.shifted(1).dense()
+    shifted = pipeline.matrix.shifted(1).dense()
     mixed = projected_general(P @ mix, np.ones(n), other, shifted, np.arange(l), np.arange(m))
     return pole_residual(np.linalg.eigvals(mixed.A), np.linalg.eigvals(pipeline.triple(n).A))
 
@@ -170,10 +176,9 @@ def _prce(response: Response, domain: str, order: int) -> float:
     degree = max(min(-(-order // inputs), 12), 1)
     sizes = _sizes(response, domain)
     sizes["block_columns"] = degree
-    sizes["block_rows"] = min(10 * _ROWS, response.values.shape[0] - degree - 1)
-    companion = build(response, method="prce", domain=domain, order=degree * inputs, form="controllable", **sizes)
-    matrix: Any = companion.matrix
-    M = matrix.tall().dense()
+    sizes["block_rows"] = min(10 * _ROWS, response.count - degree - 1)
+    companion = _built(response, "prce", domain, degree * inputs, form="controllable", **sizes)
+    M = companion.matrix.observable.tall().dense()
     known, target = M[: degree * inputs], M[inputs : (degree + 1) * inputs]
     A = sla.lstsq(known.T, target.T)[0].T
     return pole_residual(np.linalg.eigvals(A), np.linalg.eigvals(companion.triple(degree * inputs).A))

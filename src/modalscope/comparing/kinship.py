@@ -7,17 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as sla
-from scipy.optimize import linear_sum_assignment
 
-from modalscope.comparing.labels import label_of
-from modalscope.comparing.questions import states_per_order
 from modalscope.comparing.run import MethodResult
-from modalscope.identification.table import Method
+from modalscope.identification.method import Method
 from modalscope.judging.evidence import oscillations
 from modalscope.judging.tracking import Poles
 from modalscope.modal.sufficient import sufficient_order
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.modes import ModalModel
+from modalscope.model.pairing import assign
 
 __all__ = ["Kinship", "kinship", "pole_distance", "subspace_angle"]
 
@@ -61,7 +59,7 @@ class Kinship:
     @property
     def labels(self) -> tuple[str, ...]:
         """What the literature calls the methods."""
-        return tuple(label_of(m) for m in self.methods) or self.names
+        return tuple(m.label for m in self.methods) or self.names
 
     @property
     def equals(self) -> tuple[tuple[str, ...], ...]:
@@ -111,7 +109,8 @@ def _orders_to_compare(a: MethodResult, b: MethodResult, order: int) -> tuple[in
 
 
 def _states(result: MethodResult) -> int:
-    return 1 if result.diagram is None else states_per_order(result.method, result.diagram.participation.shape[1])
+    """States an order: one, or as many as inputs where the order is a degree."""
+    return 1 if result.diagram is None else result.method.orders.states_each(result.diagram.response)
 
 
 def _poles(poles: Poles, order: int) -> tuple[ComplexArray, RealArray]:
@@ -140,7 +139,7 @@ def pole_distance(a: tuple[ComplexArray, RealArray], b: tuple[ComplexArray, Real
     half = np.maximum(np.abs(s.real)[:, None], np.abs(t.real))
     apart = np.minimum(np.abs(s[:, None] - t) / np.maximum(half, 1e-300), 1.0)
     weight = (v[:, None] + w) / 2
-    rows, columns = linear_sum_assignment(weight * (apart - 1))
+    rows, columns = assign(weight * (apart - 1))
     paired = weight[rows, columns]
     # what stands alone counts in full: the shares of both sides sum to one
     return float(np.clip(1 - np.sum(paired * (1 - apart[rows, columns])), 0, 1))

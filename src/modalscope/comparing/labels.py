@@ -6,10 +6,11 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 from typing import Protocol, TypeVar
 
-from modalscope.identification.table import Method, methods
+from modalscope.identification.method import Method
+from modalscope.identification.table import methods
 from modalscope.model.checks import DataError
 
-__all__ = ["cell_label", "find_by_name", "label_of"]
+__all__ = ["cell_label", "find_by_name"]
 
 
 class _HasMethod(Protocol):
@@ -20,23 +21,9 @@ class _HasMethod(Protocol):
 T = TypeVar("T", bound=_HasMethod)
 
 
-def label_of(method: Method) -> str:
-    """Return what the literature calls a method, and its name in the table in brackets where that is another word.
-
-    Examples
-    --------
-    >>> [label_of(m) for m in methods() if m.domain == "time"][:3]
-    ['ERA', 'polyreference', 'SSI-cov (alternate)']
-    """
-    common = method.known_as[0].partition(" on ")[0]
-    if method.domain != "s":  # "..., continuous" tells s from z
-        common = common.partition(",")[0]
-    return common if _plain(method.name) in _plain(common) else f"{common} ({method.name})"
-
-
 def cell_label(name: str, domain: str) -> str:
     """Return the label of a row and a domain; of what the table has not, the two as they stand."""
-    return next((label_of(m) for m in methods() if (m.name, m.domain) == (name, domain)), f"{name} ({domain})")
+    return next((m.label for m in methods() if (m.name, m.domain) == (name, domain)), f"{name} ({domain})")
 
 
 def find_by_name(results: Iterable[T], name: str | tuple[str, str]) -> T:
@@ -57,7 +44,7 @@ def find_by_name(results: Iterable[T], name: str | tuple[str, str]) -> T:
     there = [str(r.method) for r in found or known]
     if found:
         raise DataError(f"the result of {asked!r} was asked", f"that is {' and '.join(there)}", "Name one of these.")
-    spelt = {_plain(word): word for r in known for word in (str(r.method), label_of(r.method))}
+    spelt = {_plain(word): word for r in known for word in (str(r.method), r.method.label)}
     near = get_close_matches(wanted, spelt, n=1, cutoff=0.5)
     hint = f"Did you mean {spelt[near[0]]!r}? " if near else ""
     raise DataError(
@@ -66,8 +53,8 @@ def find_by_name(results: Iterable[T], name: str | tuple[str, str]) -> T:
 
 
 def _names(method: Method) -> set[str]:
-    words = (method.name, label_of(method), *method.known_as)
-    return {_plain(word.partition(" on ")[0].partition(" with ")[0]) for word in words} | {_plain(label_of(method))}
+    words = (method.name, method.label, method.common, *method.known_as, *method.aliases)
+    return {_plain(word.partition(" on ")[0].partition(" with ")[0]) for word in words} | {_plain(method.label)}
 
 
 def _plain(text: str) -> str:

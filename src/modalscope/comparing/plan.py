@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from modalscope.comparing.questions import default_orders, exact_on, method_orders, unsuited
-from modalscope.identification.table import DOMAINS, Method, find_method, methods
+from modalscope.identification.method import DOMAINS, Method
+from modalscope.identification.orders import STATES, checked_orders
+from modalscope.identification.table import find_method, methods
 from modalscope.model.checks import DataError, check_choice
 from modalscope.model.response import Response
 
@@ -54,53 +55,43 @@ def plan(
     DataError
         An unknown name, or no method at all.
     """
-    notes: list[str] = []
+    out: dict[str, list[str]] = {}
     found: list[Method] = []
     if isinstance(wanted, str) and wanted != "all":
         wanted = [wanted]
     if isinstance(wanted, str):
-        found = [m for m in methods() if _allowed(m, response, notes, records)]
+        found = [m for m in methods() if _allowed(m, response, out, records)]
     else:
         for item in wanted:
-            found += [m for m in _named(item, response, notes, records) if m not in found]
+            found += [m for m in _named(item, response, out, records) if m not in found]
+    notes = tuple(f"{', '.join(dict.fromkeys(names))} left out: {why}" for why, names in out.items())
     if not found:
         raise DataError(
             "a comparison was asked", notes[0] if notes else "no method was named", 'Name methods, or methods="all".'
         )
-    asked = _orders(response, orders)
-    return tuple(_cell(m, response, asked) for m in found), tuple(dict.fromkeys(notes))
+    asked = STATES.ladder(response) if orders is None else checked_orders(orders)
+    return tuple(_cell(m, response, asked) for m in found), notes
 
 
-def _orders(response: Response, orders: Iterable[int] | None) -> tuple[int, ...]:
-    if orders is None:
-        return default_orders(response)
-    asked = tuple(sorted({int(n) for n in orders}))
-    if not asked or asked[0] < 1:
-        raise DataError(
-            "orders of at least 1 were asked",
-            f"they are {list(asked)[:5]}",
-            "Give for instance range(2, 61, 2) or 2:60:2.",
-        )
-    return asked
-
-
-def _named(item: Any, response: Response, notes: list[str], records: bool) -> list[Method]:
+def _named(item: Any, response: Response, out: dict[str, list[str]], records: bool) -> list[Method]:
     if isinstance(item, Method):
         return [item]
     name, _, domain = item.partition("/") if isinstance(item, str) else (item[0], "", item[1])
     if domain:
         return [find_method(name, check_choice("domain", domain, DOMAINS), domain)]
     row = find_method(name, None, "time").name  # an unknown name is an error
-    return [m for m in methods() if m.name == row and _allowed(m, response, notes, records)]
+    return [m for m in methods() if m.name == row and _allowed(m, response, out, records)]
 
 
-def _allowed(method: Method, response: Response, notes: list[str], records: bool) -> bool:
-    """Whether the data suit a method; why not is noted."""
-    reason = unsuited(method, response, records)
-    notes += [] if reason is None else [reason]
-    return reason is None
+def _allowed(method: Method, response: Response, out: dict[str, list[str]], records: bool) -> bool:
+    """Whether the data suit a cell; what does not is noted."""
+    refusal = method.refusal(response, records)
+    why = refusal.reason if refusal else method.reservation(response)
+    if why:
+        out.setdefault(why, []).append(str(method))
+    return not why
 
 
-def _cell(method: Method, response: Response, asked: tuple[int, ...]) -> Cell:
-    orders, sizes = method_orders(method, response, asked)
-    return Cell(method, orders, dict(sizes), exact_on(method, response))
+def _cell(method: Method, response: Response, asked: Sequence[int]) -> Cell:
+    orders, options = method.orders.compared(asked, response)
+    return Cell(method, orders, options, method.exact_on(response))

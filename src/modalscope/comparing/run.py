@@ -10,18 +10,15 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import Any
 
-from modalscope.comparing.labels import label_of
 from modalscope.comparing.plan import Cell
-from modalscope.identification.prepare import Data
-from modalscope.identification.table import Method
+from modalscope.identification.method import Method
+from modalscope.identification.prepare import Measured, pose
 from modalscope.judging.select import select
-from modalscope.judging.stabilize import stabilize
+from modalscope.judging.stabilize import stabilized
 from modalscope.modal.rebuilt import fit_of
 from modalscope.model.checks import DataError
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.modes import ModalModel
-from modalscope.model.response import Response
-from modalscope.model.signals import Signals
 
 __all__ = ["MethodResult", "Progress", "run"]
 
@@ -64,7 +61,7 @@ class MethodResult:
     @property
     def label(self) -> str:
         """What the literature calls the method, for tables and pictures."""
-        return label_of(self.method)
+        return self.method.label
 
 
 class _Count:
@@ -82,25 +79,20 @@ class _Count:
 
 
 def run(
-    response: Response,
+    measured: Measured,
     cells: Sequence[Cell],
     *,
-    records: Signals | None = None,
-    band: tuple[float, float] | None = None,
     progress: Progress | None = None,
     workers: int | None = None,
     **options: Any,
 ) -> tuple[MethodResult, ...]:
-    """Run every cell on a response; what one of them cannot do is its row, and the others go on.
+    """Run every cell on what was measured; what one of them cannot do is its row, and the others go on.
 
     Parameters
     ----------
-    response : FrequencyResponse or ImpulseResponse
+    measured : Measured
+        The response, and the records behind it where there are any: prepared once, for all methods.
     cells : sequence of Cell
-    records : Signals, optional
-        What methods on records take instead of the response.
-    band : (float, float), optional
-        Of `stabilize`.
     progress : callable, optional
         Called with (orders done, orders in all), over all methods.
     workers : int, optional
@@ -112,8 +104,7 @@ def run(
 
     def one(index: int) -> MethodResult:
         cell = cells[index]
-        own = records if cell.method.on_records and records is not None else response
-        found = _one(own, cell, band, lambda done, _: count.report(index, done), options)
+        found = _one(measured, cell, lambda done, _: count.report(index, done), options)
         count.report(index, len(cell.orders))
         return found
 
@@ -124,27 +115,18 @@ def run(
         return tuple(pool.map(one, range(len(cells))))
 
 
-def _one(
-    data: Data, cell: Cell, band: tuple[float, float] | None, progress: Progress, options: dict[str, Any]
-) -> MethodResult:
+def _one(measured: Measured, cell: Cell, progress: Progress, options: dict[str, Any]) -> MethodResult:
     started = time.perf_counter()
     method = cell.method
     try:
-        diagram = stabilize(
-            data,
-            method=method.name,
-            domain=method.domain,
-            orders=cell.orders,
-            progress=progress,
-            band=band,
-            **{**cell.options, **options},
-        )
+        problem = pose(measured, method, {**cell.options, **options})
+        diagram = stabilized(problem, list(cell.orders), progress=progress)
         modes = select(diagram)
         error = fit_of(modes, diagram.response)
-    except DataError as problem:
-        failure = " ".join(str(problem).split())
-    except (ValueError, ArithmeticError, MemoryError) as problem:  # numpy's own: no convergence, no memory
-        failure = f"{type(problem).__name__}: {' '.join(str(problem).split())}"
+    except DataError as trouble:
+        failure = " ".join(str(trouble).split())
+    except (ValueError, ArithmeticError, MemoryError) as trouble:  # numpy's own: no convergence, no memory
+        failure = f"{type(trouble).__name__}: {' '.join(str(trouble).split())}"
     else:
         return MethodResult(
             method=method,

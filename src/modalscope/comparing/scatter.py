@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from modalscope.comparing.agreement import Group
-from modalscope.comparing.questions import basis_of, derivatives, is_correlation
 from modalscope.model.checks import Array, RealArray
 from modalscope.model.modes import ModalModel
 from modalscope.model.response import Response, window_damping
@@ -82,7 +81,7 @@ def noise_floor(
         Length in seconds of the ambient record behind correlations.
     """
     n = len(modes)
-    if is_correlation(response):
+    if response.origin == "correlation":
         f, zeta = modes.frequencies, modes.damping_ratios
         if cycles is None or not n:
             return np.full(n, np.nan), np.full(n, np.nan)
@@ -116,10 +115,10 @@ def _information(response: Response, modes: ModalModel, rebuilt: Array) -> RealA
     the functions e1, e2 of the squared pole; sum_c S_c' E'(I - Q Q')E S_c / variance_c, Q spanning what residues can explain.
     """
     poles = modes.poles - window_damping(response)
-    basis = basis_of(response, poles)
+    basis = response.basis(poles)
     linear = np.hstack([basis.terms, basis.functions])
     Q = np.linalg.qr(linear / np.maximum(np.linalg.norm(linear, axis=0), 1e-300))[0]
-    E = derivatives(response, poles)
+    E = response.derivatives(poles)
     E = E - Q @ (Q.T @ E)
     gram = E.T @ E
     rows, unknown = E.shape[0], Q.shape[1]

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modalscope.modal.indicators import mac, mpc
-from modalscope.model.channels import QUANTITIES, known_quantity
+from modalscope.modal.indicators import mac, mmif, mpc
+from modalscope.model.channels import QUANTITIES
 from modalscope.model.checks import (
     Array,
     ComplexArray,
@@ -25,7 +25,7 @@ from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.modes import ModalModel
 from modalscope.model.poles import poles_from
 
-__all__ = ["Dwell", "mmif", "tuned_dwell"]
+__all__ = ["Dwell", "tuned_dwell"]
 
 #: Lines on either side of a minimum that the single-mode fit uses at least.
 _LEAST_LINES = 3
@@ -51,47 +51,6 @@ class Dwell:
     forces: RealArray
     indicator: RealArray
     frequencies: RealArray
-
-
-def mmif(response: FrequencyResponse) -> tuple[RealArray, RealArray]:
-    """Multivariate mode indicator function: the least in-phase share of the response that a force pattern can reach.
-
-    The eigenvalues of min over f of |Re H f|^2 / |H f|^2 on every line; for velocities, which are in phase with the force at
-    resonance, of |Im H f|^2 / |H f|^2. A minimum near 0 is an undamped natural frequency; further curves drop with it where
-    modes repeat.
-
-    Parameters
-    ----------
-    response : FrequencyResponse
-        With a known quantity.
-
-    Returns
-    -------
-    curves : array, (F, k)
-        Between 0 and 1, rising; k = min(m, 2 l).
-    forces : array, (F, m, k)
-        The patterns, of length one.
-
-    Raises
-    ------
-    DataError
-        An unknown quantity.
-
-    Notes
-    -----
-    Williams, Crowley and Vold, The multivariate mode indicator function in modal analysis, IMAC III (1985). By the singular value
-    decomposition [Re H; Im H] = U S V' the eigenvalues are those of U_re' U_re, and f = V S^-1 w.
-    """
-    check_kind("a mode indicator function", response, FrequencyResponse)
-    lost = ", and with it the phase at resonance"
-    quantity = known_quantity(response.quantity, "a mode indicator function was asked", lost=lost)
-    H = response.values / (1j if quantity == "velocity" else 1)
-    U, s, Vt = np.linalg.svd(np.concatenate([H.real, H.imag], axis=1), full_matrices=False)
-    part = U[:, : H.shape[1]]
-    curves, w = np.linalg.eigh(part.transpose(0, 2, 1) @ part)
-    floor = np.finfo(float).eps * np.maximum(s[:, :1], np.finfo(float).tiny)
-    forces = Vt.transpose(0, 2, 1) @ (w / np.maximum(s, floor)[:, :, None])
-    return np.clip(curves, 0, 1), forces / np.linalg.norm(forces, axis=1, keepdims=True)
 
 
 def tuned_dwell(

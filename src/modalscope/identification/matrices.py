@@ -1,184 +1,141 @@
-"""The data matrix of a method on a response: which blocks, in which form, and what was chosen where nothing was asked."""
+"""The data matrix of a row for its problem: which blocks, in which form, and the sizes that were chosen where nothing was asked."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from numpy.typing import ArrayLike
-
+from modalscope.blocks.factor import Factors, factorize, left_factor
 from modalscope.blocks.fraction import Fraction, fraction
-from modalscope.blocks.hankel import Hankel, hankel
+from modalscope.blocks.hankel import hankel
 from modalscope.blocks.lines import line_weights
-from modalscope.blocks.projection import Projection, projection
-from modalscope.blocks.shifted import Shifted, shifted
-from modalscope.blocks.transfer import Transfer, transfer
+from modalscope.blocks.matrix import DataMatrix
+from modalscope.blocks.projection import projection
+from modalscope.blocks.shifted import shifted
+from modalscope.blocks.transfer import transfer
+from modalscope.blocks.turned import TurnedHankel
+from modalscope.identification.method import Built, Problem
+from modalscope.identification.options import HankelOptions, LineOptions
 from modalscope.identification.sizes import default_blocks, default_degree, default_projection, default_shifts
-from modalscope.identification.table import Method
-from modalscope.model.checks import DataError, check_choice, check_count, check_each
+from modalscope.model.checks import DataError
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
-from modalscope.model.response import Response
-from modalscope.model.signals import Signals
 
 __all__ = [
-    "HANKEL_OPTIONS",
-    "LINE_OPTIONS",
-    "Matrix",
-    "checked_shifts",
-    "hankel_of",
-    "is_dual",
-    "matrix_of_lines",
-    "projection_of",
-    "refuse",
+    "canonical_hankel",
+    "complete_factors",
+    "complete_hankel",
+    "fraction_factors",
+    "h0_factors",
+    "matrix_fraction",
+    "plain_hankel",
+    "projected_records",
+    "tall_factors",
+    "transfer_of_lines",
+    "transfer_of_response",
 ]
 
-Matrix = Hankel | Projection | Transfer | Shifted | Fraction
 
-#: Options of `identify` and `stabilize` that shape the Hankel matrix.
-HANKEL_OPTIONS = (
-    "row_shifts",
-    "column_shifts",
-    "row_subsets",
-    "column_subsets",
-    "row_weights",
-    "column_weights",
-    "row_compression",
-    "column_compression",
-)
-
-#: Options that shape a matrix of transfer functions.
-LINE_OPTIONS = ("initial_values", "basis", "source")
+# ------------------------------------------------------------------------------------------------------------ factors
+def h0_factors(matrix: DataMatrix, order: int, route: str) -> Factors:
+    """Factor H(0)."""
+    return matrix.with_columns(factorize(matrix.shifted(0), order, route))
 
 
-def refuse(why: str, **given: Any) -> None:
-    """Raise when an option was given that the data matrix has no use for."""
-    for name, value in given.items():
-        if value is not None:
-            raise DataError(f"option {name!r} was asked", why, "Leave it out, or use another domain.")
+def tall_factors(matrix: DataMatrix, order: int, route: str) -> Factors:
+    """Factor the matrix with one block row more."""
+    return matrix.with_columns(factorize(matrix.tall(), order, route))
 
 
-def checked_shifts(name: str, value: Any) -> Any:
-    """Return shifts as whole numbers; other options are checked where they are used."""
-    if value is None or not name.endswith("_shifts"):
-        return value
-    return [check_count(name, s, least=0) for s in check_each(name, value, "whole numbers that increase from 0")]
+def complete_factors(matrix: DataMatrix, order: int, route: str) -> Factors:
+    """Factor the matrix with one block row more, whole: all of the left factor."""
+    return left_factor(matrix.tall(), route)
 
 
-def matrix_of_lines(
-    cell: Method, response: Response, order: int, weights: str | ArrayLike | None, options: Mapping[str, Any]
-) -> tuple[Matrix, dict[str, Any]]:
-    """Return the matrix fraction, shifted transfer functions of samples where those are the data, or lines with elimination.
-
-    A sampled system's full grid of lines may be turned into periodised samples (source="samples"); in noise elimination is steadier, by a
-    factor of 1.5 in frequency and up to 6 in damping on the structures of the tests.
-    """
-    never = [name for name in HANKEL_OPTIONS if name != "row_shifts"]
-    refuse("the columns of a frequency-domain matrix are lines", **{name: options.get(name) for name in never})
-    said = {"weights": weights if isinstance(weights, str) else None if weights is None else "given"}
-    chosen: dict[str, Any] = {name: checked_shifts(name, options.get(name)) for name in ("row_shifts", *LINE_OPTIONS)}
-    if cell.factors == "fraction":
-        assert isinstance(response, FrequencyResponse)
-        refuse("a matrix fraction has neither", block_rows=options["block_rows"], **chosen)
-        return fraction(response, degree=order, weights=line_weights(response, weights)), said
-    rows, columns, band = options["block_rows"], options["block_columns"], options["band"]
-    source = chosen.pop("source")
-    if source is None:
-        source = "samples" if isinstance(response, ImpulseResponse) else "elimination"
-    check_choice("source", source, ("samples", "elimination"))
-    if source == "samples":
-        for name in ("initial_values", "basis"):
-            refuse("shifted transfer functions of samples have no initial terms to eliminate", **{name: chosen[name]})
-        refuse("samples are transformed to lines of their own, which it could not name", weights=weights)
-        q = rows or default_shifts(response, order)
-        made = shifted(response, block_rows=q, block_columns=columns, band=band, row_shifts=chosen["row_shifts"])
-        return made, {"block_rows": made.block_rows, "block_columns": made.window, "source": source}
-    if isinstance(response, ImpulseResponse):
-        raise DataError(
-            "source='elimination' was asked", "the data are samples, not lines", "Leave it out: samples are exact."
-        )
-    refuse("the columns of a frequency-domain matrix are lines", block_columns=columns)
-    q = rows or default_degree(response, order)
-    made_of_lines = transfer(
-        response,
-        domain=cell.domain,
-        block_rows=q,
-        order=order,
-        weights=line_weights(response, weights),
-        basis="orthogonal" if chosen["basis"] is None else chosen["basis"],
-        initial_values=chosen["initial_values"],
-        row_shifts=chosen["row_shifts"],
-    )
-    return made_of_lines, {"block_rows": made_of_lines.block_rows, "source": source, **said}
+def fraction_factors(matrix: Fraction, order: int, route: str) -> Factors:
+    """Return the eigenvectors of the normal equations, all there is to factor in a matrix fraction."""
+    return matrix.factors
 
 
-def is_dual(cell: Method, form: str | None, response: ImpulseResponse, rows: int | None, columns: int | None) -> bool:
-    """Whether the controllable form is built, as the observable form of the transposed response.
-
-    Canonical forms have l r or m s states; the smaller is the default. Where the blocks are not given they are chosen for equal
-    sizes, and fewer channels make the finer steps.
-    """
-    if form == "smaller" or (form is None and cell.name == "polyreference"):
-        _, outputs, inputs = response.values.shape
-        if rows is None or columns is None:
-            return bool(inputs < outputs)
-        return bool(inputs * columns < outputs * rows)
-    return (form or cell.forms[0]) == "controllable"
+# ------------------------------------------------------------------------------------------------------------ samples
+def plain_hankel(problem: Problem, order: int) -> Built:
+    """Return the Hankel matrix of samples, observable unless asked otherwise."""
+    options: HankelOptions = problem.options
+    turned = options.form == "controllable" or (options.form == "smaller" and _fewer_inputs(problem, options))
+    rows, columns = default_blocks(_samples(problem), order, *options.spans)
+    return _hankel(problem, turned, rows, columns)
 
 
-def hankel_of(
-    cell: Method,
-    response: ImpulseResponse,
-    dual: bool,
-    order: int,
-    block_rows: int | None,
-    block_columns: int | None,
-    options: dict[str, Any],
-) -> tuple[Hankel, dict[str, Any]]:
-    """Return the Hankel matrix of the response, or of the transposed one when it is dual, and the settings used."""
-    spans = {
-        "block_rows": _span(block_rows, options.get("row_shifts")),
-        "block_columns": _span(block_columns, options.get("column_shifts")),
-    }
-    turned = _transposed(response) if dual else response
-    side = "block_columns" if dual else "block_rows"
-    if (
-        cell.factors == "complete" and spans[side] is None
-    ):  # the order says how many blocks, every one more is for nothing
-        spans[side] = -(-order // turned.values.shape[1])
-    if dual and cell.canonical:  # the side of the companion's states is the short one
-        columns, rows = default_blocks(turned, order, spans["block_columns"], spans["block_rows"])
+def canonical_hankel(problem: Problem, order: int) -> Built:
+    """Return the Hankel matrix whose companion form has fewer states, unless asked otherwise; its side is the short one."""
+    options: HankelOptions = problem.options
+    turned = options.form == "controllable" or (options.form != "observable" and _fewer_inputs(problem, options))
+    rows, columns = _canonical_sizes(_samples(problem), order, turned, *options.spans)
+    return _hankel(problem, turned, rows, columns)
+
+
+def complete_hankel(problem: Problem, order: int) -> Built:
+    """Return the same for a form without truncation: the order says how many blocks, and every one more is for nothing."""
+    options: HankelOptions = problem.options
+    turned = options.form in (None, "controllable") or (options.form == "smaller" and _fewer_inputs(problem, options))
+    response = _samples(problem)
+    _, outputs, inputs = response.values.shape
+    rows, columns = options.spans
+    if turned:
+        columns = columns or -(-order // inputs)
     else:
-        rows, columns = default_blocks(response, order, spans["block_rows"], spans["block_columns"])
-    settings = {"block_rows": rows, "block_columns": columns, **{k: v for k, v in options.items() if v is not None}}
-    chosen = {
-        "block_rows": block_rows if options.get("row_shifts") is not None else rows,
-        "block_columns": block_columns if options.get("column_shifts") is not None else columns,
-        **options,
+        rows = rows or -(-order // outputs)
+    return _hankel(problem, turned, *_canonical_sizes(response, order, turned, rows, columns))
+
+
+def _canonical_sizes(
+    response: ImpulseResponse, order: int, turned: bool, rows: int | None, columns: int | None
+) -> tuple[int, int]:
+    """Return block rows and columns of a companion form: the side of its states is the one that the order counts."""
+    if not turned:
+        return default_blocks(response, order, rows, columns)
+    first, second = default_blocks(_transposed(response), order, columns, rows)
+    return second, first
+
+
+def _fewer_inputs(problem: Problem, options: HankelOptions) -> bool:
+    """Whether the side of the inputs is the smaller; sizes that are not given will be chosen alike, and fewer channels make finer steps."""
+    _, outputs, inputs = problem.response.values.shape
+    if options.block_rows is None or options.block_columns is None:
+        return bool(inputs < outputs)
+    return bool(inputs * options.block_columns < outputs * options.block_rows)
+
+
+def _hankel(problem: Problem, turned: bool, rows: int, columns: int) -> Built:
+    options: HankelOptions = problem.options
+    response = _samples(problem)
+    settings = replace(options, block_rows=rows, block_columns=columns, form="controllable" if turned else "observable")
+    response, notes = _lags_read(response, rows + columns)
+    general = options.general
+    sizes: dict[str, Any] = {
+        "block_rows": None if options.row_shifts else rows,
+        "block_columns": None if options.column_shifts else columns,
     }
-    if not dual:
-        return hankel(response, **chosen), settings
-    swap = {"row": "column", "column": "row"}
-    sides = {key: "row" if "row" in key else "column" for key in chosen}
-    return hankel(turned, **{key.replace(sides[key], swap[sides[key]]): v for key, v in chosen.items()}), settings
+    if not turned:
+        return Built(hankel(response, **sizes, **general), settings, notes)
+    exchanged: dict[str, Any] = {_other_side(name): value for name, value in {**sizes, **general}.items()}
+    return Built(TurnedHankel(response, hankel(_transposed(response), **exchanged)), settings, notes)
 
 
-def projection_of(
-    records: Signals | None, response: ImpulseResponse, order: int, block_rows: int | None, block_columns: int | None
-) -> tuple[Projection, dict[str, Any]]:
-    """Return the projection of the records' future on their past, and the settings used."""
-    assert records is not None
-    sizes = _span(block_rows, None), _span(block_columns, None)
-    rows, columns = default_projection(records, response, order, *sizes)
-    return projection(records, None, rows, columns), {"block_rows": rows, "block_columns": columns}
+def _other_side(name: str) -> str:
+    return name.replace("row", "column") if "row" in name else name.replace("column", "row")
 
 
-def _span(blocks: int | None, shifts: Any) -> int | None:
-    """Return how many samples one side spans, when it is given."""
-    if shifts is not None and len(shifts):
-        return int(max(shifts)) + 1
-    return blocks
+def _samples(problem: Problem) -> ImpulseResponse:
+    assert isinstance(problem.response, ImpulseResponse)
+    return problem.response
+
+
+def _lags_read(response: ImpulseResponse, read: int) -> tuple[ImpulseResponse, tuple[str, ...]]:
+    """Return a correlation without the lags that no block holds: they carry estimation errors and little else."""
+    if response.kind != "correlation" or response.samples <= read:
+        return response, ()
+    return replace(response, values=response.values[:read]), (f"{read} of {response.samples} lags are used",)
 
 
 def _transposed(response: ImpulseResponse) -> ImpulseResponse:
@@ -190,4 +147,90 @@ def _transposed(response: ImpulseResponse) -> ImpulseResponse:
         output_dofs=tuple(f"in {dof}" for dof in response.input_dofs),
         input_dofs=tuple(f"out {dof}" for dof in response.output_dofs),
         units=response.units[::-1],
+        groups=None,
     )
+
+
+# ------------------------------------------------------------------------------------------------------------ records
+def projected_records(problem: Problem, order: int) -> Built:
+    """Return the projection of the records' future on their past; participation belongs to their correlation."""
+    options = problem.options
+    assert problem.records is not None
+    correlation = _samples(problem)
+    rows, columns = default_projection(problem.records, correlation, order, options.block_rows, options.block_columns)
+    correlation, notes = _lags_read(correlation, rows + columns)
+    matrix = projection(problem.records, options.references, rows, columns, correlation)
+    return Built(matrix, replace(options, block_rows=rows, block_columns=columns, form="observable"), notes)
+
+
+# -------------------------------------------------------------------------------------------------------------- lines
+def matrix_fraction(problem: Problem, order: int) -> Built:
+    """Return the normal equations of a matrix fraction; the order is its degree."""
+    options = problem.options
+    assert isinstance(problem.response, FrequencyResponse)
+    weights = line_weights(problem.response, options.weights)
+    return Built(fraction(problem.response, degree=order, weights=weights), options)
+
+
+def transfer_of_response(problem: Problem, order: int) -> Built:
+    """Return shifted transfer functions: of the window of samples where those are the data, of lines with elimination else.
+
+    A sampled system's full grid of lines may be turned into periodised samples (source="samples"); in noise elimination is steadier, by a
+    factor of 1.5 in frequency and up to 6 in damping on the structures of the tests.
+    """
+    source = problem.options.source
+    if source is None:
+        source = "elimination" if isinstance(problem.response, FrequencyResponse) else "samples"
+    return _of_window(problem, order) if source == "samples" else transfer_of_lines(problem, order)
+
+
+def _of_window(problem: Problem, order: int) -> Built:
+    options: LineOptions = problem.options
+    _refuse(
+        "shifted transfer functions of samples have no initial terms to eliminate", options, "initial_values", "basis"
+    )
+    _refuse("samples are transformed to lines of their own, which it could not name", options, "weights")
+    matrix = shifted(
+        problem.response,
+        block_rows=options.block_rows or default_shifts(problem.response, order),
+        block_columns=options.block_columns,
+        band=options.band,
+        row_shifts=options.row_shifts,
+    )
+    settings = replace(options, block_rows=matrix.block_rows, block_columns=matrix.window, source="samples")
+    return Built(matrix, settings)
+
+
+def transfer_of_lines(problem: Problem, order: int) -> Built:
+    """Return transfer functions on the lines of any band, initial terms eliminated."""
+    options: LineOptions = problem.options
+    response = problem.response
+    if options.source == "samples":
+        raise DataError(
+            f"source='samples' in domain {problem.method.domain!r} was asked",
+            "samples have a z-plane, and lines of a continuous structure are not the full grid of a sampled one",
+            "Leave it out, or use domain='z'.",
+        )
+    if not isinstance(response, FrequencyResponse):
+        raise DataError(
+            "source='elimination' was asked", "the data are samples, not lines", "Leave it out: samples are exact."
+        )
+    _refuse("the columns of a frequency-domain matrix are lines", options, "block_columns")
+    matrix = transfer(
+        response,
+        domain=problem.method.domain,
+        block_rows=options.block_rows or default_degree(response, order),
+        order=order,
+        weights=line_weights(response, options.weights),
+        basis=options.basis or "orthogonal",
+        initial_values=options.initial_values,
+        row_shifts=options.row_shifts,
+    )
+    return Built(matrix, replace(options, block_rows=matrix.block_rows, source="elimination"))
+
+
+def _refuse(why: str, options: LineOptions, *names: str) -> None:
+    """Raise when an option was given that this matrix has no use for."""
+    for name in names:
+        if getattr(options, name) is not None:
+            raise DataError(f"option {name!r} was asked", why, "Leave it out, or use another domain.")

@@ -1,106 +1,216 @@
-"""From data of any kind to the response that a method's domain needs."""
+"""From data of any kind to the problem that a row of the table solves: records become responses once, for all rows."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from difflib import get_close_matches
+from functools import singledispatch
+from typing import Any
 
 import numpy as np
 
-from modalscope.identification.table import Method, find_method
-from modalscope.model.checks import DataError
+from modalscope.identification.method import Method, Problem, Takes
+from modalscope.identification.options import AllOptions, Options
+from modalscope.identification.table import find_method, methods
+from modalscope.model.checks import DataError, check_band, check_choice, check_kind
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.response import Response
 from modalscope.model.signals import Signals
 
-__all__ = ["Data", "Prepared", "prepare"]
+__all__ = ["Data", "Measured", "measure", "pose", "prepare"]
 
 Data = Signals | Response
 
 
-class Prepared(NamedTuple):
-    """What a method works on.
+@dataclass(frozen=True, eq=False, slots=True)
+class Measured:
+    """What all rows share: the response in the band, the records behind correlations, and what was done.
 
-    Attributes
+    Parameters
     ----------
-    method : Method
-        The cell of the table.
     response : Response
-        In the domain of the method.
     records : Signals, optional
-        Records without inputs, filtered to the band, where they were given.
-    notes : list of str
-        What was converted.
+        Records without inputs, filtered to the band.
+    given : str
+        What it was made of, in words.
+    row : str
+        The row that is taken when none is asked.
+    band : (float, float), optional
+        As asked, Hz.
+    exclude : object
+        Channels left out, as asked.
+    notes : tuple of str
     """
 
-    method: Method
     response: Response
     records: Signals | None
-    notes: list[str]
+    given: str
+    row: str
+    band: tuple[float, float] | None = None
+    exclude: Any = None
+    notes: tuple[str, ...] = ()
 
 
-def prepare(data: Data, method: str | None, domain: str | None, band: tuple[float, float] | None) -> Prepared:
-    """Return the cell of the table, the response in its domain, and notes on what was converted.
+def prepare(data: Any, method: str | None = None, domain: str | None = None, **options: Any) -> Problem:
+    """Return the problem of one row of the table on the data.
+
+    Parameters
+    ----------
+    data : FrequencyResponse, ImpulseResponse or Signals
+    method, domain : str, optional
+        A row, or a name from the literature, and a column; by default what suits the data.
+    **options
+        Those of `identify`.
 
     Raises
     ------
     DataError
-        A channel of zeros, a band without lines, an unknown method or domain, a method of records where there are none.
+        A channel of zeros, a band without lines, an unknown method, domain or option, a method that cannot take the data.
     """
-    notes: list[str] = []
-    response, records = _to_response(data, band, notes)
-    of_lines = isinstance(response, FrequencyResponse)
-    default = "alternate" if of_lines or isinstance(data, Signals) else "era"
-    cell = find_method(
-        default if method is None else method,
-        domain,
-        "s" if of_lines and response.sampling_rate is None else "z" if of_lines else "time",
-    )
-    if cell.on_records and records is None:
-        raise DataError(
-            f"method {cell.name!r} was asked, which projects records without inputs",
-            "these are records with inputs" if isinstance(data, Signals) else f"this is {type(data).__name__}",
-            "Give Signals with outputs alone, or use method='alternate', which takes any response.",
-        )
-    if isinstance(response, FrequencyResponse) and band is not None:
-        response = response.band(*band)
-    if cell.domain == "time" and isinstance(response, FrequencyResponse):
-        response = response.to_impulse_response()
-        notes.append("the lines were transformed to samples: damping is biased unless they cover the whole spectrum")
-    elif cell.domain == "s" and isinstance(response, ImpulseResponse):
-        raise DataError(
-            f"method {cell.name!r} in domain 's' was asked",
-            "the data are samples: their transform is no rational function of j w",
-            "Use domain='z', which is exact for samples, or give measured frequency responses.",
-        )
-    elif cell.factors == "fraction" and isinstance(response, ImpulseResponse):
-        response = response.to_frequency_response()
-        if band is not None:
-            response = response.band(*band)
-        notes.append("the samples were transformed to lines as if nothing followed the last one")
-    _check_channels(response)
-    return Prepared(cell, response, records, notes)
+    measured = measure(data, options.pop("band", None), options.pop("exclude", None))
+    name = measured.row if method is None else method
+    return pose(measured, find_method(name, domain, _usual_domain(measured.response)), options)
 
 
-def _to_response(data: Data, band: tuple[float, float] | None, notes: list[str]) -> tuple[Response, Signals | None]:
-    """Return the response, and the records in the band that correlations were estimated from."""
-    if isinstance(data, ImpulseResponse | FrequencyResponse):
-        return data, None
-    if not isinstance(data, Signals):
-        raise DataError(
-            "Signals, an ImpulseResponse or a FrequencyResponse was asked",
-            f"this is {type(data).__name__}",
-            "Wrap the arrays in one of these, or read a file.",
-        )
+def measure(data: Any, band: Any = None, exclude: Any = None) -> Measured:
+    """Return the response of the data in a band, without the channels that are excluded; records are turned into responses here.
+
+    Parameters
+    ----------
+    data : FrequencyResponse, ImpulseResponse or Signals
+    band : (float, float), optional
+        Hz.
+    exclude : labels, optional
+    """
+    checked = None if band is None else check_band(band)
+    found = _measured(data if exclude is None or not hasattr(data, "select") else data.select(exclude=exclude), checked)
+    return replace(found, band=checked, exclude=exclude)
+
+
+@singledispatch
+def _measured(data: Any, band: tuple[float, float] | None) -> Measured:
+    check_kind("data", data, (FrequencyResponse, ImpulseResponse, Signals))
+    raise AssertionError("one of these has no way to a response")
+
+
+@_measured.register
+def _(data: Response, band: tuple[float, float] | None) -> Measured:
+    response, usual = data.in_band(band), _USUAL.get(data.origin, "era")
+    if band is None or response is not data:
+        return Measured(response, None, type(data).__name__, usual)
+    note = f"samples are not filtered: the model has all modes, a diagram those from {band[0]:g} to {band[1]:g} Hz"
+    return Measured(response, None, type(data).__name__, usual, notes=(note,))
+
+
+@_measured.register
+def _(data: Signals, band: tuple[float, float] | None) -> Measured:
     from modalscope.preprocess import estimate_correlation, estimate_frf, filter_band
 
     if data.inputs is not None:
-        notes.append("frequency responses were estimated from the records (H1)")
-        return estimate_frf(data), None
-    if band is not None:
-        data = filter_band(data, *band)
-    notes.append("correlations with all channels as references were estimated from the records")
-    return estimate_correlation(data), data
+        note = "frequency responses were estimated from the records (H1)"
+        return Measured(estimate_frf(data).in_band(band), None, "records with inputs", _USUAL["lines"], notes=(note,))
+    records = data if band is None else filter_band(data, *band)
+    note = "correlations with all channels as references were estimated from the records"
+    return Measured(estimate_correlation(records), records, "records without inputs", "alternate", notes=(note,))
+
+
+#: The row that is taken when none is asked, by where the response came from; impulse responses "era".
+_USUAL = {"lines": "alternate"}
+
+
+def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem:
+    """Return the problem of one row on what was measured.
+
+    Parameters
+    ----------
+    measured : Measured
+    row : Method
+    options : mapping
+        Without band and excluded channels, which were applied.
+    """
+    response = measured.response
+    _check_names(options)
+    refusal = row.refusal(response, measured.records is not None)
+    if refusal:
+        raise DataError(
+            f"method {row.name!r} in domain {row.domain!r} was asked",
+            f"{refusal.reason}: this is {measured.given}",
+            refusal.change,
+        )
+    _check_form(row, options.get("form"))
+    chosen = _options_of(row, {"band": measured.band, "exclude": measured.exclude, **options})
+    converted, note = _HAND_OVER[row.takes](response)
+    if note and measured.band is not None:
+        converted = converted.in_band(measured.band)
+    _check_channels(converted)
+    return Problem(
+        method=row,
+        response=converted,
+        measured=response,
+        records=measured.records,
+        options=chosen,
+        notes=(*measured.notes, *([note] if note else [])),
+    )
+
+
+#: What each kind of row is given.
+_HAND_OVER: dict[Takes, Any] = {
+    Takes.SAMPLES: lambda response: response.as_samples(),
+    Takes.LINES: lambda response: response.as_lines(),
+    Takes.CONTINUOUS: lambda response: response.as_lines(),
+    Takes.RESPONSE: lambda response: (response, ""),
+    Takes.PAST: lambda response: response.as_samples(),
+}
+
+
+def _usual_domain(response: Response) -> str:
+    if response.origin != "lines":
+        return "time"
+    return "z" if response.held_input else "s"
+
+
+def _check_names(options: Mapping[str, Any]) -> None:
+    """Raise on an option that no row has, and name the nearest."""
+    known = AllOptions.__annotations__
+    for name in options:
+        if name not in known:
+            near = get_close_matches(name, known, n=1)
+            hint = f"Did you mean {near[0]!r}? " if near else ""
+            raise DataError(
+                f"option {name!r} was asked",
+                f"the options are {', '.join(known)}",
+                f"{hint}Correct its name.",
+            )
+
+
+def _options_of(row: Method, given: Mapping[str, Any]) -> Options:
+    """Return the row's own options; what it has no use for is refused, with the rows that have it."""
+    own = {f.name for f in fields(row.options_type)}
+    asked = {name: value for name, value in {**row.fixed, **given}.items() if value is not None}
+    for name in asked:
+        if name not in own:
+            having = dict.fromkeys(str(m) for m in methods() if name in {f.name for f in fields(m.options_type)})
+            raise DataError(
+                f"option {name!r} was asked of method {row}",
+                row.options_type.why_not,
+                f"Leave it out, or choose one of the methods that have it: {', '.join(having)}.",
+            )
+    return row.options_type(**asked)
+
+
+def _check_form(row: Method, form: str | None) -> None:
+    if form is None:
+        return
+    check_choice("form", form, ("observable", "controllable", "smaller"))
+    allowed = (*row.forms, "smaller") if len(row.forms) > 1 else row.forms
+    if form not in allowed:
+        raise DataError(
+            f"form={form!r} of method {row.name!r} in domain {row.domain!r} was asked",
+            f"it has only {' and '.join(allowed)}: its columns are lines or times, in which the state matrix does not appear as B, AB, ...",
+            f"Use form={allowed[0]!r}, or a method in the time domain.",
+        )
 
 
 def _check_channels(response: Response) -> None:

@@ -50,8 +50,8 @@ def default_projection(
 
 def default_shifts(response: Response, order: int) -> int:
     """Return three times as many rows as states, at least ten blocks, at most a third of the samples."""
-    count = response.samples if isinstance(response, ImpulseResponse) else 2 * response.lines - 3
-    return int(max(min(max(-(-3 * order // response.values.shape[1]), 10), count // 3), 1))
+    wanted = max(-(-3 * order // response.values.shape[1]), 10)
+    return int(max(min(wanted, response.as_samples().response.samples // 3), 1))
 
 
 def default_degree(response: FrequencyResponse, order: int) -> int:

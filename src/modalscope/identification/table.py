@@ -1,180 +1,199 @@
 """THE TABLE: a method is a data matrix and a realization, and this module lists them.
 
-Adding a method is adding a row here and, when its realization is new, one short module in `realize/`.
+Adding a method is adding a row here and, when its data matrix or its realization is new, one short module in `blocks/` or `realizations/`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator
+from difflib import get_close_matches
+from typing import Any, NamedTuple
 
-from modalscope.blocks.factor import Factors
+from modalscope.identification import matrices
+from modalscope.identification.method import DOMAINS, Method, Takes
+from modalscope.identification.options import FractionOptions, HankelOptions, LineOptions, RecordOptions
+from modalscope.identification.orders import BLOCKS, COMPANIONS, DEGREES, STATES
 from modalscope.model.checks import DataError, check_choice
 from modalscope.realizations.balanced import balanced
 from modalscope.realizations.companion import least_squares_companion, null_space_companion
 from modalscope.realizations.fraction import fraction_companion
 from modalscope.realizations.regression import regression
 from modalscope.realizations.shift import shift
-from modalscope.realizations.triple import Realization
 
-__all__ = ["DOMAINS", "Method", "find_method", "methods"]
+__all__ = ["find_method", "methods"]
 
-DOMAINS = {
-    "time": "Hankel matrix of Markov parameters",
-    "z": "shifted transfer functions",
-    "s": "differentiated transfer functions",
+#: What a column of the table fixes for a row whose realization suits every data matrix.
+_COLUMNS: dict[str, dict[str, Any]] = {
+    "time": {
+        "takes": Takes.SAMPLES,
+        "matrix": matrices.plain_hankel,
+        "options_type": HankelOptions,
+        "forms": ("observable", "controllable"),
+    },
+    "z": {"takes": Takes.RESPONSE, "matrix": matrices.transfer_of_response, "options_type": LineOptions},
+    "s": {"takes": Takes.CONTINUOUS, "matrix": matrices.transfer_of_lines, "options_type": LineOptions},
 }
 
-Realize = Callable[[Any, Factors], Realization]
 
+class _Cell(NamedTuple):
+    """What is a cell's own: where the report has it, and what it is called."""
 
-@dataclass(frozen=True)
-class Method:
-    """One cell of the table.
-
-    Parameters
-    ----------
-    name, domain : str
-        The row and the column.
-    realization : str
-        How the model is read off, in words.
-    section : str
-        Where the report has it.
-    known_as : tuple of str
-        Names in the literature of this cell, with the options that make them.
-    realize : callable
-        Data matrix and factors -> all orders.
-    factors : {"h0", "tall", "complete", "fraction"}
-        What is factored: H(0), the matrix with one block row more, all of that without truncation, or the normal equations of a matrix
-        fraction, whose order is the degree.
-    forms : tuple of str
-        Observable and controllable forms that exist; the first is the default, "smaller" takes the one with fewer states.
-    on_records : bool
-        Whether the data matrix is made of records themselves, not of a response.
-    """
-
-    name: str
-    domain: str
-    realization: str
     section: str
+    common: str
     known_as: tuple[str, ...]
-    realize: Realize
-    factors: str
-    forms: tuple[str, ...] = ("observable",)
-    on_records: bool = False
-
-    def __str__(self) -> str:
-        return f"{self.name} ({self.domain})"
-
-    @property
-    def canonical(self) -> bool:
-        """Whether models have as many states as the block rows have rows, whatever the rank."""
-        return self.realize in (null_space_companion, least_squares_companion)
+    aliases: tuple[str, ...] = ()
 
 
-def _row(
-    name: str, realization: str, realize: Realize, factors: str, cells: dict[str, tuple[str, tuple[str, ...]]]
-) -> list[Method]:
-    """Return one row of the table; in the time domain inputs and outputs may change places, on lines they may not."""
-    forms = {"time": ("observable", "controllable"), "z": ("observable",), "s": ("observable",)}
-    return [
-        Method(name, domain, realization, section, known, realize, factors, forms[domain])
-        for domain, (section, known) in cells.items()
-    ]
+def _row(name: str, cells: dict[str, _Cell], in_time: Any = matrices.plain_hankel, **shared: Any) -> Iterator[Method]:
+    """Yield one row of the table, a cell a domain; in the time domain its Hankel matrix may be a special one."""
+    for domain, cell in cells.items():
+        column = dict(_COLUMNS[domain])
+        if domain == "time":
+            column["matrix"] = in_time
+        yield Method(name=name, domain=domain, **cell._asdict(), **column, **shared)
 
 
 _TABLE: tuple[Method, ...] = (
     *_row(
         "era",
-        "balanced projection",
-        balanced,
-        "h0",
         {
-            "time": (
+            "time": _Cell(
                 "II-3, Eqs. 24-41",
+                "ERA",
                 ("ERA", "Ho-Kalman", "ERA/DC with column_compression=H(0)", "NExT-ERA on correlations"),
+                ("ho-kalman", "next-era", "eigensystem realization algorithm"),
             ),
-            "z": ("III-2, Eqs. 82-88", ("ERA-FD",)),
-            "s": ("III-2, Eqs. 89-94", ("ERA-FD, continuous",)),
+            "z": _Cell("III-2, Eqs. 82-88", "ERA-FD", ("ERA-FD",), ("era-fd",)),
+            "s": _Cell("III-2, Eqs. 89-94", "ERA-FD", ("ERA-FD, continuous",), ("era-fd continuous",)),
         },
+        realization="balanced projection",
+        realize=balanced,
+        factor=matrices.h0_factors,
+        orders=STATES,
     ),
     *_row(
         "polyreference",
-        "null space, companion form",
-        null_space_companion,
-        "tall",
         {
-            "time": ("II-4, Eqs. 42-54", ("polyreference, canonical-form realization",)),
-            "z": ("III-3, Eqs. 95-101", ("polyreference FD",)),
-            "s": ("III-3, Eqs. 102-109", ("polyreference FD, continuous", "direct parameter identification")),
+            "time": _Cell(
+                "II-4, Eqs. 42-54",
+                "Polyreference",
+                ("polyreference, canonical-form realization",),
+                ("canonical-form realization",),
+            ),
+            "z": _Cell("III-3, Eqs. 95-101", "Polyreference FD", ("polyreference FD",), ("polyreference-fd",)),
+            "s": _Cell(
+                "III-3, Eqs. 102-109",
+                "Polyreference FD",
+                ("polyreference FD, continuous", "direct parameter identification"),
+                ("dpi", "direct parameter identification"),
+            ),
         },
+        in_time=matrices.canonical_hankel,
+        realization="null space, companion form",
+        realize=null_space_companion,
+        factor=matrices.tall_factors,
+        orders=COMPANIONS,
     ),
     *_row(
         "alternate",
-        "shift of one factor",
-        shift,
-        "tall",
         {
-            "time": ("II-5, Eqs. 55-64", ("SSI-cov on correlations", "Kung", "LS-ESPRIT", "ERA without H(1)")),
-            "z": ("III-4, Eq. 110", ("alternate FD",)),
-            "s": ("III-4, Eq. 110", ("alternate FD, continuous", "frequency-domain subspace identification")),
+            "time": _Cell(
+                "II-5, Eqs. 55-64",
+                "SSI-cov",
+                ("SSI-cov on correlations", "Kung", "LS-ESPRIT", "ERA without H(1)"),
+                ("ssi-cov", "cov-ssi", "kung", "ls-esprit", "esprit"),
+            ),
+            "z": _Cell("III-4, Eq. 110", "FD-subspace", ("alternate FD",), ("alternate-fd",)),
+            "s": _Cell(
+                "III-4, Eq. 110",
+                "FD-subspace",
+                ("alternate FD, continuous", "frequency-domain subspace identification"),
+                ("fd-subspace", "frequency-domain subspace identification"),
+            ),
         },
+        realization="shift of one factor",
+        realize=shift,
+        factor=matrices.tall_factors,
+        orders=STATES,
     ),
     *_row(
         "least_squares",
-        "regression on H(0)",
-        regression,
-        "h0",
         {
-            "time": (
+            "time": _Cell(
                 "II-6, Eqs. 65-66",
+                "ITD",
                 ("least squares regression, truncated", "ITD (Ibrahim), truncated", "delay-embedded DMD"),
+                ("itd", "ibrahim", "ibrahim time domain", "dmd", "delay-embedded dmd"),
             ),
-            "z": ("left to the reader", ("least squares FD",)),
-            "s": ("left to the reader", ("least squares FD, continuous", "first-order form, Eq. 109")),
+            "z": _Cell("left to the reader", "Least squares", ("least squares FD",), ("least-squares-fd",)),
+            "s": _Cell(
+                "left to the reader",
+                "Least squares",
+                ("least squares FD, continuous", "first-order form, Eq. 109"),
+            ),
         },
+        realization="regression on H(0)",
+        realize=regression,
+        factor=matrices.h0_factors,
+        orders=STATES,
     ),
     Method(
-        "ssi-data",
-        "time",
-        "shift of one factor",
-        "II-5 on projected records",
-        ("SSI-data, UPC (unweighted principal components)", "MOESP/N4SID without inputs"),
-        shift,
-        "tall",
-        on_records=True,
+        name="ssi-data",
+        domain="time",
+        realization="shift of one factor",
+        section="II-5 on projected records",
+        common="SSI-data",
+        known_as=("SSI-data, UPC (unweighted principal components)", "MOESP/N4SID without inputs"),
+        aliases=("ssi-upc", "upc", "dd-ssi", "data-driven ssi"),
+        takes=Takes.PAST,
+        matrix=matrices.projected_records,
+        factor=matrices.tall_factors,
+        realize=shift,
+        orders=STATES,
+        options_type=RecordOptions,
     ),
     Method(
-        "prce",
-        "time",
-        "least squares, companion form",
-        "II-4 and II-6, Eqs. 53b, 66",
-        (
+        name="prce",
+        domain="time",
+        realization="least squares, companion form",
+        section="II-4 and II-6, Eqs. 53b, 66",
+        common="PRCE",
+        known_as=(
             "PRCE, polyreference complex exponential",
             "LSCE with one input",
             "Prony with one channel",
             "ITD (Ibrahim) with one input, form='observable'",
         ),
-        least_squares_companion,
-        "complete",
-        ("controllable", "observable"),
+        aliases=("lsce", "prony", "polyreference complex exponential", "ptd"),
+        takes=Takes.SAMPLES,
+        matrix=matrices.complete_hankel,
+        factor=matrices.complete_factors,
+        realize=least_squares_companion,
+        orders=BLOCKS,
+        options_type=HankelOptions,
+        forms=("controllable", "observable"),
     ),
     Method(
-        "lscf",
-        "z",
-        "matrix fraction, companion form",
-        "not in the report",
-        ("LSCF, polyreference least-squares complex frequency", "pLSCF", "PolyMAX"),
-        fraction_companion,
-        "fraction",
-        ("controllable",),
+        name="lscf",
+        domain="z",
+        realization="matrix fraction, companion form",
+        section="not in the report",
+        common="PolyMAX",
+        known_as=("LSCF, polyreference least-squares complex frequency", "pLSCF", "PolyMAX"),
+        aliases=("polymax", "plscf", "p-lscf"),
+        takes=Takes.LINES,
+        matrix=matrices.matrix_fraction,
+        factor=matrices.fraction_factors,
+        realize=fraction_companion,
+        orders=DEGREES,
+        options_type=FractionOptions,
+        forms=("controllable",),
     ),
 )
 
 
 def methods() -> tuple[Method, ...]:
-    """Return the table: one entry a cell, with name, domain, realization, report section and the names it is known as.
+    """Return the table of methods: one entry a cell, with name, domain, realization, report section and the names it is known as.
 
     Examples
     --------
@@ -184,16 +203,38 @@ def methods() -> tuple[Method, ...]:
     return _TABLE
 
 
+def _letters(name: str) -> str:
+    """Return a name without what people write differently: case, hyphens, underscores and blanks."""
+    return "".join(c for c in name.lower() if c not in "-_ ")
+
+
+def _named(name: Any) -> list[Method]:
+    """Return the cells that a name means: a whole row by its own name, those it is an alias of else."""
+    wanted = _letters(name) if isinstance(name, str) else ""
+    rows = [m for m in _TABLE if _letters(m.name) == wanted]
+    return rows or [m for m in _TABLE if wanted in {_letters(alias) for alias in m.aliases}]
+
+
 def find_method(name: str, domain: str | None, default_domain: str) -> Method:
-    """Return the cell of a row name and a domain; without a domain the one that suits the data, else the row's only one.
+    """Return the cell of a name and a domain; without a domain the one that suits the data, else the row's only one.
+
+    Parameters
+    ----------
+    name : str
+        A row of the table, or a name from the literature ("ssi-cov", "polymax", "itd"); any case, hyphens and underscores alike.
+    domain : {"time", "z", "s"}, optional
+    default_domain : str
+        What suits the data.
 
     Raises
     ------
     DataError
         An unknown name, or a cell that does not exist.
     """
-    check_choice("method", name, dict.fromkeys(m.name for m in _TABLE))
-    cells = {m.domain: m for m in _TABLE if m.name == name}
+    found = _named(name)
+    if not found:
+        raise _unknown(name)
+    cells = {m.domain: m for m in found}
     if domain is None:
         return cells.get(default_domain) or next(iter(cells.values()))
     check_choice("domain", domain, DOMAINS)
@@ -204,3 +245,15 @@ def find_method(name: str, domain: str | None, default_domain: str) -> Method:
             "Choose one of these domains.",
         )
     return cells[domain]
+
+
+def _unknown(name: Any) -> DataError:
+    rows = list(dict.fromkeys(m.name for m in _TABLE))
+    words = {_letters(word): word for m in _TABLE for word in (m.name, *m.aliases)}
+    near = get_close_matches(_letters(str(name)), words, n=1)
+    hint = f"Did you mean {words[near[0]]!r}? " if near else ""
+    return DataError(
+        f"method={name!r} was asked",
+        f"there are only {', '.join(rows)}, and their names in the literature (see methods())",
+        f"{hint}Choose one of these.",
+    )

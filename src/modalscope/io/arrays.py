@@ -2,7 +2,9 @@
 
 Each field of a data object is an array of that name; what is None is left out. Texts are text arrays. Units are `output_units` and
 `input_units`, a geometry is `geometry_nodes`, `geometry_coordinates`, `geometry_lines` and `geometry_faces` (indices into
-the nodes, from 0) and `geometry_motions` (JSON text), indicators are `indicator_<name>`, reasons are JSON text.
+the nodes, from 0) and `geometry_motions` (JSON text), indicators are `indicator_<name>`, reasons, notes, `left_out` and `harmonics` are
+JSON text, and the arrays of modes before their refinement are `unrefined_<name>`.
+`groups` is left out where it is the default, and one empty text where there are none.
 
 | the file holds | it is |
 |---|---|
@@ -23,13 +25,41 @@ from typing import Any
 import numpy as np
 
 from modalscope.io.contents import Plain
-from modalscope.model import FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals
+from modalscope.model import FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Note, Signals
+from modalscope.model.candidates import Candidate, Harmonic
 from modalscope.model.checks import Array
+from modalscope.model.groups import Groups, input_groups, run_groups
 
-__all__ = ["AXES", "GEOMETRY", "INDICATOR", "TEXTS", "from_json_numbers", "names_of", "noun_of", "to_arrays"]
+__all__ = [
+    "AXES",
+    "GEOMETRY",
+    "INDICATOR",
+    "JSON",
+    "TEXTS",
+    "UNREFINED",
+    "from_json_numbers",
+    "names_of",
+    "noun_of",
+    "to_arrays",
+]
 
-TEXTS = ("output_dofs", "input_dofs", "processing", "quantities", "output_units", "input_units", "geometry_nodes")
+TEXTS = (
+    "output_dofs",
+    "input_dofs",
+    "processing",
+    "quantities",
+    "output_units",
+    "input_units",
+    "geometry_nodes",
+    "groups",
+)
 INDICATOR = "indicator_"
+
+#: What the names of the arrays of modes before their refinement start with.
+UNREFINED = "unrefined_"
+
+#: Fields that stand there as JSON text.
+JSON = ("reasons", "notes", "left_out", "harmonics", "geometry_motions")
 GEOMETRY = ("geometry_nodes", "geometry_coordinates", "geometry_lines", "geometry_faces", "geometry_motions")
 
 #: Axes of the arrays that people store in another order.
@@ -63,7 +93,7 @@ def names_of(noun: type[Any]) -> set[str]:
     """Return the names of the arrays that a data object may have."""
     if noun is Geometry:
         return set(GEOMETRY)
-    own = {field.name for field in fields(noun)} - {"units", "geometry", "indicators"}
+    own = {field.name for field in fields(noun)} - {"units", "geometry", "indicators", "source_path", "unrefined"}
     return own | {"output_units", "input_units", *GEOMETRY} | ({"quantity"} if noun is Signals else set())
 
 
@@ -74,19 +104,30 @@ def to_arrays(thing: Plain) -> dict[str, Array]:
     arrays: dict[str, Array] = {}
     for field in fields(thing):
         name, value = field.name, getattr(thing, field.name)
+        if name == "source_path":
+            continue
         if name == "units":
             arrays |= {"output_units": _texts(value[0]), "input_units": _texts(value[1])}
         elif name == "geometry":
             arrays |= {} if value is None else _geometry_arrays(value)
         elif name == "indicators":
             arrays |= {INDICATOR + key: np.asarray(array) for key, array in value.items()}
-        elif name == "reasons":
+        elif name in JSON:
             arrays |= {name: np.asarray(json.dumps(value, default=from_json_numbers))} if value else {}
+        elif name == "unrefined":
+            arrays |= {} if value is None else {UNREFINED + key: array for key, array in to_arrays(value).items()}
+        elif name == "groups":
+            arrays |= {} if value == _default_groups(thing) else {name: _texts(value or [""])}
         elif name in TEXTS:
             arrays[name] = _texts("" if text is None else text for text in value)
         elif value is not None:
             arrays[name] = np.asarray(value)
     return {name: array for name, array in arrays.items() if array.size or name in ("shapes", "poles")}
+
+
+def _default_groups(thing: Any) -> Groups:
+    """Return the groups that data have without a word about them: a file holds no more than was said."""
+    return run_groups(thing.runs) if isinstance(thing, Signals) else input_groups(thing.input_dofs)
 
 
 def _texts(values: Iterable[str]) -> Array:
@@ -106,7 +147,9 @@ def _geometry_arrays(geometry: Geometry) -> dict[str, Array]:
 
 
 def from_json_numbers(value: object) -> object:
-    """Turn numpy's numbers and arrays into Python's for the json module; anything else is a TypeError, as it asks."""
+    """Turn numpy's numbers and arrays, notes and candidates into what the json module knows; anything else is a TypeError."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
+    if isinstance(value, Note | Candidate | Harmonic):
+        return value.to_dict()
     raise TypeError(f"{type(value).__name__} is not a JSON value")

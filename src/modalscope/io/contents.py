@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from modalscope.model import FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals, StabilizationDiagram
+from modalscope.model.response import Response
 
 __all__ = ["Contents", "Finding", "Format", "Options", "Plain", "Survey", "Thing", "describe"]
 
@@ -142,7 +143,7 @@ def _count(number: int, word: str) -> str:
     return f"{number} {word}" + ("" if number == 1 else "s")
 
 
-def describe(thing: Thing) -> str:
+def describe(thing: Thing | Response) -> str:
     """Return one line about a data object.
 
     Examples
@@ -164,6 +165,7 @@ def describe(thing: Thing) -> str:
         return f"impulse responses{kind} ({thing.kind}): {thing.samples} samples at {thing.sampling_rate:g} Hz, {sides}"
     if isinstance(thing, ModalModel):
         return f"modes{kind}: {_count(len(thing), 'mode')}, {sides}"
+    assert isinstance(thing, Signals)
     runs = "" if thing.runs == 1 else f"{thing.runs} runs of "
     inputs = _count(len(thing.input_dofs), "input") if thing.input_dofs else "no inputs"
     outputs = _count(len(thing.output_dofs), "output")

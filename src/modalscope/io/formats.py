@@ -19,7 +19,9 @@ from modalscope.model import (
     Signals,
     StabilizationDiagram,
 )
+from modalscope.model.channels import Channels
 from modalscope.model.checks import check_kind, check_path
+from modalscope.model.groups import AUTO, input_groups
 
 __all__ = ["FORMATS", "read", "survey", "write"]
 
@@ -59,7 +61,7 @@ def read(path: str | Path, **options: Any) -> Thing:
         `.npz`, `.uff`, `.unv`, `.mat`, `.h5`, `.hdf5`, `.csv` or `.json`.
     **options
         For every format: `quantity` ("displacement", "velocity", "acceleration"), `sampling_rate`, `kind`, `output_dofs`,
-        `input_dofs`, `units`, `geometry`, `averages`, `added_damping` override what the file says.
+        `input_dofs`, `units`, `geometry`, `averages`, `added_damping`, `groups` override what the file says.
 
         For files of named arrays (.npz, .mat, .h5): `rename={"y": "outputs", "fs": "sampling_rate"}`, name in the file ->
         name of the layout; `axes={"values": "inputs outputs lines"}`, the axes of a stored array when they stand in
@@ -170,7 +172,7 @@ def _contents(path: Path, options: Options) -> Contents:
     except OSError as error:
         found = f"the system refuses: {(error.strerror or str(error)).lower()}"
         raise DataError(f"reading {str(path)!r} was asked", found, "Check that you may read the file.") from None
-    return replace(contents, thing=_overridden(contents.thing, options))
+    return replace(contents, thing=_overridden(contents.thing, options, path))
 
 
 def _format(path: Path, doing: str) -> Format:
@@ -191,8 +193,8 @@ def _check_options(path: Path, options: Options, known: tuple[str, ...], doing: 
         )
 
 
-def _overridden(thing: Thing, options: Options) -> Thing:
-    """Return the data object with the fields that the caller gave; the formats of named arrays have used them already."""
+def _overridden(thing: Thing, options: Options, path: Path) -> Thing:
+    """Return the data with the fields that the caller gave, which named arrays have used already, and where they came from."""
     given = {name: options[name] for name in FIELD_OPTIONS if options.get(name) is not None}
     if isinstance(thing, Signals) and "quantity" in given:
         given["quantities"] = given.pop("quantity")
@@ -203,4 +205,8 @@ def _overridden(thing: Thing, options: Options) -> Thing:
             f"the file gives {describe(thing)}, which has no such field",
             "Leave them out.",
         )
+    if isinstance(thing, Channels):
+        given["source_path"] = path
+        if "input_dofs" in given and getattr(thing, "groups", None) == input_groups(thing.input_dofs):
+            given.setdefault("groups", AUTO)
     return replace(thing, **given) if given else thing

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.io.arrays import AXES, GEOMETRY, INDICATOR, TEXTS, names_of, noun_of
+from modalscope.io.arrays import AXES, GEOMETRY, INDICATOR, JSON, TEXTS, UNREFINED, names_of, noun_of
 from modalscope.io.contents import Contents, Finding, Options, Thing
 from modalscope.model import DataError, FrequencyResponse, Geometry, ModalModel, Signals
 from modalscope.model.checks import Array
@@ -32,12 +32,13 @@ FIELD_OPTIONS = (
     "geometry",
     "averages",
     "added_damping",
+    "groups",
 )
 
 _TEXT = ("quantity", "kind", "scaling")
 _FLOATS = ("sampling_rate", "added_damping", "dt")
 _WHOLE = ("averages", "first_sample")
-_JSON = ("reasons", "geometry_motions")
+_BOOLEAN = ("held_input", "converged")
 
 #: Names that others use; only for the hint of an error message.
 _OTHERS = {
@@ -78,7 +79,7 @@ def contents_from_arrays(where: str, arrays: Mapping[str, Array], options: Optio
     given = {name: options[name] for name in FIELD_OPTIONS if options.get(name) is not None}
     noun = noun_of(held)
     known = set() if noun is None else names_of(noun)
-    unknown = [name for name in held if name not in known and not (noun is ModalModel and name.startswith(INDICATOR))]
+    unknown = [name for name in held if name not in known and not _of_modes(noun, name)]
     if noun is None or unknown:
         raise _unknown(where, unknown or list(held), noun)
     held = _with_axes(held, noun, dict(options.get("axes") or {}))
@@ -86,6 +87,13 @@ def contents_from_arrays(where: str, arrays: Mapping[str, Array], options: Optio
     findings = [Finding(part=name, what=_what(array)) for name, array in arrays.items() if name not in ignore]
     findings += [Finding(part=name, what=_what(arrays[name]), taken=False, reason="ignore names it") for name in ignore]
     return Contents(thing=thing, findings=tuple(findings))
+
+
+def _of_modes(noun: type[Any] | None, name: str) -> bool:
+    """Whether modes may have an array of this name: indicators, and what the modes were before their refinement."""
+    if noun is not ModalModel:
+        return False
+    return name.removeprefix(UNREFINED) in names_of(noun) or name.removeprefix(UNREFINED).startswith(INDICATOR)
 
 
 def _as_names(names: Any) -> list[str]:
@@ -142,7 +150,10 @@ def _with_axes(held: dict[str, Array], noun: type[Any], axes: dict[str, Any]) ->
 
 
 def _build(where: str, noun: type[Any], held: dict[str, Array], given: dict[str, Any]) -> Thing:
-    values: dict[str, Any] = {name: _value(where, name, array) for name, array in held.items()}
+    before = {name.removeprefix(UNREFINED): array for name, array in held.items() if name.startswith(UNREFINED)}
+    values: dict[str, Any] = {
+        name: _value(where, name, array) for name, array in held.items() if not name.startswith(UNREFINED)
+    }
     if noun is Geometry:
         return _geometry(values)
     units = (values.pop("output_units", None), values.pop("input_units", None))
@@ -152,6 +163,7 @@ def _build(where: str, noun: type[Any], held: dict[str, Array], given: dict[str,
         {"units": units}
         | ({"geometry": _geometry(geometry)} if geometry else {})
         | ({"indicators": indicators} if indicators else {})
+        | ({"unrefined": _build(where, noun, before, {})} if before else {})
         | given
     )
     if noun is Signals and "quantity" in values:
@@ -182,7 +194,7 @@ def _build(where: str, noun: type[Any], held: dict[str, Array], given: dict[str,
 def _value(where: str, name: str, array: Array) -> Any:
     """Return the array as the noun's field wants it: text, texts, a number, JSON or the array itself."""
     textual = array.dtype.kind in "US"
-    if textual is not (name in (*_TEXT, *TEXTS, *_JSON)) and array.size:
+    if textual is not (name in (*_TEXT, *TEXTS, *JSON)) and array.size:
         wanted = "numbers" if textual else "text"
         raise DataError(
             f"{name} in {where} needs {wanted}",
@@ -193,8 +205,10 @@ def _value(where: str, name: str, array: Array) -> Any:
         array = np.char.decode(array, "utf-8", "replace")
     if name in TEXTS:
         texts = tuple(str(text) for text in np.atleast_1d(array).ravel())
+        if name == "groups" and texts == ("",):
+            return None
         return tuple(text or None for text in texts) if name == "quantities" else texts
-    if name in (*_TEXT, *_JSON, *_FLOATS, *_WHOLE, "held_input"):
+    if name in (*_TEXT, *JSON, *_FLOATS, *_WHOLE, *_BOOLEAN):
         if array.size != 1:
             raise DataError(
                 f"{name} in {where} needs one entry",
@@ -206,7 +220,7 @@ def _value(where: str, name: str, array: Array) -> Any:
 
 
 def _scalar(where: str, name: str, value: Any) -> Any:
-    if name in _JSON:
+    if name in JSON:
         try:
             return json.loads(value)
         except ValueError as error:
@@ -217,7 +231,7 @@ def _scalar(where: str, name: str, value: Any) -> Any:
             ) from None
     if name in _WHOLE and isinstance(value, float) and value.is_integer():
         return int(value)
-    return (value or None) if name == "quantity" else bool(value) if name == "held_input" else value
+    return (value or None) if name == "quantity" else bool(value) if name in _BOOLEAN else value
 
 
 def _geometry(values: dict[str, Any]) -> Geometry:

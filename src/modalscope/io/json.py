@@ -4,9 +4,12 @@ The layout is that of the command line (`identify -o modes.json`):
 
     {"modalscope": version, "data": {...}, "method", "domain", "orders",
      "modes": [{"frequency_hz", "damping_ratio", "kind", "frequency_spread_hz", "damping_ratio_spread", "frequency_std_hz",
-                "damping_ratio_std", "indicators": {...}, "reasons": {...}, "shape": {"dof", "real", "imag"},
+                "damping_ratio_std", "frequency_repeatability_hz", "damping_ratio_repeatability", "gain",
+                "indicators": {...}, "reasons": {...}, "shape": {"dof", "real", "imag", "std"},
                 "pole": {"real", "imag"}, "participation": {"dof", "real", "imag"}}],
-     "geometry", "feedthrough", "lower_residual", "upper_residual"}
+     "left_out": [{"frequency_hz", "damping_ratio", "gain", "reason", "remedy"}],
+     "harmonics": [{"frequency_hz", "order", "level", "evidence"}], "unrefined": [as "modes"] or null, "converged", "route",
+     "geometry", "feedthrough", "lower_residual", "upper_residual", "notes": [{"kind", "numbers", "text"}]}
 
 `pole` (rad/s) keeps every digit; a file without it is read by frequency and damping ratio. What is not known is null.
 """
@@ -32,7 +35,7 @@ from modalscope.model.version import VERSION
 __all__ = ["WRITE_OPTIONS", "read", "write"]
 
 #: What the caller may add: how the modes were found, and the data they were found in.
-WRITE_OPTIONS = ("method", "domain", "orders", "data")
+WRITE_OPTIONS = ("method", "domain", "orders", "route", "data")
 
 _DIRECT = ("feedthrough", "lower_residual", "upper_residual")
 _OF_DATA = ("quantity", "dt", "held_input", "scaling")
@@ -67,6 +70,12 @@ def write(path: Path, modes: Any, options: Options) -> None:
         "orders": None if options.get("orders") is None else [int(order) for order in np.atleast_1d(options["orders"])],
         "modes": [_mode(modes, j) for j in range(len(modes))],
         **{name: None if (a := getattr(modes, name)) is None else a.tolist() for name in _DIRECT},
+        "left_out": [candidate.to_dict() for candidate in modes.left_out],
+        "harmonics": [harmonic.to_dict() for harmonic in modes.harmonics],
+        "unrefined": None if (u := modes.unrefined) is None else [_mode(u, j) for j in range(len(u))],
+        "converged": modes.converged,
+        "route": options.get("route"),
+        "notes": [note.to_dict() for note in modes.notes],
         "geometry": None if modes.geometry is None else _geometry_out(modes.geometry),
     }
     path.write_text(
@@ -82,12 +91,16 @@ def _mode(modes: ModalModel, j: int) -> dict[str, Any]:
         **{key: None if (a := getattr(modes, name)) is None else float(a[j]) for key, name in COLUMNS.items()},
         "indicators": {name: float(values[j]) for name, values in modes.indicators.items()},
         "reasons": dict(modes.reasons[j]) if modes.reasons else {},
-        "shape": {"dof": list(modes.output_dofs), **_parts(modes.shapes[:, j])},
+        "shape": {"dof": list(modes.output_dofs), **_parts(modes.shapes[:, j]), "std": _std(modes.shapes_std, j)},
         "pole": {"real": float(modes.poles[j].real), "imag": float(modes.poles[j].imag)},
         "participation": None
         if modes.participation is None
         else {"dof": list(modes.input_dofs), **_parts(modes.participation[j])},
     }
+
+
+def _std(values: RealArray | None, j: int) -> list[float] | None:
+    return None if values is None else values[:, j].tolist()
 
 
 def _parts(values: ComplexArray) -> dict[str, list[float]]:
@@ -155,27 +168,46 @@ def _spoilt(path: Path, found: str) -> DataError:
 
 
 def _modes(document: dict[str, Any]) -> ModalModel:
+    """Return the modes, and what belongs to all of them."""
     rows, data = document["modes"], document.get("data") or {}
+    fields: dict[str, Any] = {name: data[name] for name in _OF_DATA if data.get(name) is not None}
+    before = document.get("unrefined")
+    direct = {name: np.array(document[name], dtype=float) for name in _DIRECT if document.get(name) is not None}
+    return _model(
+        rows,
+        data,
+        geometry=Geometry(**document["geometry"]) if document.get("geometry") else None,
+        notes=document.get("notes") or (),
+        left_out=document.get("left_out") or (),
+        harmonics=document.get("harmonics") or (),
+        unrefined=None if before is None else _model(before, data, **fields),
+        converged=document.get("converged"),
+        **fields,
+        **direct,
+    )
+
+
+def _model(rows: list[dict[str, Any]], data: dict[str, Any], **fields: Any) -> ModalModel:
+    """Return modes from their rows, with fields that belong to all of them."""
     outputs = data.get("output_dofs") or (rows[0]["shape"]["dof"] if rows else [])
-    inputs = data.get("input_dofs") or []
-    part = [row.get("participation") for row in rows]
+    part: list[Any] = [row.get("participation") for row in rows]
     shapes = np.array([_complex(row["shape"]) for row in rows], dtype=complex).reshape(len(rows), len(outputs)).T
     known = bool(rows) and all(entry is not None for entry in part)
-    fields: dict[str, Any] = {name: data[name] for name in _OF_DATA if data.get(name) is not None}
-    fields |= {name: np.array(document[name], dtype=float) for name in _DIRECT if document.get(name) is not None}
-    fields |= {name: _column(rows, key) for key, name in COLUMNS.items()}
+    std = [row["shape"].get("std") for row in rows]
     names = rows[0].get("indicators") or {} if rows else {}
+    columns: dict[str, Any] = {name: _column(rows, key) for key, name in COLUMNS.items()}
     return ModalModel(
         poles=np.array([_pole(row) for row in rows], dtype=complex),
         shapes=shapes,
+        shapes_std=np.array([_numbers(entry) for entry in std]).T if rows and all(std) else None,
         participation=np.array([_complex(entry) for entry in part]) if known else None,
         output_dofs=tuple(outputs),
-        input_dofs=tuple(inputs) if known else (),
+        input_dofs=tuple(data.get("input_dofs") or ()) if known else (),
         units=_units(data.get("units"), known),
         processing=tuple(data.get("processing") or ()),
         indicators={name: _numbers([row["indicators"][name] for row in rows]) for name in names},
         reasons=tuple(row.get("reasons") or {} for row in rows) if any(row.get("reasons") for row in rows) else (),
-        geometry=Geometry(**document["geometry"]) if document.get("geometry") else None,
+        **columns,
         **fields,
     )
 

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 from scipy import io as sio
 
-from modalscope.io.arrays import INDICATOR, to_arrays
+from modalscope.io.arrays import INDICATOR, UNREFINED, to_arrays
 from modalscope.io.contents import Contents, Options, Plain
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.mat5 import read_mat5
 from modalscope.model import DataError
 from modalscope.model.checks import Array
 from modalscope.model.extras import optional_package
-from modalscope.model.modes import PER_MODE
+from modalscope.model.mode_fields import PER_MODE
 
 __all__ = ["read", "write"]
 
@@ -64,6 +64,7 @@ def read(path: Path, options: Options) -> Contents:
 def _as_layout(name: str, array: Array, options: Options) -> Array:
     if name in (options.get("axes") or {}):
         return array
+    name = name.removeprefix(UNREFINED)
     if name in _VECTORS or name.startswith(INDICATOR) or array.dtype.kind == "U":
         return array.ravel()
     return array[..., None] if name in _THREE_AXES and array.ndim == 2 else array

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -15,7 +13,8 @@ from modalscope.model.checks import (
     check_each,
     check_kind,
 )
-from modalscope.model.modes import PER_MODE, ModalModel
+from modalscope.model.mode_fields import joined
+from modalscope.model.modes import ModalModel
 
 __all__ = ["merge_bands"]
 
@@ -71,7 +70,7 @@ def merge_bands(
         for modes, (low, high) in zip(results, bands, strict=True)
     ]
     origin = np.concatenate([np.full(len(modes), i) for i, modes in enumerate(inside)])
-    everything = _joined(inside)
+    everything = joined(inside)
     f, half = everything.frequencies, np.abs(everything.poles.real) / (2 * np.pi)
     ends = np.array(bands, dtype=float)[origin.astype(int)].reshape(-1, 2)
     depth = np.minimum(f - ends[:, 0], ends[:, 1] - f) / f
@@ -83,7 +82,7 @@ def merge_bands(
             kept.append(int(i))
     order = np.array(sorted(kept, key=lambda i: f[i]), dtype=int)
     words = ", ".join(f"{low:g} to {high:g} Hz" for low, high in bands)
-    return everything.take(order).noted(f"merged from bands {words}")
+    return everything.take(order).processed(f"merged from bands {words}")
 
 
 def _same_channels(results: Sequence[ModalModel]) -> None:
@@ -95,25 +94,3 @@ def _same_channels(results: Sequence[ModalModel]) -> None:
                 "their outputs or inputs differ",
                 "Select the same channels in every band.",
             )
-
-
-def _joined(parts: Sequence[ModalModel]) -> ModalModel:
-    """Return all modes one after the other; what belongs to a band as a whole (direct terms, residuals) is left out."""
-    first = parts[0]
-    fields: dict[str, Any] = {}
-    for name in (*PER_MODE, "participation"):
-        arrays = [getattr(p, name) for p in parts]
-        fields[name] = None if any(a is None for a in arrays) else np.concatenate(arrays)
-    names = set.intersection(*(set(p.indicators) for p in parts))
-    return replace(
-        first,
-        poles=np.concatenate([p.poles for p in parts]),
-        shapes=np.concatenate([p.shapes for p in parts], axis=1),
-        feedthrough=None,
-        lower_residual=None,
-        upper_residual=None,
-        indicators={name: np.concatenate([p.indicators[name] for p in parts]) for name in sorted(names)},
-        reasons=tuple(r for p in parts for r in p.reasons) if all(len(p.reasons) == len(p) for p in parts) else (),
-        scaling=first.scaling if len({p.scaling for p in parts}) == 1 else "as in each band",
-        **fields,
-    )

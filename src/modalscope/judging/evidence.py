@@ -12,8 +12,6 @@ from modalscope.modal.contribution import of_diagram, peak_sizes
 from modalscope.modal.indicators import cmif, prominence
 from modalscope.model.checks import Array, RealArray
 from modalscope.model.diagram import StabilizationDiagram
-from modalscope.model.frequency import FrequencyResponse
-from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.response import output_scale
 
 __all__ = [
@@ -77,15 +75,9 @@ def evidence_of(diagram: StabilizationDiagram) -> Evidence:
     """Gather what the data themselves show, outputs scaled to one level."""
     response, scale = diagram.response, output_scale(diagram.response)[:, None]
     outputs, inputs = response.values.shape[1:]
-    ambient = isinstance(response, ImpulseResponse) and response.kind == "correlation"
-    H: Array
-    if isinstance(response, FrequencyResponse):
-        f, H, count = response.frequencies, response.values / scale, response.lines
-    else:
-        count = response.samples
-        # zeros behind the samples: lines fine enough that a neighbour's peak is not taken for a mode's own
-        f = np.fft.rfftfreq(8 * count, 1 / response.sampling_rate)
-        H = np.fft.rfft(response.values / scale, n=8 * count, axis=0) / response.sampling_rate
+    ambient = response.origin == "correlation"
+    f, spectrum = response.spectrum()
+    H, count = spectrum / scale, response.count
     curves = cmif(H)
     size = np.sqrt(count * outputs * inputs / (outputs + inputs))
     return Evidence(f, np.linalg.norm(H, axis=(1, 2)), np.sqrt(curves) if ambient else curves, float(size), ambient)

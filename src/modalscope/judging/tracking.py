@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from modalscope.modal.indicators import mac
 from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
+from modalscope.model.pairing import assign
 from modalscope.model.poles import frequencies_and_damping
 
 __all__ = ["Poles", "consensus", "join_broken", "merge_splits", "tracks"]
@@ -170,7 +170,7 @@ def tracks(poles: Poles) -> list[Array]:
             _, cost = _compare(poles, new, last)
             missed = np.array([place[order] - place[int(n)] - 1 for n in poles.order[last]])
             cost = np.where(cost < _NEVER, cost + 0.5 * missed, cost)
-            for a, b in zip(*linear_sum_assignment(cost), strict=True):
+            for a, b in zip(*assign(cost), strict=True):
                 if cost[a, b] < _NEVER:
                     live[b].append(int(new[a]))
                     taken.add(int(a))

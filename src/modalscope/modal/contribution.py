@@ -9,7 +9,6 @@ import numpy as np
 
 from modalscope.model.checks import Array, RealArray
 from modalscope.model.diagram import StabilizationDiagram
-from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.response import Response, output_scale
 
 __all__ = ["contributions", "of_diagram", "peak_sizes", "residue_sizes"]
@@ -46,10 +45,7 @@ def contributions(response: Response, poles: Array, shapes: Array, participation
     size = residue_sizes(shapes, participation, scale)
     decay = np.maximum(np.abs(poles.real), 1e-12 * np.abs(poles))
     total = np.linalg.norm(response.values / scale[:, None])
-    if isinstance(response, FrequencyResponse):
-        step = 2 * np.pi * np.median(np.diff(response.frequencies)) if response.lines > 1 else 1.0
-        return np.asarray(size * np.sqrt(np.pi / decay / step) / total)
-    return np.asarray(size * np.sqrt(np.minimum(response.sampling_rate / decay, 2 * response.samples)) / total)
+    return np.asarray(size * np.sqrt(response.energy(decay)) / total)
 
 
 def of_diagram(diagram: StabilizationDiagram) -> RealArray:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from modalscope.modal.indicator_functions import cmif, mmif, prominence
 from modalscope.model.checks import (
     Array,
     ComplexArray,
@@ -27,6 +28,7 @@ __all__ = [
     "decay_step",
     "emac_channels",
     "mac",
+    "mmif",
     "modal_singular_values",
     "mpc",
     "mpd",
@@ -79,6 +81,10 @@ def mpc(shapes: ArrayLike) -> RealArray:
 
     1 for a shape whose components are in phase or in opposition, 0 for a travelling wave. The mean is not removed: that
     would destroy nearly uniform shapes. For repeated modes use `cluster_mpc`.
+
+    Parameters
+    ----------
+    shapes : array, (l, n)
     """
     phi = np.asarray(shapes, dtype=np.complex128)
     xx, yy = np.sum(phi.real**2, axis=0), np.sum(phi.imag**2, axis=0)
@@ -91,6 +97,10 @@ def mpd(shapes: ArrayLike) -> RealArray:
     """Mean phase deviation of each column, degrees: amplitude-weighted mean angle between components and the best straight line.
 
     The line is the leading singular direction of [Re phi, Im phi]. 0 for a shape of one phase.
+
+    Parameters
+    ----------
+    shapes : array, (l, n)
     """
     phi = np.asarray(shapes, dtype=np.complex128)
     weight = np.abs(phi)
@@ -109,6 +119,10 @@ def cluster_mpc(shapes: ArrayLike) -> float:
 
     The shapes of repeated modes are any basis of their space, so that single ones may look complex where the space is
     real; this value does not depend on the basis. For k = 1 it is 1 - (s_2 / s_1)^2.
+
+    Parameters
+    ----------
+    shapes : array, (l, k)
     """
     phi = np.asarray(shapes, dtype=np.complex128)
     k = phi.shape[1]
@@ -118,7 +132,20 @@ def cluster_mpc(shapes: ArrayLike) -> float:
 
 
 def clusters(poles: ArrayLike, width: float = 2e-3) -> list[Array]:
-    """Group poles that lie within `width` (relative) of a neighbour: modes that may be repeated."""
+    """Group poles that lie within `width` (relative) of a neighbour: modes that may be repeated.
+
+    Parameters
+    ----------
+    poles : array of complex, (n,)
+        rad/s.
+    width : float
+        Largest distance of neighbours over the larger of their moduli.
+
+    Returns
+    -------
+    list of arrays
+        Indices into `poles`; every pole stands in one group.
+    """
     s = np.asarray(poles, dtype=np.complex128)
     near = np.abs(s[:, None] - s) <= width * np.maximum(np.abs(s[:, None]), np.abs(s))
     left, groups = set(range(s.size)), []
@@ -130,56 +157,6 @@ def clusters(poles: ArrayLike, width: float = 2e-3) -> list[Array]:
         groups.append(np.array(sorted(group)))
         left -= group
     return groups
-
-
-def cmif(values: ArrayLike) -> RealArray:
-    """Complex mode indicator function: the singular values of H at every line, (F, min(l, m)), largest first.
-
-    Parameters
-    ----------
-    values : array of complex, (F, l, m)
-        H on F lines.
-    """
-    H = complex_array("values", values, "(lines, outputs, inputs)", 3)
-    return np.asarray(np.linalg.svd(H, compute_uv=False))
-
-
-def prominence(curves: ArrayLike, frequencies: ArrayLike, frequency: float, damping_ratio: float) -> float:
-    """Largest topographic prominence, as a ratio, of a peak at a frequency in any of several curves over lines.
-
-    The peak within half a bandwidth (damping ratio x frequency) of `frequency`, over the higher of its two saddles: on
-    each side the lowest value on the way to something higher, looked for within eight half bandwidths and at least eight lines.
-    1 or less means that nothing stands out.
-
-    Parameters
-    ----------
-    curves : array, (F, k)
-        Mode indicator curves, for instance `cmif`.
-    frequencies : array, (F,)
-        Hz.
-    frequency, damping_ratio : float
-        Of the mode.
-    """
-    f, c = np.asarray(frequencies), np.asarray(curves)
-    step = float(np.median(np.diff(f)))
-    half, far = max(damping_ratio * frequency, 2 * step), max(8 * damping_ratio * frequency, 8 * step)
-    near = np.flatnonzero(np.abs(f - frequency) <= half)
-    first, last = np.searchsorted(f, [frequency - far, frequency + far])
-    best = 0.0
-    for curve in c.T if near.size else ():
-        k = int(near[np.argmax(curve[near])])
-        if k in (0, f.size - 1) or curve[k] < max(curve[k - 1], curve[k + 1]):
-            continue
-        sides = curve[first:k][::-1], curve[k + 1 : min(int(last), f.size - 1) + 1]
-        if min(side.size for side in sides):
-            saddle = max(_lowest_before_higher(side, curve[k]) for side in sides)
-            best = max(best, float(curve[k] / saddle)) if saddle > 0 else np.inf
-    return best
-
-
-def _lowest_before_higher(side: Array, level: float) -> float:
-    higher = np.flatnonzero(side > level)
-    return float(np.min(side[: higher[0] + 1] if higher.size else side))
 
 
 def amplitude_coherence(identified: Array, first: Array, evolution: Array) -> RealArray:
@@ -207,6 +184,13 @@ def decay_step(evolution: Array, least: float = 0.1) -> Array:
 
     At the very last block a heavily damped mode has decayed below rounding and its EMAC would be zero even without
     noise. The comparison is therefore made where a tenth of the amplitude is left.
+
+    Parameters
+    ----------
+    evolution : array, (K, n)
+        The factor by which a mode's block k follows from the first.
+    least : float
+        Share of the first block's amplitude that must be left.
     """
     size = np.abs(evolution)
     alive = size >= least * size[0]
@@ -218,6 +202,11 @@ def emac_channels(identified: Array, expected: Array) -> RealArray:
     """Agreement of identified and expected amplitude in each channel and mode (Pappa, Elliott and Schenk 1993).
 
     min(|a| / |e|, |e| / |a|) times the phase weight 1 - 4 |arg(a / e)| / pi, not below 0.
+
+    Parameters
+    ----------
+    identified, expected : array of complex, (c, n)
+        Amplitudes a of c channels in n modes, and what the modes' evolution predicts for them, e.
     """
     a, e = np.abs(identified), np.abs(expected)
     largest = np.maximum(a, e)
@@ -227,14 +216,34 @@ def emac_channels(identified: Array, expected: Array) -> RealArray:
 
 
 def weighted_mean(values: Array, amplitude: Array) -> RealArray:
-    """Mean over channels, weighted by the squared amplitude: (c, n), (c, n) -> (n,)."""
+    """Mean over channels, weighted by the squared amplitude: sum_c |a|^2 v / sum_c |a|^2 of each mode, (n,).
+
+    Parameters
+    ----------
+    values : array, (c, n)
+        v, of every channel and mode.
+    amplitude : array, (c, n)
+        a; a mode without any has the mean 0.
+    """
     weight = np.abs(amplitude) ** 2
     total = weight.sum(axis=0)
     return np.asarray(np.divide((values * weight).sum(axis=0), total, out=np.zeros_like(total), where=total > 0))
 
 
 def modal_singular_values(shapes: Array, participation: Array, z: ComplexArray, samples: int) -> RealArray:
-    """Return MSV = sqrt(|c| |b| (1 + |z| + ... + |z|^(samples-2))), the share of a mode in the pulse response, unscaled (OKID)."""
+    """Return MSV = sqrt(|c| |b| (1 + |z| + ... + |z|^(samples-2))), the share of a mode in the pulse response, unscaled (OKID).
+
+    Parameters
+    ----------
+    shapes : array, (l, n)
+        c, as columns.
+    participation : array, (n, m)
+        b, as rows.
+    z : array of complex, (n,)
+        Poles on the z-plane.
+    samples : int
+        Of the response.
+    """
     size = np.linalg.norm(shapes, axis=0) * np.linalg.norm(participation, axis=1)
     # an unstable pole counts as an undamped one: its sum would grow without bound
     modulus = np.minimum(np.abs(z), 1)

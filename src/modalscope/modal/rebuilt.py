@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from modalscope.modal.basis import (
-    basis_of_lines,
-    basis_of_samples,
-    fit_error,
-    fit_participation,
-    residual_powers,
-    scaled_terms,
-)
-from modalscope.model.checks import Array, DataError
-from modalscope.model.frequency import FrequencyResponse
-from modalscope.model.impulse import ImpulseResponse
-from modalscope.model.modes import ModalModel
-from modalscope.model.response import Response, window_damping
+import numpy as np
 
-__all__ = ["fit_of", "fitted_terms", "rebuilt", "window_damping"]
+from modalscope.blocks.matrix import DataMatrix
+from modalscope.modal.eigenmodes import Eigenmodes
+from modalscope.model.checks import Array, DataError, RealArray
+from modalscope.model.modes import ModalModel
+from modalscope.model.response import Response, is_held, window_damping
+
+__all__ = ["fit_error", "fit_of", "fitted_terms", "modal_model", "rebuilt"]
+
+
+def fit_error(measured: Array, rebuilt: Array) -> tuple[float, RealArray]:
+    """Return norm(measured - rebuilt) / norm(measured), in all and per channel (l, m)."""
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        difference = np.asarray(measured) - rebuilt
+        channel = np.linalg.norm(difference, axis=0) / np.linalg.norm(measured, axis=0)
+        whole = np.linalg.norm(difference) / np.linalg.norm(measured)
+    return float(whole), np.asarray(channel)
 
 
 def rebuilt(response: Response, modes: ModalModel) -> Array:
@@ -32,11 +36,7 @@ def rebuilt(response: Response, modes: ModalModel) -> Array:
     """
     added = window_damping(response)
     model = replace(modes, poles=modes.poles - added) if added else modes
-    if isinstance(response, FrequencyResponse):
-        values: Array = model.frequency_response(response.frequencies).values
-    else:
-        samples, rate, first = response.samples, response.sampling_rate, response.first_sample
-        values = model.impulse_response(samples, rate, first_sample=first).values
+    values: Array = response.of_modes(model).values
     if values.shape != response.values.shape:
         (_, l, m), (_, outputs, inputs) = response.values.shape, values.shape
         raise DataError(
@@ -57,20 +57,29 @@ def fitted_terms(response: Response, poles: Array, shapes: Array) -> dict[str, A
 
     Parameters
     ----------
-    response : FrequencyResponse or ImpulseResponse
+    response : Response
     poles : array of complex, (n,)
         rad/s, as the modes have them.
     shapes : array of complex, (l, n)
     """
-    poles = poles - window_damping(response)
-    if isinstance(response, ImpulseResponse):
-        participation, _ = fit_participation(basis_of_samples(response, poles), shapes)
-        return {"participation": participation, "feedthrough": response.feedthrough}
-    # a line at 0 Hz cannot carry the negative powers of the lower residual
-    residuals = response.sampling_rate is None and response.frequencies[0] > 0 and response.lines > 8
-    powers = residual_powers(response.quantity, residuals)
-    participation, terms = fit_participation(basis_of_lines(response, poles, powers), shapes)
-    if len(powers) == 1:
-        return {"participation": participation, "feedthrough": terms[0]}
-    lower, upper = scaled_terms(terms, powers, response.frequencies)
-    return {"participation": participation, "lower_residual": lower, "upper_residual": upper}
+    powers = response.outside_powers
+    basis = response.basis(poles - window_damping(response), powers)
+    participation, terms = basis.fit_participation(shapes)
+    return {"participation": participation, **response.named_terms(terms, powers)}
+
+
+def modal_model(matrix: DataMatrix, modal: Eigenmodes, indicators: Mapping[str, Array]) -> ModalModel:
+    """Wrap the modal form of one order, with the damping of an exponential window taken off the poles."""
+    response = matrix.judged
+    terms: dict[str, Any] = {"feedthrough": modal.direct, **response.named_terms(modal.fit.terms, modal.fit.powers)}
+    return ModalModel(
+        poles=modal.poles + window_damping(response),
+        shapes=modal.shapes,
+        participation=modal.participation,
+        quantity=response.quantity,
+        dt=matrix.dt,
+        held_input=is_held(response),
+        indicators=dict(indicators),
+        **terms,
+        **response.labelled(),
+    )

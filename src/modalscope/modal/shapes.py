@@ -7,18 +7,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.modal.basis import (
-    ModalBasis,
-    basis_of_lines,
-    check_residuals,
-    fit_shapes,
-    residual_powers,
-    scaled_terms,
-)
 from modalscope.modal.indicators import clusters, mpc, mpd
 from modalscope.model.channels import QUANTITIES, known_quantity
-from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_choice
+from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_choice, check_kind
 from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.modal_basis import ModalBasis, residual_powers, scaled_terms
 from modalscope.model.modes import ModalModel
 
 __all__ = ["fit_residues"]
@@ -78,6 +71,8 @@ def fit_residues(
     >>> fit_residues(frf, s.modes()).scaling
     'unit modal mass, driving point 2:+X, 5:+X'
     """
+    check_kind("fit_residues", response, FrequencyResponse)
+    check_kind("modes of fit_residues", modes, ModalModel)
     check_choice("kind", kind, ("complex", "real"))
     check_choice("participation", participation, ("given", "free"))
     powers = _powers(response, residuals, kind)
@@ -96,7 +91,7 @@ def fit_residues(
         ranks, rows = _free_rows(basis, groups, response)
         basis = _repeat(basis, groups, ranks)
         index = np.concatenate([group[:rank] for group, rank in zip(groups, ranks, strict=True)])
-    shapes, terms = fit_shapes(basis, rows)
+    shapes, terms = basis.fit_shapes(rows)
     back = np.argsort(index, kind="stable")
     kept, shapes, rows = index[back], shapes[:, back], rows[back]
     model = _model(
@@ -125,7 +120,6 @@ def _powers(response: FrequencyResponse, residuals: bool, kind: str) -> tuple[in
     powers = residual_powers(quantity, residuals)
     if kind == "real" and not residuals:
         powers = ()
-    check_residuals(response, powers)
     return powers
 
 
@@ -147,7 +141,7 @@ def _distinct(poles: ComplexArray) -> tuple[ComplexArray, list[Array]]:
 def _basis(
     response: FrequencyResponse, poles: ComplexArray, kind: str, powers: tuple[int, ...], weights: Array | None
 ) -> ModalBasis:
-    basis = basis_of_lines(response, poles, powers, weights)
+    basis = response.basis(poles, powers, weights)
     if kind == "complex":
         return basis
     if np.any(poles.imag == 0):
@@ -228,6 +222,7 @@ def _model(
     return replace(
         modes,
         shapes=shapes,
+        shapes_std=None,
         participation=rows,
         feedthrough=direct,
         lower_residual=lower,

@@ -1,24 +1,34 @@
-"""Floor 0: the nouns, validated at the door, with their own conversions."""
+"""Data classes: measurements, models and results, checked when they are made, and what they convert to."""
 
+from modalscope.model.candidates import Candidate, Harmonic
 from modalscope.model.checks import DataError
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.geometry import Geometry
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.labels import Dof, parse_dof
+from modalscope.model.mode import Mode
 from modalscope.model.modes import ModalModel
+from modalscope.model.notes import Note
+from modalscope.model.records import Records, as_records
 from modalscope.model.signals import Signals
 from modalscope.model.statespace import StateSpace
 
 __all__ = [
+    "Candidate",
     "DataError",
     "Dof",
     "FrequencyResponse",
     "Geometry",
+    "Harmonic",
     "ImpulseResponse",
     "ModalModel",
+    "Mode",
+    "Note",
+    "Records",
     "Signals",
     "StabilizationDiagram",
     "StateSpace",
+    "as_records",
     "parse_dof",
 ]

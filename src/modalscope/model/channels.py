@@ -4,14 +4,24 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
 from typing import Any, Self
 
-from modalscope.model.checks import DataError, check_choice, check_each, check_kind, freeze
+from modalscope.model.checks import DataError, check_choice, check_each, check_kind, check_path, freeze
 from modalscope.model.geometry import Geometry
 from modalscope.model.labels import DofLike, check_labels, indices_of
 
-__all__ = ["KINDS", "QUANTITIES", "Channels", "check_quantity", "derivatives_between", "known_quantity"]
+__all__ = [
+    "KINDS",
+    "QUANTITIES",
+    "Channels",
+    "Chosen",
+    "check_quantity",
+    "choose_channels",
+    "derivatives_between",
+    "known_quantity",
+]
 
 #: Derivatives of the displacement that each quantity is.
 QUANTITIES = {"displacement": 0, "velocity": 1, "acceleration": 2}
@@ -59,6 +69,30 @@ def _one_side(name: str, unit: str | Sequence[str] | None, count: int) -> tuple[
     return tuple(str(u) for u in each)
 
 
+Chosen = Iterable[DofLike] | DofLike | None
+
+
+def choose_channels(
+    output_dofs: Sequence[str], input_dofs: Sequence[str], outputs: Chosen, inputs: Chosen, exclude: Chosen
+) -> tuple[list[int], list[int]]:
+    """Return the indices of the outputs and of the inputs that are chosen (see `Channels.select`)."""
+    rows = list(range(len(output_dofs))) if outputs is None else indices_of("output", outputs, output_dofs)
+    columns = list(range(len(input_dofs))) if inputs is None else indices_of("input", inputs, input_dofs)
+    if exclude is not None:
+        both = (*output_dofs, *(dof for dof in input_dofs if dof not in output_dofs))
+        out = {both[i] for i in indices_of("channel to exclude", exclude, both)}
+        rows = [i for i in rows if output_dofs[i] not in out]
+        kept = [i for i in columns if input_dofs[i] not in out]
+        if columns and not kept:
+            raise DataError(
+                f"excluding {', '.join(sorted(out))} was asked", "that leaves no input", "Exclude fewer channels."
+            )
+        columns = kept
+    if not rows:
+        raise DataError("a choice of channels needs at least one output", "none is left", "Exclude fewer channels.")
+    return rows, columns
+
+
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Channels(ABC):
     """Labels, units, geometry and history, common to `Signals`, `ImpulseResponse` and `FrequencyResponse`.
@@ -73,6 +107,8 @@ class Channels(ABC):
         Where the channels are.
     processing : sequence of str, optional
         What was done to the data so far, in words.
+    source_path : path, optional
+        The file that the data came from.
     """
 
     output_dofs: tuple[str, ...] = None  # type: ignore[assignment]
@@ -80,6 +116,7 @@ class Channels(ABC):
     units: Units = None  # type: ignore[assignment]
     geometry: Geometry | None = None
     processing: tuple[str, ...] = ()
+    source_path: Path | None = field(default=None, compare=False)
 
     def _label(self, outputs: int, inputs: int) -> None:
         units: Any = self.units
@@ -103,10 +140,11 @@ class Channels(ABC):
             input_dofs=check_labels("input_dofs", self.input_dofs, inputs, "u"),
             units=(_one_side("outputs", pair[0], outputs), _one_side("inputs", pair[1], inputs)),
             processing=tuple(str(step) for step in check_each("processing", steps, "one text a step")),
+            source_path=None if self.source_path is None else check_path(self.source_path),
         )
 
     def _cut(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
-        """Return the changed fields for a choice of channels; the nouns add their own arrays."""
+        """Return the changed fields for a choice of channels; data classes add their own arrays."""
         return {
             "output_dofs": tuple(self.output_dofs[i] for i in outputs),
             "input_dofs": tuple(self.input_dofs[i] for i in inputs),
@@ -114,10 +152,10 @@ class Channels(ABC):
         }
 
     def labelled(self) -> dict[str, Any]:
-        """Return labels, units, geometry and history by name, for another noun of the same channels."""
-        return {name: getattr(self, name) for name in ("output_dofs", "input_dofs", "units", "geometry", "processing")}
+        """Return labels, units, geometry, history and file by name, for other data of the same channels."""
+        return {each.name: getattr(self, each.name) for each in fields(Channels)}
 
-    def noted(self, step: str) -> Self:
+    def processed(self, step: str) -> Self:
         """Return the same data with one more step of processing written down.
 
         Parameters
@@ -129,9 +167,9 @@ class Channels(ABC):
 
     def select(
         self,
-        outputs: Iterable[DofLike] | DofLike | None = None,
-        inputs: Iterable[DofLike] | DofLike | None = None,
-        exclude: Iterable[DofLike] | DofLike | None = None,
+        outputs: Chosen = None,
+        inputs: Chosen = None,
+        exclude: Chosen = None,
     ) -> Self:
         """Return some of the channels, named by label or counted from zero.
 
@@ -147,24 +185,9 @@ class Channels(ABC):
         DataError
             A channel that is not there, or none left.
         """
-        rows = (
-            list(range(len(self.output_dofs))) if outputs is None else indices_of("output", outputs, self.output_dofs)
-        )
-        columns = list(range(len(self.input_dofs))) if inputs is None else indices_of("input", inputs, self.input_dofs)
-        if exclude is not None:
-            both = (*self.output_dofs, *(dof for dof in self.input_dofs if dof not in self.output_dofs))
-            out = {both[i] for i in indices_of("channel to exclude", exclude, both)}
-            rows = [i for i in rows if self.output_dofs[i] not in out]
-            kept = [i for i in columns if self.input_dofs[i] not in out]
-            if columns and not kept:
-                raise DataError(
-                    f"excluding {', '.join(sorted(out))} was asked", "that leaves no input", "Exclude fewer channels."
-                )
-            columns = kept
-        if not rows:
-            raise DataError("a choice of channels needs at least one output", "none is left", "Exclude fewer channels.")
+        rows, columns = choose_channels(self.output_dofs, self.input_dofs, outputs, inputs, exclude)
         return replace(self, **self._cut(rows, columns), **self._arrays(rows, columns))
 
     @abstractmethod
     def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
-        """Return the arrays of a noun for a choice of channels."""
+        """Return the arrays for a choice of channels."""

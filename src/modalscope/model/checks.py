@@ -1,15 +1,17 @@
-"""One voice for errors, and the checks that every noun makes at the door."""
+"""Checks that data classes make of what they are given: numbers, arrays, counts, bands, lists and file names."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from difflib import get_close_matches
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from modalscope.model.errors import DataError, check_choice
+from modalscope.model.kinds import check_kind
 
 __all__ = [
     "Array",
@@ -39,37 +41,10 @@ ComplexArray = NDArray[Any]
 IntArray = NDArray[Any]
 
 
-class DataError(ValueError):
-    """Data that cannot be used, or an option that cannot be met.
-
-    Parameters
-    ----------
-    asked : str
-        What was asked for.
-    found : str
-        What there is.
-    change : str
-        What to change.
-
-    Examples
-    --------
-    >>> print(DataError("order=12 was asked", "the data have rank 10", "Lower the order to at most 10."))
-    order=12 was asked, but the data have rank 10.
-    Lower the order to at most 10.
-    """
-
-    def __init__(self, asked: str, found: str, change: str) -> None:
-        self.asked, self.found, self.change = asked, found, change
-        super().__init__(f"{asked}, but {found}.\n{change}")
-
-    def __reduce__(self) -> tuple[type[DataError], tuple[str, str, str]]:
-        return type(self), (self.asked, self.found, self.change)
-
-
-def freeze(noun: object, **values: object) -> None:
-    """Store validated values in a frozen noun, from its `__post_init__`."""
+def freeze(data: object, **values: object) -> None:
+    """Store validated values in a frozen data class, from its `__post_init__`."""
     for name, value in values.items():
-        object.__setattr__(noun, name, value)
+        object.__setattr__(data, name, value)
 
 
 def locked(array: Array) -> Array:
@@ -189,29 +164,8 @@ def check_each(name: str, values: Any, what: str) -> list[Any]:
     raise DataError(f"{name} needs {what}", f"it is {type(values).__name__}", f"Give {name} as a list.")
 
 
-def check_kind(name: str, value: Any, kinds: type[Any] | tuple[type[Any], ...]) -> None:
-    """Raise when a value is not one of the nouns that are asked."""
-    if not isinstance(value, kinds):
-        known = kinds if isinstance(kinds, tuple) else (kinds,)
-        raise DataError(
-            f"{name} needs {' or '.join(k.__name__ for k in known)}",
-            f"it is {type(value).__name__}",
-            "Give what the documentation of the function shows.",
-        )
-
-
 def check_path(path: Any) -> Path:
     """Return the name of a file as a path, or raise."""
     if not isinstance(path, str | PathLike):
         raise DataError("the name of a file was asked", f"it is {type(path).__name__}", "Give it as text or as a Path.")
     return Path(path)
-
-
-def check_choice(name: str, value: Any, choices: Iterable[str]) -> str:
-    """Return `value` if it is one of the choices, or raise and name the nearest."""
-    known = list(choices)
-    if isinstance(value, str) and value in known:
-        return value
-    near = get_close_matches(str(value), known, n=1)
-    hint = f"Did you mean {near[0]!r}? " if near else ""
-    raise DataError(f"{name}={value!r} was asked", f"there are only {', '.join(known)}", f"{hint}Choose one of these.")

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, freeze, locked
 from modalscope.model.poles import HasPoles
 from modalscope.model.response import Response
+from modalscope.model.settings import Settings
 
 __all__ = ["StabilizationDiagram"]
 
@@ -42,6 +42,8 @@ class StabilizationDiagram(HasPoles):
         norm(measured - rebuilt) / norm(measured) of every order, each output divided by its root mean square.
     exact_rank : int, optional
         The rank of data without noise; orders above it are left out.
+    asked_orders : tuple of int
+        The orders that were asked, with those out of reach: sizes that were not given followed from the largest.
     tolerances : mapping
         The limits of stability: frequency and damping (relative), shape (1 - MAC).
     settings : mapping
@@ -67,8 +69,9 @@ class StabilizationDiagram(HasPoles):
     singular_values: RealArray
     fit_errors: RealArray
     exact_rank: int | None = None
+    asked_orders: tuple[int, ...] = ()
     tolerances: Mapping[str, float] = field(default_factory=dict)
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    settings: Settings = field(default_factory=Settings)
     notes: tuple[str, ...] = ()
     dt: float | None = None
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modalscope.model.channels import Channels, check_quantity, derivatives_between
+from modalscope.model.channels import check_quantity, derivatives_between
 from modalscope.model.checks import (
     Array,
     ComplexArray,
@@ -21,13 +21,25 @@ from modalscope.model.checks import (
     freeze,
     real_array,
 )
+from modalscope.model.groups import AUTO, Groups, check_groups, chosen_groups, input_groups
 from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.line_checks import check_beside, check_complex, check_lines
+from modalscope.model.modal_basis import ModalBasis, line_basis, line_derivatives, residual_powers, scaled_terms
+from modalscope.model.response import AsLines, AsSamples, Response
+
+if TYPE_CHECKING:
+    from modalscope.model.modes import ModalModel
+    from modalscope.model.statespace import StateSpace
 
 __all__ = ["FrequencyResponse"]
 
 
+#: Up to so many lines residuals explain the modes themselves.
+_FEW_LINES = 8
+
+
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class FrequencyResponse(Channels):
+class FrequencyResponse(Response):
     """Complex frequency responses H(f) = output / input on increasing lines.
 
     Parameters
@@ -49,6 +61,8 @@ class FrequencyResponse(Channels):
         Number of averages behind the estimates.
     added_damping : float
         Decay rate in 1/s that an exponential window added to every pole: identified poles are shifted back by it.
+    groups : sequence of labels, "auto" or None
+        One label an input: what disagrees between groups is repeatability. By default every input, where there are at least four.
 
     Raises
     ------
@@ -73,12 +87,13 @@ class FrequencyResponse(Channels):
     variance: RealArray | None = None
     averages: int | None = None
     added_damping: float = 0.0
+    groups: Groups = AUTO
 
     def __post_init__(self) -> None:
         values = complex_array("values", self.values, "(lines, outputs, inputs)", 3)
         lines = real_array("frequencies", self.frequencies, "(lines,)", 1)
-        _check_lines(lines, values.shape)
-        _check_complex(values, lines)
+        check_lines(lines, values.shape)
+        check_complex(values, lines)
         rate = None if self.sampling_rate is None else check_positive("sampling_rate", self.sampling_rate)
         if rate is not None and lines[-1] > rate / 2 * (1 + 1e-9):
             raise DataError(
@@ -92,17 +107,126 @@ class FrequencyResponse(Channels):
             frequencies=lines,
             quantity=check_quantity(self.quantity),
             sampling_rate=rate,
-            coherence=_beside("coherence", self.coherence, values.shape),
-            variance=_beside("variance", self.variance, values.shape),
+            coherence=check_beside("coherence", self.coherence, values.shape),
+            variance=check_beside("variance", self.variance, values.shape),
             averages=None if self.averages is None else check_count("averages", self.averages),
             added_damping=check_number("added_damping", self.added_damping),
         )
         self._label(values.shape[1], values.shape[2])
+        freeze(self, groups=check_groups(self.groups, values.shape[2], "an input", input_groups(self.input_dofs)))
 
     @property
     def lines(self) -> int:
         """Number of lines."""
         return int(self.frequencies.size)
+
+    @property
+    def origin(self) -> str:
+        """Lines."""
+        return "lines"
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Lowest and highest line, Hz."""
+        return float(self.frequencies[0]), float(self.frequencies[-1])
+
+    @property
+    def grid(self) -> RealArray:
+        """The lines, Hz."""
+        return self.frequencies
+
+    @property
+    def held_input(self) -> bool:
+        """Whether this is the response of a sampled system."""
+        return self.sampling_rate is not None
+
+    @property
+    def steps_late(self) -> int:
+        """Lines begin at the impulse itself: 0."""
+        return 0
+
+    def basis(self, poles: Array, powers: tuple[int, ...] = (0,), weights: Array | None = None) -> ModalBasis:
+        """Return what poles can contribute on the lines; see `Response.basis`.
+
+        Raises
+        ------
+        DataError
+            A line at 0 Hz with a residual that divides by its frequency.
+        """
+        if powers and min(powers) < 0 and self.frequencies[0] == 0:
+            raise DataError(
+                "residuals of modes below the band were asked",
+                f"the {self.quantity or 'response'} has a line at 0 Hz, where they are infinite",
+                "Leave that line out with band(), or ask for residuals=False.",
+            )
+        return line_basis(self.frequencies, self.sampling_rate, self.values, poles, powers, weights)
+
+    @property
+    def outside_powers(self) -> tuple[int, ...]:
+        """Mass line of the modes below, (j w)^(p-2), and stiffness line of those above, (j w)^p; a sampled system has a direct term."""
+        residuals = self.sampling_rate is None and self.frequencies[0] > 0 and self.lines > _FEW_LINES
+        return residual_powers(self.quantity, residuals)
+
+    def named_terms(self, terms: RealArray, powers: tuple[int, ...]) -> dict[str, RealArray | None]:
+        """Return fitted terms by name; see `Response.named_terms`."""
+        if len(powers) == 1:
+            return {"feedthrough": terms[0]}
+        lower, upper = scaled_terms(terms, powers, self.frequencies)
+        return {"lower_residual": lower, "upper_residual": upper}
+
+    def derivatives(self, poles: Array) -> RealArray:
+        """Return d/ds of the functions of `basis`; see `Response.derivatives`."""
+        return line_derivatives(self.frequencies, self.sampling_rate, poles)
+
+    def spectrum(self) -> tuple[RealArray, ComplexArray]:
+        """Return the lines and the values themselves."""
+        return self.frequencies, self.values
+
+    def energy(self, decay: Array) -> RealArray:
+        """Return pi / (decay step): the integral of |1 / (j w - s)|^2 over w, on lines that lie `step` apart in w."""
+        step = 2 * np.pi * np.median(np.diff(self.frequencies)) if self.lines > 1 else 1.0
+        return np.asarray(np.pi / np.asarray(decay) / step)
+
+    @property
+    def exact_samples(self) -> bool:
+        """Whether the lines are those of a sampled system from zero to half its rate."""
+        rate, (low, high) = self.sampling_rate, self.span
+        return rate is not None and low == 0 and bool(np.isclose(high, rate / 2))
+
+    @property
+    def exact_lines(self) -> bool:
+        """True: these are the lines."""
+        return True
+
+    def as_samples(self) -> AsSamples:
+        """Return the inverse transform, see `exact_samples`."""
+        note = "the lines were transformed to samples: damping is biased unless they cover the whole spectrum"
+        return AsSamples(self.to_impulse_response(), note)
+
+    def as_lines(self) -> AsLines:
+        """Return the lines themselves."""
+        return AsLines(self, "")
+
+    def in_band(self, band: tuple[float, float] | None) -> FrequencyResponse:
+        """Return the lines in a band."""
+        return self if band is None else self.band(*band)
+
+    def reported_band(self, band: tuple[float, float] | None) -> tuple[float, float]:
+        """Return the lowest and the highest line: the band has cut them."""
+        return self.span
+
+    def rebuilt_by(self, model: StateSpace) -> FrequencyResponse:
+        """Return the response of a model on these lines; see `Response.rebuilt_by`."""
+        return model.frequency_response(self.frequencies, **self.rebuilt_labels())
+
+    def values_of(self, model: StateSpace) -> Array:
+        """Return the transfer functions of a model on these lines; see `Response.values_of`."""
+        s = 2j * np.pi * self.frequencies
+        return model.transfer(s if model.dt is None else np.exp(s * model.dt))
+
+    def of_modes(self, modes: ModalModel) -> FrequencyResponse:
+        """Return the response of modes on these lines; see `Response.of_modes`."""
+        return modes.frequency_response(self.frequencies)
 
     def band(self, lowest: float, highest: float) -> FrequencyResponse:
         """Return the lines from `lowest` to `highest` Hz, both included.
@@ -209,8 +333,9 @@ class FrequencyResponse(Channels):
             first_sample=0 if held else 1,
             quantity=self.quantity,
             added_damping=self.added_damping,
+            groups=self.groups,
             **self.labelled(),
-        ).noted(note)
+        ).processed(note)
 
     def _from_zero(self) -> tuple[ComplexArray, float]:
         """Return values on all multiples of the lines' spacing from 0 Hz, zero below the band, and that spacing in Hz."""
@@ -236,63 +361,9 @@ class FrequencyResponse(Channels):
                 return None
             return array[:, outputs] if array.ndim == 2 else array[:, outputs][:, :, inputs]
 
-        return {"values": cut(self.values), "coherence": cut(self.coherence), "variance": cut(self.variance)}
-
-
-def _check_lines(lines: RealArray, shape: tuple[int, ...]) -> None:
-    if 0 in shape or lines.size == 0:
-        raise DataError(
-            "a frequency response needs at least one line and channel",
-            f"its shape is {shape}",
-            "Measure at least one line.",
-        )
-    if lines.size != shape[0]:
-        raise DataError(
-            f"frequencies needs one entry for each of the {shape[0]} lines of values, shape {shape}",
-            f"it has {lines.size}",
-            "Lines come first in values: (lines, outputs, inputs); transpose it if they stand elsewhere.",
-        )
-    if lines[0] < 0:
-        raise DataError(
-            "frequencies needs lines at or above 0 Hz",
-            f"the first is {lines[0]:g} Hz",
-            "Leave the negative half of the spectrum out.",
-        )
-    falling = np.flatnonzero(np.diff(lines) <= 0)
-    if falling.size:
-        k = int(falling[0])
-        raise DataError(
-            "frequencies needs increasing lines",
-            f"line {k + 1} ({lines[k + 1]:g} Hz) does not lie above line {k} ({lines[k]:g} Hz)",
-            "Sort the lines together with their values and drop the repeated ones.",
-        )
-
-
-def _check_complex(values: ComplexArray, lines: RealArray) -> None:
-    """Refuse magnitudes; a single line may be real by chance, and an undamped model's real response changes sign."""
-    if lines.size > 1 and not values.imag.any() and values.real.any() and values.real.min() >= 0:
-        raise DataError(
-            "values needs complex frequency responses",
-            "they have no imaginary part and are never negative: magnitudes",
-            "Give real and imaginary parts.",
-        )
-
-
-def _beside(name: str, array: Array | None, shape: tuple[int, ...]) -> RealArray | None:
-    if array is None:
-        return None
-    checked = real_array(name, array, "(lines, outputs) or (lines, outputs, inputs)", (2, 3))
-    if checked.shape not in (shape, shape[:2]) or (name == "variance" and checked.ndim != 3):
-        raise DataError(
-            f"{name} needs the shape of values, {shape}",
-            f"it has {checked.shape}",
-            "Give one entry for each line and channel.",
-        )
-    low, high = float(checked.min()), float(checked.max())
-    if low < -1e-9 or (name == "coherence" and high > 1 + 1e-6):
-        raise DataError(
-            f"{name} needs values of at least 0" + (" and at most 1" if name == "coherence" else ""),
-            f"they lie between {low:g} and {high:g}",
-            f"Correct the {name}, or leave it out.",
-        )
-    return checked
+        return {
+            "values": cut(self.values),
+            "coherence": cut(self.coherence),
+            "variance": cut(self.variance),
+            "groups": chosen_groups(self.groups, inputs),
+        }

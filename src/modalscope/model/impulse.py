@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.model.channels import KINDS, Channels, check_quantity
+from modalscope.model.channels import KINDS, check_quantity
 from modalscope.model.checks import (
+    Array,
     ComplexArray,
     DataError,
     RealArray,
@@ -20,16 +21,21 @@ from modalscope.model.checks import (
     freeze,
     real_array,
 )
+from modalscope.model.groups import AUTO, Groups, check_groups, chosen_groups, input_groups
+from modalscope.model.modal_basis import ModalBasis, sample_basis, sample_derivatives
 from modalscope.model.resolvent import HELD
+from modalscope.model.response import AsLines, AsSamples, Response
 
 if TYPE_CHECKING:
     from modalscope.model.frequency import FrequencyResponse
+    from modalscope.model.modes import ModalModel
+    from modalscope.model.statespace import StateSpace
 
 __all__ = ["ImpulseResponse"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class ImpulseResponse(Channels):
+class ImpulseResponse(Response):
     """A Markov sequence: `values[k]` is the l x m matrix Y(k) = C A^k B (Eq. 11); the direct term is kept apart.
 
     Parameters
@@ -50,6 +56,8 @@ class ImpulseResponse(Channels):
         Displacement, velocity or acceleration.
     added_damping : float
         Decay rate in 1/s that an exponential window added to every pole: identified poles are shifted back by it.
+    groups : sequence of labels, "auto" or None
+        One label an input: what disagrees between groups is repeatability. By default every input, where there are at least four.
 
     Raises
     ------
@@ -64,6 +72,7 @@ class ImpulseResponse(Channels):
     first_sample: int = 0
     quantity: str | None = None
     added_damping: float = 0.0
+    groups: Groups = AUTO
 
     def __post_init__(self) -> None:
         values = real_array("values", self.values, "(samples, outputs, inputs)", 3)
@@ -93,6 +102,7 @@ class ImpulseResponse(Channels):
             added_damping=check_number("added_damping", self.added_damping),
         )
         self._label(values.shape[1], values.shape[2])
+        freeze(self, groups=check_groups(self.groups, values.shape[2], "an input", input_groups(self.input_dofs)))
 
     @property
     def samples(self) -> int:
@@ -104,6 +114,95 @@ class ImpulseResponse(Channels):
         """Time of every sample after the impulse, seconds (a pulse response is one step later than its index)."""
         step = 1 if self.kind in ("pulse", "correlation") else 0
         return np.asarray((np.arange(self.samples) + self.first_sample + step) / self.sampling_rate)
+
+    @property
+    def origin(self) -> str:
+        """The kind of the sequence."""
+        return self.kind
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Zero to half the sampling rate, Hz."""
+        return 0.0, self.sampling_rate / 2
+
+    @property
+    def grid(self) -> None:
+        """None: samples have no resolution of their own."""
+        return
+
+    @property
+    def held_input(self) -> bool:
+        """Whether this is a pulse response."""
+        return self.kind == "pulse"
+
+    @property
+    def steps_late(self) -> int:
+        """Sampling intervals from the impulse to the first sample."""
+        return self.first_sample
+
+    def basis(self, poles: Array, powers: tuple[int, ...] = (0,), weights: Array | None = None) -> ModalBasis:
+        """Return what poles can contribute to the samples; samples have neither terms nor weights. See `Response.basis`."""
+        return sample_basis(self.sampling_rate, self.first_sample, self.values, poles)
+
+    @property
+    def outside_powers(self) -> tuple[int, ...]:
+        """Samples have a direct term alone, and it is known or not."""
+        return (0,)
+
+    def named_terms(self, terms: RealArray, powers: tuple[int, ...]) -> dict[str, RealArray | None]:
+        """Return the known direct term; see `Response.named_terms`."""
+        return {"feedthrough": self.feedthrough}
+
+    def derivatives(self, poles: Array) -> RealArray:
+        """Return d/ds of the functions of `basis`; see `Response.derivatives`."""
+        return sample_derivatives(self.sampling_rate, self.first_sample, self.samples, poles)
+
+    def spectrum(self) -> tuple[RealArray, ComplexArray]:
+        """Return the transform of the samples with seven times as many zeros behind them, on 0 Hz to half the sampling rate."""
+        length = 8 * self.samples
+        H = np.fft.rfft(self.values, n=length, axis=0) / self.sampling_rate
+        return np.fft.rfftfreq(length, 1 / self.sampling_rate), H
+
+    def energy(self, decay: Array) -> RealArray:
+        """Return about fs / decay, the sum over samples of |2 Re exp(s t)|^2, over no more than the samples there are."""
+        return np.minimum(self.sampling_rate / np.asarray(decay), 2 * self.samples)
+
+    @property
+    def exact_samples(self) -> bool:
+        """True: these are the samples."""
+        return True
+
+    @property
+    def exact_lines(self) -> bool:
+        """False: a transform takes what follows the last sample for zero."""
+        return False
+
+    def as_samples(self) -> AsSamples:
+        """Return the samples themselves."""
+        return AsSamples(self, "")
+
+    def as_lines(self) -> AsLines:
+        """Return the transform of the samples, see `exact_lines`."""
+        return AsLines(
+            self.to_frequency_response(), "the samples were transformed to lines as if nothing followed the last one"
+        )
+
+    def in_band(self, band: tuple[float, float] | None) -> ImpulseResponse:
+        """Return the samples as they are: they are not filtered."""
+        return self
+
+    def reported_band(self, band: tuple[float, float] | None) -> tuple[float, float]:
+        """Return the band that was asked, or everything: real poles of a sampled system may lie above half the sampling rate."""
+        return (0.0, np.inf) if band is None else band
+
+    def rebuilt_by(self, model: StateSpace) -> ImpulseResponse:
+        """Return the response of a model at these samples; see `Response.rebuilt_by`."""
+        labels = self.rebuilt_labels()
+        return model.impulse_response(self.samples, kind=self.kind, first_sample=self.first_sample, **labels)
+
+    def of_modes(self, modes: ModalModel) -> ImpulseResponse:
+        """Return the response of modes at these samples; see `Response.of_modes`."""
+        return modes.impulse_response(self.samples, self.sampling_rate, first_sample=self.first_sample)
 
     def to_frequency_response(self, frequencies: ArrayLike | None = None) -> FrequencyResponse:
         """Return the transform of the sequence on the given lines (Hz), by default on its own DFT lines.
@@ -139,8 +238,9 @@ class ImpulseResponse(Channels):
             sampling_rate=self.sampling_rate if held else None,
             quantity=self.quantity,
             added_damping=self.added_damping,
+            groups=self.groups,
             **self.labelled(),
-        ).noted(f"transformed from {self.samples} samples of a {self.kind} response")
+        ).processed(f"transformed from {self.samples} samples of a {self.kind} response")
 
     def _transformed(self, lines: RealArray) -> ComplexArray:
         """Return sum_k values[k] exp(-2 pi j f k / fs) on any lines, a few at a time."""
@@ -157,4 +257,5 @@ class ImpulseResponse(Channels):
         return {
             "values": np.ascontiguousarray(self.values[:, cut[0], cut[1]]),
             "feedthrough": None if self.feedthrough is None else self.feedthrough[cut],
+            "groups": chosen_groups(self.groups, inputs),
         }

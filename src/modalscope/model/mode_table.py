@@ -17,11 +17,14 @@ COLUMNS = {
     "damping_ratio_spread": "damping_ratios_spread",
     "frequency_std_hz": "frequencies_std",
     "damping_ratio_std": "damping_ratios_std",
+    "frequency_repeatability_hz": "frequencies_repeatability",
+    "damping_ratio_repeatability": "damping_ratios_repeatability",
+    "gain": "gain",
 }
 
 
 def known_columns(modes: ModalModel) -> dict[str, Any]:
-    """Return what is known of each mode, by column: frequency, damping ratio, kind, spreads, indicators."""
+    """Return what is known of each mode, by column: frequency, damping ratio, kind, deviations, gain, indicators."""
     optional = {column: getattr(modes, field) for column, field in COLUMNS.items()}
     return {
         "frequency_hz": modes.frequencies,
@@ -33,7 +36,7 @@ def known_columns(modes: ModalModel) -> dict[str, Any]:
 
 
 def as_text(modes: ModalModel) -> str:
-    """Return the modes as a text table: frequency, damping, spread over orders, indicators."""
+    """Return the modes as a text table: frequency, damping, deviations, gain, indicators."""
     columns: dict[str, list[str]] = {
         "mode": [str(i + 1) for i in range(len(modes))],
         "f [Hz]": [f"{v:.4f}" for v in modes.frequencies],
@@ -44,11 +47,14 @@ def as_text(modes: ModalModel) -> str:
     for word, frequencies, damping_ratios in (
         ("spread", modes.frequencies_spread, modes.damping_ratios_spread),
         ("std", modes.frequencies_std, modes.damping_ratios_std),
+        ("repeat", modes.frequencies_repeatability, modes.damping_ratios_repeatability),
     ):
         if frequencies is not None:
             columns[f"f {word}"] = [f"{v:.4f}" for v in frequencies]
         if damping_ratios is not None:
             columns[f"zeta {word}"] = [f"{100 * v:.3f}" for v in damping_ratios]
+    if modes.gain is not None:
+        columns["gain"] = [f"{v:.1f}" for v in modes.gain]
     for name, values in modes.indicators.items():
         columns[name] = [f"{v:.3f}" for v in values]
     widths = [max(map(len, (head, *column))) for head, column in columns.items()]

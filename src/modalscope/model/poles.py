@@ -127,7 +127,7 @@ def pole_kinds(poles: ArrayLike, dt: float | None = None) -> tuple[str, ...]:
 
 
 class HasPoles:
-    """What nouns say of the continuous poles that they hold; `dt` is the sampling interval of the identified system."""
+    """What data classes say of the continuous poles that they hold; `dt` is the sampling interval of the identified system."""
 
     __slots__ = ()
 

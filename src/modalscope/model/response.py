@@ -1,16 +1,213 @@
-"""What an identification asks of a response, whichever of the two kinds it is."""
+"""What an identification asks of a response, whichever of the two kinds it is: lines or samples."""
 
 from __future__ import annotations
 
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
 import numpy as np
 
-from modalscope.model.checks import RealArray
-from modalscope.model.frequency import FrequencyResponse
-from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.channels import Channels
+from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.modal_basis import ModalBasis
 
-__all__ = ["Response", "is_held", "output_scale", "window_damping"]
+if TYPE_CHECKING:
+    from modalscope.model.frequency import FrequencyResponse
+    from modalscope.model.impulse import ImpulseResponse
+    from modalscope.model.modes import ModalModel
+    from modalscope.model.statespace import StateSpace
 
-Response = ImpulseResponse | FrequencyResponse
+__all__ = ["AsLines", "AsSamples", "Response", "is_held", "output_scale", "window_damping"]
+
+
+class AsSamples(NamedTuple):
+    """A response as samples, and what was done (empty when they were samples)."""
+
+    response: ImpulseResponse
+    note: str
+
+
+class AsLines(NamedTuple):
+    """A response as lines, and what was done (empty when they were lines)."""
+
+    response: FrequencyResponse
+    note: str
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Response(Channels):
+    """A measured response, (lines or samples, outputs, inputs): what both kinds offer to whoever identifies or judges.
+
+    Nobody has to ask which kind it is: what differs is a method here.
+
+    Parameters
+    ----------
+    values : array, (K, l, m)
+    sampling_rate : float, optional
+        Samples per second of a sampled system; None when the response is that of a continuous structure.
+    quantity : str, optional
+        Displacement, velocity or acceleration of the outputs.
+    added_damping : float
+        Decay rate in 1/s that an exponential window added to every pole: identified poles are shifted back by it.
+    """
+
+    values: Array
+    sampling_rate: float | None = None
+    quantity: str | None = None
+    added_damping: float = 0.0
+
+    @property
+    @abstractmethod
+    def origin(self) -> str:
+        """Where the values came from: "lines", or the kind of an impulse response."""
+
+    @property
+    def count(self) -> int:
+        """Number of lines or samples."""
+        return int(self.values.shape[0])
+
+    @property
+    @abstractmethod
+    def span(self) -> tuple[float, float]:
+        """Lowest and highest frequency that the data can show, Hz."""
+
+    @property
+    @abstractmethod
+    def grid(self) -> RealArray | None:
+        """The lines in Hz; None of samples, which have no resolution of their own."""
+
+    @property
+    @abstractmethod
+    def held_input(self) -> bool:
+        """Whether the response is that of a sampled system under a held input, H(z) = D + sum phi l' / (z - exp(s dt))."""
+
+    @property
+    @abstractmethod
+    def steps_late(self) -> int:
+        """Sampling intervals from the impulse to the first sample; 0 for lines."""
+
+    @abstractmethod
+    def basis(self, poles: Array, powers: tuple[int, ...] = (0,), weights: Array | None = None) -> ModalBasis:
+        """Return what poles (rad/s, as they are in the data) can contribute to the values, as real columns.
+
+        Parameters
+        ----------
+        poles : array of complex, (n,)
+        powers : tuple of int
+            Powers of j w that stand beside the modes on lines: of the direct term, or of residuals.
+        weights : array (F,), optional
+            Weights of the lines.
+        """
+
+    @property
+    @abstractmethod
+    def outside_powers(self) -> tuple[int, ...]:
+        """Powers of j w that a fit should carry beside the modes, for the modes outside the band; (0,) is the direct term alone."""
+
+    @abstractmethod
+    def named_terms(self, terms: RealArray, powers: tuple[int, ...]) -> dict[str, RealArray | None]:
+        """Return fitted terms as the fields of a `ModalModel`: direct term, or lower and upper residual in powers of j w.
+
+        Parameters
+        ----------
+        terms : array, (t, l, m)
+            As `ModalBasis` gives them, of the relative frequency.
+        powers : tuple of int, (t,)
+        """
+
+    @abstractmethod
+    def derivatives(self, poles: Array) -> RealArray:
+        """Return d/ds of the functions of `basis`, real columns e1, e2 of every pole.
+
+        Parameters
+        ----------
+        poles : array of complex, (n,)
+        """
+
+    @abstractmethod
+    def spectrum(self) -> tuple[RealArray, ComplexArray]:
+        """Return lines in Hz and complex values on them, fine enough that a neighbour's peak is not taken for a mode's own."""
+
+    @abstractmethod
+    def energy(self, decay: Array) -> RealArray:
+        """Return sum over the values of |g|^2 for a mode of residue one by its decay rate -Re s, as if it lay inside whole.
+
+        Parameters
+        ----------
+        decay : array, (n,)
+            1/s, positive.
+        """
+
+    @property
+    @abstractmethod
+    def exact_samples(self) -> bool:
+        """Whether the response as samples loses nothing."""
+
+    @property
+    @abstractmethod
+    def exact_lines(self) -> bool:
+        """Whether the response as lines loses nothing."""
+
+    @abstractmethod
+    def as_samples(self) -> AsSamples:
+        """Return the response as samples."""
+
+    @abstractmethod
+    def as_lines(self) -> AsLines:
+        """Return the response as lines."""
+
+    @abstractmethod
+    def in_band(self, band: tuple[float, float] | None) -> Response:
+        """Return the part of the data in a band; samples are not filtered and stay as they are.
+
+        Parameters
+        ----------
+        band : (float, float) or None
+            Hz.
+        """
+
+    @abstractmethod
+    def reported_band(self, band: tuple[float, float] | None) -> tuple[float, float]:
+        """Return the frequencies between which poles are reported.
+
+        Parameters
+        ----------
+        band : (float, float) or None
+            Hz, as asked.
+        """
+
+    @abstractmethod
+    def rebuilt_by(self, model: StateSpace) -> Response:
+        """Return the response of a model where this one was measured.
+
+        Parameters
+        ----------
+        model : StateSpace
+        """
+
+    def values_of(self, model: StateSpace) -> Array:
+        """Return the values alone of `rebuilt_by`, whatever they are.
+
+        Parameters
+        ----------
+        model : StateSpace
+        """
+        return self.rebuilt_by(model).values
+
+    @abstractmethod
+    def of_modes(self, modes: ModalModel) -> Response:
+        """Return the response of modes where this one was measured.
+
+        Parameters
+        ----------
+        modes : ModalModel
+            With poles as they are in the data.
+        """
+
+    def rebuilt_labels(self) -> dict[str, Any]:
+        """Return labels and quantity for a response that a model gives in this one's place."""
+        return {**self.labelled(), "processing": (), "quantity": self.quantity}
 
 
 def output_scale(response: Response) -> RealArray:
@@ -24,5 +221,5 @@ def window_damping(response: Response) -> float:
 
 
 def is_held(response: Response) -> bool:
-    """Whether the response is that of a sampled system under a held input, H(z) = D + sum phi l' / (z - exp(s dt))."""
-    return response.sampling_rate is not None if isinstance(response, FrequencyResponse) else response.kind == "pulse"
+    """Whether the response is that of a sampled system under a held input."""
+    return response.held_input

@@ -16,6 +16,7 @@ from modalscope.model.checks import (
     freeze,
     real_array,
 )
+from modalscope.model.groups import AUTO, Groups, check_groups, run_groups
 
 __all__ = ["Signals"]
 
@@ -34,6 +35,8 @@ class Signals(Channels):
         Samples per second.
     quantities : str or sequence of str, optional
         Displacement, velocity or acceleration: one for all outputs or one each.
+    groups : sequence of labels, "auto" or None
+        One label a run: what disagrees between groups is repeatability. By default every run of several is one.
 
     Raises
     ------
@@ -51,6 +54,7 @@ class Signals(Channels):
     inputs: RealArray | None = None
     sampling_rate: float
     quantities: tuple[str | None, ...] = None  # type: ignore[assignment]
+    groups: Groups = AUTO
 
     def __post_init__(self) -> None:
         outputs = real_array("outputs", self.outputs, "(samples, outputs) or (runs, samples, outputs)", (2, 3))
@@ -79,12 +83,14 @@ class Signals(Channels):
                 f"{len(quantities)} are given",
                 "Give one for all, or one each.",
             )
+        runs = 1 if outputs.ndim == 2 else outputs.shape[0]
         freeze(
             self,
             outputs=outputs,
             inputs=inputs,
             sampling_rate=check_positive("sampling_rate", self.sampling_rate),
             quantities=tuple(check_quantity(q) for q in quantities),
+            groups=check_groups(self.groups, runs, "a run", run_groups(runs)),
         )
         self._label(count, 0 if inputs is None else inputs.shape[-1])
 

@@ -10,22 +10,20 @@ from numpy.typing import ArrayLike
 
 from modalscope.model.balance import Balanced, balance
 from modalscope.model.checks import (
-    Array,
     ComplexArray,
     DataError,
     RealArray,
     check_choice,
     check_count,
     check_positive,
-    freeze,
     real_array,
 )
 from modalscope.model.frequency import FrequencyResponse
-from modalscope.model.gramians import gramian, krylov
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.interchange import matrices_of, to_control, to_scipy
 from modalscope.model.modal_form import ModalForm, PoleGroup, block_diagonal_basis, pole_groups
-from modalscope.model.poles import to_continuous
+from modalscope.model.quadruple import Quadruple
+from modalscope.model.recursion import markov_parameters, simulated
 from modalscope.model.resolvent import transfer
 from modalscope.model.sampling import continuous, sampled
 
@@ -36,7 +34,7 @@ INPUTS = ("held", "dirac")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class StateSpace:
+class StateSpace(Quadruple):
     """A linear model with n states, m inputs and l outputs.
 
     Parameters
@@ -63,41 +61,6 @@ class StateSpace:
     array([[ 0. ,  1. ],
            [-4. , -0.2]])
     """
-
-    A: RealArray
-    B: RealArray
-    C: RealArray
-    D: RealArray = None  # type: ignore[assignment]
-    dt: float | None = None
-
-    def __post_init__(self) -> None:
-        A = real_array("A", self.A, "(states, states)", 2)
-        B = real_array("B", self.B, "(states, inputs)", 2)
-        C = real_array("C", self.C, "(outputs, states)", 2)
-        D = real_array("D", np.zeros((C.shape[0], B.shape[1])) if self.D is None else self.D, "(outputs, inputs)", 2)
-        n = A.shape[0]
-        if A.shape != (n, n) or B.shape[0] != n or C.shape[1] != n or D.shape != (C.shape[0], B.shape[1]):
-            raise DataError(
-                "a state-space model needs A (n, n), B (n, m), C (l, n) and D (l, m)",
-                f"the shapes are A {A.shape}, B {B.shape}, C {C.shape}, D {D.shape}",
-                "Correct the matrix that does not fit.",
-            )
-        freeze(self, A=A, B=B, C=C, D=D, dt=None if self.dt is None else check_positive("dt", self.dt))
-
-    @property
-    def order(self) -> int:
-        """Number of states."""
-        return int(self.A.shape[0])
-
-    @property
-    def poles(self) -> ComplexArray:
-        """Eigenvalues of A: rad/s for a continuous model, on the z-plane for a sampled one."""
-        return np.asarray(np.linalg.eigvals(self.A), dtype=np.complex128)
-
-    @property
-    def continuous_poles(self) -> ComplexArray:
-        """The poles in rad/s, whatever the model."""
-        return self.poles if self.dt is None else to_continuous(self.poles, self.dt)
 
     def to_discrete(self, dt: float, input: str = "held") -> StateSpace:
         """Return the exact sampled model: A = exp(Ac dt), and B by Eq. 8.
@@ -151,12 +114,7 @@ class StateSpace:
             A continuous model.
         """
         self._need("markov_parameters", continuous=False)
-        values = np.empty((check_count("samples", samples), self.C.shape[0], self.B.shape[1]))
-        state = np.array(self.B)
-        for k in range(samples):
-            values[k] = self.C @ state
-            state = self.A @ state
-        return values
+        return markov_parameters(self.A, self.B, self.C, check_count("samples", samples))
 
     def impulse_response(self, samples: int, **channels: Any) -> ImpulseResponse:
         """Return the Markov parameters of a sampled model as a pulse response, with its direct term.
@@ -221,26 +179,7 @@ class StateSpace:
             A continuous model, or inputs or a state of another size.
         """
         self._need("simulate", continuous=False)
-        u = real_array("inputs", inputs, "(samples, inputs)", 2)
-        if u.shape[1] != self.B.shape[1]:
-            raise DataError(
-                f"inputs of {self.B.shape[1]} channels were asked",
-                f"there are {u.shape[1]}",
-                "Give one column an input.",
-            )
-        x = (
-            np.zeros(self.order)
-            if initial_state is None
-            else np.array(real_array("initial_state", initial_state, "(states,)", 1))
-        )
-        if x.shape != (self.order,):
-            raise DataError(f"initial_state needs {self.order} entries", f"it has {x.size}", "Give one a state.")
-        driven = u @ self.B.T
-        states = np.empty((u.shape[0], self.order))
-        for k, push in enumerate(driven):
-            states[k] = x
-            x = self.A @ x + push
-        return np.asarray(states @ self.C.T + u @ self.D.T)
+        return simulated(self, inputs, initial_state)
 
     def transformed(self, T: ArrayLike) -> StateSpace:
         """Return the model in new coordinates x = T z: (T^-1 A T, T^-1 B, C T, D) (Eqs. 12-14).
@@ -257,53 +196,8 @@ class StateSpace:
                 f"T has shape {matrix.shape} or is singular",
                 "Give a regular square matrix.",
             )
-        inverse: Array = np.linalg.inv(matrix)
+        inverse: RealArray = np.linalg.inv(matrix)
         return StateSpace(A=inverse @ self.A @ matrix, B=inverse @ self.B, C=self.C @ matrix, D=self.D, dt=self.dt)
-
-    def controllability_matrix(self, blocks: int | None = None) -> RealArray:
-        """Return [B, A B, ..., A^(blocks-1) B], (n, m blocks).
-
-        Parameters
-        ----------
-        blocks : int, optional
-            As many as states by default.
-        """
-        return krylov(self.A, self.B, check_count("blocks", self.order if blocks is None else blocks))
-
-    def observability_matrix(self, blocks: int | None = None) -> RealArray:
-        """Return [C; C A; ...; C A^(blocks-1)], (l blocks, n).
-
-        Parameters
-        ----------
-        blocks : int, optional
-            As many as states by default.
-        """
-        return krylov(self.A.T, self.C.T, check_count("blocks", self.order if blocks is None else blocks)).T
-
-    def controllability_gramian(self, horizon: float | None = None) -> RealArray:
-        """Return sum_k A^k B B' A'^k (sampled), or the integral of exp(A t) B B' exp(A' t) (continuous), (n, n).
-
-        Parameters
-        ----------
-        horizon : int or float, optional
-            Number of samples, or seconds; all time by default, for a stable model.
-
-        Raises
-        ------
-        DataError
-            All time, but poles that do not decay.
-        """
-        return gramian(self.A, self.B, horizon, self.dt is not None)
-
-    def observability_gramian(self, horizon: float | None = None) -> RealArray:
-        """Return sum_k A'^k C' C A^k, or the integral of exp(A' t) C' C exp(A t), (n, n).
-
-        Parameters
-        ----------
-        horizon : int or float, optional
-            As in `controllability_gramian`.
-        """
-        return gramian(self.A.T, self.C.T, horizon, self.dt is not None)
 
     def balanced(self, order: int | None = None, *, steady_state: bool = False) -> Balanced:
         """Return the balanced realization, both Gramians diag(Hankel singular values), or its leading `order` states.
@@ -375,13 +269,3 @@ class StateSpace:
             One of these is missing, or a sampled model does not say its interval.
         """
         return cls(**matrices_of(system))
-
-    def _need(self, asked: str, *, continuous: bool) -> None:
-        if continuous is not (self.dt is None):
-            have = "continuous" if self.dt is None else "sampled"
-            other = "to_discrete(dt)" if self.dt is None else "to_continuous()"
-            raise DataError(
-                f"{asked}() of a {'continuous' if continuous else 'sampled'} model was asked",
-                f"this one is {have}",
-                f"Call {other} first.",
-            )

@@ -1,4 +1,4 @@
-"""The version, written once: files and reports say it."""
+"""The version, as files and reports say it; a test holds it to that of the face and of the project file."""
 
 __all__ = ["VERSION"]
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modalscope.model import FrequencyResponse, ImpulseResponse
 from modalscope.model.checks import Array, DataError, RealArray
+from modalscope.model.response import Response
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -105,7 +105,7 @@ def sequential() -> Colormap:
     return LinearSegmentedColormap.from_list("modalscope", ["#FFFFFF", "#D3E5F1", "#7DB4D8", BLUE, "#003A5D"])
 
 
-def unit_of(response: FrequencyResponse | ImpulseResponse, output: int | None = None, input: int | None = None) -> str:
+def unit_of(response: Response, output: int | None = None, input: int | None = None) -> str:
     """Return ` [out/in]` for a channel, or for all channels when they share their units; nothing when not known."""
     outs, ins = response.units
     out = {outs[output]} if output is not None else set(outs)

@@ -14,6 +14,7 @@ from modalscope.model.checks import (
     check_choice,
     check_kind,
 )
+from modalscope.model.response import Response
 from modalscope.plot._style import BLUE, MUTED, ORANGE, PALE, dress, key, mark_modes, new_axes, unit_of
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ INDICATORS = ("cmif", "sum", "none")
 _CURVES = 4
 
 
-def indicator_curves(response: FrequencyResponse | ImpulseResponse, kind: str = "cmif") -> tuple[RealArray, RealArray]:
+def indicator_curves(response: Response, kind: str = "cmif") -> tuple[RealArray, RealArray]:
     """Return lines in Hz, (F,), and the curves of the mode indicator, (F, k).
 
     `cmif` gives the singular values of H at each line, `sum` the sum of the magnitudes. An impulse response is
@@ -37,6 +38,7 @@ def indicator_curves(response: FrequencyResponse | ImpulseResponse, kind: str = 
     if isinstance(response, FrequencyResponse):
         lines, values = response.frequencies, response.values
     else:
+        assert isinstance(response, ImpulseResponse)
         lines = np.fft.rfftfreq(response.samples, 1 / response.sampling_rate)
         values = np.fft.rfft(response.values, axis=0) / response.sampling_rate
     curves = cmif(values) if kind == "cmif" else np.abs(values).sum(axis=(1, 2))[:, None]
@@ -113,14 +115,12 @@ def _poles(ax: Axes, diagram: StabilizationDiagram) -> None:
         ax.plot(f[chosen], order[chosen], linestyle="none", markersize=share * size, label=label, **style)
 
 
-def _band(response: FrequencyResponse | ImpulseResponse) -> tuple[float, float]:
-    if isinstance(response, ImpulseResponse):
-        return 0.0, response.sampling_rate / 2
-    low, high = float(response.frequencies[0]), float(response.frequencies[-1])
+def _band(response: Response) -> tuple[float, float]:
+    low, high = response.span
     return (low, high) if high > low else (0.0, 2 * high or 1.0)
 
 
-def _behind(ax: Axes, response: FrequencyResponse | ImpulseResponse, kind: str, limits: tuple[float, float]) -> None:
+def _behind(ax: Axes, response: Response, kind: str, limits: tuple[float, float]) -> None:
     lines, curves = indicator_curves(response, kind)
     inside = (lines >= limits[0]) & (lines <= limits[1])
     twin = ax.twinx()
@@ -155,7 +155,7 @@ def _draw(ax: Axes, lines: RealArray, curves: RealArray, colours: list[str]) -> 
 
 
 def indicator(
-    response: FrequencyResponse | ImpulseResponse,
+    response: Response,
     modes: ModalModel | None = None,
     ax: Axes | None = None,
     *,
@@ -179,6 +179,7 @@ def indicator(
     DataError
         An unknown kind.
     """
+    check_kind("a plot of an indicator", response, (FrequencyResponse, ImpulseResponse))
     check_choice("kind", kind, INDICATORS[:2])
     ax = new_axes(ax, (9.0, 4.5))
     lines, curves = indicator_curves(response, kind)
@@ -205,6 +206,7 @@ def fit_errors(diagram: StabilizationDiagram, ax: Axes | None = None) -> Axes:
     diagram : StabilizationDiagram
     ax : Axes, optional
     """
+    check_kind("a plot of fit errors", diagram, StabilizationDiagram)
     ax = new_axes(ax, (9.0, 4.8))
     known = np.isfinite(diagram.fit_errors) & (diagram.fit_errors > 0)
     ax.plot(

@@ -8,7 +8,7 @@ import numpy as np
 
 from modalscope.comparing import Comparison
 from modalscope.comparing.kinship import SAME, Kinship
-from modalscope.model.checks import RealArray
+from modalscope.model.checks import RealArray, check_kind
 from modalscope.plot._style import (
     BLUE,
     GREEN,
@@ -45,6 +45,7 @@ def method_map(kin: Comparison | Kinship, ax: Axes | None = None) -> Axes:
     kin : Comparison or Kinship
     ax : Axes, optional
     """
+    check_kind("a map of methods", kin, (Comparison, Kinship))
     kin = kin.kinship if isinstance(kin, Comparison) else kin
     ax = new_axes(ax, (8.0, 6.0))
     places = kin.places
@@ -117,6 +118,7 @@ def method_distances(kin: Comparison | Kinship, ax: Axes | None = None) -> Axes:
     kin : Comparison or Kinship
     ax : Axes, optional
     """
+    check_kind("a plot of distances", kin, (Comparison, Kinship))
     kin = kin.kinship if isinstance(kin, Comparison) else kin
     ax = new_axes(ax, (8.0, 7.0))
     k = len(kin.names)
@@ -163,6 +165,7 @@ def deviations(comparison: Comparison, axes: tuple[Axes, Axes] | None = None) ->
     axes : (Axes, Axes), optional
         For frequency (in half bandwidths) and damping (in per cent of its value).
     """
+    check_kind("a plot of deviations", comparison, Comparison)
     upper, lower = axes or _two_axes()
     groups = comparison.groups
     kept = [r for r in comparison.results if r.modes is not None]

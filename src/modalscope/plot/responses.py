@@ -12,6 +12,7 @@ from modalscope.model.checks import (
     Array,
     check_kind,
 )
+from modalscope.model.response import Response
 from modalscope.plot._style import DPI, INK, MUTED, SIZE, VERMILLION, aside, channel, dress, headline, key, unit_of
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ class Identified(Protocol):
 
 
 def response(
-    data: FrequencyResponse | ImpulseResponse,
+    data: Response,
     modes: ModalModel | Identified | None = None,
     output: str | int | None = None,
     input: str | int | None = None,
@@ -72,7 +73,7 @@ def response(
     fit = None if modes is None else rebuilt(data, modes if isinstance(modes, ModalModel) else modes.modes)[:, i, j]
     if isinstance(data, FrequencyResponse):
         _spectrum(data, measured, fit, upper, lower, unit_of(data, i, j))
-    else:
+    elif isinstance(data, ImpulseResponse):
         _samples(data, measured, fit, upper, lower, unit_of(data, i, j))
     headline(upper, f"output {data.output_dofs[i]}, input {data.input_dofs[j]}")
     if fit is not None:

@@ -13,7 +13,7 @@ import scipy
 from scipy import fft
 
 from modalscope.model.channels import QUANTITIES
-from modalscope.model.checks import Array, DataError, RealArray, check_choice, check_count, check_positive
+from modalscope.model.checks import Array, DataError, RealArray, check_choice, check_count, check_kind, check_positive
 from modalscope.model.signals import Signals
 
 __all__ = ["decimate", "detrend", "differentiate", "filter_band", "integrate"]
@@ -35,11 +35,17 @@ def _on_all(signals: Signals, change: Callable[[RealArray], RealArray], note: st
     """Return the record with `change` applied to outputs and inputs along the axis of the samples."""
     inputs = None if signals.inputs is None else change(signals.inputs)
     changed = {"outputs": change(signals.outputs), "inputs": inputs, **fields}
-    return replace(signals, **changed).noted(note)  # type: ignore[arg-type]
+    return replace(signals, **changed).processed(note)  # type: ignore[arg-type]
 
 
 def detrend(signals: Signals, *, kind: str = "linear") -> Signals:
     """Return the record without its mean ("constant") or its straight-line trend ("linear"), channel by channel and run by run.
+
+    Parameters
+    ----------
+    signals : Signals
+    kind : {"linear", "constant"}
+        The straight line by least squares, or the mean alone.
 
     Examples
     --------
@@ -47,6 +53,7 @@ def detrend(signals: Signals, *, kind: str = "linear") -> Signals:
     >>> float(np.abs(detrend(record).outputs).max()) < 1e-12
     True
     """
+    check_kind("detrend", signals, Signals)
     check_choice("kind", kind, ("constant", "linear"))
     if kind == "constant":
         return _on_all(signals, lambda x: np.asarray(x - x.mean(axis=-2, keepdims=True)), "mean removed")
@@ -99,6 +106,7 @@ def filter_band(
     >>> filter_band(record, 0.5, 4.0).sampling_rate
     10.0
     """
+    check_kind("filter_band", signals, Signals)
     rate = signals.sampling_rate
     if not (0 <= lowest < highest < rate / 2):
         raise DataError(
@@ -145,6 +153,7 @@ def decimate(signals: Signals, factor: int, *, zero_phase: bool = False) -> Sign
     DataError
         A factor below 1, or one that leaves fewer than two samples.
     """
+    check_kind("decimate", signals, Signals)
     check_count("factor", factor)
     if factor == 1:
         return signals
@@ -199,11 +208,18 @@ def differentiate(signals: Signals, *, times: int = 1) -> Signals:
     The inputs stay as they are. The line through the first and the last sample is taken apart first and its slope added
     again. A few samples at both ends are less accurate than the others.
 
+    Parameters
+    ----------
+    signals : Signals
+    times : int
+        1 takes displacements to velocities, 2 to accelerations.
+
     Raises
     ------
     DataError
         An acceleration that would be differentiated.
     """
+    check_kind("differentiate", signals, Signals)
     check_count("times", times)
     quantities = _raised(signals, times)
     y = signals.outputs
@@ -233,6 +249,7 @@ def integrate(signals: Signals, *, times: int = 1, lowest: float | None = None) 
     DataError
         A displacement that would be integrated.
     """
+    check_kind("integrate", signals, Signals)
     check_count("times", times)
     quantities = _raised(signals, -times)
     edge = 10 / signals.duration if lowest is None else check_positive("lowest", lowest)
@@ -246,4 +263,4 @@ def integrate(signals: Signals, *, times: int = 1, lowest: float | None = None) 
 
 def _outputs_only(signals: Signals, y: RealArray, quantities: tuple[str | None, ...], note: str) -> Signals:
     units = (("",) * len(signals.output_dofs), signals.units[1])
-    return replace(signals, outputs=y, quantities=quantities, units=units).noted(note)
+    return replace(signals, outputs=y, quantities=quantities, units=units).processed(note)

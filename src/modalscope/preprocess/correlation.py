@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 from scipy import fft
 
-from modalscope.model.checks import DataError, RealArray, check_count
+from modalscope.model.checks import DataError, RealArray, check_count, check_kind
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.labels import DofLike, indices_of
 from modalscope.model.signals import Signals
@@ -199,6 +199,7 @@ def estimate_correlation(
     >>> r.values.shape, r.kind
     ((50, 2, 1), 'correlation')
     """
+    check_kind("estimate_correlation", signals, Signals)
     chosen, count = _references(signals, references), _lags(signals, lags)
     if window is None:
         if segment is not None:

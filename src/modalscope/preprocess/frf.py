@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.blocks.threads import one_thread
-from modalscope.model.checks import DataError, RealArray, check_choice, check_count
+from modalscope.model.checks import DataError, RealArray, check_choice, check_count, check_kind
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.signals import Signals
 from modalscope.preprocess.estimators import ESTIMATORS, Estimate, check_inputs, coherence_of, noise_powers, solve
@@ -115,6 +115,7 @@ def estimate_frf(
     >>> frf.averages, bool(np.all(np.abs(frf.values - 2) < 0.2))
     (15, True)
     """
+    check_kind("estimate_frf", signals, Signals)
     check_choice("estimator", estimator, ESTIMATORS)
     check_choice("zoom_by", zoom_by, ZOOMS)
     _check_forces(signals)

@@ -64,6 +64,18 @@ def exponential_decay(end: float, duration: float) -> float:
     It is what the window adds to the decay of every mode: `FrequencyResponse(added_damping=...)` takes it, so that poles
     identified from windowed responses, of other programs too, are shifted back.
 
+    Parameters
+    ----------
+    end : float
+        What the window falls to, above 0 and at most 1.
+    duration : float
+        Seconds from 1 to `end`.
+
+    Raises
+    ------
+    DataError
+        An end outside (0, 1], a duration that is not above zero.
+
     Examples
     --------
     >>> round(exponential_decay(0.01, 2.0), 4)

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope.blocks.threads import one_thread
-from modalscope.model.checks import DataError, check_choice, check_count
+from modalscope.model.checks import DataError, check_choice, check_count, check_kind
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.signals import Signals
 from modalscope.preprocess.observer import RANK, driven_records, estimate_observer, pulse_response
@@ -60,6 +60,7 @@ def estimate_markov(
     >>> bool(np.allclose(Y.values, model.markov_parameters(50))), Y.feedthrough.round(10)
     (True, array([[0.5]]))
     """
+    check_kind("estimate_markov", signals, Signals)
     check_choice("method", method, ("okid", "least squares"))
     if method == "okid":
         return estimate_observer(signals, observer_order=observer_order, samples=samples).response

@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.model.checks import Array, DataError
+from modalscope.model.checks import Array, DataError, check_each, check_kind
 from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.groups import AUTO
 from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.records import Records
 from modalscope.model.signals import Signals
 from modalscope.preprocess.correlation import estimate_correlation
 from modalscope.preprocess.frf import estimate_frf
@@ -21,15 +23,16 @@ __all__ = ["merge"]
 Part = Signals | FrequencyResponse | ImpulseResponse
 
 
-def merge(parts: Iterable[Part], **options: Any) -> Part:
+def merge(parts: Iterable[Part | Records], **options: Any) -> Part | Records:
     """Put the runs of one test together, by the labels of their channels.
 
     Parameters
     ----------
-    parts : sequence of Signals, FrequencyResponse or ImpulseResponse
+    parts : sequence of Signals, Records, FrequencyResponse or ImpulseResponse
         All of one kind.
 
-        - Records of the same channels become one record of several runs, which estimates average.
+        - Records of the same channels and length become one record of several runs, which estimates average.
+        - Records of the same outputs, but of other lengths or inputs, become `Records`.
         - Records of different outputs under measured forces (roving sensors) become one frequency response: `estimate_frf`
           of each, put together.
         - Records of different outputs without forces (ambient setups) become one correlation: every setup is correlated
@@ -42,7 +45,7 @@ def merge(parts: Iterable[Part], **options: Any) -> Part:
 
     Returns
     -------
-    Signals, FrequencyResponse or ImpulseResponse
+    Signals, Records, FrequencyResponse or ImpulseResponse
 
     Raises
     ------
@@ -59,11 +62,15 @@ def merge(parts: Iterable[Part], **options: Any) -> Part:
     >>> merge(parts).output_dofs
     ('1:+Z', '2:+Z')
     """
-    given = list(parts)
+    given: list[Part] = []
+    for part in check_each("parts to merge", parts, "a list of records or responses"):
+        given += part.runs if isinstance(part, Records) else [part]
     if not given:
         raise DataError("parts to merge were asked", "the list is empty", "Give at least one record or response.")
+    for part in given:
+        check_kind("each part to merge", part, (FrequencyResponse, ImpulseResponse, Signals, Records))
     kinds = {type(part).__name__ for part in given}
-    if len(kinds) > 1 or not isinstance(given[0], Signals | FrequencyResponse | ImpulseResponse):
+    if len(kinds) > 1:
         raise DataError(
             "parts of one kind were asked",
             f"there are {', '.join(sorted(kinds))}",
@@ -90,11 +97,16 @@ def _merge_responses(parts: Sequence[Any]) -> FrequencyResponse | ImpulseRespons
     return _merge_pulses(parts)
 
 
-def _merge_records(parts: list[Signals], options: dict[str, Any]) -> Part:
+def _merge_records(parts: list[Signals], options: dict[str, Any]) -> Part | Records:
     first = parts[0]
     _same(parts, "sampling_rate", "sampling rates", "Decimate the faster records.")
-    if all(p.output_dofs == first.output_dofs and p.input_dofs == first.input_dofs for p in parts):
-        return _runs(parts, options)
+    if all(p.output_dofs == first.output_dofs for p in parts):
+        alike = all(p.input_dofs == first.input_dofs for p in parts)
+        if alike and len({p.samples for p in parts}) == 1:
+            return _runs(parts, options)
+        if alike or not options:
+            _check_stacked(options)
+            return Records(runs=tuple(parts))
     measured = [part.inputs is not None for part in parts]
     if all(measured):
         return _merge_frf([estimate_frf(part, **options) for part in parts])
@@ -117,13 +129,7 @@ def _merge_records(parts: list[Signals], options: dict[str, Any]) -> Part:
 
 def _runs(parts: list[Signals], options: dict[str, Any]) -> Signals:
     first = parts[0]
-    if options:
-        raise DataError(
-            f"{next(iter(options))} was asked",
-            "records of the same channels are stacked as runs, nothing is estimated",
-            "Give it to estimate_frf or estimate_correlation of the result.",
-        )
-    _same(parts, "samples", "numbers of samples", "Cut all to the shortest.")
+    _check_stacked(options)
     _same(parts, "quantities", "quantities", "Convert the records to one.")
     _same(parts, "units", "units", "Convert the records to one.")
     records = [part.by_run() for part in parts]
@@ -132,7 +138,17 @@ def _runs(parts: list[Signals], options: dict[str, Any]) -> Signals:
         first,
         outputs=np.concatenate([y for y, _ in records]),
         inputs=np.concatenate(inputs) if inputs else None,
-    ).noted(f"merged from {len(parts)} records, {sum(part.runs for part in parts)} runs in all")
+        groups=Records(runs=tuple(parts)).groups,
+    ).processed(f"merged from {len(parts)} records, {sum(part.runs for part in parts)} runs in all")
+
+
+def _check_stacked(options: dict[str, Any]) -> None:
+    if options:
+        raise DataError(
+            f"{next(iter(options))} was asked",
+            "records of the same channels are stacked as runs, nothing is estimated",
+            "Give it to estimate_frf or estimate_correlation of the result.",
+        )
 
 
 def _same(parts: Sequence[Any], name: str, words: str, change: str) -> None:
@@ -262,6 +278,15 @@ def _labels(parts: Sequence[Any], table: _Table) -> dict[str, Any]:
         "output_dofs": table.outputs,
         "input_dofs": table.inputs,
         "units": table.units,
+        "groups": _groups(parts, table.inputs),
         "geometry": next((part.geometry for part in parts if part.geometry is not None), None),
         "processing": (*parts[0].processing, f"merged from {len(parts)} parts by their labels"),
     }
+
+
+def _groups(parts: Sequence[Any], inputs: tuple[str, ...]) -> Any:
+    """Return the group of every input as the parts have it; the default when no part has groups."""
+    named = {
+        dof: label for part in parts if part.groups for dof, label in zip(part.input_dofs, part.groups, strict=True)
+    }
+    return tuple(named.get(dof, dof) for dof in inputs) if named else AUTO

@@ -230,4 +230,4 @@ def pulse_response(signals: Signals, Y: RealArray, D: RealArray, note: str) -> I
         kind="pulse",
         quantity=signals.quantity,
         **signals.labelled(),
-    ).noted(note)
+    ).processed(note)

@@ -56,4 +56,4 @@ def half_spectra(correlation: ImpulseResponse, *, lines: int | None = None) -> F
         sampling_rate=correlation.sampling_rate,
         quantity=correlation.quantity,
         **correlation.labelled(),
-    ).noted(f"half spectra on {count} lines")
+    ).processed(f"half spectra on {count} lines")

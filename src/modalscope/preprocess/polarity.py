@@ -118,6 +118,7 @@ def _transforms(response: Response, pairs: list[tuple[int, int, float]]) -> tupl
     if isinstance(response, FrequencyResponse):
         s = 2j * np.pi * response.frequencies
         return s, driving if rate is None else driving * np.exp(s / (2 * rate))[:, None]
+    assert isinstance(response, ImpulseResponse)
     t = (np.arange(response.samples) + response.first_sample) / response.sampling_rate
     t = t + (0.5 / response.sampling_rate if response.kind == "pulse" else 0.0)
     alpha, length = _WINDOW / t[-1], 2 * response.samples

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from modalscope.model.checks import DataError, RealArray
+from modalscope.model.checks import DataError, RealArray, check_kind
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.response import Response
 from modalscope.model.signals import Signals
 from modalscope.preprocess.excitation import find_excitation
 from modalscope.preprocess.findings import Finding, dead_channels, identical_channels, sides_of
@@ -25,7 +26,7 @@ _ALIKE = 0.5
 _SHOWN_BY_RESPONSES = {"low coherence", "reciprocity", "polarity", "swapped", "wrong quantity"}
 
 
-def examine(data: Signals | FrequencyResponse | ImpulseResponse) -> tuple[Finding, ...]:
+def examine(data: Signals | Response) -> tuple[Finding, ...]:
     """Look for what commonly goes wrong in a test: each finding names channels and reason, and says what to do.
 
     Looked for are overloaded, double and clipped hits, clipped, dead, noisy, duplicate and swapped channels, wrong polarity,
@@ -50,14 +51,9 @@ def examine(data: Signals | FrequencyResponse | ImpulseResponse) -> tuple[Findin
     ...     print(finding)
     dead: y2: it never changes. Check cable and sensor, or leave it out: exclude=['y2'].
     """
-    if isinstance(data, FrequencyResponse | ImpulseResponse):
+    if isinstance(data, Response):
         return tuple(examine_response(data))
-    if not isinstance(data, Signals):
-        raise DataError(
-            "Signals, a FrequencyResponse or an ImpulseResponse was asked",
-            f"this is {type(data).__name__}",
-            "Wrap the arrays in one of these, or read a file.",
-        )
+    check_kind("examine", data, (FrequencyResponse, ImpulseResponse, Signals))
     return tuple(_examine_record(data))
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from modalscope.model.checks import ComplexArray, RealArray, check_count
+from modalscope.model.checks import ComplexArray, RealArray, check_count, check_kind
 from modalscope.model.signals import Signals
 from modalscope.preprocess.spectra import Segments, check_window, cross_spectra, segment_starts, window_samples
 
@@ -40,7 +40,12 @@ class Decomposition(NamedTuple):
     def peaks(self, count: int | None = None) -> tuple[RealArray, ComplexArray]:
         """Return frequencies (n,) and shapes (l, n) of the first singular value's peaks, in order of frequency.
 
-        A peak stands out of its surroundings by at least 6 dB; with `count`, the `count` that stand out most.
+        A peak stands out of its surroundings by at least 6 dB.
+
+        Parameters
+        ----------
+        count : int, optional
+            How many, those that stand out most; all by default.
         """
         level = np.log(np.maximum(self.singular_values[:, 0], np.finfo(float).tiny))
         places = scipy.signal.find_peaks(level, prominence=np.log(_STANDS_OUT))[0]
@@ -82,6 +87,7 @@ def decomposition(
     >>> f.round(1), round(float((shapes[1, 0] / shapes[0, 0]).real), 1)
     (array([5.]), -1.0)
     """
+    check_kind("decomposition", signals, Signals)
     outputs, _ = signals.by_run()
     y = outputs - outputs.mean(axis=1, keepdims=True)
     length = max(2, min(signals.samples * signals.runs // 20, signals.samples)) if segment is None else segment

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
+from modalscope.blocks.triple import Triple
 from modalscope.model.checks import Array, RealArray
-from modalscope.realizations.triple import Realization, Triple
+from modalscope.realizations.realization import Realization
 
-__all__ = ["balanced", "first_blocks", "projected", "projected_general"]
+__all__ = ["Balanced", "balanced", "first_blocks", "projected", "projected_general"]
 
 
 def projected(matrix: DataMatrix, factors: Factors) -> RealArray:
@@ -26,7 +29,28 @@ def first_blocks(matrix: DataMatrix, factors: Factors) -> tuple[RealArray, RealA
     return C, None if first is None else np.ascontiguousarray((first * root).T)
 
 
-def balanced(matrix: DataMatrix, factors: Factors) -> Realization:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Balanced(Realization):
+    """Balanced projection: the model of order n is the leading n x n block of the largest one.
+
+    Parameters
+    ----------
+    A, B, C : array
+        Of the largest order; B is None where columns are lines.
+    """
+
+    A: RealArray
+    B: RealArray | None
+    C: RealArray
+
+    def triple(self, n: int) -> Triple:
+        """Return the leading block of order n."""
+        self.factors.check_order(n)
+        B = None if self.B is None else self.B[:n]
+        return Triple(self.A[:n, :n], B, self.C[:, :n], n, self.factors)
+
+
+def balanced(matrix: DataMatrix, factors: Factors) -> Balanced:
     """Balanced projection: A = d^-1/2 P' H(1) Q d^-1/2 (Eq. 28, the eigensystem realization algorithm).
 
     Parameters
@@ -37,19 +61,13 @@ def balanced(matrix: DataMatrix, factors: Factors) -> Realization:
 
     Returns
     -------
-    Realization
-        The model of order n is the leading n x n block of the largest one.
+    Balanced
     """
     K, root = projected(matrix, factors), np.sqrt(factors.d)
     with np.errstate(divide="ignore", invalid="ignore"):
         A = K / np.outer(root, root)
     C, B = first_blocks(matrix, factors)
-
-    def triple(n: int) -> Triple:
-        factors.check_order(n)
-        return Triple(A[:n, :n], None if B is None else B[:n], C[:, :n], n)
-
-    return Realization(factors, triple)
+    return Balanced(factors=factors, A=A, B=B, C=C)
 
 
 def projected_general(P: Array, d: Array, Q: Array, shifted: Array, first_row: Array, first_column: Array) -> Triple:

@@ -7,18 +7,27 @@ them; an arbitrary choice of as many columns as outputs would give extraneous po
 
 from __future__ import annotations
 
-from functools import cache
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg as sla
 
 from modalscope.blocks.factor import Factors
-from modalscope.blocks.matrix import DataMatrix, RowShift
+from modalscope.blocks.matrix import DataMatrix
+from modalscope.blocks.shift import RowShift
+from modalscope.blocks.triple import Triple
 from modalscope.model.checks import Array, DataError, RealArray
+from modalscope.realizations.realization import Realization
 from modalscope.realizations.shift import check_blocks, shift_grams
-from modalscope.realizations.triple import Realization, Triple
 
-__all__ = ["companion_matrix", "least_squares_companion", "null_space_companion"]
+__all__ = [
+    "LeastSquaresCompanion",
+    "NullSpaceCompanion",
+    "companion_matrix",
+    "least_squares_companion",
+    "null_space_companion",
+]
 
 
 def companion_matrix(last: Array, shift: RowShift, degree: int) -> RealArray:
@@ -73,7 +82,53 @@ def _needs_whole_blocks(matrix: DataMatrix) -> tuple[RowShift, int]:
     return shift, matrix.block_rows
 
 
-def null_space_companion(matrix: DataMatrix, factors: Factors) -> Realization:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class NullSpaceCompanion(Realization):
+    """Observable canonical form: models with l r poles at any rank n; the l r - n that the truncation does not explain are extraneous.
+
+    Parameters
+    ----------
+    matrix : DataMatrix
+    shift : RowShift
+    gram : array, (k, k)
+        (E P)'(E P).
+    P : array, (l (r + 1), k)
+        The left factor without weights.
+    B : array, (l r, m), optional
+        The first block column.
+    """
+
+    matrix: DataMatrix
+    shift: RowShift
+    gram: RealArray
+    P: RealArray
+    B: RealArray | None
+
+    def triple(self, n: int) -> Triple:
+        """Return the companion matrix whose last block row is P_r (E P_n)#."""
+        self.factors.check_order(n)
+        block, r = self.shift.block, self.matrix.block_rows
+        if block * r < n:
+            raise DataError(
+                f"order={n} in canonical form was asked",
+                f"{r} block rows of {block} channels carry {block * r} states",
+                "Raise block_rows (block_columns in the controllable form).",
+            )
+        check_blocks(self.gram, n, r)
+        before, last = self.P[: block * r, :n], self.P[block * r :, :n]
+        R = last @ sla.solve(self.gram[:n, :n], before.T, assume_a="pos", check_finite=False)
+        C = _output(self.matrix, self.factors, block, before * self.factors.d[:n])
+        span = np.linalg.qr(before)[0] if n < block * r else None
+        return Triple(companion_matrix(R, self.shift, r), self.B, C, n, span=span)
+
+    def reduced(self, how: str) -> Realization:
+        """Return models of minimum order; see `modalscope.realizations.reduction`."""
+        from modalscope.realizations.reduction import reduced
+
+        return reduced(self, how)
+
+
+def null_space_companion(matrix: DataMatrix, factors: Factors) -> NullSpaceCompanion:
     """Observable canonical form: last block row P_r (E P_n)#, which is -[X_0 ... X_(r-1)] of Eqs. 52-54 from all columns, minimum norm.
 
     Parameters
@@ -81,34 +136,11 @@ def null_space_companion(matrix: DataMatrix, factors: Factors) -> Realization:
     matrix : DataMatrix
     factors : Factors
         Of the matrix with one block row more, the largest rank.
-
-    Returns
-    -------
-    Realization
-        Models with l r poles at any rank n; the l r - n that the truncation does not explain are extraneous.
     """
-    shift, r = _needs_whole_blocks(matrix)
+    shift, _ = _needs_whole_blocks(matrix)
     gram, _ = shift_grams(matrix, factors)
     P = shift.unweighted(factors.P)
-    block = shift.block
-    before, last = P[: block * r], P[block * r :]
-    B = _input(matrix)
-
-    def triple(n: int) -> Triple:
-        factors.check_order(n)
-        if block * r < n:
-            raise DataError(
-                f"order={n} in canonical form was asked",
-                f"{r} block rows of {block} channels carry {block * r} states",
-                "Raise block_rows (block_columns in the controllable form).",
-            )
-        check_blocks(gram, n, r)
-        R = last[:, :n] @ sla.solve(gram[:n, :n], before[:, :n].T, assume_a="pos", check_finite=False)
-        C = _output(matrix, factors, block, before[:, :n] * factors.d[:n])
-        span = np.linalg.qr(before[:, :n])[0] if n < block * r else None
-        return Triple(companion_matrix(R, shift, r), B, C, n, span)
-
-    return Realization(factors, triple, canonical=True)
+    return NullSpaceCompanion(factors=factors, matrix=matrix, shift=shift, gram=gram, P=P, B=_input(matrix))
 
 
 def _check_explained(left: RealArray, whole: RealArray, blocks: int, limit: float) -> None:
@@ -122,7 +154,58 @@ def _check_explained(left: RealArray, whole: RealArray, blocks: int, limit: floa
         )
 
 
-def least_squares_companion(matrix: DataMatrix, factors: Factors) -> Realization:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LeastSquaresCompanion(Realization):
+    """Least-squares companion forms of every degree p, of p blocks.
+
+    Parameters
+    ----------
+    matrix : DataMatrix
+    shift : RowShift
+    stand_in : array, (l (r + 1), k)
+        P diag(d) without weights: it differs from the matrix by orthonormal columns only.
+    B : array, (l r, m), optional
+        The first block column.
+    """
+
+    matrix: DataMatrix
+    shift: RowShift
+    stand_in: RealArray
+    B: RealArray | None
+
+    @cached_property
+    def _triangle(self) -> RealArray:
+        return np.asarray(sla.qr(self.stand_in.T, mode="r", check_finite=False)[0].T)
+
+    def triple(self, n: int) -> Triple:
+        """Return the companion matrix of n / block blocks."""
+        block, r = self.shift.block, self.matrix.block_rows
+        p, rest = divmod(n, block)
+        if rest or not 1 <= p <= r:
+            raise DataError(
+                f"order={n} of a least-squares companion was asked",
+                f"its order is a multiple of {block}, at most {block * r} with {r} blocks",
+                "Choose such an order, or raise block_rows (block_columns in the controllable form).",
+            )
+        R = self._last_block_row(n)
+        C = _output(self.matrix, self.factors, block, self.stand_in[:n])
+        B = None if self.B is None else self.B[:n]
+        return Triple(companion_matrix(R, self.shift, p), B, C, min(n, self.factors.rank))
+
+    def _last_block_row(self, n: int) -> RealArray:
+        """Return L[p, :p] L[:p, :p]^-1; where these blocks have lost rank the minimum-norm one, if they give the next at all."""
+        block, L = self.shift.block, self._triangle
+        rcond = max(self.stand_in.shape) * np.finfo(float).eps
+        known, target = L[:n, :n], L[n : n + block, :n]
+        pivots = np.abs(np.diag(known))
+        if n <= L.shape[1] and pivots.min() > np.sqrt(rcond) * pivots.max():
+            return np.asarray(sla.solve_triangular(known, target.T, lower=True, trans="T", check_finite=False).T)
+        R = np.linalg.lstsq(known.T, target.T, rcond=rcond)[0].T
+        _check_explained(L[n : n + block] - R @ L[:n], L[n : n + block], n // block, np.sqrt(rcond))
+        return np.asarray(R)
+
+
+def least_squares_companion(matrix: DataMatrix, factors: Factors) -> LeastSquaresCompanion:
     """Least-squares form without truncation: the last block row H_p [H_0; ...; H_(p-1)]#, every degree p from one factorization.
 
     The regression of Eq. 65 without truncation, and with the roles of inputs and outputs exchanged the polyreference complex
@@ -136,34 +219,6 @@ def least_squares_companion(matrix: DataMatrix, factors: Factors) -> Realization
     factors : Factors
         Of the matrix with one block row more, complete.
     """
-    shift, r = _needs_whole_blocks(matrix)
-    block = shift.block
-    # P diag(d) differs from the matrix by orthonormal columns only
+    shift, _ = _needs_whole_blocks(matrix)
     stand_in = shift.unweighted(factors.P * factors.d)
-    rcond = max(stand_in.shape) * np.finfo(float).eps
-    B = _input(matrix)
-
-    @cache
-    def triangle() -> RealArray:
-        return np.asarray(sla.qr(stand_in.T, mode="r", check_finite=False)[0].T)
-
-    def triple(n: int) -> Triple:
-        p, rest = divmod(n, block)
-        if rest or not 1 <= p <= r:
-            raise DataError(
-                f"order={n} of a least-squares companion was asked",
-                f"its order is a multiple of {block}, at most {block * r} with {r} blocks",
-                "Choose such an order, or raise block_rows (block_columns in the controllable form).",
-            )
-        L = triangle()
-        known, target = L[:n, :n], L[n : n + block, :n]
-        pivots = np.abs(np.diag(known))
-        if n <= L.shape[1] and pivots.min() > np.sqrt(rcond) * pivots.max():
-            R = sla.solve_triangular(known, target.T, lower=True, trans="T", check_finite=False).T
-        else:
-            R = np.linalg.lstsq(known.T, target.T, rcond=rcond)[0].T
-            _check_explained(L[n : n + block] - R @ L[:n], L[n : n + block], p, np.sqrt(rcond))
-        C = _output(matrix, factors, block, stand_in[:n])
-        return Triple(companion_matrix(R, shift, p), None if B is None else B[:n], C, min(n, factors.rank))
-
-    return Realization(factors, triple, canonical=True)
+    return LeastSquaresCompanion(factors=factors, matrix=matrix, shift=shift, stand_in=stand_in, B=_input(matrix))

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.linalg as sla
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.fraction import Fraction
+from modalscope.blocks.triple import Eigen, Triple
 from modalscope.model.checks import DataError, RealArray
-from modalscope.realizations.triple import Realization, Triple
+from modalscope.realizations.realization import Realization
 
-__all__ = ["denominator", "fraction_companion", "fraction_factors"]
+__all__ = ["FractionCompanion", "ReciprocalTriple", "denominator", "fraction_companion"]
 
 
 def denominator(matrix: Fraction, degree: int) -> RealArray:
@@ -28,14 +31,25 @@ def denominator(matrix: Fraction, degree: int) -> RealArray:
         return np.asarray(np.linalg.lstsq(inner, target, rcond=inner.shape[0] * np.finfo(float).eps)[0])
 
 
-def fraction_factors(matrix: Fraction) -> Factors:
-    """Return the eigenvectors of M of the largest degree and the roots of its eigenvalues, the singular values of the data behind it."""
-    weights, vectors = np.linalg.eigh(matrix.gram_matrices[-1])
-    d, V = np.sqrt(np.clip(weights[::-1], 0, None)), vectors[:, ::-1]
-    return Factors(V, d, V, d, d.size, f"normal equations, {d.size} unknowns a column")
+@dataclass(frozen=True, eq=False)
+class ReciprocalTriple(Triple):
+    """A controllable companion whose eigenvalues are mu = 1 / z and whose left eigenvectors are [mu^(p-1) w', ..., w']."""
+
+    def eigen(self) -> Eigen:
+        """Return the stable roots z and left eigenvectors; right ones are not needed, and zero.
+
+        Unstable roots are what no mode explains (see `denominator`) and do not take part.
+        """
+        reciprocal, vectors = np.linalg.eig(self.A.T)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            z = np.where(reciprocal == 0, np.inf, 1 / reciprocal)
+        stable = np.flatnonzero((np.abs(z) < 1) & (z != 0))
+        left = vectors[:, stable].T.astype(complex)
+        return Eigen(z[stable], np.zeros_like(left.T), left)
 
 
-def fraction_companion(matrix: Fraction, factors: Factors) -> Realization:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FractionCompanion(Realization):
     """Controllable companion form on Gram blocks: the order is the degree of the polynomial.
 
     The matrix has the roots' inverses mu = 1 / z as eigenvalues, from mu^p w' = - sum_j mu^(p-j) w' A_j, and the rows
@@ -45,24 +59,33 @@ def fraction_companion(matrix: Fraction, factors: Factors) -> Realization:
     Parameters
     ----------
     matrix : Fraction
-    factors : Factors
-        Of `fraction_factors`: for the singular values, the companion needs the Gram blocks alone.
     """
-    m = matrix.inputs
 
-    def triple(degree: int) -> Triple:
-        if not 1 <= degree <= matrix.degree:
+    matrix: Fraction
+
+    def triple(self, n: int) -> ReciprocalTriple:
+        """Return the companion of degree n."""
+        if not 1 <= n <= self.matrix.degree:
             raise DataError(
-                f"order={degree} of a matrix fraction was asked",
-                f"its order is the degree of the polynomials, here 1 to {matrix.degree}",
+                f"order={n} of a matrix fraction was asked",
+                f"its order is the degree of the polynomials, here 1 to {self.matrix.degree}",
                 "Ask for a larger order when the fraction is built.",
             )
-        size = degree * m
+        m = self.matrix.inputs
+        size = n * m
         A = np.zeros((size, size))
-        A[:, :m] = -denominator(matrix, degree)
+        A[:, :m] = -denominator(self.matrix, n)
         A[: size - m, m:] = np.eye(size - m)
-        B = np.zeros((size, m))
-        B[size - m :] = np.eye(m)
-        return Triple(A, B, np.zeros((0, size)), size)
+        return ReciprocalTriple(A, None, np.zeros((0, size)), size)
 
-    return Realization(factors, triple, canonical=True)
+
+def fraction_companion(matrix: Fraction, factors: Factors) -> FractionCompanion:
+    """Return the companion forms of every degree.
+
+    Parameters
+    ----------
+    matrix : Fraction
+    factors : Factors
+        Of the normal equations: for the singular values, the companion needs the Gram blocks alone.
+    """
+    return FractionCompanion(factors=factors, matrix=matrix)

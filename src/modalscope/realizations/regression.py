@@ -2,18 +2,45 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
+from modalscope.blocks.triple import Triple
 from modalscope.model.checks import Array, RealArray
 from modalscope.realizations.balanced import projected
-from modalscope.realizations.triple import Realization, Triple
+from modalscope.realizations.realization import Realization
 
-__all__ = ["regression", "regression_matrix"]
+__all__ = ["Regression", "regression", "regression_matrix"]
 
 
-def regression(matrix: DataMatrix, factors: Factors) -> Realization:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Regression(Realization):
+    """Least-squares regression on H(0), truncated: leading blocks of an n x n problem.
+
+    Parameters
+    ----------
+    A : array, (k, k)
+        P' H(1) Q d^-1.
+    B, CA : array
+        d Q' E_m (None where columns are lines) and E_l' H(1) Q d^-1.
+    """
+
+    A: RealArray
+    B: RealArray | None
+    CA: RealArray
+
+    def triple(self, n: int) -> Triple:
+        """Return the model of order n; C comes from C A."""
+        self.factors.check_order(n)
+        A = self.A[:n, :n]
+        C = np.linalg.lstsq(A.T, self.CA[:, :n].T, rcond=None)[0].T
+        return Triple(A, None if self.B is None else self.B[:n], C, n, self.factors, power=0.0)
+
+
+def regression(matrix: DataMatrix, factors: Factors) -> Regression:
     """Regression A = H(1) H(0)#_n (Eq. 65): the n states in which its nonzero poles lie.
 
     The matrix of Eq. 65 is of the order of the rows of H(0); with the rank-n pseudo-inverse H(0)#_n = Q d^-1 P' all but n of
@@ -32,13 +59,7 @@ def regression(matrix: DataMatrix, factors: Factors) -> Realization:
         CA = matrix.first_rows(factors.Q / d, 1)
     first = matrix.first_columns(factors)
     B = None if first is None else np.ascontiguousarray((first * d).T)
-
-    def triple(n: int) -> Triple:
-        factors.check_order(n)
-        C = np.linalg.lstsq(A[:n, :n].T, CA[:, :n].T, rcond=None)[0].T
-        return Triple(A[:n, :n], None if B is None else B[:n], C, n)
-
-    return Realization(factors, triple, row_power=0.0)
+    return Regression(factors=factors, A=A, B=B, CA=CA)
 
 
 def regression_matrix(shifted: Array, P: Array, d: Array, Q: Array) -> RealArray:

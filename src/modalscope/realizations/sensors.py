@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modalscope.model.checks import DataError, RealArray
+from modalscope.model.checks import DataError, RealArray, check_kind
 from modalscope.model.statespace import StateSpace
 
 __all__ = ["EquationsOfMotion", "equations_of_motion", "first_order_form"]
@@ -59,6 +59,7 @@ def equations_of_motion(model: StateSpace) -> EquationsOfMotion:
     >>> bool(abs(e.stiffness - s.stiffness).max() < 1e-9)  # unit masses
     True
     """
+    check_kind("equations_of_motion", model, StateSpace)
     _need_continuous(model)
     n, l = model.order, model.C.shape[0]
     if 2 * l < n:
@@ -105,6 +106,7 @@ def first_order_form(model: StateSpace) -> StateSpace:
         A sampled model, or C without full column rank: displacements alone (velocities alone) reach half of the states, whatever their
         number; both are needed.
     """
+    check_kind("first_order_form", model, StateSpace)
     _need_continuous(model)
     n = model.order
     condition = _condition(model.C / np.maximum(np.linalg.norm(model.C, axis=1, keepdims=True), 1e-300), n)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.linalg as sla
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
+from modalscope.blocks.triple import Triple
 from modalscope.model.checks import DataError, RealArray
 from modalscope.realizations.balanced import first_blocks
-from modalscope.realizations.triple import Realization, Triple
+from modalscope.realizations.realization import Realization
 
-__all__ = ["check_blocks", "shift", "shift_grams"]
+__all__ = ["Shift", "check_blocks", "shift", "shift_grams"]
 
 #: Beyond this condition of (E0 P)'(E0 P) the last block row carries what the others lack: too few block rows.
 _SINGULAR = 1e13
@@ -35,7 +38,36 @@ def check_blocks(gram: RealArray, n: int, block_rows: int) -> None:
         )
 
 
-def shift(matrix: DataMatrix, factors: Factors) -> Realization:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Shift(Realization):
+    """Shift of the row factor: leading blocks of two small Gram matrices serve all orders.
+
+    Parameters
+    ----------
+    gram, cross : array, (k, k)
+        (E0 P)'(E0 P) and (E0 P)'(E1 P).
+    B, C : array
+        Of the largest order; B is None where columns are lines or times.
+    block_rows : int
+    """
+
+    gram: RealArray
+    cross: RealArray
+    B: RealArray | None
+    C: RealArray
+    block_rows: int
+
+    def triple(self, n: int) -> Triple:
+        """Return the model of order n from the leading blocks."""
+        self.factors.check_order(n)
+        check_blocks(self.gram, n, self.block_rows)
+        root = np.sqrt(self.factors.d[:n])
+        A = sla.solve(self.gram[:n, :n], self.cross[:n, :n], assume_a="pos", check_finite=False)
+        B = None if self.B is None else self.B[:n]
+        return Triple(A * root / root[:, None], B, self.C[:, :n], n, self.factors)
+
+
+def shift(matrix: DataMatrix, factors: Factors) -> Shift:
     """Shift of the row factor: A = d^-1/2 (E0 P)# (E1 P) d^1/2 (Eqs. 57 and 62, in the frequency domain 110).
 
     (E0 P)# comes from the normal equations of P's leading columns. P is orthonormal, so that E0 P is nearly so, and nothing is lost
@@ -48,13 +80,5 @@ def shift(matrix: DataMatrix, factors: Factors) -> Realization:
         Of the matrix with one block row more (`tall`), the largest order.
     """
     gram, cross = shift_grams(matrix, factors)
-    root = np.sqrt(factors.d)
     C, B = first_blocks(matrix, factors)
-
-    def triple(n: int) -> Triple:
-        factors.check_order(n)
-        check_blocks(gram, n, matrix.block_rows)
-        A = sla.solve(gram[:n, :n], cross[:n, :n], assume_a="pos", check_finite=False)
-        return Triple(A * root[:n] / root[:n, None], None if B is None else B[:n], C[:, :n], n)
-
-    return Realization(factors, triple)
+    return Shift(factors=factors, gram=gram, cross=cross, B=B, C=C, block_rows=matrix.block_rows)

@@ -241,7 +241,7 @@ def _settings(c: Comparison) -> Section:
     for r in c.results:
         if r.diagram is not None:
             found = ", ".join(f"{k} {v}" for k, v in r.diagram.settings.items() if v is not None)
-            blocks.append([r.label, found, "; ".join(r.diagram.notes)])
+            blocks.append([r.label, found, "; ".join(map(str, r.diagram.notes))])
     body = listing(facts.items()) + table(["method", "data matrix", "notes"], blocks, words=[0, 1, 2])
-    body += "".join(paragraph(note) for note in c.notes)
+    body += "".join(paragraph(str(note)) for note in c.notes)
     return Section("settings", "Settings and notes", body)

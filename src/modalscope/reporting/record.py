@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from importlib.metadata import version
-from typing import Any
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from modalscope.comparing.labels import cell_label
 from modalscope.model import FrequencyResponse, ImpulseResponse, StabilizationDiagram
 from modalscope.model.checks import Array
 from modalscope.model.response import Response, output_scale
+from modalscope.model.settings import Settings
 from modalscope.model.version import VERSION
 from modalscope.preprocess import Finding, examine
 from modalscope.reporting.html import Section, listing, paragraph, script, table
@@ -59,6 +59,7 @@ def _extent(response: Response) -> dict[str, str]:
             "kind": f"{response.kind} response",
             "samples": f"{response.samples} at {response.sampling_rate:.6g} Hz, {response.samples / response.sampling_rate:.4g} s",
         }
+    assert isinstance(response, FrequencyResponse)
     f = response.frequencies
     steps = np.diff(f)
     even = steps.size and np.allclose(steps, steps[0], rtol=1e-6)
@@ -108,7 +109,7 @@ def settings_section(diagram: StabilizationDiagram) -> Section:
     return Section("settings", "Settings", listing(facts.items()))
 
 
-def settings_listed(settings: Mapping[str, Any]) -> dict[str, str]:
+def settings_listed(settings: Settings) -> dict[str, str]:
     """Return the options that were used, in words."""
     return {heading(key): value(key, found) for key, found in settings.items() if found is not None}
 

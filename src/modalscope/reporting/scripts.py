@@ -6,10 +6,12 @@ from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
+
 from modalscope.comparing import Comparison
 from modalscope.identification.identify import Identification
-from modalscope.model import FrequencyResponse, StabilizationDiagram
-from modalscope.model.response import Response
+from modalscope.model import StabilizationDiagram
+from modalscope.model.settings import Settings
 
 __all__ = ["comparison_script", "identification_script", "stabilization_script"]
 
@@ -19,8 +21,7 @@ def stabilization_script(diagram: StabilizationDiagram, source: str | None) -> s
     lines = [
         f"    method={diagram.method!r},\n",
         f"    domain={diagram.domain!r},\n",
-        f"    orders={_orders(diagram.orders)},\n",
-        *_band(diagram.response),
+        f"    orders={_orders(diagram.asked_orders or diagram.orders)},\n",
         *_options(diagram.settings),
     ]
     if diagram.tolerances:
@@ -35,7 +36,6 @@ def identification_script(found: Identification, source: str | None) -> str:
         f"    method={found.method!r},\n",
         f"    domain={found.domain!r},\n",
         f"    order={int(found.order)},\n",
-        *_band(found.response),
         *_options(found.settings),
     ]
     after = 'print(found.modes.table())\nms.report(found, "report.html")\n'
@@ -44,31 +44,32 @@ def identification_script(found: Identification, source: str | None) -> str:
 
 def comparison_script(c: Comparison, source: str | None) -> str:
     """Return the script that repeats a comparison."""
-    given = {k: v for k, v in c.settings.items() if v is not None and k != "methods"}
-    lines = [f"    methods={c.settings.get('methods', 'all')!r},\n", *_options(given, (str, int, float, tuple, list))]
+    lines = _options({name: value for name, value in c.settings.items() if value is not None})
     after = 'print(comparison.table())\nms.report(comparison, "report.html")\n'
     return _call("comparison", "compare", source, lines) + after
 
 
 def _call(name: str, verb: str, source: str | None, lines: list[str]) -> str:
-    head = f"import modalscope as ms\n\ndata = ms.read({source or 'your file'!r})\n"
+    arrays = "import numpy as np\n\n" if any("np." in line for line in lines) else ""
+    head = f"{arrays}import modalscope as ms\n\ndata = ms.read({source or 'your file'!r})\n"
     return f"{head}{name} = ms.{verb}(\n    data,\n{''.join(lines)})\n"
 
 
-def _band(response: Response) -> list[str]:
-    """Return the band of lines as an argument; samples were filtered before, and do not tell theirs."""
-    if not isinstance(response, FrequencyResponse):
-        return []
-    f = response.frequencies
-    return [f"    band=({float(f[0])!r}, {float(f[-1])!r}),\n"]
+def _options(settings: Settings | Mapping[str, Any]) -> list[str]:
+    """Return options as arguments, each as Python writes it: the script gives the same result to the last bit."""
+    return [f"    {name}={_literal(value)},\n" for name, value in settings.items()]
 
 
-def _options(settings: Mapping[str, Any], plain: tuple[type, ...] = (str, int, float, bool)) -> list[str]:
-    """Return options as arguments, and a comment on those that cannot be written down as they stand."""
-    kept = {key: found for key, found in settings.items() if found is not None}
-    lost = [k for k, v in kept.items() if not isinstance(v, plain) or (k == "weights" and v == "given")]
-    lines = [f"    {key}={found!r},\n" for key, found in kept.items() if key not in lost]
-    return [*lines, f"    # and as they were given: {', '.join(lost)}\n"] if lost else lines
+def _literal(value: Any) -> str:
+    """Return what Python reads back as the same value; numbers keep all their digits."""
+    if isinstance(value, np.ndarray):
+        return f"np.array({value.tolist()!r})"
+    if isinstance(value, np.generic):
+        return repr(value.item())
+    if isinstance(value, tuple | list):
+        parts = ", ".join(_literal(part) for part in value)
+        return f"[{parts}]" if isinstance(value, list) else f"({parts}{',' if len(value) == 1 else ''})"
+    return repr(value)
 
 
 def _orders(orders: tuple[int, ...]) -> str:

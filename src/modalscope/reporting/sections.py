@@ -7,10 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from modalscope.comparing.labels import cell_label
-from modalscope.modal.basis import fit_error
 from modalscope.modal.explained import explained, explains_enough
-from modalscope.modal.rebuilt import rebuilt
-from modalscope.model import FrequencyResponse, ModalModel, StabilizationDiagram
+from modalscope.modal.rebuilt import fit_error, rebuilt
+from modalscope.model import ModalModel, StabilizationDiagram
 from modalscope.model.checks import Array
 from modalscope.model.response import Response
 from modalscope.reporting.figures import (
@@ -98,9 +97,7 @@ def _least_sure(modes: ModalModel) -> str:
 
 def band_of(response: Response) -> tuple[float, float]:
     """Return the lowest and the highest frequency of the data."""
-    if isinstance(response, FrequencyResponse):
-        return float(response.frequencies[0]), float(response.frequencies[-1])
-    return 0.0, response.sampling_rate / 2
+    return response.span
 
 
 def modes_section(modes: ModalModel) -> Section:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import brentq
 
 from modalscope.model.checks import RealArray, check_choice, check_count, check_positive
 from modalscope.systems.chains import row_geometry
@@ -127,6 +126,8 @@ def clamped_beam_frequencies(
     far_end, length, bending_stiffness, mass_per_length
         As in `clamped_beam`.
     """
+    from scipy.optimize import brentq  # slow to load
+
     check_choice("far_end", far_end, FAR_ENDS)
 
     def characteristic(b: float) -> float:

@@ -80,7 +80,7 @@ def chain(
         mass=M,
         stiffness=K,
         damping=D,
-        outputs=measured,  # type: ignore[arg-type]  # None is completed at the door
+        outputs=measured,  # type: ignore[arg-type]  # None is completed by the constructor
         inputs=forced,  # type: ignore[arg-type]
         dt=dt,
         geometry=row_geometry(m.size),

@@ -78,4 +78,4 @@ def three_masses_record(*, noisy: bool = True) -> ImpulseResponse:
     if not noisy:
         return decay
     noise = 0.05 * np.random.Generator(np.random.PCG64DXSM(seed=1)).normal(size=(3, 100))
-    return replace(decay, values=decay.values + noise.T[:, :, None]).noted("published noise added, 0.05 m/s")
+    return replace(decay, values=decay.values + noise.T[:, :, None]).processed("published noise added, 0.05 m/s")

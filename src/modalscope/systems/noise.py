@@ -70,5 +70,5 @@ def add_noise(data: Noisy, fraction: float, seed: Seed = None) -> Noisy:
     check_number("noise", fraction)
     note = f"white noise of {100 * fraction:g} % of each channel's RMS added"
     if isinstance(data, Signals):
-        return replace(data, outputs=data.outputs + white_noise(data.outputs, fraction, rng, axis=-2)).noted(note)
-    return replace(data, values=data.values + white_noise(data.values, fraction, rng)).noted(note)
+        return replace(data, outputs=data.outputs + white_noise(data.outputs, fraction, rng, axis=-2)).processed(note)
+    return replace(data, values=data.values + white_noise(data.values, fraction, rng)).processed(note)

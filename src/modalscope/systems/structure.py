@@ -2,37 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.model.channels import QUANTITIES
-from modalscope.model.checks import DataError, RealArray, check_choice, check_positive, freeze, real_array
+from modalscope.model.checks import check_choice, real_array
 from modalscope.model.frequency import FrequencyResponse
-from modalscope.model.geometry import Geometry
 from modalscope.model.impulse import ImpulseResponse
-from modalscope.model.labels import DofLike, check_labels, indices_of
 from modalscope.model.modes import ModalModel
 from modalscope.model.signals import Signals
 from modalscope.model.statespace import INPUTS, StateSpace
+from modalscope.systems.assembly import UNITS, Assembly, Dofs, initial_state
 from modalscope.systems.equations import dynamic_response, state_model
-from modalscope.systems.modal import modal_model, undamped_modes
+from modalscope.systems.modal import modal_model
 from modalscope.systems.noise import Seed, add_noise
 from modalscope.systems.records import Inputs, simulate
 
 __all__ = ["Structure"]
 
-#: A choice of degrees of freedom: labels, or indices counted from zero.
-Dofs = Iterable[DofLike] | DofLike | None
-
-_UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s2"}
-
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Structure:
+class Structure(Assembly):
     """A linear structure with n degrees of freedom, M q'' + D q' + K q = f (Eq. 1).
 
     Parameters
@@ -67,51 +58,6 @@ class Structure:
     >>> print(modes.frequencies[0] * 2 * np.pi, modes.damping_ratios[0])
     10.0 0.02
     """
-
-    mass: RealArray
-    stiffness: RealArray
-    damping: RealArray = None  # type: ignore[assignment]
-    outputs: tuple[int, ...] = None  # type: ignore[assignment]
-    inputs: tuple[int, ...] = None  # type: ignore[assignment]
-    dofs: tuple[str, ...] = None  # type: ignore[assignment]
-    dt: float | None = None
-    geometry: Geometry | None = None
-    name: str = "structure"
-
-    def __post_init__(self) -> None:
-        M = real_array("mass", self.mass, "(dofs, dofs)", 2)
-        given = {
-            "mass": M,
-            "stiffness": self.stiffness,
-            "damping": np.zeros(M.shape) if self.damping is None else self.damping,
-        }
-        matrices = {name: _symmetric(name, values, M.shape[0]) for name, values in given.items()}
-        if np.linalg.eigvalsh(M)[0] <= 0:
-            raise DataError(
-                "mass needs a positive definite matrix",
-                "it has an eigenvalue at or below zero",
-                "Give every degree of freedom a mass.",
-            )
-        labels = self.dofs if self.dofs is not None else tuple(f"{i + 1}:+X" for i in range(M.shape[0]))
-        dofs = check_labels("dofs", labels, M.shape[0], "q")
-        everything = tuple(range(len(dofs)))
-        freeze(
-            self,
-            **matrices,
-            dofs=dofs,
-            outputs=everything if self.outputs is None else tuple(indices_of("output", self.outputs, dofs)),
-            inputs=everything if self.inputs is None else tuple(indices_of("input", self.inputs, dofs)),
-            dt=None if self.dt is None else check_positive("dt", self.dt),
-        )
-
-    @property
-    def degrees(self) -> int:
-        """Number of degrees of freedom, n."""
-        return int(self.mass.shape[0])
-
-    def undamped_modes(self) -> tuple[RealArray, RealArray]:
-        """Return the undamped natural frequencies (rad/s, (n,)) and the shapes of unit modal mass ((n, n), as columns)."""
-        return undamped_modes(self.mass, self.stiffness)
 
     def state_space(
         self,
@@ -257,25 +203,11 @@ class Structure:
             As in `state_space`.
         """
         check_choice("quantity", quantity, QUANTITIES)
-        n = self.degrees
-        start = np.zeros(2 * n)
-        for name, values, part in (
-            ("displacement", displacement, slice(0, n)),
-            ("velocity", velocity, slice(n, 2 * n)),
-        ):
-            if values is not None:
-                array = real_array(name, values, "(dofs,)", 1)
-                if array.size != n:
-                    raise DataError(
-                        f"{name} needs {n} entries, one a degree of freedom",
-                        f"it has {array.size}",
-                        "Give zeros where nothing moves.",
-                    )
-                start[part] = array
+        start = initial_state(self.degrees, displacement, velocity)
         rows, _ = self._positions(outputs, None)
         model = self.state_space(outputs=rows, inputs=[0], quantity=quantity, dt=self._interval(sampling_rate))
         decay = StateSpace(A=model.A, B=start[:, None], C=model.C, dt=model.dt)
-        labels = {**self._labels(rows, [], quantity), "input_dofs": ("start",), "units": _UNITS[quantity]}
+        labels = {**self._labels(rows, [], quantity), "input_dofs": ("start",), "units": UNITS[quantity]}
         return decay.impulse_response(samples, kind="free decay", feedthrough=None, quantity=quantity, **labels)
 
     def simulate(
@@ -346,41 +278,3 @@ class Structure:
             quantity=quantity,
             labels=self._labels(rows, [] if ambient else columns, quantity),
         )
-
-    def _positions(self, outputs: Dofs, inputs: Dofs) -> tuple[list[int], list[int]]:
-        rows = list(self.outputs) if outputs is None else indices_of("output", outputs, self.dofs)
-        columns = list(self.inputs) if inputs is None else indices_of("input", inputs, self.dofs)
-        return rows, columns
-
-    def _interval(self, sampling_rate: float | None) -> float:
-        if sampling_rate is not None:
-            return 1 / check_positive("sampling_rate", sampling_rate)
-        if self.dt is None:
-            raise DataError(
-                "a sampled response was asked",
-                f"{self.name} has no sampling interval of its own",
-                "Give sampling_rate.",
-            )
-        return self.dt
-
-    def _labels(self, rows: list[int], columns: list[int], quantity: str) -> dict[str, Any]:
-        return {
-            "output_dofs": tuple(self.dofs[i] for i in rows),
-            "input_dofs": tuple(self.dofs[i] for i in columns),
-            "units": (_UNITS[quantity], "N"),
-            "geometry": self.geometry,
-            "processing": (f"simulated: {self.name}",),
-        }
-
-
-def _symmetric(name: str, values: ArrayLike, size: int) -> RealArray:
-    matrix = real_array(name, values, "(dofs, dofs)", 2)
-    if matrix.shape != (size, size):
-        raise DataError(
-            f"{name} needs shape {(size, size)}", f"it has {matrix.shape}", "Give square matrices of one size."
-        )
-    if np.abs(matrix - matrix.T).max(initial=0) > 1e-9 * np.abs(matrix).max(initial=0):
-        raise DataError(
-            f"{name} needs a symmetric matrix", "it is not", "Give A, B, C, D of other systems to StateSpace."
-        )
-    return matrix

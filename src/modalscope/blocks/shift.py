@@ -1,0 +1,64 @@
+"""E0 and E1: the two row selections, or recurrences, that a realization reads the state matrix off."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from modalscope.model.checks import Array, IntArray, RealArray
+
+__all__ = ["RowShift"]
+
+
+@dataclass(frozen=True, eq=False)
+class RowShift:
+    """E0 and E1 with (E1 V) = (E0 V) A for the row factor V = [C g_0; C g_1; ...] of the matrix with one block row more.
+
+    In the time domain both select rows. On a polynomial basis E1 combines the block rows by the basis' recurrence
+    x p_k = sum_j h_jk p_j, so that E1 = h' (x) I.
+
+    Parameters
+    ----------
+    before, after : array of int, optional
+        Rows that E0 and E1 select.
+    recurrence : array, (degree + 1, degree), optional
+        h, when E1 combines.
+    block : int
+        Rows in a block.
+    weight : array, optional
+        Row weights that the factor still carries; they are removed first.
+    whole : bool
+        Whether every block row holds all `block` channels, as companion forms need.
+    """
+
+    block: int
+    before: IntArray | None = None
+    after: IntArray | None = None
+    recurrence: RealArray | None = None
+    weight: RealArray | None = None
+    whole: bool = True
+
+    def unweighted(self, V: Array) -> RealArray:
+        """Return V without the row weights."""
+        return V if self.weight is None else V / self.weight[:, None]
+
+    def split(self, V: Array) -> tuple[RealArray, RealArray]:
+        """Return E0 V and E1 V."""
+        V = self.unweighted(V)
+        if self.recurrence is None:
+            assert self.before is not None
+            assert self.after is not None
+            return _rows(V, self.before), _rows(V, self.after)
+        h = self.recurrence
+        blocks = V.reshape(h.shape[0], self.block, -1)
+        combined = np.tensordot(h.T, blocks, axes=1).reshape(h.shape[1] * self.block, -1)
+        return V[: h.shape[1] * self.block], combined
+
+
+def _rows(V: Array, index: IntArray) -> RealArray:
+    """Select rows: a view when they are consecutive, as they are for whole blocks."""
+    first, last = int(index[0]), int(index[-1])
+    if last - first + 1 == index.size and np.array_equal(index, np.arange(first, last + 1)):
+        return V[first : last + 1]
+    return np.asarray(V[index])

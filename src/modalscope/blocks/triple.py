@@ -1,0 +1,131 @@
+"""What passes between a data matrix and its realizations: models (A, B, C), their eigenvalues, and modes fitted to the data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from modalscope.blocks.factor import Factors
+from modalscope.model.checks import Array, ComplexArray, RealArray
+
+__all__ = ["Eigen", "ModalFit", "Triple", "inverse_vectors"]
+
+#: Condition of eigenvectors beyond which their inverse is rounding.
+_DEFECTIVE = 1e13
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Eigen:
+    """Eigenvalues of a model in the plane of its data matrix, with right vectors and the matching rows of their inverse.
+
+    Parameters
+    ----------
+    values : array of complex, (k,)
+    vectors : array of complex, (N, k)
+    left : array of complex, (k, N)
+    """
+
+    values: ComplexArray
+    vectors: ComplexArray
+    left: ComplexArray
+
+    def take(self, index: Array) -> Eigen:
+        """Return some of them."""
+        return Eigen(self.values[index], self.vectors[:, index], self.left[index])
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ModalFit:
+    """Shapes and participation of modes, from the model or fitted to the data.
+
+    Parameters
+    ----------
+    shapes : array of complex, (l, k)
+    participation : array of complex, (k, m)
+        Referred to the impulse itself.
+    terms : array, (t, l, m)
+        Direct term, or residuals of the modes below and above the band.
+    powers : tuple of int, (t,)
+        Powers of the relative frequency j f / f_max that the terms are factors of.
+    reach : array, (k,), optional
+        Norm of each mode's function over the lines.
+    """
+
+    shapes: ComplexArray
+    participation: ComplexArray
+    terms: RealArray
+    powers: tuple[int, ...] = (0,)
+    reach: RealArray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Triple:
+    """(A, B, C) of one order; B is None where the columns of the data matrix are lines or times.
+
+    Parameters
+    ----------
+    A : array, (N, N)
+    B : array, (N, m), optional
+    C : array, (l, N)
+    rank : int
+        States kept from the factorization; canonical forms have more (N > rank).
+    factors : Factors, optional
+        What the states were cut from: those of the row factor P d^a and the column factor d^(1-a) Q'. None in canonical
+        forms, whose states are the block rows themselves.
+    power : float
+        a.
+    span : array, (N, rank), optional
+        Orthonormal basis of the states that the truncated factor explains, of a canonical form.
+    turned : bool
+        Whether that is a space of left eigenvectors: inputs and outputs have changed places.
+    """
+
+    A: RealArray
+    B: RealArray | None
+    C: RealArray
+    rank: int
+    factors: Factors | None = None
+    power: float = 0.5
+    span: RealArray | None = None
+    turned: bool = False
+
+    def dual(self) -> Triple:
+        """Return (A', C', B'): the model of the transposed response."""
+        assert self.B is not None
+        return replace(self, A=self.A.T, B=self.C.T, C=self.B.T, turned=not self.turned)
+
+    def eigen(self) -> Eigen:
+        """Return eigenvalues and vectors of A."""
+        values, vectors = np.linalg.eig(self.A)
+        return Eigen(values, vectors.astype(complex), inverse_vectors(vectors))
+
+    def row_states(self, vectors: Array) -> ComplexArray:
+        """Return the row factor times vectors of states: [c g_0; c g_1; ...] of modes; for canonical forms the vectors themselves."""
+        if self.factors is None:
+            return np.asarray(vectors)
+        n = self.rank
+        return np.asarray((self.factors.P[:, :n] * self.factors.d[:n] ** self.power) @ vectors)
+
+    def explained(self, eigen: Eigen) -> RealArray | None:
+        """Return the share of each mode's vector, 0 to 1, that the truncated factor explains; None where there is nothing to tell.
+
+        Of a canonical form without noise: 1 for the modes, less for the extraneous poles. In noise it tells them apart better than
+        the amplitude in the first block column, which the noise of that column drives as well.
+        """
+        if self.span is None:
+            return None
+        X = eigen.left.T if self.turned else eigen.vectors
+        return np.asarray(np.linalg.norm(self.span.T @ X, axis=0) / np.linalg.norm(X, axis=0))
+
+
+def inverse_vectors(vectors: Array) -> ComplexArray:
+    """Return X^-1 of eigenvectors as columns; the pseudo-inverse where they have nearly lost independence (defective poles)."""
+    X = np.asarray(vectors, dtype=np.complex128)
+    try:
+        inverse = np.linalg.inv(X)
+    except np.linalg.LinAlgError:
+        return np.linalg.pinv(X)
+    if np.linalg.norm(X, 1) * np.linalg.norm(inverse, 1) < _DEFECTIVE:
+        return inverse
+    return np.linalg.pinv(X)

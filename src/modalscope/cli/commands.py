@@ -1,0 +1,26 @@
+"""The list of commands, and the parser of them all."""
+
+from __future__ import annotations
+
+from modalscope import __version__
+from modalscope.cli import compare, convert, identify, info, methods, simulate
+from modalscope.cli.parser import Parser
+
+__all__ = ["COMMANDS", "build_parser"]
+
+#: The commands in the order of the help. Each is a module with `add`, what can be written, and `run`, what is done; `run`
+#: imports what it needs itself, so that the help of all costs the import of none.
+COMMANDS = (identify, compare, info, convert, methods, simulate)
+
+
+def build_parser() -> Parser:
+    """Return the parser; each command carries the function that runs it."""
+    parser = Parser(prog="modalscope", description="Measured responses of a structure to its modes.")
+    parser.add_argument("--version", action="version", version=__version__, help="print the version and stop")
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND")
+    for command in COMMANDS:
+        command.add(commands)
+    *most, last = commands.choices
+    needed = f"a command is needed: {', '.join(most)} or {last} (see --help)"
+    parser.set_defaults(run=lambda _: parser.error(needed))
+    return parser

@@ -1,0 +1,30 @@
+"""modalscope convert: one format to another."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from modalscope.cli.parser import Commands, add_reading
+
+__all__ = ["add", "run"]
+
+
+def add(commands: Commands) -> None:
+    """Add the command to the list."""
+    parser = commands.add_parser("convert", help="read one format, write another")
+    parser.add_argument("input", type=Path)
+    parser.add_argument("output", type=Path)
+    add_reading(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Read one format and write another."""
+    from modalscope.cli.output import left_out
+    from modalscope.cli.reading import read_data
+    from modalscope.io import describe, write
+
+    data = read_data(options, options.input)
+    write(options.output, data)
+    print(f"written: {options.output}, {describe(data)}{left_out(options.output, data)}")

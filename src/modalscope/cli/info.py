@@ -1,0 +1,37 @@
+"""modalscope info: what a file holds."""
+
+from __future__ import annotations
+
+import argparse
+
+from modalscope.cli.parser import Commands, add_file
+
+__all__ = ["add", "run"]
+
+
+def add(commands: Commands) -> None:
+    """Add the command to the list."""
+    parser = commands.add_parser("info", help="tell what a file holds, what is taken and how good it is")
+    add_file(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Print what a file holds, what was taken and left, and what is wrong with the data."""
+    from modalscope.cli.reading import reading_options
+    from modalscope.io import survey
+    from modalscope.model import Geometry, ModalModel, StabilizationDiagram
+    from modalscope.preprocess import examine
+
+    told = survey(options.file, **reading_options(options))
+    print(told)
+    data = told.thing
+    if isinstance(data, ModalModel):
+        print(data.table())
+        return
+    if isinstance(data, Geometry | StabilizationDiagram):  # nothing was measured
+        return
+    findings = examine(data)
+    print("quality: nothing to report" if not findings else "quality:")
+    for finding in findings:
+        print(f"  {finding}")

@@ -1,0 +1,26 @@
+"""modalscope methods: the table."""
+
+from __future__ import annotations
+
+import argparse
+
+from modalscope.cli.parser import Commands
+
+__all__ = ["add", "run"]
+
+
+def add(commands: Commands) -> None:
+    """Add the command to the list."""
+    parser = commands.add_parser("methods", help="print the table of methods")
+    parser.set_defaults(run=run)
+
+
+def run(_: argparse.Namespace) -> None:
+    """Print the table of methods."""
+    from modalscope.identification.table import methods
+
+    rows = [("method", "domain", "realization", "report", "known as")]
+    rows += [(m.name, m.domain, m.realization, m.section, "; ".join(m.known_as)) for m in methods()]
+    widths = [max(len(row[k]) for row in rows) for k in range(4)]
+    for row in rows:
+        print("  ".join([*(cell.ljust(w) for cell, w in zip(row, widths, strict=False)), row[4]]).rstrip())

@@ -1,0 +1,58 @@
+"""Results written where the user asked for them."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from modalscope.model import DataError, ModalModel
+
+__all__ = ["check_output", "is_page", "left_out", "write_modes", "write_page"]
+
+_PAGES = (".html", ".htm")
+_KNOWN = (".json", ".csv", ".uff", ".unv", *_PAGES, ".npz", ".h5", ".mat")
+
+
+def is_page(path: Path) -> bool:
+    """Whether a report is written there, not modes alone."""
+    return path.suffix.lower() in _PAGES
+
+
+def check_output(path: Path | None) -> None:
+    """Refuse a name that cannot be written before the work is done, not after it; None is nothing to write."""
+    if path is None:
+        return
+    if path.suffix.lower() not in _KNOWN:
+        raise DataError(
+            f"writing {path.name} was asked",
+            f"results are written as {', '.join(_KNOWN)}",
+            "Choose one of these suffixes.",
+        )
+    if path.is_dir() or not path.resolve().parent.is_dir():
+        what = "that is a folder" if path.is_dir() else f"there is no folder {path.resolve().parent}"
+        raise DataError(f"writing {str(path)!r} was asked", what, "Name a file in a folder that is there.")
+
+
+def write_page(options: argparse.Namespace, result: Any) -> None:
+    """Write a report with the command that repeats it, and say where."""
+    from modalscope.reporting import report
+
+    report(result, options.output, source=str(options.file), command=options.command_line)
+    print(f"written: {options.output}")
+
+
+def write_modes(options: argparse.Namespace, modes: ModalModel, **found: Any) -> None:
+    """Write modes, in JSON with what was `found` beside them, and say where and what the format leaves out."""
+    from modalscope.io import write
+
+    beside = {**found, "data": {"file": options.file.name}} if options.output.suffix.lower() == ".json" else {}
+    write(options.output, modes, **beside)
+    print(f"written: {options.output}{left_out(options.output, modes)}")
+
+
+def left_out(path: Path, thing: Any) -> str:
+    """Say what a format cannot hold of modes; nothing for other things and formats."""
+    if not isinstance(thing, ModalModel) or path.suffix.lower() not in (".uff", ".unv"):
+        return ""
+    return "\nuniversal files hold poles and shapes: participation, spreads, indicators and reasons are left out (.json keeps them)"

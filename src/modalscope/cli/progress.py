@@ -1,0 +1,23 @@
+"""Progress on stderr, for a person who waits."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+__all__ = ["progress"]
+
+
+@contextmanager
+def progress(what: str) -> Iterator[Callable[[int, int], None]]:
+    """Show a bar while the block runs: `show(done, total)`; nothing when stderr is not a terminal a person looks at."""
+    from tqdm import tqdm
+
+    with tqdm(desc=what, unit="order", file=sys.stderr, leave=False, disable=None) as bar:
+
+        def show(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        yield show

@@ -1,0 +1,55 @@
+"""modalscope simulate: a test of a known structure."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from modalscope.cli.parser import Commands
+
+__all__ = ["add", "run"]
+
+
+def add(commands: Commands) -> None:
+    """Add the command to the list."""
+    parser = commands.add_parser("simulate", help="write a simulated test of a known structure")
+    parser.add_argument("system", help="a structure of the catalog; 'list' prints their names")
+    parser.add_argument("-o", "--output", type=Path, help="file to write")
+    parser.add_argument("--kind", default="frf", help="frf, impulse, records or ambient (default: frf)")
+    parser.add_argument(
+        "--samples", type=int, help="samples or lines (default: 1000 lines, 2000 samples, 20000 of a record)"
+    )
+    parser.add_argument("--quantity", default="acceleration", help="displacement, velocity or acceleration (default)")
+    parser.add_argument("--noise", type=float, metavar="DB", help="signal-to-noise ratio in dB; none by default")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the noise (default: 0)")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Write a simulated test of a structure of the catalog, or list them."""
+    from modalscope import systems
+    from modalscope.io import describe, write
+    from modalscope.model import DataError
+    from modalscope.systems.trial import trial
+
+    if options.system == "list":
+        for name, make in systems.catalog().items():
+            print(f"{name:15s} {(make.__doc__ or '').strip().splitlines()[0]}")
+        return
+    structure = systems.build(options.system)
+    if options.output is None:
+        raise DataError(
+            f"simulating {options.system} was asked",
+            "there is no file to write it to",
+            "Add -o FILE, for instance -o test.npz.",
+        )
+    data = trial(
+        structure,
+        options.kind,
+        samples=options.samples,
+        quantity=options.quantity,
+        snr_db=options.noise,
+        seed=options.seed,
+    )
+    write(options.output, data)
+    print(f"written: {options.output}, {describe(data)}")

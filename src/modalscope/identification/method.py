@@ -1,0 +1,274 @@
+"""What a row of the table is, and what it is asked to solve."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from modalscope.blocks.factor import Factors
+from modalscope.blocks.matrix import DataMatrix
+from modalscope.identification.options import Options
+from modalscope.identification.orders import OrderRule
+from modalscope.model.checks import DataError
+from modalscope.model.response import Response
+from modalscope.model.settings import Settings
+from modalscope.model.signals import Signals
+from modalscope.realizations.realization import Realization
+
+__all__ = ["DOMAINS", "Built", "Method", "Problem", "Refusal", "Takes"]
+
+DOMAINS = {
+    "time": "Hankel matrix of Markov parameters",
+    "z": "shifted transfer functions",
+    "s": "differentiated transfer functions",
+}
+
+
+#: A response has decayed when its last tenth holds less than this share of the energy.
+_DECAYED = 1e-3
+
+
+class Takes(Enum):
+    """What the data matrix of a row is made of, and so what `prepare` hands over."""
+
+    SAMPLES = "samples"
+    LINES = "lines"
+    CONTINUOUS = "lines of a continuous structure"
+    RESPONSE = "lines, or the samples of a window"
+    PAST = "records projected on their past"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Problem:
+    """What a row of the table is to solve; made by `prepare`, once.
+
+    Parameters
+    ----------
+    method : Method
+    response : Response
+        As the row takes it, in the band.
+    measured : Response
+        As it was measured or estimated, in the band: what all rows share.
+    records : Signals, optional
+        Records without inputs, filtered to the band, where they were given.
+    options : Options
+        As asked; sizes that are not given are chosen with the order.
+    notes : tuple of str
+        What was converted.
+    """
+
+    method: Method
+    response: Response
+    measured: Response
+    records: Signals | None
+    options: Any
+    notes: tuple[str, ...]
+
+
+class Built(NamedTuple):
+    """A data matrix, the options with the sizes that were chosen, and what else must be told."""
+
+    matrix: DataMatrix
+    settings: Options
+    notes: tuple[str, ...] = ()
+
+
+Matrix = Callable[[Problem, int], Built]
+Factor = Callable[[Any, int, str], Factors]
+Realize = Callable[[Any, Factors], Realization]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Method:
+    """One cell of the table: everything that the stages ask of a method.
+
+    Parameters
+    ----------
+    name, domain : str
+        The row and the column.
+    realization : str
+        How the model is read off, in words.
+    section : str
+        Where the report has it.
+    common : str
+        The name that most people know it by.
+    known_as : tuple of str
+        Names in the literature of this cell, with the options that make them.
+    aliases : tuple of str
+        Other words for `name` that mean this cell.
+    takes : Takes
+        What it is given.
+    matrix : callable
+        (problem, largest order) -> data matrix and settings.
+    factor : callable
+        (data matrix, largest order, route) -> factors.
+    realize : callable
+        (data matrix, factors) -> models of all orders.
+    orders : OrderRule
+        What an order is: states, blocks of states, or the degree of a polynomial.
+    options_type : type
+        The options of its data matrix.
+    forms : tuple of str
+        Observable and controllable forms that exist; the first is the default, "smaller" takes the one with fewer states.
+    fixed : mapping
+        Options that make the row.
+    """
+
+    name: str
+    domain: str
+    realization: str
+    section: str
+    common: str
+    known_as: tuple[str, ...]
+    takes: Takes
+    matrix: Matrix
+    factor: Factor
+    realize: Realize
+    orders: OrderRule
+    options_type: type[Options]
+    forms: tuple[str, ...] = ("observable",)
+    aliases: tuple[str, ...] = ()
+    fixed: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+
+    def __str__(self) -> str:
+        return f"{self.name} ({self.domain})"
+
+    @property
+    def label(self) -> str:
+        """The common name first, with the name and domain of the table behind it: "SSI-cov (alternate)"."""
+        same = _letters(self.common) == _letters(self.name)
+        inside = [] if same else [self.name]
+        if self.domain != "time":
+            inside.append(self.domain)
+        return f"{self.common} ({', '.join(inside)})" if inside else self.common
+
+    def refusal(self, response: Response, records: bool) -> Refusal | None:
+        """Return why the row cannot take these data and what to do, None when it can.
+
+        Parameters
+        ----------
+        response : Response
+        records : bool
+            Whether records without inputs are there.
+        """
+        return _REFUSALS[self.takes](response, records)
+
+    def reservation(self, response: Response) -> str:
+        """Return why a comparison leaves the row out although it can take the data, empty when it does not.
+
+        Parameters
+        ----------
+        response : Response
+        """
+        return _RESERVATIONS[self.takes](response)
+
+    def rows_span(self, settings: Settings, dt: float | None) -> float | None:
+        """Return the time that the block rows span, seconds; None where they are no samples, or all of them are states.
+
+        Parameters
+        ----------
+        settings : Settings
+        dt : float, optional
+            Sampling interval of the identified system.
+        """
+        rows = settings.get("block_rows")
+        if rows is None or dt is None or self.takes not in (Takes.SAMPLES, Takes.PAST) or not self.orders.truncates:
+            return None
+        return float(rows * dt)
+
+    def exact_on(self, response: Response) -> bool:
+        """Return whether the row works on the data themselves, not on a transform that loses something.
+
+        Parameters
+        ----------
+        response : Response
+        """
+        return _EXACT[self.takes](response)
+
+
+def _letters(name: str) -> str:
+    return "".join(c for c in name.lower() if c.isalnum())
+
+
+class Refusal(NamedTuple):
+    """Why a row cannot take data, and what to do instead."""
+
+    reason: str
+    change: str
+
+
+def _no_samples(response: Response, records: bool) -> Refusal | None:
+    if response.origin == "lines":
+        return None
+    return Refusal(
+        "the data are samples: their transform is no rational function of j w",
+        "Use domain='z', which is exact for samples, or give measured frequency responses.",
+    )
+
+
+def _no_records(response: Response, records: bool) -> Refusal | None:
+    if records:
+        return None
+    return Refusal(
+        "it projects records without inputs, and there are none",
+        "Give Signals with outputs alone, or use method='alternate', which takes any response.",
+    )
+
+
+def _always(response: Response, records: bool) -> Refusal | None:
+    return None
+
+
+_REFUSALS: dict[Takes, Callable[[Response, bool], Refusal | None]] = {
+    Takes.SAMPLES: _always,
+    Takes.LINES: _always,
+    Takes.CONTINUOUS: _no_samples,
+    Takes.RESPONSE: _always,
+    Takes.PAST: _no_records,
+}
+
+
+def _no_even_lines(response: Response) -> str:
+    try:
+        response.as_samples()
+    except DataError as error:
+        return f"{error.asked}, but {error.found}"
+    return ""
+
+
+def _sampled_lines(response: Response) -> str:
+    return "the lines are those of a sampled system, which domain z takes as they are" if response.held_input else ""
+
+
+def _not_decayed(response: Response) -> str:
+    if response.exact_lines or has_decayed(response):
+        return ""
+    return "the response has not decayed at its last sample, so that its lines are biased"
+
+
+def has_decayed(response: Response) -> bool:
+    """Whether little enough is left at the end for a transform of the samples to serve in place of lines."""
+    energy = np.sum(np.abs(response.values) ** 2, axis=(1, 2))
+    return bool(energy[-max(energy.size // 10, 1) :].sum() < _DECAYED * energy.sum())
+
+
+_RESERVATIONS: dict[Takes, Callable[[Response], str]] = {
+    Takes.SAMPLES: _no_even_lines,
+    Takes.LINES: _not_decayed,
+    Takes.CONTINUOUS: _sampled_lines,
+    Takes.RESPONSE: lambda response: "",
+    Takes.PAST: lambda response: "",
+}
+
+_EXACT: dict[Takes, Callable[[Response], bool]] = {
+    Takes.SAMPLES: lambda response: response.exact_samples,
+    Takes.LINES: lambda response: response.exact_lines,
+    Takes.CONTINUOUS: lambda response: True,
+    Takes.RESPONSE: lambda response: True,
+    Takes.PAST: lambda response: True,
+}

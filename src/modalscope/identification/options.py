@@ -1,0 +1,230 @@
+"""Options of the data matrices as frozen types: checked once when they are made, complete when the sizes are chosen.
+
+A row of the table names its type; an option that the type has not is refused there, with the rows that have it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from numbers import Integral
+from typing import Any, ClassVar, TypedDict
+
+from numpy.typing import ArrayLike
+
+from modalscope.model.checks import check_band, check_choice, check_count, check_each, freeze
+from modalscope.model.labels import Dof
+from modalscope.model.settings import Settings
+
+__all__ = ["AllOptions", "FractionOptions", "HankelOptions", "LineOptions", "Options", "RecordOptions"]
+
+
+class AllOptions(TypedDict, total=False):
+    """Every option that some row of the table has, for the verbs' keywords."""
+
+    band: tuple[float, float] | None
+    exclude: Any
+    factorization: str
+    block_rows: int | None
+    block_columns: int | None
+    form: str | None
+    reduction: str | None
+    weights: str | ArrayLike | None
+    initial_values: str | ArrayLike | None
+    basis: str | None
+    source: str | None
+    references: Any
+    row_shifts: Any
+    column_shifts: Any
+    row_subsets: Any
+    column_subsets: Any
+    row_weights: ArrayLike | None
+    column_weights: ArrayLike | None
+    row_compression: ArrayLike | None
+    column_compression: ArrayLike | None
+
+
+def _count(name: str, value: int | None) -> int | None:
+    return None if value is None else check_count(name, value)
+
+
+def _shifts(name: str, value: Any) -> tuple[int, ...] | None:
+    if value is None:
+        return None
+    return tuple(check_count(name, s, least=0) for s in check_each(name, value, "whole numbers that increase from 0"))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Options(Settings):
+    """What every row takes; see `Settings`."""
+
+    #: Why an option of other data matrices has no meaning for this one.
+    why_not: ClassVar[str] = ""
+
+    def __post_init__(self) -> None:
+        exclude: Any = self.exclude
+        freeze(
+            self,
+            band=None if self.band is None else check_band(self.band),
+            exclude=None if exclude is None else _labels(exclude),
+            factorization=check_choice("factorization", self.factorization, ("auto", "dense", "gram")),
+        )
+
+
+def _labels(exclude: Any) -> tuple[Any, ...]:
+    """Return channels as a tuple; one label or index alone is one."""
+    if isinstance(exclude, str | Integral | Dof):
+        return (exclude,)
+    return tuple(check_each("exclude", exclude, "labels"))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class HankelOptions(Options):
+    """Of a Hankel matrix of samples; see `modalscope.blocks.hankel`.
+
+    Parameters
+    ----------
+    block_rows, block_columns : int, optional
+        Blocks of H(0).
+    form : {"observable", "controllable", "smaller"}, optional
+        Which side the shift is read off.
+    reduction : {"projection", "markov", "reversed"}, optional
+        Of the canonical form to minimum order.
+    row_shifts, column_shifts, row_subsets, column_subsets, row_weights, column_weights, row_compression, column_compression : optional
+        The matrix in its generality.
+    """
+
+    why_not = "this method works on samples"
+
+    block_rows: int | None = None
+    block_columns: int | None = None
+    form: str | None = None
+    reduction: str | None = None
+    row_shifts: tuple[int, ...] | None = None
+    column_shifts: tuple[int, ...] | None = None
+    row_subsets: Any = None
+    column_subsets: Any = None
+    row_weights: Any = None
+    column_weights: Any = None
+    row_compression: Any = None
+    column_compression: Any = None
+
+    def __post_init__(self) -> None:
+        Options.__post_init__(self)
+        freeze(
+            self,
+            block_rows=_count("block_rows", self.block_rows),
+            block_columns=_count("block_columns", self.block_columns),
+            row_shifts=_shifts("row_shifts", self.row_shifts),
+            column_shifts=_shifts("column_shifts", self.column_shifts),
+        )
+        if self.form is not None:
+            check_choice("form", self.form, ("observable", "controllable", "smaller"))
+
+    @property
+    def general(self) -> dict[str, Any]:
+        """What shapes the matrix beyond its size, by name."""
+        names = [
+            f"{side}_{what}" for what in ("shifts", "subsets", "weights", "compression") for side in ("row", "column")
+        ]
+        return {name: getattr(self, name) for name in names}
+
+    @property
+    def spans(self) -> tuple[int | None, int | None]:
+        """Samples that rows and columns span, where they are given."""
+        rows = self.block_rows if not self.row_shifts else max(self.row_shifts) + 1
+        columns = self.block_columns if not self.column_shifts else max(self.column_shifts) + 1
+        return rows, columns
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class LineOptions(Options):
+    """Of a matrix of transfer functions, on lines or on those of a window of samples; see `modalscope.blocks.transfer` and `shifted`.
+
+    Parameters
+    ----------
+    block_rows : int, optional
+        The degree of the polynomials.
+    block_columns : int, optional
+        Samples in the window, with source="samples".
+    form : {"observable"}, optional
+        The only one there is.
+    weights : array (lines,), {"coherence", "variance", "level"}, optional
+    initial_values : array or "rest", optional
+    basis : {"orthogonal", "powers"}, optional
+    source : {"samples", "elimination"}, optional
+    row_shifts : sequence of int, optional
+    """
+
+    why_not = "the columns of a frequency-domain matrix are lines"
+
+    block_rows: int | None = None
+    block_columns: int | None = None
+    form: str | None = None
+    weights: Any = None
+    initial_values: Any = None
+    basis: str | None = None
+    source: str | None = None
+    row_shifts: tuple[int, ...] | None = None
+
+    def __post_init__(self) -> None:
+        Options.__post_init__(self)
+        freeze(
+            self,
+            block_rows=_count("block_rows", self.block_rows),
+            block_columns=_count("block_columns", self.block_columns),
+            row_shifts=_shifts("row_shifts", self.row_shifts),
+        )
+        if self.source is not None:
+            check_choice("source", self.source, ("samples", "elimination"))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class FractionOptions(Options):
+    """Of a matrix fraction; see `modalscope.blocks.fraction`.
+
+    Parameters
+    ----------
+    form : {"controllable"}, optional
+        The only one there is.
+    weights : array (lines,), {"coherence", "variance", "level"}, optional
+    """
+
+    why_not = "a matrix fraction is fitted on all lines, and has no blocks"
+
+    form: str | None = None
+    weights: Any = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class RecordOptions(Options):
+    """Of records projected on their past; see `modalscope.blocks.projection`.
+
+    Parameters
+    ----------
+    block_rows, block_columns : int, optional
+        Blocks of the future and of the past.
+    form : {"observable"}, optional
+        The only one there is.
+    references : labels, optional
+        Outputs of the past; all by default.
+    weighting : {"cva"}, optional
+        "cva": both sides are whitened, so that the singular values are canonical correlations.
+    """
+
+    why_not = "a projection of records has whole, equal blocks of samples"
+
+    block_rows: int | None = None
+    block_columns: int | None = None
+    form: str | None = None
+    references: Any = None
+    weighting: str | None = None
+
+    def __post_init__(self) -> None:
+        Options.__post_init__(self)
+        freeze(
+            self,
+            block_rows=_count("block_rows", self.block_rows),
+            block_columns=_count("block_columns", self.block_columns),
+        )
+        if self.weighting is not None:
+            check_choice("weighting", self.weighting, ("cva",))

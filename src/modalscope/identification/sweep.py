@@ -1,0 +1,203 @@
+"""One order after the other from one factorization: cut, judged and handed out as it comes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from modalscope.blocks.threads import one_thread
+from modalscope.blocks.triple import Triple
+from modalscope.identification.orders import checked_orders
+from modalscope.identification.pipeline import Pipeline, factor
+from modalscope.identification.prepare import prepare
+from modalscope.modal.accuracy import indicators_of
+from modalscope.modal.eigenmodes import Eigenmodes, eigenmodes, split_extraneous
+from modalscope.modal.rebuilt import modal_model
+from modalscope.model.checks import Array, DataError, IntArray, RealArray
+from modalscope.model.modes import ModalModel
+from modalscope.model.poles import frequencies_and_damping
+from modalscope.model.response import output_scale
+
+__all__ = ["Cut", "Sweep", "cut_order", "sweep"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Cut:
+    """One order: its model, its modes and how far to trust them.
+
+    Parameters
+    ----------
+    order : int
+    triple : Triple
+        (A, B, C), with inputs and outputs in their own places.
+    modal : Eigenmodes
+        All its poles, as they are in the data.
+    modes : ModalModel
+        The same, with what an exponential window added taken off.
+    reported : array of int
+        The poles that a rank explains and that lie in the band.
+    indicators : mapping of name to array (k,)
+    misfit : float
+        norm(measured - rebuilt) / norm(measured) over the data, each output divided by its root mean square.
+    std : mapping, optional
+        Standard deviations, where they were asked.
+    """
+
+    order: int
+    triple: Triple
+    modal: Eigenmodes
+    modes: ModalModel
+    reported: IntArray
+    indicators: Mapping[str, RealArray]
+    misfit: float
+    std: Mapping[str, RealArray] | None = None
+
+
+def cut_order(pipeline: Pipeline, order: int) -> Cut:
+    """Cut one order out of a pipeline and judge it.
+
+    Parameters
+    ----------
+    pipeline : Pipeline
+    order : int
+    """
+    return _cut(pipeline, order, _Misfit(pipeline))
+
+
+def _cut(pipeline: Pipeline, order: int, misfit: _Misfit) -> Cut:
+    model = pipeline.triple(order)
+    modal = eigenmodes(pipeline.matrix, model)
+    kept, _ = split_extraneous(modal, model)
+    f, _ = frequencies_and_damping(modal.poles)
+    low, high = pipeline.reported_band
+    indicators = indicators_of(pipeline.matrix, model, modal)
+    return Cut(
+        order=order,
+        triple=model,
+        modal=modal,
+        modes=modal_model(pipeline.matrix, modal, indicators),
+        reported=kept[(f[kept] >= low) & (f[kept] <= high)],
+        indicators=indicators,
+        misfit=misfit.of(modal),
+    )
+
+
+class _Misfit:
+    """What modes leave unexplained, outputs brought level, with what all orders share computed once."""
+
+    def __init__(self, pipeline: Pipeline) -> None:
+        self._response = pipeline.response
+        self._scale = output_scale(self._response)[:, None]
+        level = self._response.values / self._scale
+        self._target: Array = np.concatenate([level.real, level.imag]) if np.iscomplexobj(level) else level
+        self._whole = np.linalg.norm(self._target)
+
+    def of(self, modes: Eigenmodes) -> float:
+        basis = self._response.basis(modes.poles, modes.fit.powers)
+        terms = modes.fit.terms[: basis.terms.shape[1]] / self._scale
+        with np.errstate(over="ignore", invalid="ignore"):
+            left = np.subtract(self._target, basis.rebuilt(modes.shapes / self._scale, modes.participation, terms))
+            ratio = np.linalg.norm(left) / self._whole
+        return float(ratio) if np.isfinite(ratio) else np.inf
+
+
+class Sweep:
+    """The orders of one pipeline, one after the other: consumed as they come, left between two and taken up again.
+
+    An order that cannot be given (too few blocks, say) is left out, with a note in `notes`.
+
+    Parameters
+    ----------
+    pipeline : Pipeline
+    orders : iterable of int
+        Increasing.
+    """
+
+    def __init__(self, pipeline: Pipeline, orders: Iterable[int]) -> None:
+        self.pipeline = pipeline
+        self.orders = tuple(orders)
+        self.notes: list[str] = []
+        self._left = list(self.orders)
+        self._misfit = _Misfit(pipeline)
+
+    @property
+    def remaining(self) -> tuple[int, ...]:
+        """The orders that are still to come."""
+        return tuple(self._left)
+
+    def __iter__(self) -> Sweep:
+        return self
+
+    @one_thread
+    def __next__(self) -> Cut:
+        while self._left:
+            order = self._left.pop(0)
+            try:
+                return _cut(self.pipeline, order, self._misfit)
+            except DataError as error:
+                self.notes.append(f"order {order} left out: {error.found}")
+        raise StopIteration
+
+
+@one_thread
+def sweep(
+    data: Any,
+    *,
+    method: str | None = None,
+    domain: str | None = None,
+    orders: Iterable[int] | None = None,
+    **options: Any,
+) -> Sweep:
+    """Identify at many orders from one factorization, one order at a time.
+
+    The data are factored before this returns; each order is computed when it is asked for. Leave the loop whenever you like, and go on
+    with the same object later.
+
+    Parameters
+    ----------
+    data : FrequencyResponse, ImpulseResponse or Signals
+    method, domain : str, optional
+        A cell of the table of methods, see `identify`.
+    orders : iterable of int, optional
+        As in `stabilize`.
+    **options
+        Band, channels, block sizes and the rest, as in `identify`.
+
+    Returns
+    -------
+    Sweep
+        An iterator of cuts, each with `order`, `modes`, `indicators` and `misfit`.
+
+    Examples
+    --------
+    >>> from modalscope.systems import chain5
+    >>> found = sweep(chain5().state_space(dt=0.05).impulse_response(200), orders=range(2, 11, 2))
+    >>> for cut in found:
+    ...     if cut.misfit < 1e-6:
+    ...         break
+    >>> cut.order, len(cut.modes)
+    (10, 5)
+    """
+    problem = prepare(data, method, domain, **options)
+    asked = problem.method.orders.ladder(problem.measured) if orders is None else checked_orders(orders)
+    return start(problem, asked, automatic=orders is None)
+
+
+def start(problem: Any, asked: list[int], *, automatic: bool) -> Sweep:
+    """Factor for the largest order and return the sweep over those within reach.
+
+    Parameters
+    ----------
+    problem : Problem
+    asked : list of int
+    automatic : bool
+        Whether nobody asked for just these: then some order is always found.
+    """
+    pipeline = factor(problem, asked[-1])
+    reach = pipeline.method.orders.reach(pipeline.factors, asked, automatic)
+    made = Sweep(pipeline, reach.orders)
+    made.notes.extend(reach.notes)
+    return made

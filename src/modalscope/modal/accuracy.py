@@ -1,0 +1,64 @@
+"""How far to trust the modes of one order: every indicator that the data matrix gives."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modalscope.blocks.matrix import DataMatrix
+from modalscope.blocks.triple import Triple
+from modalscope.modal.eigenmodes import Eigenmodes
+from modalscope.modal.evolution import side_coherence, side_emac
+from modalscope.modal.indicators import cluster_mpc, clusters, mac, modal_singular_values, mpc, mpd
+from modalscope.model.checks import RealArray
+
+__all__ = ["indicators_of"]
+
+#: Shapes of repeated modes are independent; above this MAC two poles are one mode.
+SPLIT_SHAPE = 0.9
+
+
+def indicators_of(matrix: DataMatrix, model: Triple, modes: Eigenmodes) -> dict[str, RealArray]:
+    """Return the accuracy indicators of the modes of one order; those that the structure of the data matrix does not give are left out."""
+    found = _of_factors(matrix, model, modes)
+    found["mpc"] = _collinearity(modes)
+    if "emac" in found:
+        found["cmi"] = found["emac"] * found["mpc"]
+    found["msv"] = _strength(matrix, modes)
+    found["mpd"] = mpd(modes.shapes)
+    return found
+
+
+def _of_factors(matrix: DataMatrix, model: Triple, modes: Eigenmodes) -> dict[str, RealArray]:
+    """Return coherence and EMAC of both factors: where the columns say nothing (NaN, or None for all) the rows alone speak."""
+    columns = matrix.column_side(model, modes.eigen, modes.fit)
+    rows = matrix.row_side(model, modes.eigen, modes.fit)
+    found: dict[str, RealArray] = {}
+    if columns is not None:
+        found["amplitude_coherence"] = side_coherence(columns)
+    if rows is None:
+        return found
+    if columns is None or np.isnan(found["amplitude_coherence"]).any():
+        by_rows = side_coherence(rows)
+        known = found.get("amplitude_coherence", by_rows)
+        found["amplitude_coherence"] = np.where(np.isnan(known), by_rows, known)
+    of_outputs = side_emac(rows)
+    of_inputs = np.ones(modes.poles.size) if columns is None else side_emac(columns)
+    return {**found, "emac": of_outputs * np.where(np.isnan(of_inputs), 1, of_inputs), "emaco": of_outputs}
+
+
+def _collinearity(modes: Eigenmodes) -> RealArray:
+    collinear = mpc(modes.shapes)
+    for group in clusters(modes.poles):
+        # poles this close with one shape are one mode that was split, not repeated modes
+        if group.size > 1 and np.max(mac(modes.shapes[:, group]) - np.eye(group.size)) < SPLIT_SHAPE:
+            collinear[group] = cluster_mpc(modes.shapes[:, group])
+    return collinear
+
+
+def _strength(matrix: DataMatrix, modes: Eigenmodes) -> RealArray:
+    """Return the modal singular values, the largest 1; growing poles count as undamped ones."""
+    response = matrix.judged
+    dt = matrix.dt or 1 / (2 * response.span[1])
+    z = np.exp(np.minimum(modes.poles.real, 0) * dt + 1j * modes.poles.imag * dt)
+    strength = modal_singular_values(modes.shapes, modes.participation, z, response.count)
+    return np.asarray(strength / strength.max()) if strength.size and strength.max() > 0 else strength

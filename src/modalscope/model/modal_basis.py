@@ -1,0 +1,221 @@
+"""What poles can contribute to a response, as real columns, and least squares with them.
+
+A conjugate pair of poles with residue R = a + j b contributes a g1 + b g2, two functions of the line (or sample) that are the
+same for every output and input. One orthogonal decomposition of these functions therefore serves all channels: the data
+enter only through their few coefficients. The constant (and residual) terms come first in it, so that they take one
+coefficient each and leave the rest to the modes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as sla
+
+from modalscope.model.channels import QUANTITIES
+from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.poles import powers_of, to_discrete
+
+__all__ = [
+    "ModalBasis",
+    "line_basis",
+    "line_derivatives",
+    "residual_powers",
+    "sample_basis",
+    "sample_derivatives",
+    "scaled_terms",
+    "stacked_basis",
+]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ModalBasis:
+    """What poles (and constant terms) can contribute, as real columns.
+
+    Parameters
+    ----------
+    terms : array, (K, t)
+        Constant and residual terms, which every channel has for itself.
+    functions : array, (K, 2 n)
+        g1 and g2 of every pole; for a real pole g2 is zero.
+    data : array, (K, l, m)
+        The response on the same rows.
+    """
+
+    terms: RealArray
+    functions: RealArray
+    data: RealArray
+
+    @property
+    def columns(self) -> RealArray:
+        """Terms and functions side by side, (K, t + 2 n): all that the poles can explain."""
+        return np.hstack([self.terms, self.functions])
+
+    @property
+    def reach(self) -> RealArray:
+        """Norm of each pole's functions over the rows, (n,): how much of the data a pole can be seen in."""
+        return np.asarray(np.linalg.norm(self.functions.reshape(len(self.functions), -1, 2), axis=(0, 2)))
+
+    def fit_participation(self, shapes: Array) -> tuple[ComplexArray, RealArray]:
+        """Fit participation rows l_j to known shapes c_j, with the terms of every channel, by least squares over all rows.
+
+        Parameters
+        ----------
+        shapes : array of complex, (l, n)
+
+        Returns
+        -------
+        participation : array of complex, (n, m)
+        terms : array, (t, l, m)
+            Coefficients of the constant and residual terms.
+        """
+        rows, outputs, inputs = self.data.shape
+        t, n = self.terms.shape[1], shapes.shape[1]
+        columns = self.columns
+        scale = np.linalg.norm(columns, axis=0)
+        used = np.flatnonzero(scale > 0)
+        Q, R = sla.qr(columns[:, used] / scale[used], mode="economic", check_finite=False)
+        coefficients = (Q.T @ self.data.reshape(rows, -1)).reshape(-1, outputs, inputs)
+        R = R * scale[used]
+        spread = _spread(shapes)
+        kept = used[t:] - t
+        known = np.einsum("kj,ojp->okp", R[t:, t:], spread[:, kept])[:, :, kept]
+        theta = np.zeros((2 * n, inputs))
+        target = coefficients[t:].transpose(1, 0, 2)
+        theta[kept] = _solve(known.reshape(outputs * (len(R) - t), kept.size), target.reshape(-1, inputs))
+        rest = (spread[:, kept] @ theta).transpose(1, 0, 2)
+        left = coefficients[:t] - np.tensordot(R[:t, t:], rest, axes=1)
+        terms = sla.solve_triangular(R[:t, :t], left.reshape(t, outputs * inputs)) if t else left
+        return theta[::2] + 1j * theta[1::2], terms.reshape(t, outputs, inputs)
+
+    def fit_shapes(self, participation: Array) -> tuple[ComplexArray, RealArray]:
+        """Fit shapes to known participation rows, the other way round: shapes (l, n) and terms (t, l, m)."""
+        turned = ModalBasis(self.terms, self.functions, self.data.transpose(0, 2, 1))
+        shapes, terms = turned.fit_participation(np.asarray(participation).T)
+        return shapes.T, terms.transpose(0, 2, 1)
+
+    def rebuilt(self, shapes: Array, participation: Array, terms: Array) -> RealArray:
+        """Return what modes and terms give on the rows, (K, l, m): the counterpart of `fit_participation`."""
+        residues = shapes.T[:, :, None] * participation[:, None, :]
+        coefficients = np.stack([residues.real, residues.imag], axis=1).reshape(2 * len(residues), self.data[0].size)
+        flat = self.functions @ coefficients + self.terms @ terms.reshape(len(terms), coefficients.shape[1])
+        return np.asarray(flat.reshape(self.data.shape))
+
+
+def _spread(shapes: Array) -> RealArray:
+    """Return for every output what takes (Re l_1, Im l_1, ...) to (a, b): a = Re c Re l - Im c Im l, b = Im c Re l + Re c Im l."""
+    outputs, n = shapes.shape
+    spread = np.zeros((outputs, 2 * n, 2 * n))
+    j = 2 * np.arange(n)
+    spread[:, j, j] = spread[:, j + 1, j + 1] = shapes.real
+    spread[:, j, j + 1], spread[:, j + 1, j] = -shapes.imag, shapes.imag
+    return spread
+
+
+def _solve(known: RealArray, target: RealArray) -> RealArray:
+    """Least squares with columns scaled to length one: poles far apart would otherwise decide the rank by their units."""
+    scale = np.linalg.norm(known, axis=0)
+    scale = np.where(scale > 0, scale, 1)
+    return np.asarray(np.linalg.lstsq(known / scale, target, rcond=None)[0] / scale[:, None])
+
+
+def line_basis(
+    frequencies: RealArray,
+    rate: float | None,
+    values: ComplexArray,
+    poles: Array,
+    powers: tuple[int, ...],
+    weights: Array | None,
+) -> ModalBasis:
+    """Return the functions 1 / (x - pole) and conjugates on lines, real and imaginary parts stacked.
+
+    x is j w with poles in rad/s; for the response of a sampled system x = exp(j w dt) and the poles go along. The terms are powers
+    of the relative frequency j f / f_max: only their span matters, and it is better conditioned.
+    """
+    x, p, _ = _points(frequencies, rate, poles)
+    relative = 1j * frequencies / (float(frequencies[-1]) or 1.0)
+    terms = np.stack([relative**power for power in powers], axis=1) if powers else np.zeros((frequencies.size, 0))
+    return stacked_basis(1 / (x[:, None] - p), 1 / (x[:, None] - p.conj()), p.imag == 0, terms, values, weights)
+
+
+def line_derivatives(frequencies: RealArray, rate: float | None, poles: Array) -> RealArray:
+    """Return d/ds of the functions of `line_basis`: columns e1, e2 of every pole, (2 F, 2 n)."""
+    x, p, chain = _points(frequencies, rate, poles)
+    own, pair = chain / (x[:, None] - p) ** 2, chain.conj() / (x[:, None] - p.conj()) ** 2
+    columns = np.stack([own + pair, 1j * (own - pair)], axis=2).reshape(frequencies.size, -1)
+    return np.vstack([columns.real, columns.imag])
+
+
+def _points(
+    frequencies: RealArray, rate: float | None, poles: Array
+) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    """Return the lines and the poles in one plane, and d pole / d s there."""
+    x, s = 2j * np.pi * frequencies, np.asarray(poles, dtype=complex)
+    if rate is None:
+        return x, s, np.ones(s.size, dtype=complex)
+    z = to_discrete(s, 1 / rate)
+    return np.exp(x / rate), z, z / rate
+
+
+def sample_basis(rate: float, first: int, values: RealArray, poles: Array) -> ModalBasis:
+    """Return the functions Re and Im of exp(s t_k) at samples, counted from the impulse."""
+    z = to_discrete(np.asarray(poles, dtype=complex), 1 / rate)
+    decay = powers_of(z, len(values), first)
+    alone = (np.asarray(poles).imag == 0) | (z.imag == 0)
+    g1 = np.where(alone, decay.real, 2 * decay.real)
+    g2 = np.where(alone, 0.0, -2 * decay.imag)
+    functions = np.stack([g1, g2], axis=2).reshape(len(values), -1)
+    return ModalBasis(np.zeros((len(values), 0)), functions, values)
+
+
+def sample_derivatives(rate: float, first: int, count: int, poles: Array) -> RealArray:
+    """Return d/ds of the functions of `sample_basis`: columns e1, e2 of every pole, (N, 2 n)."""
+    t = (np.arange(count) + first) / rate
+    grown = t[:, None] * np.exp(np.outer(t, poles))
+    return np.stack([2 * grown.real, -2 * grown.imag], axis=2).reshape(t.size, -1)
+
+
+def stacked_basis(
+    own: ComplexArray, pair: ComplexArray, alone: Array, terms: Array, data: ComplexArray, weights: Array | None
+) -> ModalBasis:
+    """Return g1 = own + pair and g2 = j (own - pair) for pairs, own for real poles, with real and imaginary parts stacked.
+
+    Parameters
+    ----------
+    own, pair : array of complex, (F, n)
+        The functions of the poles and of their conjugates.
+    alone : array of bool, (n,)
+        Real poles.
+    terms : array of complex, (F, t)
+    data : array of complex, (F, l, m)
+    weights : array, (F,), optional
+    """
+    lines, outputs, inputs = data.shape
+    g1 = np.where(alone, own, own + pair)
+    g2 = np.where(alone, 0, 1j * (own - pair))
+    functions = np.stack([g1, g2], axis=2).reshape(lines, -1)
+    w = (np.ones(lines) if weights is None else np.asarray(weights))[:, None]
+
+    def real(array: Array) -> RealArray:
+        return np.vstack([(w * array).real, (w * array).imag])
+
+    return ModalBasis(real(terms), real(functions), real(data.reshape(lines, -1)).reshape(2 * lines, outputs, inputs))
+
+
+def residual_powers(quantity: str | None, residuals: bool) -> tuple[int, ...]:
+    """Return the powers of j w that stand beside the modes: of the direct term or, with residuals, of lower and upper modes.
+
+    Modes below the band look like a mass line, (j w)^(p - 2), and modes above it like a stiffness line, (j w)^p, with p = 0, 1, 2 for
+    displacement, velocity and acceleration. Without a known quantity there is the constant alone.
+    """
+    if quantity is None or not residuals:
+        return (0,)
+    p = QUANTITIES[quantity]
+    return (p - 2, p)
+
+
+def scaled_terms(terms: Array, powers: tuple[int, ...], frequencies: RealArray) -> RealArray:
+    """Return coefficients of powers of j w from those of the basis, which are of the relative frequency."""
+    factor = (2 * np.pi * (float(frequencies[-1]) or 1.0)) ** -np.asarray(powers, dtype=float)
+    return np.asarray(terms * factor[:, None, None])

@@ -1,0 +1,257 @@
+"""Records of several runs: one test, measured again and again, of any lengths and from any of its inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from modalscope.model.channels import Chosen, choose_channels
+from modalscope.model.checks import DataError, check_count, check_each, check_kind, check_path, freeze
+from modalscope.model.geometry import Geometry
+from modalscope.model.groups import AUTO, Groups, check_groups, chosen_groups, run_groups
+from modalscope.model.signals import Signals
+
+__all__ = ["Records", "as_records"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Records:
+    """Runs of one test: the same outputs at one sampling rate, any length, any of the inputs.
+
+    Parameters
+    ----------
+    runs : sequence of Signals
+        Several runs in one `Signals` are taken apart.
+    groups : sequence of labels, "auto" or None
+        One label a run; runs of the same label belong together. By default every run is a group of its own.
+    source_path : path, optional
+        The file that they were read from.
+
+    Raises
+    ------
+    DataError
+        No run, or runs of different sampling rates, outputs, quantities or units, or some with inputs and some without.
+
+    Examples
+    --------
+    >>> left = Signals(outputs=np.ones((4, 2)), inputs=np.ones((4, 1)), sampling_rate=8.0, input_dofs=["1:+Z"])
+    >>> right = Signals(outputs=np.ones((6, 2)), inputs=np.ones((6, 1)), sampling_rate=8.0, input_dofs=["2:+Z"])
+    >>> records = Records(runs=(left, right))
+    >>> records.samples, records.input_dofs, records.inputs_of(1), records.groups
+    ((4, 6), ('1:+Z', '2:+Z'), (1,), ('run 1', 'run 2'))
+    """
+
+    runs: tuple[Signals, ...]
+    groups: Groups = AUTO
+    source_path: Path | None = field(default=None, compare=False)
+
+    def __post_init__(self) -> None:
+        parts = check_each("runs", self.runs, "records, one a run")
+        for part in parts:
+            check_kind("each of the runs", part, Signals)
+        runs = [run for part in parts for run in _apart(part)]
+        if not runs:
+            raise DataError("records of several runs were asked", "the list is empty", "Give at least one record.")
+        _check_alike(runs)
+        freeze(
+            self,
+            runs=tuple(runs),
+            groups=check_groups(self.groups, len(runs), "a run", _inherited(parts, len(runs))),
+            source_path=None if self.source_path is None else check_path(self.source_path),
+        )
+
+    @property
+    def sampling_rate(self) -> float:
+        """Samples per second, of all runs."""
+        return self.runs[0].sampling_rate
+
+    @property
+    def samples(self) -> tuple[int, ...]:
+        """Samples of every run."""
+        return tuple(run.samples for run in self.runs)
+
+    @property
+    def output_dofs(self) -> tuple[str, ...]:
+        """Labels of the outputs, of all runs."""
+        return self.runs[0].output_dofs
+
+    @property
+    def input_dofs(self) -> tuple[str, ...]:
+        """Labels of all inputs that some run has, in the order in which they come first."""
+        return tuple(dict.fromkeys(dof for run in self.runs for dof in run.input_dofs))
+
+    @property
+    def quantities(self) -> tuple[str | None, ...]:
+        """Displacement, velocity, acceleration or None, of every output."""
+        return self.runs[0].quantities
+
+    @property
+    def quantity(self) -> str | None:
+        """The quantity of all outputs; None when it is not known or not the same for all."""
+        return self.runs[0].quantity
+
+    @property
+    def units(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Units of the outputs and of the inputs."""
+        known = _input_units(self.runs)
+        return self.runs[0].units[0], tuple(known[dof] for dof in self.input_dofs)
+
+    @property
+    def geometry(self) -> Geometry | None:
+        """Where the channels are: that of the first run that knows it."""
+        return next((run.geometry for run in self.runs if run.geometry is not None), None)
+
+    @property
+    def processing(self) -> tuple[str, ...]:
+        """What was done to the runs so far, each step once."""
+        return tuple(dict.fromkeys(step for run in self.runs for step in run.processing))
+
+    def inputs_of(self, run: int) -> tuple[int, ...]:
+        """Return where the inputs of a run stand among all of them.
+
+        Parameters
+        ----------
+        run : int
+            Which, counted from zero.
+
+        Returns
+        -------
+        tuple of int
+            For each of the run's own inputs its position in `input_dofs`.
+        """
+        chosen = check_count("run", run, least=0)
+        if chosen >= len(self.runs):
+            raise DataError(
+                f"run {chosen} was asked", f"there are {len(self.runs)}, counted from 0", "Name one of these."
+            )
+        position = {dof: i for i, dof in enumerate(self.input_dofs)}
+        return tuple(position[dof] for dof in self.runs[chosen].input_dofs)
+
+    def select(
+        self,
+        outputs: Chosen = None,
+        inputs: Chosen = None,
+        exclude: Chosen = None,
+    ) -> Records:
+        """Return some of the channels; a run that keeps none of its inputs is left out, for what drove it is not known.
+
+        Parameters
+        ----------
+        outputs, inputs : labels or indices, optional
+            Channels to keep; all by default.
+        exclude : labels, optional
+            Channels to leave out, on whichever side they stand.
+
+        Raises
+        ------
+        DataError
+            A channel that is not there, or none left.
+        """
+        rows, columns = choose_channels(self.output_dofs, self.input_dofs, outputs, inputs, exclude)
+        wanted = [self.input_dofs[i] for i in columns]
+        kept, runs = [], []
+        for k, run in enumerate(self.runs):
+            own = [dof for dof in wanted if dof in run.input_dofs]
+            if own or not run.input_dofs:
+                kept.append(k)
+                runs.append(run.select(outputs=rows, inputs=own))
+        if not runs:
+            raise DataError("a choice of inputs was asked", "no run has one of them", "Choose at least one input.")
+        return replace(self, runs=tuple(runs), groups=chosen_groups(self.groups, kept))
+
+
+def as_records(data: Any) -> Records:
+    """Return a record, records of several runs, or a list of them as `Records`.
+
+    Parameters
+    ----------
+    data : Signals, Records, or a sequence of them
+
+    Raises
+    ------
+    DataError
+        Anything else, or runs that do not belong together.
+    """
+    if isinstance(data, Records):
+        return data
+    if isinstance(data, Signals):
+        return Records(runs=(data,), source_path=data.source_path)
+    parts = check_each("records", data, "Signals, Records, or a list of them")
+    for part in parts:
+        check_kind("each of the records", part, (Signals, Records))
+    if len(parts) == 1:
+        return as_records(parts[0])
+    return Records(runs=tuple(run for part in parts for run in (part.runs if isinstance(part, Records) else (part,))))
+
+
+def _apart(part: Signals) -> list[Signals]:
+    """Return the runs of a record, each by itself."""
+    if part.outputs.ndim == 2:
+        return [part]
+    outputs, inputs = part.by_run()
+    return [
+        replace(part, outputs=y, inputs=None if inputs is None else inputs[k], groups=None)
+        for k, y in enumerate(outputs)
+    ]
+
+
+def _inherited(parts: list[Signals], count: int) -> Groups:
+    """Return the labels that the parts were given, and a group a run for those that have none of their own."""
+    labels = run_groups(count)
+    if labels is None:
+        return parts[0].groups
+    named: list[str] = []
+    for part in parts:
+        own = None if part.groups == run_groups(part.runs) else part.groups
+        named += own or labels[len(named) : len(named) + part.runs]
+    return tuple(named)
+
+
+def _check_alike(runs: list[Signals]) -> None:
+    """Raise when runs differ in what all of them share; the message says which run, and in what."""
+    first = runs[0]
+    for number, run in enumerate(runs[1:], 2):
+        if not np.isclose(run.sampling_rate, first.sampling_rate, rtol=1e-9, atol=0):
+            rates = f"run 1 has {first.sampling_rate:g} Hz, run {number} {run.sampling_rate:g} Hz"
+            raise DataError("runs of one sampling rate were asked", rates, "Decimate the faster records.")
+        for what, one, other, change in (
+            ("outputs", first.output_dofs, run.output_dofs, "Select the same outputs, in the same order, of each run"),
+            ("quantities", first.quantities, run.quantities, "Convert the records to one"),
+            ("units of the outputs", first.units[0], run.units[0], "Convert the records to one"),
+        ):
+            if one != other:
+                raise DataError(f"runs of the same {what} were asked", _difference(one, other, number), f"{change}.")
+        if bool(run.input_dofs) is not bool(first.input_dofs):
+            silent = 1 if run.input_dofs else number
+            raise DataError(
+                "runs that all have inputs, or none, were asked",
+                f"run {silent} has none and others have some",
+                "Give inputs of zeros to a run in free decay; leave out a run whose forces were not measured.",
+            )
+    _input_units(runs)
+
+
+def _difference(one: tuple[Any, ...], other: tuple[Any, ...], number: int) -> str:
+    """Say in what the first run and another differ."""
+    if len(one) != len(other):
+        return f"run 1 has {len(one)}, run {number} {len(other)}"
+    k = next(k for k in range(len(one)) if one[k] != other[k])
+    return f"number {k + 1} is {one[k] or 'not known'} in run 1 and {other[k] or 'not known'} in run {number}"
+
+
+def _input_units(runs: Iterable[Signals]) -> dict[str, str]:
+    """Return the unit of every input, or raise when two runs have it in different ones."""
+    units: dict[str, str] = {}
+    for run in runs:
+        for dof, unit in zip(run.input_dofs, run.units[1], strict=True):
+            if units.setdefault(dof, unit) != unit:
+                raise DataError(
+                    f"input {dof} in one unit was asked",
+                    f"it is in {units[dof] or 'no unit'} in one run and in {unit or 'no unit'} in another",
+                    "Convert the records to one unit.",
+                )
+    return units

@@ -1,0 +1,52 @@
+"""modalscope identify as a user runs it: tables on stdout, modes and reports in files."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+import modalscope as ms
+from modalscope.cli import main
+
+
+def test_identify_writes_modes_that_read_back_as_they_were_printed(test_file, tmp_path, capsys):
+    target = tmp_path / "modes.json"
+    assert main(["identify", str(test_file), "-o", str(target)]) == 0
+    out = capsys.readouterr().out
+    document = json.loads(target.read_text())
+    assert document["method"] == "alternate"
+    assert document["domain"] == "s"
+    modes = ms.read(target)
+    assert isinstance(modes, ms.ModalModel)
+    assert len(modes) == len(document["modes"]) == 5
+    for mode, f in zip(document["modes"], modes.frequencies, strict=True):
+        assert mode["frequency_hz"] == pytest.approx(f, rel=1e-12)
+        assert mode["frequency_std_hz"] is None
+        assert mode["reasons"]["orders_found"] >= 5
+        assert f"{f:.4f}" in out
+
+
+@pytest.mark.parametrize("suffix", [".json", ".csv", ".html", ".uff"])
+def test_every_result_format_is_written(test_file, tmp_path, suffix):
+    target = tmp_path / f"modes{suffix}"
+    assert main(["identify", str(test_file), "--band", "0.5", "7", "--orders", "2:40:2", "-o", str(target)]) == 0
+    assert target.stat().st_size > 200
+
+
+def test_progress_goes_to_stderr_and_results_to_stdout(test_file):
+    run = subprocess.run(
+        [sys.executable, "-m", "modalscope", "identify", str(test_file)], capture_output=True, text=True, check=True
+    )
+    assert "f [Hz]" in run.stdout
+    assert "order/s" not in run.stdout
+
+
+def test_bands_given_one_by_one_are_merged_and_no_mode_stands_twice(test_file, tmp_path, capsys):
+    target = tmp_path / "modes.json"
+    bands = ["--band", "0.5", "4.5", "--band", "3.5", "7"]
+    assert main(["identify", str(test_file), *bands, "-o", str(target)]) == 0
+    assert len(ms.read(target)) == 5
+    assert "2 bands merged" in capsys.readouterr().out

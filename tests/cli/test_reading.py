@@ -1,0 +1,22 @@
+"""Files and ranges as users write them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import modalscope as ms
+from modalscope.cli import main
+from modalscope.cli.reading import parse_orders
+
+
+def test_both_ends_of_a_range_of_orders_belong_to_it():
+    assert list(parse_orders("2:60:2")) == list(range(2, 61, 2))
+    assert list(parse_orders("4:6")) == [4, 5, 6]
+
+
+def test_arrays_with_other_names_and_axes_are_read(tmp_path):
+    clean = ms.systems.chain5().frequency_response(np.linspace(0.3, 8, 200), quantity="acceleration")
+    path = tmp_path / "other.npz"
+    np.savez(path, freq=clean.frequencies, H=clean.values.transpose(2, 1, 0))
+    words = ["--rename", "freq=frequencies", "--rename", "H=values", "--axes", "values=inputs,outputs,lines"]
+    assert main(["identify", str(path), *words, "--quantity", "acceleration"]) == 0

@@ -1,0 +1,33 @@
+"""Tests of measured data that are not there: skipped and counted, or failed where MODALSCOPE_NEED_DATA=1 says that they must be."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Generator
+from typing import Any
+
+import pytest
+
+#: How a test says that what it measures is missing (`tests.support.measured`).
+MISSING = re.compile(r"(is|are) not there")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, Any, Any]:
+    report = yield
+    if os.environ.get("MODALSCOPE_NEED_DATA") == "1" and _missing(report):
+        report.outcome, report.longrepr = "failed", f"MODALSCOPE_NEED_DATA=1, but {report.longrepr[2]}"
+    return report
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    count = sum(_missing(report) for report in terminalreporter.stats.get("skipped", ()))
+    if count:
+        terminalreporter.write_line(
+            f"{count} tests skipped: their measured data are not there (tests/support.py says where)"
+        )
+
+
+def _missing(report: Any) -> bool:
+    return report.skipped and isinstance(report.longrepr, tuple) and bool(MISSING.search(report.longrepr[2]))

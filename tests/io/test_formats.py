@@ -1,0 +1,67 @@
+"""Bad files and places are answered by a DataError of three parts, and leave nothing behind."""
+
+import numpy as np
+import pytest
+
+import modalscope.io as mio
+from modalscope.model import DataError
+from tests.io import samples
+from tests.support import refused
+
+
+def test_a_missing_file_a_folder_and_an_empty_file(tmp_path):
+    refused("there is no such file", mio.read, tmp_path / "none.uff")
+    (tmp_path / "folder.npz").mkdir()
+    refused("that is a folder", mio.read, tmp_path / "folder.npz")
+    for suffix in mio.FORMATS:
+        (tmp_path / f"empty{suffix}").touch()
+        refused("the file is empty", mio.read, tmp_path / f"empty{suffix}")
+
+
+def test_unknown_suffixes_name_the_known_ones(tmp_path):
+    refused(r"the suffix '.xyz' is unknown(.|\n)*\.npz, \.uff", mio.read, tmp_path / "a.xyz")
+    refused("it has no suffix", mio.write, tmp_path / "a", samples.records())
+
+
+def test_unknown_options_name_the_known_ones(tmp_path):
+    mio.write(tmp_path / "a.uff", samples.records())
+    refused("with colour was asked(.|\n)*want, repeated", mio.read, tmp_path / "a.uff", colour=1)
+    refused("with rename was asked", mio.read, tmp_path / "a.uff", rename={"y": "outputs"})
+    refused("with binary was asked(.|\n)*text, dataset", mio.write, tmp_path / "b.uff", samples.records(), binary=1)
+    refused("dataset='56' was asked", mio.write, tmp_path / "b.uff", samples.modes(), dataset=56)
+    refused("want='time' was asked", mio.read, tmp_path / "a.uff", want="time")
+    refused("kind were asked(.|\n)*no such field", mio.read, tmp_path / "a.uff", kind="dirac")
+
+
+@pytest.mark.parametrize("suffix", [".uff", ".unv", ".npz", ".json", ".csv", ".mat", ".h5"])
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"a text file\nof two lines\n",
+        b"\x00\x01\x02\xff" * 500,
+        b"    -1",
+        b"PK\x03\x04",
+        b"{}",
+        b"[1, 2]",
+        b"\x89HDF\r\n\x1a\n",
+    ],
+)
+def test_foreign_contents_are_refused_by_every_reader(tmp_path, suffix, data):
+    (tmp_path / f"a{suffix}").write_bytes(data)
+    refused("was asked|needs", mio.read, tmp_path / f"a{suffix}")
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".h5", ".mat", ".json", ".csv"])
+def test_truncations_and_flips_raise_nothing_but_data_errors(tmp_path, suffix):
+    path, rng = tmp_path / f"a{suffix}", np.random.default_rng(7)
+    mio.write(path, samples.modes() if suffix == ".json" else samples.records())
+    data = path.read_bytes()
+    cuts = [data[:k] for k in rng.integers(1, len(data), 60)]
+    for place, change in zip(rng.integers(0, len(data), 60), rng.integers(1, 256, 60), strict=True):
+        cuts += [data[:place] + bytes([data[place] ^ int(change)]) + data[place + 1 :]]
+    for changed in cuts:
+        path.write_bytes(changed)
+        try:
+            mio.read(path)
+        except DataError as error:
+            assert error.change  # noqa: PT017 - any other exception fails the test by itself

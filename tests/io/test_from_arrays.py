@@ -1,0 +1,57 @@
+"""Named arrays as data: what is unknown, of the wrong sort or in another order is named with the way out."""
+
+import numpy as np
+
+import modalscope.io as mio
+from tests.support import refused
+
+
+def test_unknown_arrays_are_named_with_the_way_out(tmp_path):
+    np.savez(tmp_path / "a.npz", y=np.zeros((4, 2)), fs=10.0)
+    error = refused("the arrays y, fs are unknown", mio.read, tmp_path / "a.npz")
+    assert "rename={'y': 'outputs', 'fs': 'sampling_rate'}" in error.change
+    np.savez(tmp_path / "b.npz", outputs=np.ones((4, 2)), sampling_rate=10.0, notes="x")
+    refused("the arrays notes are unknown beside those of Signals", mio.read, tmp_path / "b.npz")
+    assert mio.read(tmp_path / "b.npz", ignore="notes").samples == 4
+    np.savez(tmp_path / "c.npz", outputs=np.ones((4, 2)))
+    refused("sampling_rate are missing", mio.read, tmp_path / "c.npz")
+    assert mio.read(tmp_path / "c.npz", sampling_rate=5.0).sampling_rate == 5.0
+    refused("rename or ignore of z", mio.read, tmp_path / "c.npz", rename={"z": "inputs"})
+
+
+def test_arrays_of_the_wrong_sort_are_named(tmp_path):
+    path = tmp_path / "a.npz"
+    for arrays, text in (
+        ({"outputs": np.array(["a", "b"])}, "outputs in a.npz needs numbers"),
+        ({"outputs": np.ones((4, 1)), "output_dofs": np.array([1.0])}, "output_dofs in a.npz needs text"),
+        ({"outputs": np.ones((4, 1)), "sampling_rate": np.array([1.0, 2.0])}, "sampling_rate in a.npz needs one entry"),
+        ({"outputs": np.array([[1.0], [np.nan]])}, "outputs needs finite numbers"),
+        ({"outputs": np.ones((4, 1)), "geometry_nodes": np.array(["1"])}, "geometry_nodes and geometry_coordinates"),
+        ({"outputs": np.ones((4, 2)), "output_dofs": np.array(["a", "a"])}, "different labels"),
+    ):
+        np.savez(path, **({"sampling_rate": 10.0} | arrays))
+        refused(text, mio.read, path)
+    np.savez(path, frequencies=[1.0, 2.0], values=np.ones((2, 1, 1)))
+    refused("magnitudes", mio.read, path)
+
+
+def test_axes_put_arrays_in_order(tmp_path):
+    path, rng = tmp_path / "a.npz", np.random.default_rng(0)
+    H = rng.normal(size=(2, 3, 5)) + 1j * rng.normal(size=(2, 3, 5))
+    np.savez(path, freq=np.arange(1.0, 6), H=H)
+    options = {"rename": {"freq": "frequencies", "H": "values"}}
+    frf = mio.read(path, **options, axes={"values": "inputs outputs lines"})
+    np.testing.assert_array_equal(frf.values, H.transpose(2, 1, 0))
+    refused("transpose", mio.read, path, **options)
+    refused("its axes may be lines, outputs, inputs", mio.read, path, **options, axes={"values": "inputs outputs"})
+    refused("its axes may be lines, outputs, inputs", mio.read, path, **options, axes={"values": "inputs outputs runs"})
+    hits = rng.normal(size=(5, 20))
+    np.savez(path, acc=hits, force=hits, fs=10.0)
+    options = {
+        "rename": {"acc": "outputs", "force": "inputs", "fs": "sampling_rate"},
+        "axes": {"outputs": "runs samples", "inputs": "runs samples"},
+    }
+    record = mio.read(path, **options, quantity="acceleration", units=("m/s2", "N"))
+    assert (record.runs, record.samples, record.outputs.shape) == (5, 20, (5, 20, 1))
+    assert (record.quantity, record.units) == ("acceleration", (("m/s2",), ("N",)))
+    np.testing.assert_array_equal(record.outputs[:, :, 0], hits)

@@ -1,0 +1,19 @@
+"""Archives of arrays: a pickle is never loaded."""
+
+import zipfile
+
+import numpy as np
+
+import modalscope.io as mio
+from tests.support import refused
+
+
+def test_a_pickle_in_an_archive_is_never_loaded(tmp_path):
+    np.savez(tmp_path / "a.npz", outputs=np.array([{"a": 1}], dtype=object), sampling_rate=1.0)
+    refused("pickled objects", mio.read, tmp_path / "a.npz")
+    np.save(tmp_path / "b.npy", np.zeros(3))
+    (tmp_path / "b.npy").rename(tmp_path / "b.npz")
+    refused("it is not one", mio.read, tmp_path / "b.npz")
+    with zipfile.ZipFile(tmp_path / "c.npz", "w") as archive:
+        archive.writestr("notes.txt", "text")
+    refused("not an array|damaged|unknown", mio.read, tmp_path / "c.npz")

@@ -1,0 +1,120 @@
+"""The face: what `import modalscope as ms` offers, what it costs, and what became of earlier names."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import modalscope as ms
+
+#: What scripts, notebooks and the command line rely on.
+PROMISED = [
+    "DataError",
+    "FrequencyResponse",
+    "Geometry",
+    "ImpulseResponse",
+    "ModalModel",
+    "Signals",
+    "StabilizationDiagram",
+    "StateSpace",
+    "Comparison",
+    "Dwell",
+    "EquationsOfMotion",
+    "Identification",
+    "read",
+    "write",
+    "merge",
+    "estimate_correlation",
+    "estimate_frf",
+    "estimate_markov",
+    "methods",
+    "identify",
+    "realize",
+    "stabilize",
+    "select",
+    "merge_bands",
+    "compare",
+    "report",
+    "mac",
+    "tuned_dwell",
+    "fit_residues",
+    "equations_of_motion",
+    "first_order_form",
+    "indicators",
+    "plot",
+    "preprocess",
+    "systems",
+]
+
+
+def fresh(program: str) -> str:
+    """Run a program in a Python of its own and return what it prints."""
+    command = [sys.executable, "-W", "error", "-c", program]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+
+
+def test_every_promised_name_is_there_and_nothing_else() -> None:
+    assert sorted(PROMISED) == sorted(ms.__all__)
+    assert set(ms.__all__) <= set(dir(ms))
+    for name in ms.__all__:
+        assert getattr(ms, name) is not None
+
+
+def test_type_checkers_see_the_names_in_the_modules_that_they_are_loaded_from() -> None:
+    tree = ast.parse(Path(ms.__file__).read_text(encoding="utf-8"))
+    block = next(node for node in tree.body if isinstance(node, ast.If))
+    seen = {
+        alias.asname: f"{node.module}.{alias.name}"
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assert sorted(seen) == ms.__all__
+    for name, place in seen.items():
+        module, _, attribute = place.rpartition(".")
+        assert getattr(import_module(module), attribute) is getattr(ms, name)
+
+
+def test_importing_the_package_loads_no_numerical_library() -> None:
+    heavy = "[m for m in ('numpy', 'scipy', 'matplotlib', 'tqdm') if m in sys.modules]"
+    assert fresh(f"import sys, modalscope, modalscope.cli; print({heavy})") == "[]"
+
+
+def test_namespaces_need_no_import_of_their_own() -> None:
+    asked = "ms.plot.stabilization, ms.systems.chain5, ms.indicators.cmif, ms.preprocess.examine"
+    assert fresh(f"import modalscope as ms; print(len([{asked}]))") == "4"
+
+
+def test_pairing_is_loaded_when_poles_are_paired_and_not_before() -> None:
+    assert (
+        fresh("import sys, modalscope as ms; ms.stabilize; ms.compare; print('scipy.optimize' in sys.modules)")
+        == "False"
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "place"),
+    [
+        ("cmif", "indicators"),
+        ("mmif", "indicators"),
+        ("decomposition", "preprocess"),
+        ("examine", "preprocess"),
+        ("filter_band", "preprocess"),
+        ("half_spectra", "preprocess"),
+    ],
+)
+def test_a_name_that_moved_works_and_tells_its_new_place(name: str, place: str) -> None:
+    with pytest.warns(DeprecationWarning, match=rf"modalscope\.{name} is now modalscope\.{place}\.{name}"):
+        found = getattr(ms, name)
+    assert found is getattr(getattr(ms, place), name)
+    assert name not in ms.__all__
+
+
+def test_a_name_that_was_never_there_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        ms.nonsense  # noqa: B018

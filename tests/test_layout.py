@@ -1,0 +1,39 @@
+"""Tests lie as the sources do: the test of src/modalscope/X/Y.py is tests/X/test_Y.py, and none lies where nobody looks for it.
+
+A file that is named after no module states facts on several: in the folder of a package on that package, in `methods` on every
+method of the table, and here on the whole.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.support import ROOT
+
+SOURCE, TESTS = ROOT / "src" / "modalscope", ROOT / "tests"
+
+#: Facts on every method of the table.
+ACROSS = {"methods"}
+
+MODULES = {path.relative_to(SOURCE).with_suffix("") for path in SOURCE.rglob("*.py") if path.stem != "__init__"}
+FILES = sorted(path.relative_to(TESTS) for path in TESTS.rglob("test_*.py"))
+
+
+def module_of(file: Path) -> Path:
+    """Return the module that a test file is named after."""
+    return file.parent / file.stem.removeprefix("test_")
+
+
+@pytest.mark.parametrize("folder", sorted({file.parent.as_posix() for file in FILES} - {"."}))
+def test_every_folder_of_tests_is_a_package(folder: str) -> None:
+    assert folder in ACROSS or (SOURCE / folder / "__init__.py").exists()
+
+
+@pytest.mark.parametrize("file", [file for file in FILES if len(file.parts) > 1], ids=str)
+def test_a_test_named_after_a_module_lies_in_its_folder(file: Path) -> None:
+    """Commands take the names of what they run, so that these say nothing about a place."""
+    module = module_of(file)
+    namesakes = {other for other in MODULES if other.name == module.name and other.parent != Path("cli")}
+    assert module in MODULES or not namesakes, f"{file} may be meant for {', '.join(map(str, sorted(namesakes)))}"
