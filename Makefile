@@ -18,12 +18,13 @@ SINGLE := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 QUIET_PLOTS := MPLBACKEND=Agg
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint format architecture changelog bench study clean
+.PHONY: help setup demo test mutants lint format architecture changelog bench study clean
 
 help:
 	@echo "make setup         .venv with everything in it"
 	@echo "make demo          modes of a measured beam, next to the published ones"
 	@echo "make test          lint, then every test and every example in a docstring"
+	@echo "make mutants       faults put in on purpose, each of which its tests must notice (minutes)"
 	@echo "make lint          ruff, mypy, floors"
 	@echo "make format        let ruff write what it can"
 	@echo "make architecture  draw the floors of pyproject.toml into the documents"
@@ -67,6 +68,9 @@ changelog: setup
 
 test: lint
 	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m pytest -q -n $(WORKERS)
+
+mutants: setup
+	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m tests.mutants --processes $(WORKERS)
 
 bench: $(BENCH_STAMP)
 	@found=; for script in benchmarks/[!_]*.py; do \

@@ -86,7 +86,7 @@ VERBS: dict[str, tuple[Callable[[Any], Any], tuple[str, ...]]] = {
     "estimate_correlation": (ms.estimate_correlation, ("record",)),
     "estimate_markov": (ms.estimate_markov, ("record",)),
     "filter_band": (lambda x: ms.filter_band(x, 1, 3), ("record",)),
-    "half_spectra": (ms.half_spectra, ("pulse",)),
+    "half_spectra": (ms.preprocess.half_spectra, ("pulse",)),
     "decomposition": (ms.decomposition, ("record",)),
     "examine": (ms.examine, ("frf", "pulse", "record")),
     "merge": (lambda x: ms.merge([x]), ("frf", "pulse", "record", "records")),

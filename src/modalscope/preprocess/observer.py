@@ -67,6 +67,11 @@ class Observer(NamedTuple):
 
         Least squares on C A^k G = gain_parameters[k], as many samples as the observer's order or the states need.
 
+        Parameters
+        ----------
+        model : StateSpace
+            A realization of the response, sampled.
+
         Raises
         ------
         DataError

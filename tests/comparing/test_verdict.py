@@ -1,0 +1,114 @@
+"""Which modes are trusted: the rules of the grades, from both sides of every limit, and their words."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from modalscope.comparing.causes import Cause
+from modalscope.comparing.scatter import Scatter
+from modalscope.comparing.verdict import GRADES, Trust, judge, words
+from tests.comparing.made import ALL, ERA, PRCE, group, result
+from tests.judging.made import NUDGE
+
+TRUSTED, FREQUENCY, DOUBTFUL = GRADES
+CLOSE, HEAVY = Cause("close pair", "x"), Cause("heavy damping", "y")
+LOW = Cause("order too low", "20 % is left")
+
+
+def grade(votes: int = 3, voters: int = 3, f: float = 0.0, zeta: float = 0.0, data: tuple[Cause, ...] = ()) -> str:
+    """Grade a mode at 10 Hz of 2 % damping: half a bandwidth is 0.2 Hz."""
+    return judge(group(10, 0.02, ALL[:votes], voters), f, zeta, (), data).grade
+
+
+@pytest.mark.parametrize(
+    ("votes", "voters", "expected"),
+    [
+        (1, 1, TRUSTED),
+        (1, 2, DOUBTFUL),
+        (2, 2, TRUSTED),
+        (2, 3, TRUSTED),
+        (2, 4, DOUBTFUL),
+        (3, 4, TRUSTED),
+        (3, 5, DOUBTFUL),
+        (4, 6, TRUSTED),
+    ],
+)
+def test_two_thirds_of_the_methods_found_it(votes: int, voters: int, expected: str) -> None:
+    assert grade(votes, voters) == expected
+
+
+@pytest.mark.parametrize(("side", "expected"), [(-1, TRUSTED), (1, DOUBTFUL)])
+def test_its_frequency_scatters_within_a_half_bandwidth(side: int, expected: str) -> None:
+    assert grade(f=0.2 * (1 + side * NUDGE)) == expected
+
+
+@pytest.mark.parametrize(("side", "expected"), [(-1, TRUSTED), (1, FREQUENCY)])
+def test_its_damping_scatters_within_thirty_per_cent(side: int, expected: str) -> None:
+    assert grade(zeta=0.3 * 0.02 * (1 + side * NUDGE)) == expected
+
+
+def test_an_open_frequency_is_worse_than_open_damping() -> None:
+    assert grade(f=0.3, zeta=0.01) == DOUBTFUL
+
+
+def test_no_mode_is_trusted_when_the_order_is_too_low_whatever_else_was_found() -> None:
+    assert grade(data=(Cause("bad channel", "x"),)) == TRUSTED
+    assert grade(data=(Cause("bad channel", "x"), LOW)) == DOUBTFUL
+
+
+def test_why_names_votes_scatter_and_causes() -> None:
+    g = group(10, 0.02, ALL[:2], 4)
+    assert judge(g, 0, 0, (CLOSE, HEAVY), ()) == Trust(
+        DOUBTFUL, "only found by 2 of 4 independent methods: close pair, heavy damping", (CLOSE, HEAVY)
+    )
+    g = group(10, 0.02)
+    assert judge(g, 0, 0, (), ()).why == "found by 3 of 3 independent methods"
+    assert judge(g, 0.5, 0, (CLOSE,), ()).why.endswith("but its frequency is open by ±0.5 Hz: close pair")
+    assert judge(g, 0.01, 0.01, (), ()).why.endswith("; its damping is open by ±50 %")
+    assert judge(g, 0, 0, (), (LOW,)).why.endswith("but order too low")
+    assert [Trust(name, "", ()).trusted for name in GRADES] == [True, False, False]
+
+
+# --------------------------------------------------------------------------------------------------------------- in words
+
+RAN = [result(ERA), result(PRCE)]
+
+
+def said(grades: list[str], data: tuple[Cause, ...] = (), failed: bool = False) -> list[str]:
+    """Say what is thought of modes at 1, 2, ... Hz of 2 % damping, of which mode k scatters by k + 1 %."""
+    n = len(grades)
+    groups = [group(float(k + 1), 0.02) for k in range(n)]
+    scatter = Scatter(*(np.zeros(n), 0.0002 * np.arange(1, n + 1), np.zeros(n), np.zeros(n)))
+    trust = [Trust(g, f"because of {k + 1}", ()) for k, g in enumerate(grades)]
+    results = [*RAN, result("alternate (time)", None)] if failed else RAN
+    return words(groups, trust, scatter, results, data).split("\n")
+
+
+def test_all_some_one_or_none_can_be_trusted() -> None:
+    assert said([TRUSTED, TRUSTED])[0].startswith("All 2 modes can be trusted in frequency and damping: 1, 2 Hz.")
+    assert said([TRUSTED, DOUBTFUL])[0].startswith("1 of 2 modes can be trusted in frequency and damping: 1 Hz.")
+    assert said([TRUSTED])[0].startswith("1 of 1 modes can be trusted")
+    assert said([DOUBTFUL])[0] == "None of the 1 modes can be trusted in full."
+    assert said([]) == ["No mode stands out of the data by any method."]
+
+
+def test_the_widest_scatter_is_that_of_the_trusted() -> None:
+    assert said([TRUSTED, TRUSTED, DOUBTFUL])[0].endswith(
+        "The widest stated scatter among them is ±2 % of the damping, at 2 Hz."
+    )
+
+
+def test_every_other_mode_has_its_line_and_findings_their_remedy() -> None:
+    lines = said([DOUBTFUL, FREQUENCY, TRUSTED], (LOW,), failed=True)
+    assert lines[1:] == [
+        "Trust the frequency, but not the damping, of 2 Hz: because of 2.",
+        "Do not trust 1 Hz: because of 1.",
+        "Order too low: 20 % is left. Raise the largest order.",
+        "1 of 3 methods failed: alternate (time).",
+    ]
+
+
+def test_where_every_method_failed_the_reason_of_the_first_is_all_there_is_to_say() -> None:
+    nothing = Scatter(*(np.zeros(0),) * 4)
+    assert words([], [], nothing, [result(ERA, None)], ()) == "No method could use these data. it could not"

@@ -1,0 +1,176 @@
+"""From data of any kind to the response that a method's domain needs, with a note of every conversion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from modalscope import DataError
+from modalscope.identification.prepare import prepare
+from modalscope.model import FrequencyResponse, ImpulseResponse, Signals
+from modalscope.preprocess import estimate_correlation, filter_band
+
+RNG = np.random.default_rng(0)
+
+
+def samples(**how: object) -> ImpulseResponse:
+    k = np.arange(64)[:, None, None]
+    return ImpulseResponse(
+        values=np.exp(-0.2 * k) * np.outer([1, 2], [3, 1, -1]),
+        sampling_rate=50.0,
+        **how,  # type: ignore[arg-type]
+    )
+
+
+def lines(rate: float | None = None, first: float = 0.0) -> FrequencyResponse:
+    f = np.linspace(first, 25, 51)
+    H = np.outer([1, 2], [3, 1, -1]) / (2j * np.pi * f[:, None, None] + 6)
+    # the last line of a sampled system is real, and so is that at 0 Hz
+    H[-1], H[0] = H[-1].real, H[0].real
+    return FrequencyResponse(values=H, frequencies=f, sampling_rate=rate)
+
+
+def records(inputs: bool) -> Signals:
+    return Signals(
+        outputs=RNG.standard_normal((4000, 2)),
+        inputs=RNG.standard_normal((4000, 3)) if inputs else None,
+        sampling_rate=50.0,
+    )
+
+
+def cell(data: Signals | ImpulseResponse | FrequencyResponse, method: str | None = None, domain: str | None = None):  # type: ignore[no-untyped-def]
+    found = prepare(data, method, domain, None).method
+    return found.name, found.domain
+
+
+def test_the_method_and_its_domain_are_those_that_suit_the_data() -> None:
+    assert cell(samples()) == ("era", "time")
+    assert cell(samples(kind="correlation")) == ("era", "time")
+    assert cell(lines()) == ("alternate", "s")
+    assert cell(lines(rate=50.0)) == ("alternate", "z")
+    assert cell(records(inputs=False)) == ("alternate", "time")
+    assert cell(records(inputs=True)) == ("alternate", "s")
+
+
+def test_a_method_asked_for_is_taken_in_the_domain_of_the_data_and_a_domain_with_the_default_method() -> None:
+    assert cell(lines(), "era") == ("era", "s")
+    assert cell(lines(), None, "z") == ("alternate", "z")
+    assert cell(samples(), "polyreference", "z") == ("polyreference", "z")
+    assert cell(lines(), "prce") == ("prce", "time")  # the row has only this one
+
+
+def test_what_suits_is_handed_on_as_it_is() -> None:
+    for data in (samples(), lines()):
+        found = prepare(data, None, None, None)
+        assert found.response is data
+        assert (found.records, found.notes) == (None, [])
+
+
+def test_records_with_inputs_become_frequency_responses_of_all_pairs() -> None:
+    found = prepare(records(inputs=True), None, None, None)
+    assert isinstance(found.response, FrequencyResponse)
+    assert found.response.values.shape[1:] == (2, 3)
+    assert found.records is None
+    assert found.notes == ["frequency responses were estimated from the records (H1)"]
+
+
+def test_records_without_inputs_become_correlations_and_stay_beside_them() -> None:
+    data = records(inputs=False)
+    found = prepare(data, "ssi-data", None, None)
+    assert isinstance(found.response, ImpulseResponse)
+    assert (found.response.kind, found.response.values.shape[1:]) == ("correlation", (2, 2))
+    assert found.records is data
+    assert found.notes == ["correlations with all channels as references were estimated from the records"]
+
+
+def test_records_of_a_band_are_filtered_before_anything_is_estimated() -> None:
+    data = records(inputs=False)
+    found = prepare(data, "ssi-data", None, (5.0, 10.0))
+    filtered = filter_band(data, 5.0, 10.0)
+    assert found.records is not None
+    assert np.array_equal(found.records.outputs, filtered.outputs)
+    assert np.array_equal(found.response.values, estimate_correlation(filtered).values)
+
+
+def test_lines_of_a_band_are_cut_to_it() -> None:
+    found = prepare(lines(), None, None, (5.0, 10.0)).response
+    assert isinstance(found, FrequencyResponse)
+    assert (found.frequencies[0], found.frequencies[-1]) == (5.0, 10.0)
+    # samples are not cut: their band is kept for the diagram
+    data = samples()
+    assert prepare(data, None, None, (5.0, 10.0)).response is data
+
+
+def test_lines_become_samples_for_a_method_of_the_time_domain() -> None:
+    data = lines(rate=50.0)
+    found = prepare(data, "era", "time", None)
+    assert isinstance(found.response, ImpulseResponse)
+    assert np.allclose(found.response.values, data.to_impulse_response().values)
+    assert len(found.notes) == 1
+    assert "transformed to samples" in found.notes[0]
+
+
+def test_samples_become_lines_for_a_matrix_fraction_and_for_it_alone() -> None:
+    data = samples()
+    found = prepare(data, "lscf", None, (5.0, 10.0))
+    assert isinstance(found.response, FrequencyResponse)
+    assert np.allclose(found.response.values, data.to_frequency_response().band(5, 10).values)
+    assert found.response.frequencies[0] >= 5
+    assert found.response.frequencies[-1] <= 10
+    assert found.notes == ["the samples were transformed to lines as if nothing followed the last one"]
+    assert prepare(data, "era", "z", None).response is data
+
+
+def test_an_exponential_window_goes_with_the_response_through_every_conversion() -> None:
+    assert prepare(samples(added_damping=2.0), "lscf", None, None).response.added_damping == 2.0
+    windowed = replace(lines(rate=50.0), added_damping=2.0)
+    assert prepare(windowed, "era", "time", (0.0, 25.0)).response.added_damping == 2.0
+
+
+def test_samples_have_no_rational_function_of_frequency() -> None:
+    with pytest.raises(DataError, match="no rational function of j w"):
+        prepare(samples(), "era", "s", None)
+
+
+def test_a_method_of_records_needs_them_without_inputs() -> None:
+    with pytest.raises(DataError, match="these are records with inputs"):
+        prepare(records(inputs=True), "ssi-data", None, None)
+    with pytest.raises(DataError, match="this is ImpulseResponse"):
+        prepare(samples(), "ssi-data", None, None)
+
+
+@pytest.mark.parametrize(
+    ("place", "words"), [((slice(None), 1), "output 2 is zero"), ((slice(None), slice(None), 2), "input 3 is zero")]
+)
+def test_a_channel_of_zeros_is_named_with_its_side(place: tuple[object, ...], words: str) -> None:
+    data = samples(output_dofs=("1", "2"), input_dofs=("1", "2", "3"))
+    values = np.array(data.values)
+    values[place] = 0
+    with pytest.raises(DataError, match=words) as error:
+        prepare(replace(data, values=values), None, None, None)
+    assert f"exclude=['{words.split()[1]}']" in str(error.value)
+
+
+def test_a_single_pair_of_zeros_is_no_dead_channel() -> None:
+    values = np.array(samples().values)
+    values[:, 1, 2] = 0
+    data = replace(samples(), values=values)
+    assert prepare(data, None, None, None).response is data
+
+
+def test_other_things_are_no_data() -> None:
+    with pytest.raises(DataError, match="this is ndarray"):
+        prepare(np.ones(3), None, None, None)  # type: ignore[arg-type]
+
+
+def test_lags_of_a_correlation_that_no_block_holds_are_left_out() -> None:
+    found = build(samples(kind="correlation"), order=1, method="era", block_rows=5, block_columns=9)
+    assert isinstance(found.response, ImpulseResponse)
+    assert found.response.samples == 14
+    assert "14 of 64 lags are used" in found.notes
+    # other samples stay, whatever the blocks read
+    rest = build(samples(), order=1, method="era", block_rows=5, block_columns=9).response
+    assert isinstance(rest, ImpulseResponse)
+    assert rest.samples == 64

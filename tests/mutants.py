@@ -1,0 +1,192 @@
+"""One-line faults put into a copy of the library, one at a time: the tests named beside each must fail.
+
+`python -m tests.mutants [word] [--processes 2]` tries those of `mutants.toml` whose name or file holds the word, and prints what lives.
+A mutant whose text does not stand exactly once in its file is a failure, and so is one that does not even load.
+"""
+
+from __future__ import annotations
+
+import argparse
+import compileall
+import multiprocessing
+import os
+import py_compile
+import shutil
+import sys
+import tempfile
+import time
+import tomllib
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from queue import SimpleQueue
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+LIST = Path(__file__).with_suffix(".toml")
+LIBRARY = Path("src/modalscope")
+
+#: What tests read beside the library and themselves.
+BESIDE = ("pyproject.toml", "README.md", "CHANGELOG.md")
+
+#: A fault that makes tests run this long, in seconds, is noticed.
+PATIENCE = 120
+
+#: One thread each: several faults are tried at a time. Pictures are drawn nowhere.
+SURROUNDINGS = {"MPLBACKEND": "Agg", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+
+#: What every run needs is loaded once; the library itself is not.
+LOADED = ["numpy", "scipy.linalg", "scipy.optimize", "scipy.signal", "matplotlib.pyplot", "pytest"]
+
+FORKS = multiprocessing.get_context("forkserver")
+
+#: Exit status of pytest: all passed, some failed; and of a process that said nothing more.
+PASSED, FAILED, CRASHED = 0, 1, -1
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One fault: a text of a file (relative to the library), what stands there instead, and the tests that must notice."""
+
+    name: str
+    file: str
+    text: str
+    replacement: str
+    tests: tuple[str, ...]
+
+
+def load(path: Path = LIST) -> list[Mutant]:
+    """Return the faults of a list."""
+    entries = tomllib.loads(path.read_text(encoding="utf-8"))["mutant"]
+    return [Mutant(**{**entry, "tests": tuple(entry["tests"])}) for entry in entries]
+
+
+def mutated(source: str, mutant: Mutant) -> str:
+    """Return the source with the fault in it; its text must stand there exactly once."""
+    count = source.count(mutant.text)
+    if count != 1:
+        raise ValueError(f"{mutant.name}: {mutant.text!r} occurs {count} times in {mutant.file}, not once")
+    if mutant.replacement == mutant.text:
+        raise ValueError(f"{mutant.name}: the replacement is the text itself")
+    return source.replace(mutant.text, mutant.replacement)
+
+
+def misfits(mutants: Sequence[Mutant], root: Path = ROOT) -> list[str]:
+    """Return what is wrong with a list, before anything runs."""
+    names = [m.name for m in mutants]
+    wrong = [f"{name}: named twice" for name in sorted({n for n in names if names.count(n) > 1})]
+    for mutant in mutants:
+        wrong += [f"{mutant.name}: there is no {t}" for t in mutant.tests if not (root / t.split("::")[0]).is_file()]
+        if not mutant.tests:
+            wrong.append(f"{mutant.name}: no test is named")
+        try:
+            mutated((root / LIBRARY / mutant.file).read_text(encoding="utf-8"), mutant)
+        except (OSError, ValueError) as error:
+            wrong.append(str(error))
+    return wrong
+
+
+def copy_to(folder: Path, root: Path = ROOT) -> Path:
+    """Copy what tests need; compiled files carry the hash of their source, so that a fault of the same size is never missed."""
+    for name in ("src", "tests"):
+        shutil.copytree(root / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in BESIDE:
+        if (root / name).exists():
+            shutil.copy(root / name, folder)
+    compileall.compile_dir(folder / "src", quiet=1, invalidation_mode=py_compile.PycInvalidationMode.CHECKED_HASH)
+    return folder
+
+
+def run(folder: Path, tests: Iterable[str]) -> tuple[int, str]:
+    """Run tests against the library of a copy up to the first failure; return the exit status and the end of what was said."""
+    log, end = folder / "log.txt", folder / "status.txt"
+    end.unlink(missing_ok=True)
+    # a fork of a server that holds what the library imports: starting anew would take longer than the tests
+    child = FORKS.Process(target=_run_here, args=(folder, tuple(tests), log, end))
+    child.start()
+    child.join(PATIENCE)
+    if child.is_alive():
+        child.kill()
+        child.join()
+        return FAILED, f"longer than {PATIENCE} s"
+    status = int(end.read_text()) if end.exists() else CRASHED
+    return status, log.read_text(encoding="utf-8", errors="replace")[-2500:]
+
+
+def _run_here(folder: Path, tests: tuple[str, ...], log: Path, end: Path) -> None:
+    """Be the process that runs tests in a copy; what is said and the exit status of pytest are left in files."""
+    os.chdir(folder)
+    os.environ["PYTHONPATH"] = str(folder / "src")  # for the commands that tests start
+    sys.path[:0] = [str(folder / "src"), str(folder)]
+    for name in [name for name in sys.modules if name.partition(".")[0] == "tests"]:
+        del sys.modules[name]  # those of the copy are meant
+    sys.dont_write_bytecode = True
+    with log.open("w") as said:
+        os.dup2(said.fileno(), 1)
+        os.dup2(said.fileno(), 2)
+    end.write_text(str(int(pytest.main(["-x", "-q", "--no-header", "-p", "no:cacheprovider", *tests]))))
+
+
+def attempt(folder: Path, mutant: Mutant) -> str:
+    """Put one fault into a copy, run its tests and take it out again; return what is wrong, empty when it was noticed."""
+    path = folder / LIBRARY / mutant.file
+    source = path.read_text(encoding="utf-8")
+    path.write_text(mutated(source, mutant), encoding="utf-8")
+    try:
+        status, words = run(folder, mutant.tests)
+    finally:
+        path.write_text(source, encoding="utf-8")
+    if status == PASSED:
+        return "LIVES"
+    return "" if status == FAILED else f"BROKEN (status {status})\n{words}"
+
+
+def main(arguments: Sequence[str] | None = None, path: Path = LIST, root: Path = ROOT) -> int:
+    """Try all faults; 0 when every one is noticed by tests that pass without it."""
+    parser = argparse.ArgumentParser(prog="python -m tests.mutants", description=__doc__)
+    parser.add_argument("word", nargs="?", default="", help="part of a name or a file")
+    parser.add_argument("--processes", type=int, default=2)
+    given = parser.parse_args(arguments)
+    every = load(path)
+    wrong = misfits(every, root)
+    if wrong:
+        print(*wrong, sep="\n")
+        return 1
+    mutants = [m for m in every if given.word in m.name or given.word in m.file]
+    if not mutants:
+        print(f"no mutant has {given.word!r} in its name or file")
+        return 1
+    os.environ.update(SURROUNDINGS)
+    FORKS.set_forkserver_preload(LOADED)
+    started = time.perf_counter()
+    with tempfile.TemporaryDirectory() as place, ThreadPoolExecutor(given.processes) as pool:
+        copies: SimpleQueue[Path] = SimpleQueue()
+        for k in range(given.processes):
+            copies.put(copy_to(Path(place) / str(k), root))
+
+        def one(tests: Sequence[str], mutant: Mutant | None = None) -> tuple[int, str]:
+            folder = copies.get()
+            try:
+                return run(folder, tests) if mutant is None else (0, attempt(folder, mutant))
+            finally:
+                copies.put(folder)
+
+        named = sorted({t for m in mutants for t in m.tests})
+        shares = [named[k :: given.processes] for k in range(given.processes)]
+        for status, words in pool.map(one, [s for s in shares if s]):
+            if status != PASSED:
+                print(f"the tests fail without any fault\n{words}")
+                return 1
+        print(f"without a fault {len(named)} files or tests pass, {time.perf_counter() - started:.0f} s")
+        found = list(pool.map(one, [m.tests for m in mutants], mutants))
+    left = [(mutant, words) for mutant, (_, words) in zip(mutants, found, strict=True) if words]
+    for mutant, words in left:
+        print(f"{words}: {mutant.name} ({mutant.file}): {mutant.text!r} -> {mutant.replacement!r}")
+    print(f"{len(mutants) - len(left)} of {len(mutants)} mutants noticed, {time.perf_counter() - started:.0f} s")
+    return 1 if left else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,53 @@
+"""Numbers as a reader wants them, and what the report says first of all."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from modalscope.model import ImpulseResponse
+from modalscope.model.modes import ModalModel
+from modalscope.model.poles import poles_from
+from modalscope.report.numbers import decimals, frequency, heading, list_some, percent, value
+from modalscope.report.sections import summary_section
+from tests.judging.made import Pole, diagram_of
+
+
+@pytest.mark.parametrize(("lowest", "count"), [(0.02, 5), (1.0, 5), (9.99, 5), (10.0, 4), (123.0, 3), (1e4, 2)])
+def test_the_lowest_frequency_has_about_six_digits(lowest: float, count: int) -> None:
+    assert decimals(np.array([1e5, lowest, 0.0])) == count
+
+
+def test_ratios_are_told_in_per_cent_and_everything_else_as_it_is() -> None:
+    assert percent(0.01234) == "1.23 %"
+    assert percent(np.nan) == "–"
+    assert frequency(1.234567) == "1.2346 Hz"
+    assert [heading(k) for k in ("frequency_spread_hz", "damping_ratio", "fit_loss", "first_order")] == [
+        "frequency spread [Hz]",
+        "damping ratio [%]",
+        "fit loss [%]",
+        "first order",
+    ]
+    assert [value(k, 0.01234567) for k in ("frequency_hz", "damping_ratio", "fit_error", "persistence")] == [
+        "0.01235",
+        "1.235",
+        "1.235",
+        "0.01235",
+    ]
+    assert [value("x", v) for v in (None, True, 3, np.inf, (1, 2), "a")] == ["–", "yes", "3", "–", "1, 2", "a"]
+
+
+def test_many_names_are_cut_short() -> None:
+    assert list_some("abc", 3) == "a, b, c"
+    assert list_some("abcd", 3) == "a, b, c and 1 more"
+
+
+def test_the_least_sure_mode_is_the_one_whose_damping_scatters_most_of_its_own_value() -> None:
+    modes = ModalModel(
+        poles=poles_from([10, 20, 30], [0.01, 0.1, 0.02]), shapes=np.eye(3), damping_ratios_spread=[0.001, 0.005, 0.004]
+    )
+    response = ImpulseResponse(values=np.ones((10, 3, 1)), sampling_rate=100.0)
+    body = summary_section(modes, diagram_of(Pole(2), response=response), (0.6, np.zeros((3, 1)))).body
+    assert "Least sure is mode 3 at 30 Hz: its damping scatters by 20 % of its value over the orders." in body
+    # what is left is 0.6 of the norm, 0.36 of the mean square
+    assert "The modes explain 64 % of the measured mean square (fit error 60 %)." in body
