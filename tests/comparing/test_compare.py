@@ -10,7 +10,7 @@ from modalscope.comparing import CAUSES, Comparison, compare
 from modalscope.comparing.agreement import pair
 from modalscope.comparing.identities import check_identities
 from modalscope.comparing.kinship import SAME, kinship, pole_distance, subspace_angle
-from modalscope.comparing.labels import cell_label, find_by_name, label_of
+from modalscope.comparing.labels import cell_label, find_by_name
 from modalscope.comparing.plan import plan
 from modalscope.comparing.run import MethodResult
 from modalscope.comparing.scatter import noise_floor
@@ -240,7 +240,7 @@ def test_a_result_that_is_not_there_is_an_error_that_names_the_nearest(clean: Co
 
 
 def test_labels_tell_every_cell_of_the_table_apart() -> None:
-    labels = [label_of(m) for m in methods()]
+    labels = [m.label for m in methods()]
     assert len(set(labels)) == len(labels)
     assert {"ERA", "SSI-cov (alternate)", "LSCF", "PRCE"} <= set(labels)
     assert cell_label("era", "time") == "ERA"

@@ -53,8 +53,7 @@ def _summary(found: Identification) -> Section:
 def _model(found: Identification) -> Section:
     """The state-space model, what is left over in a canonical form, and the singular values that the order was cut from."""
     model = found.state_space
-    poles = model.poles
-    stable = np.all(poles.real < 0) if model.dt is None else np.all(np.abs(np.exp(poles * model.dt)) < 1)
+    stable = np.all(model.poles.real < 0) if model.dt is None else np.all(np.abs(model.poles) < 1)
     facts = {
         "states": str(model.A.shape[0]),
         "order": f"{found.order}, the rank of the truncation",
