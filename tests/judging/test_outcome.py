@@ -102,7 +102,8 @@ def test_spread_and_values_are_those_of_the_members_alone() -> None:
     made = [ONE._replace(order=2), TWO._replace(order=2), ONE._replace(order=4, f=8.2), TWO._replace(order=4)]
     model = outcome(*made, chosen=[candidate([0, 2], ONE), candidate([1, 3], TWO)])
     assert model.frequencies_spread is not None
-    assert model.frequencies_spread.tolist() == [pytest.approx(NORMAL * 0.1), 0.0]
+    # of two values the standard deviation itself: they are 0.1 to either side of their mean
+    assert model.frequencies_spread.tolist() == [pytest.approx(0.2 / np.sqrt(2)), 0.0]
     # poles are those of the candidates, which hold the medians
     assert np.allclose(model.poles, [ONE.pole, TWO.pole])
 
