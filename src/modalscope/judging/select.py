@@ -15,11 +15,13 @@ from modalscope.modal.indicators import mac
 from modalscope.modal.sufficient import usable_orders
 from modalscope.model.checks import DataError, check_each, check_kind, check_positive
 from modalscope.model.diagram import StabilizationDiagram
+from modalscope.model.keywords import named
 from modalscope.model.modes import ModalModel
 
 __all__ = ["select"]
 
 
+@named()
 @one_thread
 def select(
     diagram: StabilizationDiagram, *, frequencies: Iterable[float] | None = None, tolerance: float = 0.01

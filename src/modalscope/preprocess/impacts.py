@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from modalscope.model.keywords import named
 from modalscope.model.checks import Array, DataError, RealArray, check_count
 from modalscope.model.robust import NORMAL
 
@@ -58,6 +59,7 @@ class Hit(NamedTuple):
     overloaded: bool = False
 
 
+@named()
 def exponential_decay(end: float, duration: float) -> float:
     """Return the decay rate in 1/s of an exponential window that falls from 1 to `end` in `duration` seconds.
 

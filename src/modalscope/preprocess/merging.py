@@ -23,6 +23,7 @@ __all__ = ["merge"]
 Part = Signals | FrequencyResponse | ImpulseResponse
 
 
+@named(inspect.signature(estimate_frf).parameters)
 def merge(parts: Iterable[Part | Records], **options: Any) -> Part | Records:
     """Put the runs of one test together, by the labels of their channels.
 

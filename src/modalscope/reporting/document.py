@@ -14,6 +14,7 @@ from modalscope.io.atomic import replacing
 from modalscope.judging.select import select
 from modalscope.model import DataError, ModalModel, StabilizationDiagram
 from modalscope.model.checks import check_path
+from modalscope.model.keywords import named
 from modalscope.model.response import Response
 from modalscope.model.version import VERSION
 from modalscope.preprocess import Finding
@@ -39,6 +40,7 @@ class _Result(Protocol):
 Reported = Comparison | Identification | StabilizationDiagram | tuple[ModalModel, StabilizationDiagram] | _Result
 
 
+@named()
 def report(
     thing: Reported,
     path: str | Path,
