@@ -19,6 +19,8 @@ PROMISED = [
     "Geometry",
     "ImpulseResponse",
     "ModalModel",
+    "Note",
+    "Records",
     "Signals",
     "StabilizationDiagram",
     "StateSpace",

@@ -165,7 +165,7 @@ class Fraction(DataMatrix):
             ],
             axis=1,
         )
-        t = trigonometric_sums(together * w[:, None], angles, self.degree)
+        t = trigonometric_sums(np.asarray(together * w[:, None], dtype=complex), angles, self.degree)
         cut = 1 + self.response.values[0].size
         lags = t.shape[0]
         return t[:, 0], t[:, 1:cut].reshape(lags, *H.shape[1:]), t[:, cut:].reshape(lags, self.inputs, self.inputs)

@@ -197,7 +197,7 @@ class LineMatrix(DataMatrix):
         functions, seen = self.compared_functions(eigen.values)
         expected = functions * self.residue_scale(eigen.values) * fit.participation.T[:, None, :]
         blocks, first = (_at_both_signs(part) for part in (right, expected))
-        ones = np.ones((1, eigen.values.size))
+        ones = np.ones((1, eigen.values.size), dtype=complex)
         return Evolved(blocks.reshape(1, -1, n), eigen.left.T, first.reshape(-1, eigen.values.size), ones, seen)
 
     def compared_functions(self, poles: Array) -> tuple[ComplexArray, Array]:

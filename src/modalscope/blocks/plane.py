@@ -60,9 +60,9 @@ def plane_of(domain: str, response: FrequencyResponse) -> Plane:
         scale = top or 1.0
         return Plane(
             f"s-plane, scaled by {top / 2 / np.pi:g} Hz",
-            lambda f: 2j * np.pi * f / scale,
-            lambda x: np.asarray(x, dtype=complex) * scale,
-            lambda s: np.asarray(s, dtype=complex) / scale,
+            lambda f: np.asarray(2j * np.pi * f / scale, dtype=complex),
+            lambda x: np.asarray(np.asarray(x) * scale, dtype=complex),
+            lambda s: np.asarray(np.asarray(s) / scale, dtype=complex),
             scale=scale,
             residue_scale=lambda x: np.full(np.shape(x), 1 / scale, dtype=complex),
         )

@@ -87,7 +87,7 @@ def basis_on(
     if check_choice("basis", kind, ("orthogonal", "powers")) == "orthogonal":
         return orthogonal_basis(points, degree, weights)
     x = np.asarray(points, dtype=complex)
-    return x[:, None] ** np.arange(degree + 1), np.eye(degree + 1, degree, -1)
+    return np.asarray(x[:, None] ** np.arange(degree + 1), dtype=complex), np.eye(degree + 1, degree, -1)
 
 
 def remainders(recurrence: RealArray, first: float, points: ArrayLike, count: int) -> ComplexArray:

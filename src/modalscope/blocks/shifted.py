@@ -195,7 +195,7 @@ class Shifted(LineMatrix):
 
     def evolution(self, poles: Array, blocks: int) -> ComplexArray:
         """Return z^k."""
-        return np.asarray(poles)[None, :] ** self.block_indices(blocks)[:, None]
+        return np.asarray(np.asarray(poles)[None, :] ** self.block_indices(blocks)[:, None], dtype=complex)
 
     def transformed(self, values: Array) -> ComplexArray:
         """Return Y_0 of samples on the lines used, (F, l, m): what the fit of B is made to and judged on."""

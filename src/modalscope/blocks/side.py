@@ -95,11 +95,11 @@ def side_of(
     T = side_map(f"{name}_compression", compression, entries, count, full)
     in_blocks = T is not None and full and T.shape[1] == count
     if w is not None and w.size == count and full and (T is None or in_blocks):
-        T, w, in_blocks = np.diag(w) if T is None else T * w, None, True
+        T, w, in_blocks = np.asarray(np.diag(w) if T is None else T * w), None, True
     elif w is not None and w.size == count:
         w = w[entries[1]]
     if T is not None and in_blocks and w is not None:  # weights that differ from block to block come first
-        T, in_blocks = np.kron(np.eye(len(shifts)), T), False
+        T, in_blocks = np.asarray(np.kron(np.eye(len(shifts)), T), dtype=float), False
     if in_blocks:
         assert T is not None
         entries = block_entries("", None, shifts, T.shape[0], what)

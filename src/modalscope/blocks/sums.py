@@ -51,10 +51,12 @@ class TriangleSum:
 
     def add(self, chunk: RealArray) -> None:
         """Take rows (k, columns) in."""
-        stacked = np.vstack([self._R, chunk])
+        stacked = np.asarray(np.vstack([self._R, chunk]), dtype=float)
         columns = stacked.shape[1]
         if len(stacked) >= columns:
-            stacked = np.asarray(sla.qr(stacked, mode="r", overwrite_a=True, check_finite=False)[0])[:columns]
+            stacked = np.asarray(sla.qr(stacked, mode="r", overwrite_a=True, check_finite=False)[0], dtype=float)[
+                :columns
+            ]
         self._R = stacked
 
     def merge(self, other: TriangleSum) -> None:

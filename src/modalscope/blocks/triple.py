@@ -123,9 +123,9 @@ def inverse_vectors(vectors: Array) -> ComplexArray:
     """Return X^-1 of eigenvectors as columns; the pseudo-inverse where they have nearly lost independence (defective poles)."""
     X = np.asarray(vectors, dtype=np.complex128)
     try:
-        inverse = np.linalg.inv(X)
+        inverse = np.asarray(np.linalg.inv(X), dtype=complex)
     except np.linalg.LinAlgError:
-        return np.linalg.pinv(X)
+        return np.asarray(np.linalg.pinv(X), dtype=complex)
     if np.linalg.norm(X, 1) * np.linalg.norm(inverse, 1) < _DEFECTIVE:
         return inverse
-    return np.linalg.pinv(X)
+    return np.asarray(np.linalg.pinv(X), dtype=complex)

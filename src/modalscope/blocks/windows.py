@@ -35,7 +35,7 @@ def model_transfer(model: StateSpace, frequencies: ArrayLike, shift: int = 0) ->
 
 def window_lines(window: int, sampling_rate: float) -> RealArray:
     """Return the lines of a window of samples from 0 to half the sampling rate, Hz."""
-    return np.fft.rfftfreq(window, 1 / sampling_rate)
+    return np.asarray(np.fft.rfftfreq(window, 1 / sampling_rate), dtype=float)
 
 
 def shifted_transfer(

@@ -27,6 +27,7 @@ from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.labels import DofLike
 from modalscope.model.modes import ModalModel
+from modalscope.model.notes import notes_of
 from modalscope.model.response import Response, is_held, window_damping
 from modalscope.model.signals import Signals
 
@@ -102,7 +103,7 @@ def compare(
         response=response,
         results=results,
         settings=_settings(methods, orders, band, exclude, options),
-        notes=(*measured.notes, *more, *_equals(judged["kinship"])),
+        notes=notes_of((*measured.notes, *more, *_equals(judged["kinship"]))),
         **judged,
     )
 

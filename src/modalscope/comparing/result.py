@@ -16,6 +16,7 @@ from modalscope.comparing.scatter import COVERAGE, Scatter
 from modalscope.comparing.verdict import Trust
 from modalscope.modal.explained import explains_enough, share_explained
 from modalscope.model.modes import ModalModel
+from modalscope.model.notes import Note
 from modalscope.model.response import Response
 
 __all__ = ["Comparison"]
@@ -50,7 +51,7 @@ class Comparison:
     verdict : str
     settings : mapping
         What was asked: methods, orders, band, excluded channels.
-    notes : tuple of str
+    notes : tuple of Note
     """
 
     response: Response
@@ -67,7 +68,7 @@ class Comparison:
     findings: tuple[Cause, ...]
     verdict: str
     settings: Mapping[str, Any] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
     @property
     def causes(self) -> frozenset[str]:

@@ -174,7 +174,7 @@ def _without_doubles(found: list[_Isolated]) -> list[_Isolated]:
 def _modal_model(response: FrequencyResponse, found: list[_Isolated]) -> ModalModel:
     shapes = np.array([one.shape for one in found]).reshape(len(found), response.values.shape[1]).T
     return ModalModel(
-        poles=np.array([one.pole for one in found], dtype=complex) + response.added_damping,
+        poles=np.array([one.pole + response.added_damping for one in found], dtype=complex),
         shapes=shapes,
         quantity=response.quantity,
         indicators={"mmif": np.array([one.value for one in found]), "mpc": mpc(shapes)},

@@ -18,6 +18,7 @@ from modalscope.modal.eigenmodes import split_extraneous, state_space
 from modalscope.modal.rebuilt import fit_error
 from modalscope.model.checks import ComplexArray, RealArray, check_count
 from modalscope.model.modes import ModalModel
+from modalscope.model.notes import Note
 from modalscope.model.response import Response
 from modalscope.model.statespace import StateSpace
 
@@ -48,7 +49,7 @@ class Identification:
         The data that were identified.
     settings : Options
         Every option with the value that was taken; `identify(data, method=..., domain=..., order=..., **settings)` repeats the result.
-    notes : tuple of str
+    notes : tuple of Note
     """
 
     method: str
@@ -62,7 +63,7 @@ class Identification:
     fit_error_by_channel: RealArray
     response: Response
     settings: Options
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
     @property
     def poles(self) -> ComplexArray:
@@ -146,11 +147,11 @@ def identify(
     (5, True)
     """
     problem = prepare(data, method, domain, **options)
-    chosen: tuple[str, ...] = ()
+    chosen: tuple[Note, ...] = ()
     if order is None:
         largest = check_count("largest_order", largest_order)
         choice = problem.method.orders.choose(largest, partial(_factored, problem))
-        order, chosen = choice.order, (choice.reason,) if choice.reason else ()
+        order, chosen = choice.order, choice.notes
     pipeline = factor(problem, order)
     return assemble(pipeline, order, chosen)
 
@@ -173,14 +174,14 @@ def realize(
     return identify(data, method=method, domain=domain, order=order, **options).state_space
 
 
-def assemble(pipeline: Pipeline, order: int, chosen: tuple[str, ...] = ()) -> Identification:
+def assemble(pipeline: Pipeline, order: int, chosen: tuple[Note, ...] = ()) -> Identification:
     """Wrap one cut: the model itself, what it leaves of the data, and modes told from extraneous poles.
 
     Parameters
     ----------
     pipeline : Pipeline
     order : int
-    chosen : tuple of str
+    chosen : tuple of Note
         Why this order.
     """
     cut = cut_order(pipeline, order)
@@ -189,8 +190,11 @@ def assemble(pipeline: Pipeline, order: int, chosen: tuple[str, ...] = ()) -> Id
     error, by_channel = fit_error(measured, rebuilt)
     kept, rest = split_extraneous(cut.modal, cut.triple)
     kinds = cut.modes.kinds
-    odd = [f"{kinds.count(kind)} {kind}" for kind in ("real", "nyquist", "unstable", "zero") if kind in kinds]
-    told = (f"poles that are not decaying oscillations: {', '.join(odd)}",) if odd else ()
+    odd: dict[str, float] = {
+        kind: kinds.count(kind) for kind in ("real", "nyquist", "unstable", "zero") if kind in kinds
+    }
+    text = f"poles that are not decaying oscillations: {', '.join(f'{count} {kind}' for kind, count in odd.items())}"
+    told = (Note("poles that are no modes", odd, text),) if odd else ()
     return Identification(
         method=pipeline.method.name,
         domain=pipeline.method.domain,

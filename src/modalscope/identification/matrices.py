@@ -20,6 +20,7 @@ from modalscope.identification.sizes import default_blocks, default_degree, defa
 from modalscope.model.checks import DataError
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.notes import Note
 
 __all__ = [
     "canonical_hankel",
@@ -111,6 +112,7 @@ def _hankel(problem: Problem, turned: bool, rows: int, columns: int) -> Built:
     response = _samples(problem)
     settings = replace(options, block_rows=rows, block_columns=columns, form="controllable" if turned else "observable")
     response, notes = _lags_read(response, rows + columns)
+    notes = (*_unfiltered(problem), *notes)
     general = options.general
     sizes: dict[str, Any] = {
         "block_rows": None if options.row_shifts else rows,
@@ -122,6 +124,15 @@ def _hankel(problem: Problem, turned: bool, rows: int, columns: int) -> Built:
     return Built(TurnedHankel(response, hankel(_transposed(response), **exchanged)), settings, notes)
 
 
+def _unfiltered(problem: Problem) -> tuple[Note, ...]:
+    """Tell that a band does not change measured samples; lines were cut to it, and records were filtered."""
+    band = problem.options.band
+    if band is None or problem.records is not None or problem.response is not problem.measured:
+        return ()
+    text = f"samples are not filtered: the model has all modes, a diagram those from {band[0]:g} to {band[1]:g} Hz"
+    return (Note("not filtered", {"lowest": band[0], "highest": band[1]}, text),)
+
+
 def _other_side(name: str) -> str:
     return name.replace("row", "column") if "row" in name else name.replace("column", "row")
 
@@ -131,11 +142,12 @@ def _samples(problem: Problem) -> ImpulseResponse:
     return problem.response
 
 
-def _lags_read(response: ImpulseResponse, read: int) -> tuple[ImpulseResponse, tuple[str, ...]]:
+def _lags_read(response: ImpulseResponse, read: int) -> tuple[ImpulseResponse, tuple[Note, ...]]:
     """Return a correlation without the lags that no block holds: they carry estimation errors and little else."""
     if response.kind != "correlation" or response.samples <= read:
         return response, ()
-    return replace(response, values=response.values[:read]), (f"{read} of {response.samples} lags are used",)
+    note = Note("lags used", {"used": read, "there": response.samples}, f"{read} of {response.samples} lags are used")
+    return replace(response, values=response.values[:read]), (note,)
 
 
 def _transposed(response: ImpulseResponse) -> ImpulseResponse:

@@ -15,6 +15,7 @@ from modalscope.blocks.matrix import DataMatrix
 from modalscope.identification.options import Options
 from modalscope.identification.orders import OrderRule
 from modalscope.model.checks import DataError
+from modalscope.model.notes import Note
 from modalscope.model.response import Response
 from modalscope.model.settings import Settings
 from modalscope.model.signals import Signals
@@ -58,7 +59,7 @@ class Problem:
         Records without inputs, filtered to the band, where they were given.
     options : Options
         As asked; sizes that are not given are chosen with the order.
-    notes : tuple of str
+    notes : tuple of Note
         What was converted.
     """
 
@@ -67,7 +68,7 @@ class Problem:
     measured: Response
     records: Signals | None
     options: Any
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
 
 class Built(NamedTuple):
@@ -75,7 +76,7 @@ class Built(NamedTuple):
 
     matrix: DataMatrix
     settings: Options
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
 
 Matrix = Callable[[Problem, int], Built]

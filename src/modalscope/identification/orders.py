@@ -10,6 +10,7 @@ from typing import Any
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.model.checks import DataError, check_count, check_each
+from modalscope.model.notes import Note
 from modalscope.model.response import Response
 from modalscope.realizations.order import recommend_order
 
@@ -42,10 +43,10 @@ Factored = Callable[[int], tuple[DataMatrix, Factors]]
 
 @dataclass(frozen=True)
 class Choice:
-    """One order chosen from the data, and why (empty when there is nothing to say)."""
+    """One order chosen from the data, and why."""
 
     order: int
-    reason: str = ""
+    notes: tuple[Note, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ class Reach:
     """The orders that the factors can give, what was left out, and the exact rank where the data end."""
 
     orders: list[int]
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
 
 class OrderRule(ABC):
@@ -102,13 +103,17 @@ class _States(OrderRule):
     def _advised(self, factors: Factors, blocks_of: int = 1, times: int = 1) -> Choice:
         advice = recommend_order(factors)
         order = -(-times * advice.order // blocks_of) * blocks_of
-        return Choice(order, f"order {order} was chosen ({advice.confidence}): {advice.reason}")
+        text = f"order {order} was chosen ({advice.confidence}): {advice.reason}"
+        return Choice(order, (Note("order chosen", {"order": order}, text),))
 
     def reach(self, factors: Factors, asked: list[int], automatic: bool) -> Reach:
         """Leave out what lies beyond the rank; where the rank is exact it is an order itself."""
         rank = factors.rank
         beyond = [n for n in asked if n > rank]
-        notes = (f"orders {beyond[0]} to {beyond[-1]} left out: the data matrix has rank {rank}",) if beyond else ()
+        notes: tuple[Note, ...] = ()
+        if beyond:
+            text = f"orders {beyond[0]} to {beyond[-1]} left out: the data matrix has rank {rank}"
+            notes = (Note("orders left out", {"lowest": beyond[0], "highest": beyond[-1], "rank": rank}, text),)
         within = [n for n in asked if n <= rank]
         if not within and not automatic:
             raise DataError(

@@ -10,6 +10,7 @@ from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Triple
 from modalscope.identification.method import Method, Problem
 from modalscope.model.checks import check_count
+from modalscope.model.notes import Note
 from modalscope.model.response import Response
 from modalscope.realizations.realization import Realization
 
@@ -33,7 +34,7 @@ class Pipeline:
     realization : Realization
     settings : Options
         Every option with the value that was taken.
-    notes : tuple of str
+    notes : tuple of Note
         What was chosen, converted or left out.
     """
 
@@ -41,7 +42,7 @@ class Pipeline:
     matrix: DataMatrix
     realization: Realization
     settings: Any
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
     @property
     def method(self) -> Method:
@@ -88,9 +89,9 @@ def factor(problem: Problem, largest: int) -> Pipeline:
     notes = (
         *problem.notes,
         *chosen,
-        f"{matrix.describe()}; {factors.how}",
-        *matrix.warnings,
-        *([told] if told else []),
-        *realization.notes,
+        Note("data matrix", {"rank": factors.rank}, f"{matrix.describe()}; {factors.how}"),
+        *(Note("warning", {}, text) for text in matrix.warnings),
+        *([Note("participation", {}, told)] if told else []),
+        *(Note("realization", {}, text) for text in realization.notes),
     )
     return Pipeline(problem=problem, matrix=matrix, realization=realization, settings=settings, notes=notes)

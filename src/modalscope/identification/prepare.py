@@ -16,6 +16,7 @@ from modalscope.identification.table import find_method, methods
 from modalscope.model.checks import DataError, check_band, check_choice, check_kind
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.notes import Note
 from modalscope.model.response import Response
 from modalscope.model.signals import Signals
 
@@ -41,7 +42,7 @@ class Measured:
         As asked, Hz.
     exclude : object
         Channels left out, as asked.
-    notes : tuple of str
+    notes : tuple of Note
     """
 
     response: Response
@@ -50,7 +51,7 @@ class Measured:
     row: str
     band: tuple[float, float] | None = None
     exclude: Any = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
 
 def prepare(data: Any, method: str | None = None, domain: str | None = None, **options: Any) -> Problem:
@@ -97,11 +98,7 @@ def _measured(data: Any, band: tuple[float, float] | None) -> Measured:
 
 @_measured.register
 def _(data: Response, band: tuple[float, float] | None) -> Measured:
-    response, usual = data.in_band(band), _USUAL.get(data.origin, "era")
-    if band is None or response is not data:
-        return Measured(response, None, type(data).__name__, usual)
-    note = f"samples are not filtered: the model has all modes, a diagram those from {band[0]:g} to {band[1]:g} Hz"
-    return Measured(response, None, type(data).__name__, usual, notes=(note,))
+    return Measured(data.in_band(band), None, type(data).__name__, _USUAL.get(data.origin, "era"))
 
 
 @_measured.register
@@ -109,10 +106,10 @@ def _(data: Signals, band: tuple[float, float] | None) -> Measured:
     from modalscope.preprocess import estimate_correlation, estimate_frf, filter_band
 
     if data.inputs is not None:
-        note = "frequency responses were estimated from the records (H1)"
+        note = Note("estimated", {}, "frequency responses were estimated from the records (H1)")
         return Measured(estimate_frf(data).in_band(band), None, "records with inputs", _USUAL["lines"], notes=(note,))
     records = data if band is None else filter_band(data, *band)
-    note = "correlations with all channels as references were estimated from the records"
+    note = Note("estimated", {}, "correlations with all channels as references were estimated from the records")
     return Measured(estimate_correlation(records), records, "records without inputs", "alternate", notes=(note,))
 
 
@@ -151,7 +148,7 @@ def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem
         measured=response,
         records=measured.records,
         options=chosen,
-        notes=(*measured.notes, *([note] if note else [])),
+        notes=(*measured.notes, *([Note("transformed", {}, note)] if note else [])),
     )
 
 

@@ -18,6 +18,7 @@ from modalscope.modal.eigenmodes import Eigenmodes, eigenmodes, split_extraneous
 from modalscope.modal.rebuilt import modal_model
 from modalscope.model.checks import Array, DataError, IntArray, RealArray
 from modalscope.model.modes import ModalModel
+from modalscope.model.notes import Note
 from modalscope.model.poles import frequencies_and_damping
 from modalscope.model.response import output_scale
 
@@ -119,7 +120,7 @@ class Sweep:
     def __init__(self, pipeline: Pipeline, orders: Iterable[int]) -> None:
         self.pipeline = pipeline
         self.orders = tuple(orders)
-        self.notes: list[str] = []
+        self.notes: list[Note] = []
         self._left = list(self.orders)
         self._misfit = _Misfit(pipeline)
 
@@ -138,7 +139,7 @@ class Sweep:
             try:
                 return _cut(self.pipeline, order, self._misfit)
             except DataError as error:
-                self.notes.append(f"order {order} left out: {error.found}")
+                self.notes.append(Note("orders left out", {"order": order}, f"order {order} left out: {error.found}"))
         raise StopIteration
 
 

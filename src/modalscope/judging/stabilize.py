@@ -19,6 +19,7 @@ from modalscope.identification.sweep import Cut, start
 from modalscope.modal.indicators import mac
 from modalscope.model.checks import Array, DataError, check_kind, check_positive
 from modalscope.model.diagram import StabilizationDiagram
+from modalscope.model.notes import Note
 from modalscope.model.poles import frequencies_and_damping
 
 __all__ = ["TOLERANCES", "collected", "stabilize", "stabilized"]
@@ -106,7 +107,7 @@ def stabilized(
             progress(len(found.orders) - len(found.remaining), len(found.orders))
     if not cuts:
         raise DataError(
-            f"orders {asked[0]} to {asked[-1]} were asked", found.notes[-1], "Choose other orders or block sizes."
+            f"orders {asked[0]} to {asked[-1]} were asked", str(found.notes[-1]), "Choose other orders or block sizes."
         )
     return replace(collected(found.pipeline, cuts, limits, found.notes), asked_orders=tuple(asked))
 
@@ -125,7 +126,7 @@ def _limits(tolerances: Mapping[str, float] | None) -> dict[str, float]:
 
 
 def collected(
-    pipeline: Pipeline, cuts: Sequence[Cut], limits: Mapping[str, float], notes: Sequence[str] = ()
+    pipeline: Pipeline, cuts: Sequence[Cut], limits: Mapping[str, float], notes: Sequence[Note] = ()
 ) -> StabilizationDiagram:
     """Return the diagram of the orders so far.
 
@@ -136,7 +137,7 @@ def collected(
         At least one, by increasing order.
     limits : mapping
         Tolerances of stability, all three.
-    notes : sequence of str
+    notes : sequence of Note
         What was left out.
     """
     stable = [np.zeros((3, cuts[0].reported.size), bool)]
@@ -145,7 +146,8 @@ def collected(
     names = set.intersection(*(set(cut.indicators) for cut in cuts))
     factors = pipeline.factors
     outside = sum(cut.modal.poles.size - cut.reported.size for cut in cuts)
-    left = [f"{outside} poles outside the band or extraneous are not in the diagram"] if outside else []
+    text = f"{outside} poles outside the band or extraneous are not in the diagram"
+    left = [Note("poles left out", {"poles": outside}, text)] if outside else []
     return StabilizationDiagram(
         response=pipeline.response,
         method=pipeline.method.name,

@@ -15,6 +15,7 @@ from modalscope.model.kinds import check_kind
 
 __all__ = [
     "Array",
+    "BoolArray",
     "ComplexArray",
     "DataError",
     "IntArray",
@@ -34,11 +35,12 @@ __all__ = [
     "real_array",
 ]
 
-# The names say what an array holds; numpy's own stubs cannot follow element types through most expressions.
+#: What an array holds; `Array` where that is either.
 Array = NDArray[Any]
-RealArray = NDArray[Any]
-ComplexArray = NDArray[Any]
-IntArray = NDArray[Any]
+RealArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+IntArray = NDArray[np.intp]
+BoolArray = NDArray[np.bool_]
 
 
 def freeze(data: object, **values: object) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, freeze, locked
+from modalscope.model.notes import Note, notes_of
 from modalscope.model.poles import HasPoles
 from modalscope.model.response import Response
 from modalscope.model.settings import Settings
@@ -48,7 +49,7 @@ class StabilizationDiagram(HasPoles):
         The limits of stability: frequency and damping (relative), shape (1 - MAC).
     settings : mapping
         Block sizes and options that were used.
-    notes : tuple of str
+    notes : tuple of Note
         What was left out, and why.
     dt : float or None
         Sampling interval of the identified system.
@@ -72,7 +73,7 @@ class StabilizationDiagram(HasPoles):
     asked_orders: tuple[int, ...] = ()
     tolerances: Mapping[str, float] = field(default_factory=dict)
     settings: Settings = field(default_factory=Settings)
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     dt: float | None = None
 
     def __post_init__(self) -> None:
@@ -97,6 +98,7 @@ class StabilizationDiagram(HasPoles):
             freeze(self, **{name: locked(array)})
         freeze(
             self,
+            notes=notes_of(self.notes),
             indicators={k: locked(np.asarray(v)) for k, v in self.indicators.items()},
             fit_errors=locked(np.asarray(self.fit_errors)),
             singular_values=locked(np.asarray(self.singular_values)),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modalscope.model.channels import check_quantity, derivatives_between
+from modalscope.model.channels import check_quantity
 from modalscope.model.checks import (
     Array,
     ComplexArray,
@@ -16,14 +16,14 @@ from modalscope.model.checks import (
     check_band,
     check_count,
     check_number,
-    check_positive,
     complex_array,
     freeze,
     real_array,
 )
 from modalscope.model.groups import AUTO, Groups, check_groups, chosen_groups, input_groups
 from modalscope.model.impulse import ImpulseResponse
-from modalscope.model.line_checks import check_beside, check_complex, check_lines
+from modalscope.model.line_checks import check_beside, check_lines, check_rate
+from modalscope.model.line_transforms import in_quantity, inverse_transform
 from modalscope.model.modal_basis import ModalBasis, line_basis, line_derivatives, residual_powers, scaled_terms
 from modalscope.model.response import AsLines, AsSamples, Response
 
@@ -92,21 +92,13 @@ class FrequencyResponse(Response):
     def __post_init__(self) -> None:
         values = complex_array("values", self.values, "(lines, outputs, inputs)", 3)
         lines = real_array("frequencies", self.frequencies, "(lines,)", 1)
-        check_lines(lines, values.shape)
-        check_complex(values, lines)
-        rate = None if self.sampling_rate is None else check_positive("sampling_rate", self.sampling_rate)
-        if rate is not None and lines[-1] > rate / 2 * (1 + 1e-9):
-            raise DataError(
-                f"lines up to half the sampling rate, {rate / 2:g} Hz, were asked",
-                f"there are lines up to {lines[-1]:g} Hz",
-                "Correct the sampling rate, or leave it out for the response of a continuous structure.",
-            )
+        check_lines(lines, values)
         freeze(
             self,
             values=values,
             frequencies=lines,
             quantity=check_quantity(self.quantity),
-            sampling_rate=rate,
+            sampling_rate=check_rate(self.sampling_rate, lines),
             coherence=check_beside("coherence", self.coherence, values.shape),
             variance=check_beside("variance", self.variance, values.shape),
             averages=None if self.averages is None else check_count("averages", self.averages),
@@ -278,25 +270,7 @@ class FrequencyResponse(Response):
         DataError
             The quantity is not known, or a line at 0 Hz would be divided by zero.
         """
-        power = derivatives_between(self.quantity, wanted)
-        if power < 0 and self.frequencies[0] == 0:
-            raise DataError(
-                f"the {self.quantity} as {wanted} was asked",
-                "its first line lies at 0 Hz, where that divides by zero",
-                "Leave that line out with band().",
-            )
-        factor = (2j * np.pi * self.frequencies) ** power
-        variance = None if self.variance is None else self.variance * np.abs(factor[:, None, None]) ** 2
-        note = f"{self.quantity} turned into {wanted} in the frequency domain"
-        units = self.units if power == 0 else (("",) * len(self.output_dofs), self.units[1])
-        return replace(
-            self,
-            values=self.values * factor[:, None, None],
-            variance=variance,
-            quantity=wanted,
-            units=units,
-            processing=(*self.processing, note),
-        )
+        return in_quantity(self, wanted)
 
     def to_impulse_response(self) -> ImpulseResponse:
         """Return the inverse Fourier transform of the lines: samples at twice the highest frequency.
@@ -310,50 +284,7 @@ class FrequencyResponse(Response):
         DataError
             Lines that are not equally spaced, or that do not lie on multiples of their spacing.
         """
-        spectrum, step = self._from_zero()
-        held = self.sampling_rate is not None
-        length = 2 * (spectrum.shape[0] - 1)
-        rate = length * step
-        if self.sampling_rate is not None:
-            rate = self.sampling_rate
-            length = round(rate / step)
-            if abs(rate / step - length) > 1e-3:
-                raise DataError(
-                    "the inverse transform of a sampled response needs lines that divide the sampling rate",
-                    f"{rate:g} Hz holds {rate / step:.6g} steps of {step:g} Hz",
-                    "Use a frequency-domain method (domain='z'), which takes any lines.",
-                )
-        samples = np.fft.irfft(spectrum, n=length, axis=0)
-        note = f"inverse transform of {self.lines} lines, {self.frequencies[0]:g} to {self.frequencies[-1]:g} Hz"
-        return ImpulseResponse(
-            values=samples[1:] if held else samples[1:] * rate,
-            feedthrough=samples[0],
-            sampling_rate=rate,
-            kind="pulse" if held else "dirac",
-            first_sample=0 if held else 1,
-            quantity=self.quantity,
-            added_damping=self.added_damping,
-            groups=self.groups,
-            **self.labelled(),
-        ).processed(note)
-
-    def _from_zero(self) -> tuple[ComplexArray, float]:
-        """Return values on all multiples of the lines' spacing from 0 Hz, zero below the band, and that spacing in Hz."""
-        if self.lines < 2:
-            raise DataError("an inverse transform needs a band of lines", "there is one line", "Measure more lines.")
-        step = (self.frequencies[-1] - self.frequencies[0]) / (self.lines - 1)
-        bins = self.frequencies / step
-        whole = np.rint(bins).astype(int)
-        if np.max(np.abs(bins - whole)) > 1e-3 or np.any(np.diff(whole) != 1):
-            steps = np.diff(self.frequencies)
-            raise DataError(
-                "an inverse transform needs equally spaced lines on multiples of their spacing",
-                f"they start at {self.frequencies[0]:g} Hz with steps from {steps.min():g} to {steps.max():g} Hz",
-                "Use a frequency-domain method (domain='s' or 'z'), which takes any lines.",
-            )
-        spectrum = np.zeros((whole[-1] + 1, *self.values.shape[1:]), dtype=complex)
-        spectrum[whole] = self.values
-        return spectrum, float(step)
+        return inverse_transform(self)
 
     def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
         def cut(array: Array | None) -> Any:

@@ -161,7 +161,7 @@ class ImpulseResponse(Response):
         """Return the transform of the samples with seven times as many zeros behind them, on 0 Hz to half the sampling rate."""
         length = 8 * self.samples
         H = np.fft.rfft(self.values, n=length, axis=0) / self.sampling_rate
-        return np.fft.rfftfreq(length, 1 / self.sampling_rate), H
+        return np.asarray(np.fft.rfftfreq(length, 1 / self.sampling_rate), dtype=float), H
 
     def energy(self, decay: Array) -> RealArray:
         """Return about fs / decay, the sum over samples of |2 Re exp(s t)|^2, over no more than the samples there are."""
@@ -222,7 +222,7 @@ class ImpulseResponse(Response):
         held = self.kind in ("pulse", "correlation")  # sequences of a sampled system, which start one step late
         if frequencies is None:
             length = self.samples + 1
-            lines = np.fft.rfftfreq(length, 1 / self.sampling_rate)
+            lines = np.asarray(np.fft.rfftfreq(length, 1 / self.sampling_rate), dtype=float)
             values = np.fft.rfft(self.values, n=length, axis=0)
         else:
             lines = real_array("frequencies", frequencies, "(lines,)", 1)

@@ -34,7 +34,7 @@ def intervals(modes: ModalModel, level: float) -> dict[str, RealArray]:
         raise DataError(
             f"intervals at {100 * probability:g} % were asked",
             "no standard deviation of these modes is known: neither from the noise nor between groups",
-            "Identify them with deviations=True, or refine them.",
+            "Give frequencies_std and damping_ratios_std, or their repeatability between groups.",
         )
     unknown = np.full((len(modes), 2), np.nan)
     return {name: found.get(name, unknown) for name in ("frequency", "damping_ratio")}

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, real_array
+from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_positive, real_array
 
-__all__ = ["check_beside", "check_complex", "check_lines"]
+__all__ = ["check_beside", "check_lines", "check_rate"]
 
 
-def check_lines(lines: RealArray, shape: tuple[int, ...]) -> None:
-    """Refuse no lines, another number of them than values, and lines that are negative or do not increase."""
+def check_lines(lines: RealArray, values: ComplexArray) -> None:
+    """Refuse no lines, another number of them than values, lines that are negative or do not increase, and magnitudes."""
+    shape = values.shape
     if 0 in shape or lines.size == 0:
         raise DataError(
             "a frequency response needs at least one line and channel",
@@ -37,9 +38,10 @@ def check_lines(lines: RealArray, shape: tuple[int, ...]) -> None:
             f"line {k + 1} ({lines[k + 1]:g} Hz) does not lie above line {k} ({lines[k]:g} Hz)",
             "Sort the lines together with their values and drop the repeated ones.",
         )
+    _check_complex(values, lines)
 
 
-def check_complex(values: ComplexArray, lines: RealArray) -> None:
+def _check_complex(values: ComplexArray, lines: RealArray) -> None:
     """Refuse magnitudes; a single line may be real by chance, and an undamped model's real response changes sign."""
     if lines.size > 1 and not values.imag.any() and values.real.any() and values.real.min() >= 0:
         raise DataError(
@@ -68,3 +70,15 @@ def check_beside(name: str, array: Array | None, shape: tuple[int, ...]) -> Real
             f"Correct the {name}, or leave it out.",
         )
     return checked
+
+
+def check_rate(sampling_rate: float | None, lines: RealArray) -> float | None:
+    """Return the sampling rate, or raise where lines lie above half of it; None for a continuous structure."""
+    rate = None if sampling_rate is None else check_positive("sampling_rate", sampling_rate)
+    if rate is not None and lines[-1] > rate / 2 * (1 + 1e-9):
+        raise DataError(
+            f"lines up to half the sampling rate, {rate / 2:g} Hz, were asked",
+            f"there are lines up to {lines[-1]:g} Hz",
+            "Correct the sampling rate, or leave it out for the response of a continuous structure.",
+        )
+    return rate

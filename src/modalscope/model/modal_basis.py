@@ -151,11 +151,11 @@ def _points(
     frequencies: RealArray, rate: float | None, poles: Array
 ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
     """Return the lines and the poles in one plane, and d pole / d s there."""
-    x, s = 2j * np.pi * frequencies, np.asarray(poles, dtype=complex)
+    x, s = (np.asarray(values, dtype=complex) for values in (2j * np.pi * frequencies, poles))
     if rate is None:
         return x, s, np.ones(s.size, dtype=complex)
     z = to_discrete(s, 1 / rate)
-    return np.exp(x / rate), z, z / rate
+    return np.exp(x / rate), z, np.asarray(z / rate)
 
 
 def sample_basis(rate: float, first: int, values: RealArray, poles: Array) -> ModalBasis:

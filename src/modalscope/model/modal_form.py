@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.checks import BoolArray, ComplexArray, IntArray, RealArray
 from modalscope.model.scaling import scaled, state_scale
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ class PoleGroup:
         return min(self.observable, self.controllable)
 
 
-def block_diagonal_basis(A: RealArray, frequency: Array) -> tuple[RealArray, RealArray, tuple[Block, ...], float]:
+def block_diagonal_basis(A: RealArray, frequency: RealArray) -> tuple[RealArray, RealArray, tuple[Block, ...], float]:
     """Return T and block diagonal M with A T = T M, the blocks, and the condition of T in well scaled states.
 
     Poles with sound eigenvectors stand in blocks of their own. The others are gathered by rising distance until the
@@ -108,7 +108,7 @@ def block_diagonal_basis(A: RealArray, frequency: Array) -> tuple[RealArray, Rea
     scale = state_scale(A)
     A = scaled(A, scale)
     eigen = sla.eig(A, left=True)
-    values, left, right = eigen[0], eigen[1], eigen[2]  # type: ignore[misc]
+    values, left, right = (np.asarray(part, dtype=complex) for part in eigen)
     cosine = np.abs(np.einsum("ij,ij->j", left.conj(), right))  # both are of length one
     suspect = cosine * SENSITIVE < 1
     radius = float(np.abs(values).max(initial=0))
@@ -122,10 +122,10 @@ def block_diagonal_basis(A: RealArray, frequency: Array) -> tuple[RealArray, Rea
     return scale[:, None] * T, M, blocks, 1.0
 
 
-def _clusters(values: ComplexArray, suspect: Array, distance: float) -> list[Array]:
+def _clusters(values: ComplexArray, suspect: BoolArray, distance: float) -> list[IntArray]:
     """Return the indices of each block: pairs and real poles alone, suspects joined within the distance."""
     upper = values.real + 1j * np.abs(values.imag)
-    groups: list[Array] = [np.array([i]) for i in np.flatnonzero((values.imag >= 0) & ~suspect)]
+    groups: list[IntArray] = [np.array([i]) for i in np.flatnonzero((values.imag >= 0) & ~suspect)]
     left = set(np.flatnonzero((values.imag >= 0) & suspect).tolist())
     while left:
         members = [left.pop()]
@@ -138,7 +138,7 @@ def _clusters(values: ComplexArray, suspect: Array, distance: float) -> list[Arr
 
 
 def _assemble(
-    A: RealArray, values: ComplexArray, vectors: ComplexArray, groups: list[Array], frequency: Array
+    A: RealArray, values: ComplexArray, vectors: ComplexArray, groups: list[IntArray], frequency: RealArray
 ) -> tuple[RealArray, RealArray, tuple[Block, ...]]:
     n = A.shape[0]
     T, M = np.zeros((n, n)), np.zeros((n, n))
@@ -165,7 +165,7 @@ def _pair(value: complex, vector: ComplexArray) -> tuple[RealArray, RealArray]:
     return basis / np.linalg.norm(turned), np.array([[value.real, value.imag], [-value.imag, value.real]])
 
 
-def _invariant(A: RealArray, values: ComplexArray, group: Array) -> tuple[RealArray, RealArray]:
+def _invariant(A: RealArray, values: ComplexArray, group: IntArray) -> tuple[RealArray, RealArray]:
     """Return an orthonormal basis of the invariant subspace of a cluster, and A on it, by the ordered real Schur form."""
     upper = values.real + 1j * np.abs(values.imag)
     inside = np.zeros(values.size, bool)

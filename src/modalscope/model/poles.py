@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.checks import BoolArray, ComplexArray, IntArray, RealArray
 
 __all__ = [
     "HasPoles",
@@ -87,14 +87,14 @@ def powers_of(poles: ArrayLike, count: int, first: int = 0) -> ComplexArray:
     return out
 
 
-def one_of_each_pair(poles: ArrayLike) -> Array:
+def one_of_each_pair(poles: ArrayLike) -> IntArray:
     """Return the indices of one pole of each conjugate pair (the one above the axis) and of all real ones, by frequency."""
     s = np.asarray(poles, dtype=np.complex128)
     keep = np.flatnonzero((s.imag > 0) | is_real(s))
     return np.asarray(keep[np.lexsort((s[keep].imag, np.abs(s[keep])))])
 
 
-def is_real(s: ComplexArray) -> Array:
+def is_real(s: ComplexArray) -> BoolArray:
     """Return which poles lie on the real axis, to rounding."""
     return np.asarray(np.abs(s.imag) <= _REAL * np.abs(s))
 

@@ -41,4 +41,4 @@ def transfer(A: RealArray, B: RealArray, C: RealArray, D: RealArray, points: Com
             above = np.tensordot(S[i, i + 1 :], solution[i + 1 :], axes=1)
             solution[i] = (right[i] + above) / (x - poles[i])[:, None]
         values[first : first + step] = np.moveaxis(np.tensordot(left, solution, axes=1), 0, 1)
-    return values + D
+    return np.asarray(values + D)

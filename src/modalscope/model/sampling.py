@@ -29,7 +29,7 @@ def sampled(A: RealArray, B: RealArray, dt: float, *, held: bool) -> tuple[RealA
 
 def continuous(A: RealArray, B: RealArray, dt: float, *, held: bool) -> tuple[RealArray, RealArray]:
     """Return the continuous A and B whose exact sampling is given; the logarithm is that of the modal form's blocks."""
-    z = np.linalg.eigvals(A)
+    z = np.asarray(np.linalg.eigvals(A), dtype=complex)
     bad = is_real(z) & (z.real <= 0)
     if bad.any():
         few = ", ".join(f"{v:.3g}" for v in z[bad].real[:4])
@@ -41,11 +41,11 @@ def continuous(A: RealArray, B: RealArray, dt: float, *, held: bool) -> tuple[Re
     T, M, blocks, _ = block_diagonal_basis(A, np.abs(np.log(z)))
     for block in blocks:
         M[block.states, block.states] = _logarithm(M[block.states, block.states], block.separate) / dt
-    rates = np.linalg.solve(T.T, (T @ M).T).T
+    rates = np.asarray(np.linalg.solve(T.T, (T @ M).T).T, dtype=float)
     if not held:
         return rates, B
     step = sampled(rates, np.eye(len(A)), dt, held=True)[1]
-    return rates, np.linalg.solve(step, B)
+    return rates, np.asarray(np.linalg.solve(step, B), dtype=float)
 
 
 def _logarithm(block: RealArray, separate: bool) -> RealArray:

@@ -196,7 +196,7 @@ class StateSpace(Quadruple):
                 f"T has shape {matrix.shape} or is singular",
                 "Give a regular square matrix.",
             )
-        inverse: RealArray = np.linalg.inv(matrix)
+        inverse = np.asarray(np.linalg.inv(matrix), dtype=float)
         return StateSpace(A=inverse @ self.A @ matrix, B=inverse @ self.B, C=self.C @ matrix, D=self.D, dt=self.dt)
 
     def balanced(self, order: int | None = None, *, steady_state: bool = False) -> Balanced:
@@ -231,7 +231,8 @@ class StateSpace(Quadruple):
         (then eigenvalues have lost half of their digits), share one block of the ordered real Schur form.
         """
         T, M, blocks, condition = block_diagonal_basis(self.A, np.abs(self.continuous_poles))
-        model = StateSpace(A=M, B=np.linalg.solve(T, self.B), C=self.C @ T, D=self.D, dt=self.dt)
+        B = np.asarray(np.linalg.solve(T, self.B), dtype=float)
+        model = StateSpace(A=M, B=B, C=self.C @ T, D=self.D, dt=self.dt)
         return ModalForm(state_space=model, T=T, blocks=blocks, condition=condition)
 
     def pole_groups(self, tolerance: float = 1e-6) -> tuple[PoleGroup, ...]:

@@ -122,7 +122,7 @@ def dodge(positions: Array, gap: float, low: float = 0.0, high: float = 1.0) -> 
     """Return the positions nearest to increasing ones (least squares) that lie at least `gap` apart within [low, high]."""
     from scipy.optimize import isotonic_regression
 
-    steps = gap * np.arange(len(positions))
+    steps = np.asarray(gap * np.arange(len(positions)), dtype=float)
     if not len(positions):
         return steps
     shifted = isotonic_regression(np.asarray(positions, dtype=float) - steps).x

@@ -39,7 +39,7 @@ def indicator_curves(response: Response, kind: str = "cmif") -> tuple[RealArray,
         lines, values = response.frequencies, response.values
     else:
         assert isinstance(response, ImpulseResponse)
-        lines = np.fft.rfftfreq(response.samples, 1 / response.sampling_rate)
+        lines = np.asarray(np.fft.rfftfreq(response.samples, 1 / response.sampling_rate), dtype=float)
         values = np.fft.rfft(response.values, axis=0) / response.sampling_rate
     curves = cmif(values) if kind == "cmif" else np.abs(values).sum(axis=(1, 2))[:, None]
     return lines, curves

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import fft
 
-from modalscope.model.checks import Array, DataError, check_count
+from modalscope.model.checks import Array, DataError, check_count, check_kind
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 
@@ -37,6 +37,7 @@ def half_spectra(correlation: ImpulseResponse, *, lines: int | None = None) -> F
     DataError
         A response that is no correlation, or whose R(0) is missing.
     """
+    check_kind("half_spectra", correlation, ImpulseResponse)
     if correlation.kind != "correlation" or correlation.feedthrough is None:
         raise DataError(
             "half spectra of a correlation were asked",

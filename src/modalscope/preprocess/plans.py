@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from modalscope.model.checks import DataError, RealArray, check_choice, check_positive
+from modalscope.model.checks import Array, DataError, RealArray, check_choice, check_positive
 from modalscope.model.signals import Signals
 from modalscope.preprocess.impacts import Hit, cut_hits, exponential_decay, find_hits
 from modalscope.preprocess.spectra import Segments, Transform, check_window, segment_starts, window_samples
@@ -23,8 +23,8 @@ _SEGMENTS_A_RUN = 8
 class Plan:
     """How the records are averaged, filled in step by step."""
 
-    outputs: RealArray
-    inputs: RealArray
+    outputs: Array  # complex after a zoom by decimation
+    inputs: Array
     segments: Segments
     sampling_rate: float
     added_damping: float = 0.0

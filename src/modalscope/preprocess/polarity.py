@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from modalscope.model.channels import QUANTITIES
-from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.checks import Array, ComplexArray
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.labels import parse_dof
@@ -116,7 +116,7 @@ def _transforms(response: Response, pairs: list[tuple[int, int, float]]) -> tupl
     driving = np.stack([response.values[:, i, j] for i, j, _ in pairs], axis=1)
     rate = response.sampling_rate
     if isinstance(response, FrequencyResponse):
-        s = 2j * np.pi * response.frequencies
+        s = np.asarray(2j * np.pi * response.frequencies, dtype=complex)
         return s, driving if rate is None else driving * np.exp(s / (2 * rate))[:, None]
     assert isinstance(response, ImpulseResponse)
     t = (np.arange(response.samples) + response.first_sample) / response.sampling_rate
@@ -171,7 +171,7 @@ def _turned(response: Response, negative: list[tuple[int, int]]) -> list[Finding
     """Name the output that is turned against most others; where several are, any of them may be it."""
     if not negative:
         return []
-    times: RealArray = np.bincount(np.ravel(negative))
+    times: Array = np.bincount(np.ravel(negative))
     names = tuple(response.output_dofs[i] for i in np.flatnonzero(times == times.max()))
     pairs = ", ".join(f"{response.output_dofs[i]} to {response.output_dofs[j]}" for i, j in negative)
     change = (

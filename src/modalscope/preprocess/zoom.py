@@ -44,7 +44,7 @@ def zoom_lines(band: tuple[float, float], length: int, sampling_rate: float, lin
             f"segments of {length} samples give one line every {step:g} Hz, fewer than two of them inside",
             "Lengthen segment, widen the band, or give zoom_lines.",
         )
-    return np.arange(first, last + 1) * step
+    return np.asarray(np.arange(first, last + 1) * step, dtype=float)
 
 
 def chirp_z(samples: Array, frequencies: RealArray, sampling_rate: float) -> ComplexArray:

@@ -103,7 +103,7 @@ def _from_reversal(companion: NullSpaceCompanion, n: int) -> Triple:
     column = np.asarray(matrix.first_block_column(tall=True))
     column = shift.unweighted(column).reshape(-1, shift.block, column.shape[1])[:0:-1].reshape(-1, column.shape[1])
     # the state [V_r; ...; V_1] belongs to one sample later than V_0, and the model runs against it
-    inverse = np.linalg.inv(T[:k, :k])
+    inverse = np.asarray(np.linalg.inv(T[:k, :k]), dtype=float)
     state = Z[:, :k].T @ column + X @ (Z[:, k:].T @ column)
     head = np.linalg.pinv(np.asarray(matrix.first_block(np.eye(matrix.outputs))))
     return Triple(inverse, state, head @ Z[-shift.block :, :k] @ T[:k, :k], k)

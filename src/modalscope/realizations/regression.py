@@ -36,7 +36,7 @@ class Regression(Realization):
         """Return the model of order n; C comes from C A."""
         self.factors.check_order(n)
         A = self.A[:n, :n]
-        C = np.linalg.lstsq(A.T, self.CA[:, :n].T, rcond=None)[0].T
+        C = np.asarray(np.linalg.lstsq(A.T, self.CA[:, :n].T, rcond=None)[0].T, dtype=float)
         return Triple(A, None if self.B is None else self.B[:n], C, n, self.factors, power=0.0)
 
 

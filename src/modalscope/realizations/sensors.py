@@ -77,7 +77,7 @@ def equations_of_motion(model: StateSpace) -> EquationsOfMotion:
             f"[C; CA] has condition {condition:.1e}: the sensors do not tell the degrees of freedom apart",
             "Measure more of them, or lower the order to the modes that the sensors see.",
         )
-    X = -np.linalg.lstsq(V.T, (model.C @ model.A @ model.A).T, rcond=None)[0].T
+    X = np.asarray(-np.linalg.lstsq(V.T, (model.C @ model.A @ model.A).T, rcond=None)[0].T, dtype=float)
     stiffness, damping = X[:, :l], X[:, l:] / scale
     values, vectors = np.linalg.eig(stiffness)
     largest = np.argsort(-np.abs(values))[: n // 2]

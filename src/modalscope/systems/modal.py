@@ -64,7 +64,7 @@ def modal_model(
     order = one_of_each_pair(poles)
     poles, shapes, part = poles[order], shapes[:, order], part[order]
     power = QUANTITIES[quantity]
-    direct = np.linalg.inv(M)[np.ix_(rows, columns)] if power == 2 else None
+    direct = np.asarray(np.linalg.inv(M)[np.ix_(rows, columns)], dtype=float) if power == 2 else None
     # an acceleration of the rigid body is a constant over frequency and already in the direct term
     drift = rigid[rows] @ rigid[columns].T if rigid.size and power < 2 else None
     return ModalModel(
@@ -120,10 +120,10 @@ def _coupled(M: RealArray, D: RealArray, K: RealArray) -> _Modes:
     real = poles.imag == 0
     scale = np.where(real, 1 / np.linalg.norm(shapes, axis=0), np.sqrt(2j * poles.imag / products))
     largest = shapes[np.argmax(np.abs(shapes), axis=0), np.arange(2 * n)] * scale
-    X = X * np.where(largest.real < 0, -scale, scale)
+    X = np.asarray(X * np.where(largest.real < 0, -scale, scale), dtype=complex)
     # from the inverse, not from phi again: repeated poles need shapes orthogonal to each other, which X need not hold
     part = sla.cho_solve(factor, np.linalg.inv(X)[:, n:].T).T
-    return np.asarray(poles, dtype=complex), X[:n], part, np.zeros((n, 0))
+    return np.asarray(poles, dtype=complex), X[:n], np.asarray(part, dtype=complex), np.zeros((n, 0))
 
 
 def _critical() -> DataError:
