@@ -105,7 +105,7 @@ def test_every_other_mode_has_its_line_and_findings_their_remedy() -> None:
         "Trust the frequency, but not the damping, of 2 Hz: because of 2.",
         "Do not trust 1 Hz: because of 1.",
         "Order too low: 20 % is left. Raise the largest order.",
-        "1 of 3 methods failed: alternate (time).",
+        "1 of 3 methods failed: SSI-cov (alternate).",
     ]
 
 

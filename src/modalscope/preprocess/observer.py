@@ -71,6 +71,11 @@ class Observer(NamedTuple):
         Parameters
         ----------
         model : StateSpace
+            Sampled, a realization of this observer's response.
+
+        Parameters
+        ----------
+        model : StateSpace
             A realization of the response, sampled.
 
         Raises
