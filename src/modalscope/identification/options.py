@@ -33,6 +33,7 @@ class AllOptions(TypedDict, total=False):
     basis: str | None
     source: str | None
     references: Any
+    weighting: str | None
     row_shifts: Any
     column_shifts: Any
     row_subsets: Any

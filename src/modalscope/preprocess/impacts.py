@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modalscope.model.keywords import named
 from modalscope.model.checks import Array, DataError, RealArray, check_count
+from modalscope.model.keywords import named
 from modalscope.model.robust import NORMAL
 
 __all__ = ["Hit", "clipped_samples", "cut_hits", "exponential_decay", "find_hits", "is_impact"]
