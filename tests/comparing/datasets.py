@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
 import modalscope as ms
 from modalscope import systems
-
-SHARED = Path(__file__).parents[3] / "shared" / "data"
+from tests.support import measured
 
 #: 40 dB.
 NOISE = 0.01
@@ -32,10 +29,7 @@ class Case:
 
 
 def _arrays(folder: str, name: str) -> Any:
-    path = SHARED / folder / name
-    if not path.exists():
-        pytest.skip(f"{folder}/{name} is not there")
-    return np.load(path, allow_pickle=False)
+    return np.load(measured(folder, name), allow_pickle=False)
 
 
 def beam_hammer() -> ms.FrequencyResponse:
@@ -44,10 +38,7 @@ def beam_hammer() -> ms.FrequencyResponse:
 
 
 def beam_uff() -> Any:
-    path = SHARED / "beam_uff" / "beam_2kHz.uff"
-    if not path.exists():
-        pytest.skip("beam_uff is not there")
-    return ms.read(path)
+    return ms.read(measured("beam_uff", "beam_2kHz.uff"))
 
 
 def hati_gvt() -> ms.FrequencyResponse:

@@ -66,6 +66,41 @@ def test_the_nearest_is_the_one_it_is_close_to() -> None:
     assert cause.evidence == "9.9 Hz is 1 % away, half bandwidths 0.2 and 0.2 Hz"
 
 
+# ---------------------------------------------------------------------------------------------------- bandwidths in the data
+
+#: A decay of 1 / s widens every half bandwidth by 1 / (2 pi) Hz.
+WIDER = 0.3
+
+
+def windowed(response: ImpulseResponse | FrequencyResponse) -> Any:
+    return replace(response, added_damping=2 * np.pi * WIDER)
+
+
+def test_under_a_window_modes_are_close_when_their_bandwidths_in_the_data_overlap() -> None:
+    # half bandwidths of 0.2 and 0.1 / 0.99 Hz, each 0.3 Hz wider under the window
+    for side, expected in ((-1, ["close pair"]), (1, [])):
+        f = 10 + (0.3 + 2 * WIDER) / 0.99 * (1 + side * NUDGE)
+        assert named(group(10, 0.02), group(f, 0.01), response=windowed(SAMPLES)) == expected
+        assert named(group(10, 0.02), group(f, 0.01)) == []
+    cause = mode_causes(0, [group(10, 0.02), group(10.5, 0.02)], windowed(SAMPLES), [])[0]
+    assert cause.evidence == "10.5 Hz is 5 % away, half bandwidths 0.5 and 0.51 Hz"
+
+
+@pytest.mark.parametrize(("side", "expected"), [(-1, ["edge of the band"]), (1, [])])
+def test_under_a_window_the_edge_is_one_bandwidth_of_the_data_wide(side: int, expected: list[str]) -> None:
+    # 10 Hz of 2 %: a bandwidth of 0.4 Hz, and of 1 Hz under the window
+    away = 2 * (0.2 + WIDER) * (1 + side * NUDGE)
+    assert named(group(10, 0.02), response=windowed(lines(10 - away, 100.0))) == expected
+    assert named(group(10, 0.02), response=lines(10 - away, 100.0)) == []
+
+
+@pytest.mark.parametrize(("side", "expected"), [(-1, []), (1, ["too few lines"])])
+def test_under_a_window_lines_are_counted_within_the_bandwidth_of_the_data(side: int, expected: list[str]) -> None:
+    step = 2 * (0.2 + WIDER) / 3 * (1 + side * NUDGE)
+    assert named(group(10, 0.02), response=windowed(lines(step=step))) == expected
+    assert named(group(10, 0.02), response=lines(step=step)) == ["too few lines"]
+
+
 # ------------------------------------------------------------------------------------------------------------- weak mode
 
 
@@ -185,8 +220,8 @@ def test_or_by_a_fifth_while_more_than_a_tenth_is_left(before: float, end: float
     [(0.03 * (1 + NUDGE), 17, True), (0.03 * (1 - NUDGE), 17, False), (0.03 * (1 + NUDGE), 16, False)],
 )
 def test_or_when_more_singular_values_stand_out_than_there_are_states(left: float, count: int, expected: bool) -> None:
-    # 16 states; values of 2.87 stand out of a median of 1, those of 2.85 do not
-    singular = [2.87] * count + [2.85] * 2 + [1.0] * 40
+    # 16 states; values above 2.86 stand out of a median of 1, those below do not
+    singular = [2.86 * (1 + NUDGE)] * count + [2.86 * (1 - NUDGE)] * 2 + [1.0] * 40
     assert too_low([left] * 8, singular=singular) is expected
 
 

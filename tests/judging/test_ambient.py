@@ -2,21 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import modalscope as ms
-
-DATA = Path(__file__).parents[3] / "shared" / "data"
-
-
-def measured(name: str) -> Path:
-    path = DATA / name
-    if not path.exists():
-        pytest.skip(f"the measured data {name} are not there")
-    return path
+from tests.support import measured
 
 
 def test_the_five_storeys_are_found_in_every_ambient_record_with_the_scatter_that_theory_allows():
@@ -42,8 +32,7 @@ def test_the_five_storeys_are_found_in_every_ambient_record_with_the_scatter_tha
 
 
 def test_the_published_modes_of_a_timber_building_and_nothing_else():
-    path = measured("palisaden/palisaden_dec5.npz")
-    record = ms.read(path, rename={"y": "outputs", "fs": "sampling_rate"})
+    record = ms.read(measured("palisaden", "palisaden_dec5.npz"), rename={"y": "outputs", "fs": "sampling_rate"})
     modes = ms.select(ms.stabilize(record, band=(0.5, 4)))
     # published by stochastic subspace identification of the same record
     assert np.allclose(modes.frequencies, [1.88202, 2.42170, 2.68704], rtol=0.003)
@@ -52,7 +41,7 @@ def test_the_published_modes_of_a_timber_building_and_nothing_else():
 
 @pytest.mark.parametrize("setup", range(3))
 def test_the_nine_modes_of_a_simulated_building_in_each_setup(setup):
-    with np.load(measured("building_3sl/tsl3.npz")) as file:
+    with np.load(measured("building_3sl", "tsl3.npz")) as file:
         record = ms.Signals(outputs=file["y"][setup], sampling_rate=float(file["fs"]))
     modes = ms.select(ms.stabilize(record))
     exact = [2.63186, 2.69173, 3.43042, 8.29742, 8.42882, 10.6272, 14.0053, 14.093, 17.5741]
@@ -61,13 +50,13 @@ def test_the_nine_modes_of_a_simulated_building_in_each_setup(setup):
 
 
 def test_the_modes_of_a_simulated_bridge():
-    with np.load(measured("bridge_ssicov/ssicov.npz")) as file:
+    with np.load(measured("bridge_ssicov", "ssicov.npz")) as file:
         record = ms.Signals(outputs=file["y"], sampling_rate=float(file["fs"]))
     modes = ms.select(ms.stabilize(record))
     assert np.allclose(modes.frequencies, [0.2045, 0.3185, 0.4379, 0.5823, 0.8551, 1.1703], rtol=0.01)
 
 
 def test_the_modes_of_a_simulated_shear_frame():
-    record = ms.Signals(outputs=np.load(measured("shear_frame/data_shearframe.npy")), sampling_rate=12.0)
+    record = ms.Signals(outputs=np.load(measured("shear_frame", "data_shearframe.npy")), sampling_rate=12.0)
     modes = ms.select(ms.stabilize(record))
     assert np.allclose(modes.frequencies, [0.1811, 0.5256, 0.8209, 1.0443, 1.1824], rtol=0.015)

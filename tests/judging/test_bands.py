@@ -113,7 +113,7 @@ def test_what_belongs_to_a_mode_goes_with_it_and_what_belongs_to_a_band_goes() -
     assert both.participation[:, 0].tolist() == [2, 1, 2]
     assert np.allclose(both.shapes.T, [at_angle(0.99), at_angle(0.95), at_angle(0.94)])
     assert both.feedthrough is None
-    assert both.scaling == "as in each band"
+    assert both.scaling == "as in each part"
     assert merge_bands([a, a], [LOW, HIGH]).scaling == "as of 0"
     assert "merged from bands 0 to 10 Hz, 8 to 20 Hz" in both.processing[-1]
 

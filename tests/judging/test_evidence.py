@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -152,6 +153,52 @@ def test_the_share_of_a_peak_is_the_poles_own_term_over_the_level_at_its_frequen
     diagram = diagram_of(pole, response=response)
     # |shape| on levelled outputs 5, participation 2, |Re s| = 2 pi; the level half way is 20
     assert peaks(diagram, poles_of(pole), seen)[0] == pytest.approx(5 * 2 / (2 * np.pi) / 20)
+
+
+# ----------------------------------------------------------------------------------------------- windows, and a late start
+
+WINDOW = 2.0
+
+
+@pytest.mark.parametrize("late", [0, 20])
+def test_what_speaks_for_a_mode_under_a_window_is_what_speaks_for_the_pole_that_the_data_have(late: int) -> None:
+    mode, other = Pole(2, 8, 0.02, shape=(1, 2), part=(0.5, 1, -2)), Pole(2, 14, 0.01, shape=(3, -1), part=(1, 0.5, 1))
+
+    def facts(added: float) -> dict[str, float]:
+        """Judge data that have decays of WINDOW more, of which so much is known to be a window's."""
+        kept = [WINDOW - added + 0j] * 2
+        data = response_of([p.pole - WINDOW for p in (mode, other)], [mode.shape, other.shape], [mode.part, other.part])
+        data = replace(data, added_damping=added, first_sample=late)
+        diagram = diagram_of(
+            *(p._replace(s=p.pole - k) for p, k in zip((mode, other), kept, strict=True)), response=data
+        )
+        poles, seen = oscillations(diagram), evidence_of(diagram)
+        found = judge(poles, np.array([0]), peaks(diagram, poles, seen), 0.1, seen).facts
+        return {name: found[name] for name in ("share_of_peak", "signal_to_noise", "indicator_prominence")}
+
+    assert facts(WINDOW) == pytest.approx(facts(0.0), rel=1e-9)
+
+
+@pytest.mark.parametrize("late", [0, 20])
+def test_a_mode_alone_is_all_of_its_response_under_a_window_and_from_a_late_sample_on(late: int) -> None:
+    mode = Pole(2, 8, 0.01, shape=(1, 2j), part=(1, 0.5, -2))
+    # 20 samples of 50 Hz are .4 s
+    decayed = np.array(mode.part) * np.exp((mode.pole - WINDOW) * late / 50)
+    data = response_of([mode.pole - WINDOW], [mode.shape], [decayed], added_damping=WINDOW, first_sample=late)
+    diagram = diagram_of(mode, response=data)
+    poles = oscillations(diagram)
+    # the sum over samples is taken for an integral: Re s / fs = 5 % off in energy, and the phase counts for less than 5 %
+    assert poles.own[0] == pytest.approx(1, abs=0.05)
+    assert peaks(diagram, poles, evidence_of(diagram))[0] == pytest.approx(1, abs=0.05)
+
+
+@pytest.mark.parametrize(("side", "ratio"), [(1, 100.0), (-1, 1.0)])
+def test_a_peak_is_looked_for_within_the_bandwidth_that_the_data_have(side: int, ratio: float) -> None:
+    # half a bandwidth of 0.1 Hz, and so much more that the peak at 10 Hz lies just inside or outside
+    mode = Pole(1, 10.3, 0.1 / 10.3)
+    added = 2 * np.pi * 0.2 * (1 + side * 0.1)
+    seen = Evidence(FREQUENCIES, np.ones(201), curves(100.0), 1.0, False, added)
+    assert judge(poles_of(mode), np.array([0]), np.ones(1), 1.0, seen).facts["indicator_prominence"] == ratio
 
 
 # ------------------------------------------------------------------------------------------------------- for and against

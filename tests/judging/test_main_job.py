@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import csv
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import modalscope as ms
 from modalscope.modal.rebuilt import fit_of
-from tests.support import FIVE, add_noise
-
-BEAM = Path(__file__).parents[2] / "examples" / "beam_hammer"
+from tests.support import BEAM, FIVE, add_noise, measured
 
 
 @pytest.fixture(scope="module")
@@ -144,10 +141,7 @@ def test_noise_alone_has_no_modes():
 
 
 def test_the_close_pairs_of_a_measured_aircraft_are_separate_modes():
-    path = Path(__file__).parents[3] / "shared" / "data" / "hati_gvt" / "hati_ws3_frf.npz"
-    if not path.exists():
-        pytest.skip("the measured aircraft is not there")
-    with np.load(path) as file:
+    with np.load(measured("hati_gvt", "hati_ws3_frf.npz")) as file:
         data = ms.FrequencyResponse(values=file["H"][:, :, None], frequencies=file["freq"], quantity="acceleration")
     modes = ms.select(ms.stabilize(data, band=(3, 36)))
     # found by independent programs; ten roving runs differ by up to .1 %, and the second pair lies 1.1 % apart

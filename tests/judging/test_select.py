@@ -9,7 +9,8 @@ import pytest
 
 from modalscope import DataError
 from modalscope.judging.evidence import Candidate
-from modalscope.judging.select import SLACK, _none_twice, select
+from modalscope.judging.select import _none_twice, select
+from modalscope.modal.sufficient import SLACK
 from modalscope.model.diagram import StabilizationDiagram
 from tests.judging.made import NUDGE, Pole, at_angle, diagram_of, poles_of, response_of
 

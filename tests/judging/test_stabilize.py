@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from modalscope.identification.eigenmodes import Eigenmodes
 
 from modalscope import DataError, stabilize
-from modalscope.judging.stabilize import TOLERANCES, _Order, _stable
-from modalscope.model import FrequencyResponse, ImpulseResponse, Signals
+from modalscope.blocks.triple import Eigen, ModalFit, Triple
+from modalscope.identification.sweep import Cut
+from modalscope.judging.stabilize import TOLERANCES, _stable
+from modalscope.modal.eigenmodes import Eigenmodes
+from modalscope.model import FrequencyResponse, ImpulseResponse, ModalModel, Signals
 from tests.judging.made import NUDGE, Pole, at_angle, response_of
 
 ONE = Pole(2, 8, 0.02, shape=(1, 0.2), part=(0.5, 1, -2))
@@ -32,18 +34,21 @@ def noisy(seed: int = 0, level: float = 0.05, samples: int = 400, **how: Any) ->
 def flags(after: list[Pole], before: list[Pole], **limits: float) -> list[tuple[bool, ...]]:
     """Return for each pole of an order whether frequency, damping and shape are those of the order before."""
 
-    def cut(order: int, made: list[Pole]) -> _Order:  # the one place that knows what an order of the sweep is made of
+    def cut(order: int, made: list[Pole]) -> Cut:  # the one place that knows what an order of the sweep is made of
         n = len(made)
-        modes = Eigenmodes(
-            poles=np.array([p.pole for p in made], complex),
-            own=np.ones(n, complex),
-            vectors=np.eye(n, dtype=complex),
-            rows=np.eye(n, dtype=complex),
-            shapes=np.array([p.shape for p in made], complex).reshape(n, 2).T,
-            participation=np.ones((n, 3), complex),
-            terms=np.zeros((1, 2, 3)),
+        poles = np.array([p.pole for p in made], complex)
+        shapes = np.array([p.shape for p in made], complex).reshape(n, 2).T
+        states = np.eye(n, dtype=complex)
+        fit = ModalFit(shapes, np.ones((n, 3), complex), np.zeros((1, 2, 3)))
+        return Cut(
+            order=order,
+            triple=Triple(A=np.zeros((n, n)), B=None, C=np.zeros((2, n)), rank=n),
+            modal=Eigenmodes(poles, Eigen(poles, states, states), fit),
+            modes=ModalModel(poles=poles, shapes=shapes),
+            reported=np.arange(n),
+            indicators={},
+            misfit=0.0,
         )
-        return _Order(order, modes, np.arange(n), {}, 0.0)
 
     found = _stable(cut(2, before), cut(4, after), {**TOLERANCES, **limits})
     return [tuple(bool(v) for v in column) for column in found.T]
@@ -171,7 +176,7 @@ def test_the_fit_error_on_lines_counts_real_and_imaginary_part_and_the_direct_te
 def test_poles_outside_a_band_are_counted_not_drawn() -> None:
     d = stabilize(RESPONSE, orders=[4], band=(10, 20))
     assert np.allclose(d.poles, [TWO.pole])
-    assert "1 poles outside the band or extraneous are not in the diagram" in d.notes
+    assert "1 poles outside the band or extraneous are not in the diagram" in map(str, d.notes)
     edge = stabilize(RESPONSE, orders=[4], band=(10, 14 * (1 + 1e-9)))
     assert edge.poles.size == 1
     assert stabilize(RESPONSE, orders=[4], band=(10, 14 * (1 - 1e-9))).poles.size == 0
@@ -203,8 +208,8 @@ def test_orders_of_lines_go_up_to_eighty_and_to_as_many_as_there_are_columns_of_
     assert stabilize(lines(60)).orders == tuple(range(2, 81, 2))
     assert stabilize(lines(20, outputs=20, inputs=1)).orders == tuple(range(2, 21, 2))
     # 14 x 3 columns, but the rows carry fewer; ten lines lie in the band
-    assert "orders 30 to 42 left out: the data matrix has rank 28" in stabilize(lines(14)).notes
-    assert "orders 22 to 30 left out: the data matrix has rank 20" in stabilize(lines(60), band=(2, 5)).notes
+    assert "orders 30 to 42 left out: the data matrix has rank 28" in map(str, stabilize(lines(14)).notes)
+    assert "orders 22 to 30 left out: the data matrix has rank 20" in map(str, stabilize(lines(60), band=(2, 5)).notes)
 
 
 def test_records_without_inputs_are_correlations_and_those_with_inputs_lines() -> None:
@@ -222,7 +227,7 @@ def test_degrees_of_a_matrix_fraction_go_up_to_sixty_and_to_240_poles(inputs: in
 def test_orders_beyond_the_rank_of_exact_data_are_left_out_and_the_rank_is_known() -> None:
     d = stabilize(RESPONSE, orders=[2, 6, 8])
     assert (d.orders, d.exact_rank) == ((2, 4), 4)
-    assert "orders 6 to 8 left out: the data matrix has rank 4" in d.notes
+    assert "orders 6 to 8 left out: the data matrix has rank 4" in map(str, d.notes)
     assert stabilize(noisy(), orders=[2, 4]).exact_rank is None
     with pytest.raises(DataError, match="orders 6 to 8 were asked"):
         stabilize(RESPONSE, orders=[6, 8])

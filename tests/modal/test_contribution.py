@@ -38,6 +38,65 @@ def test_on_lines_it_is_the_norm_of_the_term_built(k):
     assert found == pytest.approx(wanted, rel=0.05)
 
 
+WINDOW, LATE, RATE = 0.4, 30, 20.0  # 1/s on decays of .01 to .6 1/s, and one and a half seconds that were cut off
+
+
+def damped(modes, added):
+    return replace(modes, poles=modes.poles - added)
+
+
+@pytest.mark.parametrize("k", range(5))
+def test_on_samples_under_a_window_that_begin_late_it_is_the_norm_of_the_term_built(k):
+    """Both the decay and the size at the first sample there is are those with the window on."""
+    response = damped(MODES, WINDOW).impulse_response(4000, RATE, first_sample=LATE)
+    scale = output_scale(response)[:, None]
+    term = damped(alone(k), WINDOW).impulse_response(4000, RATE, first_sample=LATE).values
+    wanted = np.linalg.norm(term / scale) / np.linalg.norm(response.values / scale)
+    data = replace(response, added_damping=WINDOW)
+    found = contributions(data, MODES.poles, MODES.shapes.T, MODES.participation)[k]
+    assert found == pytest.approx(wanted, rel=0.06)
+
+
+def test_on_lines_under_a_window_it_is_the_norm_of_the_term_built():
+    response = damped(MODES, WINDOW).frequency_response(np.linspace(0.01, 30, 20_000))
+    scale = output_scale(response)[:, None]
+    term = damped(alone(4), WINDOW).frequency_response(response.frequencies).values
+    wanted = np.linalg.norm(term / scale) / np.linalg.norm(response.values / scale)
+    data = replace(response, added_damping=WINDOW)
+    found = contributions(data, MODES.poles, MODES.shapes.T, MODES.participation)[4]
+    assert found == pytest.approx(wanted, rel=0.05)
+
+
+@pytest.mark.parametrize("late", [0, LATE])
+@pytest.mark.parametrize("part", [contributions, peak_sizes])
+def test_a_window_that_is_told_is_one_that_is_in_the_poles(part, late):
+    told = damped(MODES, WINDOW).impulse_response(400, RATE, first_sample=late)
+    marked = replace(told, added_damping=WINDOW)
+    own = part(told, MODES.poles - WINDOW, MODES.shapes.T, MODES.participation)
+    assert part(marked, MODES.poles, MODES.shapes.T, MODES.participation) == pytest.approx(own, rel=1e-12)
+
+
+@pytest.mark.parametrize("part", [contributions, peak_sizes])
+def test_samples_that_begin_late_are_those_of_residues_that_have_decayed(part):
+    """Y(k + q) = phi z^k (z^q l'): what is counted from the impulse, or from the first sample, is one response."""
+    late = MODES.impulse_response(400, RATE, first_sample=LATE)
+    now = replace(late, first_sample=0)
+    decayed = MODES.participation * np.exp(MODES.poles * LATE / RATE)[:, None]
+    from_impulse = part(late, MODES.poles, MODES.shapes.T, MODES.participation)
+    assert from_impulse == pytest.approx(part(now, MODES.poles, MODES.shapes.T, decayed), rel=1e-12)
+
+
+@pytest.mark.parametrize("late", [0, LATE])
+def test_the_peak_of_samples_under_a_window_is_what_their_transform_shows_there(late):
+    """The transform of R z^k over all k is R / (1 - z exp(-j w dt)) dt, |R| / |Re s| at w = Im s but for Re s dt / 2, 1 %."""
+    one = alone(2)
+    response = damped(one, WINDOW).impulse_response(2000, RATE, first_sample=late)
+    f, H = response.spectrum()
+    level = np.linalg.norm(H / output_scale(response)[:, None], axis=(1, 2))
+    found = peak_sizes(replace(response, added_damping=WINDOW), one.poles, one.shapes.T, one.participation)
+    assert found[0] == pytest.approx(np.interp(one.frequencies[0], f, level), rel=0.05)
+
+
 def test_an_undamped_pole_contributes_no_more_than_its_samples():
     response = MODES.impulse_response(100, 20.0)
     still = MODES.poles.imag * 1j

@@ -20,6 +20,8 @@ order too low
     than the largest order has states exceed 2.86 times their median (Gavish and Donoho's threshold for square matrices).
 not separated
     None of the others.
+
+Bandwidths of these rules are those in the data, with what an exponential window added.
 """
 
 from __future__ import annotations
@@ -34,7 +36,7 @@ from modalscope.comparing.causes import Cause, Disagreement
 from modalscope.comparing.run import MethodResult
 from modalscope.judging.evidence import LEAST_PEAK, LEAST_SIGNAL
 from modalscope.model.diagram import StabilizationDiagram
-from modalscope.model.response import Response
+from modalscope.model.response import Response, window_damping
 from modalscope.model.robust import noise_threshold
 
 __all__ = ["HEAVY", "disagreements", "mode_causes", "order_cause"]
@@ -81,9 +83,14 @@ def _heavy(case: _Case) -> Cause | None:
     return Cause("heavy damping", f"{100 * zeta:.3g} % of critical") if zeta > HEAVY else None
 
 
+def _half(case: _Case, group: Group) -> float:
+    """Return the half bandwidth |Re s| / 2 pi that a mode has in the data, Hz."""
+    return group.half_bandwidth + window_damping(case.response) / (2 * np.pi)
+
+
 def _close(case: _Case) -> Cause | None:
     g = case.group
-    near = [o for o in case.others if abs(o.frequency - g.frequency) < o.half_bandwidth + g.half_bandwidth]
+    near = [o for o in case.others if abs(o.frequency - g.frequency) < _half(case, o) + _half(case, g)]
     # beside a heavily damped mode everything lies within its half bandwidth
     near = [o for o in near if max(o.damping, g.damping) <= HEAVY]
     if not near:
@@ -93,7 +100,7 @@ def _close(case: _Case) -> Cause | None:
     return Cause(
         "close pair",
         f"{o.frequency:.5g} Hz is {100 * apart / g.frequency:.2g} % away, "
-        f"half bandwidths {g.half_bandwidth:.2g} and {o.half_bandwidth:.2g} Hz",
+        f"half bandwidths {_half(case, g):.2g} and {_half(case, o):.2g} Hz",
     )
 
 
@@ -124,12 +131,12 @@ def _edge(case: _Case) -> Cause | None:
     g, f = case.group, case.response.grid
     if f is None:
         return None
-    away = min(g.frequency - f[0], f[-1] - g.frequency)
-    if away > 2 * g.half_bandwidth:
+    away, width = min(g.frequency - f[0], f[-1] - g.frequency), 2 * _half(case, g)
+    if away > width:
         return None
     return Cause(
         "edge of the band",
-        f"{away:.3g} Hz inside the band {f[0]:.5g} to {f[-1]:.5g} Hz, bandwidth {2 * g.half_bandwidth:.2g} Hz",
+        f"{away:.3g} Hz inside the band {f[0]:.5g} to {f[-1]:.5g} Hz, bandwidth {width:.2g} Hz",
     )
 
 
@@ -138,7 +145,7 @@ def _lines(case: _Case) -> Cause | None:
     if f is None or f.size < 2:
         return None
     step = float(np.median(np.diff(f)))
-    width = 2 * case.group.half_bandwidth
+    width = 2 * _half(case, case.group)
     if width >= _LINES * step:
         return None
     return Cause("too few lines", f"bandwidth {width:.2g} Hz, lines every {step:.2g} Hz")

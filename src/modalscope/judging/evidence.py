@@ -12,7 +12,8 @@ from modalscope.modal.contribution import of_diagram, peak_sizes
 from modalscope.modal.indicators import cmif, prominence
 from modalscope.model.checks import Array, RealArray
 from modalscope.model.diagram import StabilizationDiagram
-from modalscope.model.response import output_scale
+from modalscope.model.poles import frequencies_and_damping, poles_from
+from modalscope.model.response import output_scale, window_damping
 
 __all__ = [
     "LEAST_PEAK",
@@ -43,13 +44,17 @@ LEAST_PROMINENCE_AMBIENT, LEAST_PEAK_AMBIENT, WHOLE_PEAK = 1.5, 0.1, 0.9
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What the data say of a group of poles: the response's level and indicator curves over frequency, and its size."""
+    """What the data say of a group of poles: the response's level and indicator curves over frequency, and its size.
+
+    The data have decays of `added_damping` (1/s) more than the poles: what an exponential window added.
+    """
 
     frequencies: RealArray
     level: RealArray
     curves: RealArray
     samples: float
     ambient: bool
+    added_damping: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,13 +85,15 @@ def evidence_of(diagram: StabilizationDiagram) -> Evidence:
     H, count = spectrum / scale, response.count
     curves = cmif(H)
     size = np.sqrt(count * outputs * inputs / (outputs + inputs))
-    return Evidence(f, np.linalg.norm(H, axis=(1, 2)), np.sqrt(curves) if ambient else curves, float(size), ambient)
+    level, shown = np.linalg.norm(H, axis=(1, 2)), np.sqrt(curves) if ambient else curves
+    return Evidence(f, level, shown, float(size), ambient, window_damping(response))
 
 
 def peaks(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> RealArray:
     """Return the size of each pole's term at its frequency over that of the whole response there."""
     size = peak_sizes(diagram.response, poles.pole, poles.shape, poles.participation)
-    return np.asarray(size / np.interp(poles.frequency, evidence.frequencies, evidence.level))
+    f, _ = frequencies_and_damping(poles.pole - evidence.added_damping)
+    return np.asarray(size / np.interp(f, evidence.frequencies, evidence.level))
 
 
 def judge(poles: Poles, group: Array, peak: RealArray, fit: float, evidence: Evidence) -> Candidate:
@@ -95,7 +102,8 @@ def judge(poles: Poles, group: Array, peak: RealArray, fit: float, evidence: Evi
     first, orders = int(poles.order[group].min()), np.array(poles.orders)
     persistence = group.size / max(int((orders >= first).sum()), min(LEAST_ORDERS, len(orders)))
     signal = float(np.median(poles.own[group])) / max(fit, 1e-15) * evidence.samples
-    stands_out = prominence(evidence.curves, evidence.frequencies, f, zeta)
+    shown = frequencies_and_damping(poles_from(f, zeta) - evidence.added_damping)
+    stands_out = prominence(evidence.curves, evidence.frequencies, *(float(v) for v in shown))
     share = float(np.median(peak[group]))
     against = []
     if group.size < max(min(LEAST_ORDERS, len(orders)), LEAST_SHARE * len(orders)):

@@ -1,6 +1,8 @@
 """What a pole contributes to the measured responses: its size in all, and at its own frequency.
 
 The residue of a pole is R = phi l', of norm |phi| |l|; outputs are divided by their root mean square, so that quiet ones count, too.
+Poles are given as modes have them. In the data an exponential window's damping is still in them, and what was R at the impulse is
+R exp(s t_0) at the first sample there is.
 """
 
 from __future__ import annotations
@@ -9,7 +11,7 @@ import numpy as np
 
 from modalscope.model.checks import Array, RealArray
 from modalscope.model.diagram import StabilizationDiagram
-from modalscope.model.response import Response, output_scale
+from modalscope.model.response import Response, output_scale, window_damping
 
 __all__ = ["contributions", "of_diagram", "peak_sizes", "residue_sizes"]
 
@@ -29,8 +31,10 @@ def contributions(response: Response, poles: Array, shapes: Array, participation
     ----------
     response : FrequencyResponse or ImpulseResponse
     poles : array of complex, (p,)
+        rad/s, with a window's damping taken off.
     shapes : array of complex, (p, l)
     participation : array of complex, (p, m)
+        Referred to the impulse itself.
 
     Examples
     --------
@@ -41,10 +45,8 @@ def contributions(response: Response, poles: Array, shapes: Array, participation
     >>> bool(abs(part[0] - 1) < 0.1)
     True
     """
-    scale = output_scale(response)
-    size = residue_sizes(shapes, participation, scale)
-    decay = np.maximum(np.abs(poles.real), 1e-12 * np.abs(poles))
-    total = np.linalg.norm(response.values / scale[:, None])
+    size, decay = _in_the_data(response, poles, shapes, participation)
+    total = np.linalg.norm(response.values / output_scale(response)[:, None])
     return np.asarray(size * np.sqrt(response.energy(decay)) / total)
 
 
@@ -54,5 +56,14 @@ def of_diagram(diagram: StabilizationDiagram) -> RealArray:
 
 
 def peak_sizes(response: Response, poles: Array, shapes: Array, participation: Array) -> RealArray:
-    """Return |R| / |Re s| of every pole: the size of its own term at its frequency, outputs brought level."""
-    return np.asarray(residue_sizes(shapes, participation, output_scale(response)) / np.abs(poles.real))
+    """Return |R| / |Re s| of every pole: the size of its own term at its frequency, outputs brought level; see `contributions`."""
+    size, decay = _in_the_data(response, poles, shapes, participation)
+    return size / decay
+
+
+def _in_the_data(response: Response, poles: Array, shapes: Array, participation: Array) -> tuple[RealArray, RealArray]:
+    """Return of every pole |R exp(s t_0)|, outputs brought level, and |Re s|, s as the data have it: with a window's damping."""
+    own = poles - window_damping(response)
+    t0 = response.steps_late / (response.sampling_rate or 1.0)
+    size = residue_sizes(shapes, participation, output_scale(response)) * np.exp(own.real * t0)
+    return size, np.maximum(np.abs(own.real), 1e-12 * np.abs(own))

@@ -25,7 +25,7 @@ __all__ = ["merge"]
 Part = Signals | FrequencyResponse | ImpulseResponse
 
 
-@named(inspect.signature(estimate_frf).parameters)
+@named(inspect.signature(estimate_frf).parameters, inspect.signature(estimate_correlation).parameters)
 def merge(parts: Iterable[Part | Records], **options: Any) -> Part | Records:
     """Put the runs of one test together, by the labels of their channels.
 
