@@ -42,6 +42,8 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
         StabilizationDiagram as StabilizationDiagram,
         StateSpace as StateSpace,
     )
+    from modalscope.model.analysis import Analysis as Analysis
+    from modalscope.model.result import Result as Result
     from modalscope.preprocess import (
         estimate_correlation as estimate_correlation,
         estimate_frf as estimate_frf,
@@ -54,6 +56,8 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
         first_order_form as first_order_form,
     )
     from modalscope.reporting import report as report
+    from modalscope.workflow.analyze import analyze as analyze
+    from modalscope.workflow.replay import replay as replay
 
 __version__ = "0.1.0"
 
@@ -82,9 +86,13 @@ _HOMES = {
         "StabilizationDiagram",
         "StateSpace",
     ),
+    "model.analysis": ("Analysis",),
+    "model.result": ("Result",),
     "preprocess": ("estimate_correlation", "estimate_frf", "estimate_markov", "merge"),
     "realizations.sensors": ("EquationsOfMotion", "equations_of_motion", "first_order_form"),
     "reporting": ("report",),
+    "workflow.analyze": ("analyze",),
+    "workflow.replay": ("replay",),
 }
 
 #: What else there is, in namespaces.
