@@ -16,7 +16,7 @@ from matplotlib import style
 import modalscope as ms
 from modalscope.identification.options import LineOptions
 from modalscope.model import DataError, ModalModel, StabilizationDiagram
-from modalscope.reporting import report, report_modes, sections
+from modalscope.reporting import report, sections
 from modalscope.reporting.document import write_page
 from modalscope.reporting.figures import shape_svg
 from modalscope.reporting.html import Section
@@ -173,7 +173,7 @@ def test_what_users_write_cannot_become_markup(tmp_path: Path) -> None:
     evil = '<script>alert("1")</script>'
     modes = replace(judged(), reasons=({"text": evil},) * 5, scaling=evil)
     diagram = replace(examples.diagram(), notes=(evil,), settings=LineOptions(exclude=evil))
-    path = report_modes(tmp_path / "r.html", modes=modes, diagram=diagram, title=evil, source=evil, command=evil)
+    path = report((modes, diagram), tmp_path / "r.html", title=evil, source=evil, command=evil)
     page = read(path)
     assert page.tags["script"] == 0
     assert " ".join(page.words).count(evil) >= 7
