@@ -21,6 +21,7 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
         identify as identify,
         realize as realize,
     )
+    from modalscope.identification.sweep import sweep as sweep
     from modalscope.identification.table import methods as methods
     from modalscope.io import read as read, write as write
     from modalscope.judging.bands import merge_bands as merge_bands
@@ -41,6 +42,8 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
         StabilizationDiagram as StabilizationDiagram,
         StateSpace as StateSpace,
     )
+    from modalscope.model.analysis import Analysis as Analysis
+    from modalscope.model.result import Result as Result
     from modalscope.preprocess import (
         estimate_correlation as estimate_correlation,
         estimate_frf as estimate_frf,
@@ -53,6 +56,8 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
         first_order_form as first_order_form,
     )
     from modalscope.reporting import report as report
+    from modalscope.workflow.analyze import analyze as analyze
+    from modalscope.workflow.replay import replay as replay
 
 __version__ = "0.1.0"
 
@@ -61,6 +66,7 @@ _HOMES = {
     "comparing": ("Comparison", "compare"),
     "identification.dwell": ("Dwell", "tuned_dwell"),
     "identification.identify": ("Identification", "identify", "realize"),
+    "identification.sweep": ("sweep",),
     "identification.table": ("methods",),
     "io": ("read", "write"),
     "judging.bands": ("merge_bands",),
@@ -80,9 +86,13 @@ _HOMES = {
         "StabilizationDiagram",
         "StateSpace",
     ),
+    "model.analysis": ("Analysis",),
+    "model.result": ("Result",),
     "preprocess": ("estimate_correlation", "estimate_frf", "estimate_markov", "merge"),
     "realizations.sensors": ("EquationsOfMotion", "equations_of_motion", "first_order_form"),
     "reporting": ("report",),
+    "workflow.analyze": ("analyze",),
+    "workflow.replay": ("replay",),
 }
 
 #: What else there is, in namespaces.

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
 import pytest
 import scipy.linalg  # noqa: F401  (loaded, so that its threads are counted)
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from modalscope.blocks.threads import one_thread
+from modalscope.blocks.threads import one_thread, single_threaded
 
 
 def blas_threads() -> list[int]:
@@ -41,4 +45,27 @@ def test_an_error_takes_the_limit_back_too(two_threads):
 
     with pytest.raises(ValueError, match="on purpose"):
         fails()
+    assert blas_threads() == two_threads
+
+
+def test_two_calls_that_overlap_give_the_threads_back_when_the_last_has_ended(two_threads):
+    """The first to begin is the first to end: with a limit each, the second would have given the first one's back for good."""
+    first, second = single_threaded(), single_threaded()
+    first.__enter__()
+    second.__enter__()
+    first.__exit__(None, None, None)
+    assert set(blas_threads()) == {1}
+    second.__exit__(None, None, None)
+    assert blas_threads() == two_threads
+
+
+def test_many_threads_that_call_at_once_leave_no_trace(two_threads):
+    @one_thread
+    def work(seconds: float) -> list[int]:
+        time.sleep(seconds)
+        return blas_threads()
+
+    with ThreadPoolExecutor(8) as pool:
+        found = list(pool.map(work, np.random.default_rng(0).uniform(0, 0.01, 60)))
+    assert all(set(threads) == {1} for threads in found)
     assert blas_threads() == two_threads

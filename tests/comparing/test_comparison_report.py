@@ -73,7 +73,7 @@ def test_the_script_repeats_the_comparison(comparison: Comparison) -> None:
 def test_the_map_puts_equals_on_one_point_and_names_all(comparison: Comparison) -> None:
     ax = plot.method_map(comparison)
     words = {text.get_text() for text in ax.texts}
-    assert words == {"ERA = least squares regression", "PRCE"}
+    assert words == {"ERA = ITD (least_squares)", "PRCE"}
     points = [tuple(np.ravel(line.get_xydata())) for line in ax.lines]
     # coordinates are roots of eigenvalues: rounding of 1e-12 in distances becomes 1e-6
     assert points[0] == pytest.approx(points[1], abs=1e-4)

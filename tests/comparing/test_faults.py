@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -73,7 +74,8 @@ def test_a_channel_of_noise_is_named_bad() -> None:
     values[:, 2] = np.std(values) * np.random.default_rng(0).standard_normal(values[:, 2].shape)
     c = run(replace(clean, values=values))
     assert channels(c, "bad channel") == {"4:+X"}
-    assert "the modes leave 100 % of it" in c.findings[0].evidence
+    # noise of 400 samples is explained by chance, as little as its few parameters can
+    assert re.search(r"the modes leave (99|100) % of it", c.findings[0].evidence)
 
 
 @pytest.mark.parametrize("make", [chain, chain_lines])

@@ -26,7 +26,7 @@ def row(name: str, domain: str):  # type: ignore[no-untyped-def]
     ("response", "domains", "fraction"), [(SAMPLES, {"time", "z"}, False), (MEASURED, {"z", "s"}, True)]
 )
 def test_rows_on_transformed_data_are_told_from_those_on_the_data_themselves(response, domains, fraction) -> None:  # type: ignore[no-untyped-def]
-    exact = {m for m in methods() if m.exact_on(response) and m.refusal(response, False) is None}
+    exact = [m for m in methods() if m.exact_on(response) and m.refusal(response, False) is None]
     assert {m.domain for m in exact} == domains
     assert (row("lscf", "z") in exact) is fraction
 

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from modalscope.judging import outcome as outcomes
 from modalscope.judging.evidence import Candidate
 from modalscope.judging.outcome import modes_of
 from modalscope.modal.indicators import mac
 from modalscope.model import FrequencyResponse, ImpulseResponse
 from modalscope.model.modes import ModalModel
+from modalscope.model.response import Response
 from tests.judging.made import Pole, at_angle, diagram_of, poles_of, response_of
 
 #: Two modes that no channel and no scaling can exchange.
@@ -108,20 +111,25 @@ def test_spread_and_values_are_those_of_the_members_alone() -> None:
     assert np.allclose(model.poles, [ONE.pole, TWO.pole])
 
 
-def test_the_shape_is_that_of_the_member_nearest_to_all_others() -> None:
+def test_the_fit_of_residues_starts_from_the_member_nearest_to_all_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    def start(response: Response, poles: np.ndarray, shapes: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        return shapes, {"participation": np.ones((len(poles), response.values.shape[2]), complex)}
+
+    monkeypatch.setattr(outcomes, "joint_residues", start)
     likeness = [1.0, 0.99, 0.9]
     made = [Pole(2 * k + 2, shape=at_angle(v)) for k, v in enumerate(likeness)]
     model = outcome(*made, chosen=[candidate([0, 1, 2], made[0])])
     assert mac(model.shapes[:, 0], at_angle(0.99))[0, 0] == pytest.approx(1)
 
 
-def test_indicators_are_the_medians_of_the_members_found_by_order_and_pole() -> None:
-    # the diagram has poles of its own order and of its own place that the poles chosen from do not have
+def test_indicators_are_the_medians_of_the_members_wherever_these_stand_in_the_diagram() -> None:
+    # the diagram has poles that the poles chosen from do not have
     made = [ONE, TWO, ONE._replace(order=4), TWO._replace(order=4), ONE._replace(order=6), TWO._replace(order=6)]
     extra = [Pole(2, 30), Pole(4, 30), Pole(6, 30)]
     emac = np.array([0.0, 0.0, 0.0, 0.1, 0.9, 0.3, 0.7, 0.2, 0.8])
     diagram = diagram_of(*extra, *made, response=response(), indicators={"emac": emac})
-    model = modes_of(diagram, poles_of(*made), [candidate([0, 2, 4], ONE), candidate([1, 3, 5], TWO)])
+    poles = replace(poles_of(*made), index=np.arange(3, 9))
+    model = modes_of(diagram, poles, [candidate([0, 2, 4], ONE), candidate([1, 3, 5], TWO)])
     assert model.indicators["emac"].tolist() == pytest.approx([0.2, 0.8])
 
 

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 
+from modalscope.identification.options import LineOptions
 from modalscope.model import FrequencyResponse, ModalModel, StabilizationDiagram
 from modalscope.systems import chain5
 
@@ -55,6 +56,6 @@ def diagram() -> StabilizationDiagram:
         singular_values=np.logspace(0, -6, 20),
         fit_errors=np.logspace(0, -3, 7),
         tolerances={"frequency": 0.01, "damping": 0.05, "shape": 0.05},
-        settings={"block_rows": 8, "weights": None},
+        settings=LineOptions(block_rows=8, band=(0.3, 7.5)),
         notes=("orders 16 to 20 left out: the data matrix has rank 14",),
     )

@@ -14,8 +14,9 @@ import pytest
 from matplotlib import style
 
 import modalscope as ms
+from modalscope.identification.options import LineOptions
 from modalscope.model import DataError, ModalModel, StabilizationDiagram
-from modalscope.reporting import report, report_modes, sections
+from modalscope.reporting import report, sections
 from modalscope.reporting.document import write_page
 from modalscope.reporting.figures import shape_svg
 from modalscope.reporting.html import Section
@@ -171,8 +172,8 @@ def test_reasons_are_shown_whatever_they_hold() -> None:
 def test_what_users_write_cannot_become_markup(tmp_path: Path) -> None:
     evil = '<script>alert("1")</script>'
     modes = replace(judged(), reasons=({"text": evil},) * 5, scaling=evil)
-    diagram = replace(examples.diagram(), notes=(evil,), settings={"window": evil})
-    path = report_modes(tmp_path / "r.html", modes=modes, diagram=diagram, title=evil, source=evil, command=evil)
+    diagram = replace(examples.diagram(), notes=(evil,), settings=LineOptions(exclude=evil))
+    path = report((modes, diagram), tmp_path / "r.html", title=evil, source=evil, command=evil)
     page = read(path)
     assert page.tags["script"] == 0
     assert " ".join(page.words).count(evil) >= 7
@@ -183,12 +184,13 @@ def test_the_script_repeats_the_identification() -> None:
     compile(text, "script", "exec")
     assert "orders=range(2, 15, 2)" in text
     assert "block_rows=8" in text
+    assert "band=(0.3, 7.5)" in text
     assert "weights" not in text  # not given
-    f = examples.response().frequencies
-    assert f"band=({float(f[0])!r}, {float(f[-1])!r})" in text
-    given = stabilization_script(replace(examples.diagram(), settings={"weights": "given"}), None)
+    weights = np.linspace(0.1, 1, 3)
+    given = stabilization_script(replace(examples.diagram(), settings=LineOptions(weights=weights)), None)
     compile(given, "script", "exec")
-    assert "# and as they were given: weights" in given
+    assert given.startswith("import numpy as np\n")
+    assert f"weights=np.array({weights.tolist()!r})" in given  # every digit
 
 
 def test_running_the_script_gives_the_same_modes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -171,13 +171,18 @@ class Projection(DataMatrix):
                 yield np.hstack([before.reshape(count, -1), part[:, p:].reshape(count, -1)])
 
     @cached_property
-    def triangle(self) -> RealArray:
-        """L21 (l (q + 1), r p): the projection times an orthonormal matrix, its exact stand-in, from runs and times in turn."""
+    def future(self) -> RealArray:
+        """[L21, L22] (l (q + 1), r p + l (q + 1)): the future in the coordinates of the past and of what it does not predict."""
         total = TriangleSum(self.rows)
         for chunk in self._chunks():
             total.add(chunk)
         R = total.finish()
-        return np.asarray(R[: self.past, self.past :].T / np.sqrt(self.columns), order="C")
+        return np.asarray(R[:, self.past :].T / np.sqrt(self.columns), order="C")
+
+    @cached_property
+    def triangle(self) -> RealArray:
+        """L21 (l (q + 1), r p): the projection times an orthonormal matrix, its exact stand-in, from runs and times in turn."""
+        return np.ascontiguousarray(self.future[:, : self.past])
 
     def tall(self) -> DenseMatrix:
         """Return all q + 1 block rows."""

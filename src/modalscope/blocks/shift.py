@@ -28,6 +28,8 @@ class RowShift:
         Rows in a block.
     weight : array, optional
         Row weights that the factor still carries; they are removed first.
+    mixing : array, (rows, rows), optional
+        What takes the factor's rows back where they were mixed by a full triangle.
     whole : bool
         Whether every block row holds all `block` channels, as companion forms need.
     """
@@ -37,10 +39,13 @@ class RowShift:
     after: IntArray | None = None
     recurrence: RealArray | None = None
     weight: RealArray | None = None
+    mixing: RealArray | None = None
     whole: bool = True
 
     def unweighted(self, V: Array) -> RealArray:
-        """Return V without the row weights."""
+        """Return V without the row weights, or taken back by the mixing."""
+        if self.mixing is not None:
+            return np.asarray(self.mixing @ V)
         return V if self.weight is None else V / self.weight[:, None]
 
     def split(self, V: Array) -> tuple[RealArray, RealArray]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from modalscope.cli.parser import Commands, add_choices, add_file
 
 if TYPE_CHECKING:
-    from modalscope.model import ModalModel, StabilizationDiagram
+    from modalscope.model.result import Result
 
 __all__ = ["add", "run"]
 
@@ -28,33 +28,44 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--frequencies", nargs="+", type=float, metavar="HZ", help="report the modes at these frequencies"
     )
+    parser.add_argument("--take", nargs="+", type=float, metavar="HZ", help="report these modes, too")
+    parser.add_argument("--refuse", nargs="+", type=float, metavar="HZ", help="do not report these modes")
     parser.add_argument("-o", "--output", type=Path, help="write .json, .csv, .uff or an .html report")
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> None:
     """Find the modes in a file, print them, and write them where that is asked."""
-    from modalscope.cli.output import check_output, is_page, write_modes, write_page
-    from modalscope.cli.reading import parse_orders, read_responses
-    from modalscope.judging.bands import merge_bands
+    from modalscope.cli.output import check_output, is_page, write_page, write_result
+    from modalscope.cli.progress import progress
+    from modalscope.cli.reading import parse_orders, reading_options
+    from modalscope.workflow.analyze import analyze
 
-    orders, bands = parse_orders(options.orders), [tuple(band) for band in options.band or ()]
     check_output(options.output)
+    orders, bands = parse_orders(options.orders), [tuple(band) for band in options.band or ()]
     if len(bands) > 1 and options.output is not None and is_page(options.output):
         _refuse_page_of(bands)
-    data = read_responses(options, "modes")
-    wanted: list[Any] = list(bands) or [None]
-    found = [_one_band(options, data, band, orders) for band in wanted]
-    modes, diagram = found[0]
-    if len(found) > 1:
-        modes = merge_bands([modes for modes, _ in found], bands)
-        print(f"\n{len(bands)} bands merged\n\n{modes.table()}")
+    given: dict[str, Any] = {"band": bands[0] if len(bands) == 1 else bands or None, "exclude": options.exclude}
+    with progress("identifying") as show:
+        result = analyze(
+            options.file,
+            method=options.method,
+            domain=options.domain,
+            orders=orders,
+            frequencies=options.frequencies,
+            take=options.take or (),
+            refuse=options.refuse or (),
+            reading=reading_options(options),
+            progress=show,
+            **given,
+        )
+    _print(result)
     if options.output is None:
         return
     if is_page(options.output):
-        write_page(options, (modes, diagram))
+        write_page(options, result)
     else:
-        write_modes(options, modes, method=diagram.method, domain=diagram.domain, orders=diagram.orders)
+        write_result(options, result)
 
 
 def _refuse_page_of(bands: list[Any]) -> None:
@@ -67,38 +78,23 @@ def _refuse_page_of(bands: list[Any]) -> None:
     )
 
 
-def _one_band(
-    options: argparse.Namespace, data: Any, band: Any, orders: range | None
-) -> tuple[ModalModel, StabilizationDiagram]:
-    from modalscope.cli.progress import progress
-    from modalscope.judging.select import select
-    from modalscope.judging.stabilize import stabilize
-
-    with progress("identifying") as show:
-        diagram = stabilize(
-            data,
-            method=options.method,
-            domain=options.domain,
-            orders=orders,
-            band=band,
-            exclude=options.exclude,
-            progress=show,
-        )
-    modes = select(diagram, frequencies=options.frequencies)
-    _print_modes(modes, diagram)
-    return modes, diagram
-
-
-def _print_modes(modes: ModalModel, diagram: StabilizationDiagram) -> None:
+def _print(result: Result) -> None:
+    """Print how the modes were found, what was noted, and the modes."""
+    from modalscope.modal.explained import explained
     from modalscope.modal.rebuilt import fit_of
 
-    print(f"{diagram.method} ({diagram.domain}), orders {diagram.orders[0]} to {diagram.orders[-1]}")
-    for note in diagram.notes:
-        print(f"  {note}")
-    if not len(modes):
+    for diagram in result.diagrams:
+        print(f"{diagram.method} ({diagram.domain}), orders {diagram.orders[0]} to {diagram.orders[-1]}")
+        for note in diagram.notes:
+            print(f"  {note}")
+    if result.findings:
+        print("quality:")
+        for finding in result.findings:
+            print(f"  {finding}")
+    if not len(result.modes):
         print("no mode stands out of the data")
         return
-    print()
-    print(modes.table())
-    left = 100 * fit_of(modes, diagram.response)
-    print(f"\nthe rebuilt responses leave {left:.2f} % of the measured ones (by norm, in the band)")
+    several = f"{len(result.diagrams)} bands merged\n\n" if len(result.diagrams) > 1 else ""
+    print(f"\n{several}{result.modes.table()}")
+    if len(result.diagrams) == 1:
+        print(f"\n{explained(fit_of(result.modes, result.diagram.response))}")

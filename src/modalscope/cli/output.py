@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from modalscope.model import DataError, ModalModel
+from modalscope.model.result import Result
 
-__all__ = ["check_output", "is_page", "left_out", "write_modes", "write_page"]
+__all__ = ["check_output", "is_page", "left_out", "write_modes", "write_page", "write_result"]
 
 _PAGES = (".html", ".htm")
 _KNOWN = (".json", ".csv", ".uff", ".unv", *_PAGES, ".npz", ".h5", ".mat")
@@ -40,6 +41,14 @@ def write_page(options: argparse.Namespace, result: Any) -> None:
 
     report(result, options.output, source=str(options.file), command=options.command_line)
     print(f"written: {options.output}")
+
+
+def write_result(options: argparse.Namespace, result: Result) -> None:
+    """Write the modes of a result, in JSON with its analysis, and say where and what the format leaves out."""
+    from modalscope.io import write
+
+    write(options.output, result)
+    print(f"written: {options.output}{left_out(options.output, result.modes)}")
 
 
 def write_modes(options: argparse.Namespace, modes: ModalModel, **found: Any) -> None:

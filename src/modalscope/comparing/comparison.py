@@ -19,12 +19,14 @@ from modalscope.comparing.result import Comparison
 from modalscope.comparing.run import MethodResult, Progress, run
 from modalscope.comparing.scatter import noise_floor, stated
 from modalscope.comparing.verdict import judge, words
+from modalscope.identification.options import AllOptions
 from modalscope.identification.prepare import Data, measure
 from modalscope.modal.explained import explained, explains_enough
 from modalscope.modal.rebuilt import fit_error, fitted_terms, rebuilt
 from modalscope.model.checks import check_kind
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.keywords import named
 from modalscope.model.labels import DofLike
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import notes_of
@@ -37,6 +39,7 @@ __all__ = ["compare"]
 _IDENTITY_ORDER = 20
 
 
+@named(AllOptions.__annotations__, ("tolerances",))
 @one_thread
 def compare(
     data: Data,

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.identification.method import DOMAINS
+from modalscope.identification.method import DOMAINS, Method
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
 from modalscope.identification.table import find_method
@@ -65,12 +65,7 @@ def check_identities(response: Response, order: int) -> tuple[Identity, ...]:
         Rank of the truncation; lowered where small data matrices carry less.
     """
     rows = [find_method("era", domain, domain) for domain in DOMAINS]
-    suited = [
-        m.domain
-        for m in rows
-        if not m.refusal(response, False) and not m.reservation(response) and m.exact_on(response)
-    ]
-    checks = [c for domain in suited for c in _checks(domain)]
+    checks = [check for row in rows if _suits(row, response) for check in _checks(row)]
     return tuple(_checked(response, max(order, 2), *c) for c in checks)
 
 
@@ -81,7 +76,14 @@ def _built(response: Response, method: str, domain: str, order: int, **options: 
     return factor(prepare(response, method, domain, **options), order)
 
 
-def _checks(domain: str) -> list[tuple[str, str, str, _Check]]:
+def _suits(row: Method, response: Response) -> bool:
+    """Whether a domain's data matrices take the data without loss, so that identities hold to rounding."""
+    return not row.refusal(response, False) and not row.reservation(response) and row.exact_on(response)
+
+
+def _checks(row: Method) -> list[tuple[str, str, str, _Check]]:
+    """Return the identities of a domain; those of transposed responses need both forms of a row."""
+    domain = row.domain
     both: list[tuple[str, str, str, _Check]] = [
         ("poles of ERA = nonzero poles of truncated least squares", domain, "Eqs. 28 and 65", _era_and_least_squares),
         (
@@ -91,7 +93,7 @@ def _checks(domain: str) -> list[tuple[str, str, str, _Check]]:
             _alternate_and_polyreference,
         ),
     ]
-    if domain != "time":
+    if len(row.forms) == 1:
         return both
     return [
         *both,
@@ -138,9 +140,9 @@ def _era_and_least_squares(response: Response, domain: str, order: int) -> float
 
 
 def _alternate_and_polyreference(response: Response, domain: str, order: int) -> float:
-    sizes, form = _sizes(response, domain), "observable" if domain == "time" else None
+    sizes = _sizes(response, domain)
     shift, companion = (
-        _built(response, name, domain, order, form=form, **sizes) for name in ("alternate", "polyreference")
+        _built(response, name, domain, order, form="observable", **sizes) for name in ("alternate", "polyreference")
     )
     n = min(order, shift.factors.rank)
     V = companion.matrix.row_shift.split(companion.factors.P[:, :n])[0]

@@ -81,7 +81,7 @@ def noise_floor(
         Length in seconds of the ambient record behind correlations.
     """
     n = len(modes)
-    if response.origin == "correlation":
+    if response.ambient:
         f, zeta = modes.frequencies, modes.damping_ratios
         if cycles is None or not n:
             return np.full(n, np.nan), np.full(n, np.nan)

@@ -22,6 +22,7 @@ from modalscope.model.checks import (
     check_positive,
 )
 from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.keywords import named
 from modalscope.model.modes import ModalModel
 from modalscope.model.poles import poles_from
 
@@ -53,6 +54,7 @@ class Dwell:
     frequencies: RealArray
 
 
+@named()
 def tuned_dwell(
     response: FrequencyResponse, *, band: tuple[float, float] | None = None, threshold: float = 0.5
 ) -> Dwell:

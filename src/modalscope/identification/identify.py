@@ -17,6 +17,7 @@ from modalscope.identification.sweep import cut_order
 from modalscope.modal.eigenmodes import split_extraneous, state_space
 from modalscope.modal.rebuilt import fit_error
 from modalscope.model.checks import ComplexArray, RealArray, check_count
+from modalscope.model.keywords import named
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
 from modalscope.model.response import Response
@@ -78,6 +79,7 @@ class Identification:
         return self.response.rebuilt_by(self.state_space)
 
 
+@named(AllOptions.__annotations__, ("largest_order",))
 @one_thread
 def identify(
     data: Any,
@@ -161,6 +163,7 @@ def _factored(problem: Problem, largest: int) -> tuple[DataMatrix, Factors]:
     return pipeline.matrix.observable, pipeline.factors
 
 
+@named(AllOptions.__annotations__, ("largest_order",))
 def realize(
     data: Any, *, method: str | None = None, domain: str | None = None, order: int | None = None, **options: Any
 ) -> StateSpace:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from modalscope.blocks.canonical import canonical_projection
 from modalscope.blocks.factor import Factors, factorize, left_factor
 from modalscope.blocks.fraction import Fraction, fraction
 from modalscope.blocks.hankel import hankel
 from modalscope.blocks.lines import line_weights
 from modalscope.blocks.matrix import DataMatrix
-from modalscope.blocks.projection import projection
+from modalscope.blocks.projection import Projection, projection
 from modalscope.blocks.shifted import shifted
 from modalscope.blocks.transfer import transfer
 from modalscope.blocks.turned import TurnedHankel
@@ -164,6 +166,10 @@ def _transposed(response: ImpulseResponse) -> ImpulseResponse:
 
 
 # ------------------------------------------------------------------------------------------------------------ records
+#: How future and past are weighted.
+_PROJECTIONS: dict[str | None, Callable[..., Projection]] = {None: projection, "cva": canonical_projection}
+
+
 def projected_records(problem: Problem, order: int) -> Built:
     """Return the projection of the records' future on their past; participation belongs to their correlation."""
     options = problem.options
@@ -171,7 +177,8 @@ def projected_records(problem: Problem, order: int) -> Built:
     correlation = _samples(problem)
     rows, columns = default_projection(problem.records, correlation, order, options.block_rows, options.block_columns)
     correlation, notes = _lags_read(correlation, rows + columns)
-    matrix = projection(problem.records, options.references, rows, columns, correlation)
+    project = _PROJECTIONS[options.weighting]
+    matrix = project(problem.records, options.references, rows, columns, correlation)
     return Built(matrix, replace(options, block_rows=rows, block_columns=columns, form="observable"), notes)
 
 

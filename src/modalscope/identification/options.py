@@ -15,7 +15,7 @@ from modalscope.model.checks import check_band, check_choice, check_count, check
 from modalscope.model.labels import Dof
 from modalscope.model.settings import Settings
 
-__all__ = ["AllOptions", "FractionOptions", "HankelOptions", "LineOptions", "Options", "RecordOptions"]
+__all__ = ["AllOptions", "FractionOptions", "HankelOptions", "LineOptions", "Options", "RecordOptions", "labels_of"]
 
 
 class AllOptions(TypedDict, total=False):
@@ -33,6 +33,7 @@ class AllOptions(TypedDict, total=False):
     basis: str | None
     source: str | None
     references: Any
+    weighting: str | None
     row_shifts: Any
     column_shifts: Any
     row_subsets: Any
@@ -65,12 +66,12 @@ class Options(Settings):
         freeze(
             self,
             band=None if self.band is None else check_band(self.band),
-            exclude=None if exclude is None else _labels(exclude),
+            exclude=None if exclude is None else labels_of(exclude),
             factorization=check_choice("factorization", self.factorization, ("auto", "dense", "gram")),
         )
 
 
-def _labels(exclude: Any) -> tuple[Any, ...]:
+def labels_of(exclude: Any) -> tuple[Any, ...]:
     """Return channels as a tuple; one label or index alone is one."""
     if isinstance(exclude, str | Integral | Dof):
         return (exclude,)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from difflib import get_close_matches
 from functools import singledispatch
 from typing import Any
 
@@ -14,6 +13,7 @@ from modalscope.identification.method import Method, Problem, Takes
 from modalscope.identification.options import AllOptions, Options
 from modalscope.identification.table import find_method, methods
 from modalscope.model.checks import DataError, check_band, check_choice, check_kind
+from modalscope.model.errors import check_option_names
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.notes import Note
@@ -128,7 +128,6 @@ def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem
         Without band and excluded channels, which were applied.
     """
     response = measured.response
-    _check_names(options)
     refusal = row.refusal(response, measured.records is not None)
     if refusal:
         raise DataError(
@@ -168,24 +167,11 @@ def _usual_domain(response: Response) -> str:
     return "z" if response.held_input else "s"
 
 
-def _check_names(options: Mapping[str, Any]) -> None:
-    """Raise on an option that no row has, and name the nearest."""
-    known = AllOptions.__annotations__
-    for name in options:
-        if name not in known:
-            near = get_close_matches(name, known, n=1)
-            hint = f"Did you mean {near[0]!r}? " if near else ""
-            raise DataError(
-                f"option {name!r} was asked",
-                f"the options are {', '.join(known)}",
-                f"{hint}Correct its name.",
-            )
-
-
 def _options_of(row: Method, given: Mapping[str, Any]) -> Options:
     """Return the row's own options; what it has no use for is refused, with the rows that have it."""
     own = {f.name for f in fields(row.options_type)}
     asked = {name: value for name, value in {**row.fixed, **given}.items() if value is not None}
+    check_option_names(str(row), asked, AllOptions.__annotations__)
     for name in asked:
         if name not in own:
             having = dict.fromkeys(str(m) for m in methods() if name in {f.name for f in fields(m.options_type)})

@@ -28,7 +28,7 @@ def default_blocks(
     samples, outputs, inputs = response.values.shape
     room = samples if block_columns is None else max(samples - block_columns, 1)
     rows = block_rows or min(max(-(-3 * order // outputs), 10), max(samples // 2, 1), room)
-    ample = max(4 * rows, 80) if response.kind == "correlation" else max(-(-20 * order // inputs), rows, 10)
+    ample = max(4 * rows, 80) if response.ambient else max(-(-20 * order // inputs), rows, 10)
     columns = block_columns or max(min(samples - rows, ample), 1)
     return rows, columns
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from modalscope.blocks.threads import one_thread
 from modalscope.blocks.triple import Triple
+from modalscope.identification.options import AllOptions
 from modalscope.identification.orders import checked_orders
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
@@ -17,6 +18,7 @@ from modalscope.modal.accuracy import indicators_of
 from modalscope.modal.eigenmodes import Eigenmodes, eigenmodes, split_extraneous
 from modalscope.modal.rebuilt import modal_model
 from modalscope.model.checks import Array, DataError, IntArray, RealArray
+from modalscope.model.keywords import named
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
 from modalscope.model.poles import frequencies_and_damping
@@ -143,6 +145,7 @@ class Sweep:
         raise StopIteration
 
 
+@named(AllOptions.__annotations__)
 @one_thread
 def sweep(
     data: Any,

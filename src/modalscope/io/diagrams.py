@@ -1,6 +1,7 @@
 """Stabilization diagrams as named arrays and as JSON, with the response they belong to: read back, `select` gives the same modes.
 
-Arrays stand under the names of the diagram's fields, those of its response behind `response_`; indicators are `indicator_<name>`.
+Arrays stand under the names of the diagram's fields, those of its response behind `response_`, of its settings behind `setting_`;
+indicators are `indicator_<name>`.
 All that is no array is one JSON text, `diagram`. A JSON file holds the same:
 
     {"modalscope": version, "diagram": {"method", "domain", "orders", ...}, "arrays": {name: [...] or {"real", "imag"}}}
@@ -19,11 +20,13 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.identification.table import methods
 from modalscope.io.arrays import INDICATOR, from_json_numbers, to_arrays
 from modalscope.io.contents import Contents, Finding
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, StabilizationDiagram
 from modalscope.model.checks import Array
+from modalscope.model.settings import Settings
 from modalscope.model.version import VERSION
 
 __all__ = ["DIAGRAM", "diagram_arrays", "diagram_contents", "document_contents", "write_document"]
@@ -31,7 +34,7 @@ __all__ = ["DIAGRAM", "diagram_arrays", "diagram_contents", "document_contents",
 #: The text that holds what is no array; where it is, the file holds a diagram.
 DIAGRAM = "diagram"
 
-_RESPONSE = "response_"
+_RESPONSE, _SETTING = "response_", "setting_"
 
 
 def diagram_arrays(diagram: StabilizationDiagram) -> dict[str, Array]:
@@ -94,6 +97,10 @@ def _parted(diagram: StabilizationDiagram) -> tuple[dict[str, Array], dict[str, 
             arrays |= {_RESPONSE + key: array for key, array in to_arrays(value).items()}
         elif name == "indicators":
             arrays |= {INDICATOR + key: np.asarray(array) for key, array in value.items()}
+        elif name == "settings":
+            given = dict(value.items())
+            arrays |= {_SETTING + key: option for key, option in given.items() if isinstance(option, np.ndarray)}
+            rest[name] = {key: _plain(option) for key, option in given.items() if not isinstance(option, np.ndarray)}
         elif isinstance(value, np.ndarray):
             arrays[name] = value
         else:
@@ -121,13 +128,20 @@ def _contents(where: str, rest: Mapping[str, Any], arrays: Mapping[str, Array]) 
     response = contents_from_arrays(where, measured, {}).thing
     if not isinstance(response, FrequencyResponse | ImpulseResponse):
         raise _damaged(where, "its response is missing")
-    own = {name: a for name, a in arrays.items() if not name.startswith((_RESPONSE, INDICATOR))}
+    values: dict[str, Any] = {name: _tuples(value) for name, value in rest.items()}
+    values |= {name: a for name, a in arrays.items() if not name.startswith((_RESPONSE, INDICATOR, _SETTING))}
     marks = {name.removeprefix(INDICATOR): a for name, a in arrays.items() if name.startswith(INDICATOR)}
-    diagram = StabilizationDiagram(
-        **{**{name: _tuples(value) for name, value in rest.items()}, **own, "response": response, "indicators": marks}
-    )
+    given = {name.removeprefix(_SETTING): a for name, a in arrays.items() if name.startswith(_SETTING)}
+    values["settings"] = _settings(values["method"], values["domain"], values["settings"] | given)
+    diagram = StabilizationDiagram(**{**values, "response": response, "indicators": marks})
     what = f"{len(diagram.poles)} poles at {len(diagram.orders)} orders ({diagram.method}, {diagram.domain})"
     return Contents(thing=diagram, findings=(Finding(part=DIAGRAM, what=what),))
+
+
+def _settings(method: str, domain: str, options: dict[str, Any]) -> Settings:
+    """Return options as the type that their method has; of what the table has not, those that every method has."""
+    types = [m.options_type for m in methods() if (m.name, m.domain) == (method, domain)]
+    return (types[0] if types else Settings)(**options)
 
 
 def _tuples(value: Any) -> Any:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from modalscope.io import csv, hdf5, json, mat, npz, uff
+from modalscope.io.analysis import write_analysis
 from modalscope.io.atomic import replacing
 from modalscope.io.contents import Contents, Format, Options, Survey, Thing, describe
 from modalscope.io.from_arrays import ARRAY_OPTIONS, FIELD_OPTIONS
@@ -19,9 +20,11 @@ from modalscope.model import (
     Signals,
     StabilizationDiagram,
 )
+from modalscope.model.analysis import Analysis
 from modalscope.model.channels import Channels
 from modalscope.model.checks import check_kind, check_path
 from modalscope.model.groups import AUTO, input_groups
+from modalscope.model.result import Result
 
 __all__ = ["FORMATS", "read", "survey", "write"]
 
@@ -48,7 +51,7 @@ FORMATS: dict[str, Format] = {
 
 
 #: What can be written, and the suffixes that hold a diagram with its response.
-_WRITTEN = (FrequencyResponse, ImpulseResponse, Signals, ModalModel, Geometry, StabilizationDiagram)
+_WRITTEN = (FrequencyResponse, ImpulseResponse, Signals, ModalModel, Geometry, StabilizationDiagram, Analysis, Result)
 _DIAGRAMS = (".npz", ".json")
 
 
@@ -127,8 +130,9 @@ def write(path: str | Path, thing: Any, **options: Any) -> None:
     ----------
     path : path
         `.npz`, `.h5` and `.uff` hold every data object, `.mat` all arrays; `.csv` responses, one run of records, or a table of modes;
-        `.json` modes; `.npz` and `.json` a stabilization diagram with its response.
-    thing : FrequencyResponse, ImpulseResponse, Signals, ModalModel, Geometry or StabilizationDiagram
+        `.json` modes, a result with its analysis, or an analysis; `.npz` and `.json` a stabilization diagram with its response.
+    thing : FrequencyResponse, ImpulseResponse, Signals, ModalModel, Geometry, StabilizationDiagram, Result or Analysis
+        Of a result the modes are written, in JSON with the document of its analysis.
     **options
         Universal files: `text=True` (datasets 58 as text), `dataset=55 | 2414` (modes), `nodes=2411 | 15`,
         `lines=82 | 2412`. JSON: `method`, `domain`, `orders`, `data`, written beside the modes.
@@ -140,6 +144,12 @@ def write(path: str | Path, thing: Any, **options: Any) -> None:
     """
     file = check_path(path)
     check_kind("what is written", thing, _WRITTEN)
+    if isinstance(thing, Analysis):
+        _write_analysis(file, thing)
+        return
+    if isinstance(thing, Result):
+        options = {**options, "result": thing} if file.suffix.lower() == ".json" else options
+        thing = thing.modes
     row = _format(file, "writing")
     if isinstance(thing, StabilizationDiagram) and file.suffix.lower() not in _DIAGRAMS:
         raise DataError(
@@ -152,6 +162,17 @@ def write(path: str | Path, thing: Any, **options: Any) -> None:
     _check_options(file, options, row.write_options, "writing")
     with replacing(file) as temporary:
         row.writer(temporary, thing, options)
+
+
+def _write_analysis(file: Path, document: Analysis) -> None:
+    if file.suffix.lower() != ".json":
+        raise DataError(
+            f"writing an analysis as {file.suffix or file.name} was asked",
+            "its document is JSON",
+            "End the name in .analysis.json.",
+        )
+    with replacing(file) as temporary:
+        write_analysis(temporary, document)
 
 
 def _contents(path: Path, options: Options) -> Contents:

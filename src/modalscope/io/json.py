@@ -9,7 +9,8 @@ The layout is that of the command line (`identify -o modes.json`):
                 "pole": {"real", "imag"}, "participation": {"dof", "real", "imag"}}],
      "left_out": [{"frequency_hz", "damping_ratio", "gain", "reason", "remedy"}],
      "harmonics": [{"frequency_hz", "order", "level", "evidence"}], "unrefined": [as "modes"] or null, "converged", "route",
-     "geometry", "feedthrough", "lower_residual", "upper_residual", "notes": [{"kind", "numbers", "text"}]}
+     "geometry", "feedthrough", "lower_residual", "upper_residual", "notes": [{"kind", "numbers", "text"}],
+     "analysis": the document of `modalscope.io.analysis` or null}
 
 `pole` (rad/s) keeps every digit; a file without it is read by frequency and damping ratio. What is not known is null.
 """
@@ -23,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.io.analysis import analysis_to
 from modalscope.io.arrays import from_json_numbers
 from modalscope.io.contents import Contents, Finding, Options
 from modalscope.io.diagrams import DIAGRAM, document_contents, write_document
@@ -30,12 +32,13 @@ from modalscope.model import DataError, Geometry, ModalModel, StabilizationDiagr
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.mode_table import COLUMNS
 from modalscope.model.poles import poles_from
+from modalscope.model.result import Result
 from modalscope.model.version import VERSION
 
 __all__ = ["WRITE_OPTIONS", "read", "write"]
 
 #: What the caller may add: how the modes were found, and the data they were found in.
-WRITE_OPTIONS = ("method", "domain", "orders", "route", "data")
+WRITE_OPTIONS = ("method", "domain", "orders", "route", "data", "result")
 
 _DIRECT = ("feedthrough", "lower_residual", "upper_residual")
 _OF_DATA = ("quantity", "dt", "held_input", "scaling")
@@ -55,6 +58,7 @@ def write(path: Path, modes: Any, options: Options) -> None:
             "that layout holds modes or a stabilization diagram",
             "Use .npz, .h5 or .uff for records and responses.",
         )
+    options = {**_of_result(options.get("result")), **options}
     data = {name: getattr(modes, name) for name in _OF_DATA}
     data |= {
         "output_dofs": modes.output_dofs,
@@ -75,12 +79,31 @@ def write(path: Path, modes: Any, options: Options) -> None:
         "unrefined": None if (u := modes.unrefined) is None else [_mode(u, j) for j in range(len(u))],
         "converged": modes.converged,
         "route": options.get("route"),
-        "notes": [note.to_dict() for note in modes.notes],
+        "notes": [note.to_dict() for note in (*modes.notes, *options.get("notes", ()))],
+        "analysis": options.get("analysis"),
         "geometry": None if modes.geometry is None else _geometry_out(modes.geometry),
     }
     path.write_text(
         json.dumps(_null(document), indent=1, allow_nan=False, default=from_json_numbers) + "\n", encoding="utf-8"
     )
+
+
+def _of_result(result: Result | None) -> dict[str, Any]:
+    """Return what a result says beside its modes: how they were found, its notes, and the document that gives them again."""
+    if result is None:
+        return {}
+    found: dict[str, Any] = {
+        "notes": result.notes,
+        "analysis": analysis_to(result.analysis),
+        "route": result.analysis.route,
+    }
+    files = [{"file": Path(file.path).name} for file in result.analysis.files if file.path]
+    if files:
+        found["data"] = files[0]
+    if result.diagrams:
+        diagram = result.diagram
+        found |= {"method": diagram.method, "domain": diagram.domain, "orders": diagram.orders}
+    return found
 
 
 def _mode(modes: ModalModel, j: int) -> dict[str, Any]:

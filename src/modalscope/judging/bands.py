@@ -13,12 +13,14 @@ from modalscope.model.checks import (
     check_each,
     check_kind,
 )
+from modalscope.model.keywords import named
 from modalscope.model.mode_fields import joined
 from modalscope.model.modes import ModalModel
 
 __all__ = ["merge_bands"]
 
 
+@named()
 def merge_bands(
     results: Sequence[ModalModel],
     bands: Sequence[tuple[float, float]],

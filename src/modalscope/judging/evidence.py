@@ -80,7 +80,7 @@ def evidence_of(diagram: StabilizationDiagram) -> Evidence:
     """Gather what the data themselves show, outputs scaled to one level."""
     response, scale = diagram.response, output_scale(diagram.response)[:, None]
     outputs, inputs = response.values.shape[1:]
-    ambient = response.origin == "correlation"
+    ambient = response.ambient
     f, spectrum = response.spectrum()
     H, count = spectrum / scale, response.count
     curves = cmif(H)

@@ -1,4 +1,4 @@
-"""The chosen modes as a modal model: median poles, one shape each, participation fitted to the data, and the reasons."""
+"""The chosen modes as a modal model: median poles, shapes and participation fitted together to the data, and the reasons."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ import numpy as np
 from modalscope.judging.evidence import Candidate, sentence
 from modalscope.judging.tracking import Poles
 from modalscope.modal.indicators import mac
-from modalscope.modal.rebuilt import fitted_terms, rebuilt
+from modalscope.modal.joint import joint_residues
+from modalscope.modal.rebuilt import rebuilt
 from modalscope.model.checks import Array, RealArray
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.modes import ModalModel
@@ -22,12 +23,12 @@ __all__ = ["modes_of"]
 
 
 def modes_of(diagram: StabilizationDiagram, poles: Poles, chosen: list[Candidate]) -> ModalModel:
-    """Wrap the chosen modes: median poles, the shape nearest to all others, participation fitted to the data."""
+    """Wrap the chosen modes: median poles, and residues fitted together from the shapes that are nearest to all others of a mode."""
     response = diagram.response
     picked = [c.members[np.argmax(mac(poles.shape[c.members].T).sum(axis=1))] for c in chosen]
     values = poles_from([c.frequency for c in chosen], [c.damping for c in chosen])
     shapes = poles.shape[picked].T if chosen else np.zeros((response.values.shape[1], 0), complex)
-    fitted = fitted_terms(response, values, shapes)
+    shapes, fitted = joint_residues(response, values, shapes)
     members = [c.members for c in chosen]
     spreads = [
         {"frequency_spread_hz": scatter(poles.frequency[m]), "damping_ratio_spread": scatter(poles.damping[m])}
@@ -51,16 +52,11 @@ def modes_of(diagram: StabilizationDiagram, poles: Poles, chosen: list[Candidate
 
 
 def _indicators(diagram: StabilizationDiagram, members: list[Array], poles: Poles) -> dict[str, RealArray]:
-    """Return for every mode the median of its members' indicators; members are found again by order and pole."""
-    found: dict[str, list[float]] = {name: [] for name in diagram.indicators}
-    for group in members:
-        nearest = []
-        for order, pole in zip(poles.order[group], poles.pole[group], strict=True):
-            same = np.flatnonzero(diagram.order_of_pole == order)
-            nearest.append(same[np.argmin(np.abs(diagram.poles[same] - pole))])
-        for name, column in diagram.indicators.items():
-            found[name].append(float(np.median(column[nearest])))
-    return {name: np.array(column) for name, column in found.items()}
+    """Return for every mode the median of its members' indicators."""
+    return {
+        name: np.array([float(np.median(column[poles.index[group]])) for group in members])
+        for name, column in diagram.indicators.items()
+    }
 
 
 def _reasons(model: ModalModel, response: Response, facts: list[dict[str, Any]]) -> tuple[dict[str, Any], ...]:

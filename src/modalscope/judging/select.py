@@ -15,14 +15,21 @@ from modalscope.modal.indicators import mac
 from modalscope.modal.sufficient import usable_orders
 from modalscope.model.checks import DataError, check_each, check_kind, check_positive
 from modalscope.model.diagram import StabilizationDiagram
+from modalscope.model.keywords import named
 from modalscope.model.modes import ModalModel
 
 __all__ = ["select"]
 
 
+@named()
 @one_thread
 def select(
-    diagram: StabilizationDiagram, *, frequencies: Iterable[float] | None = None, tolerance: float = 0.01
+    diagram: StabilizationDiagram,
+    *,
+    frequencies: Iterable[float] | None = None,
+    take: Iterable[float] = (),
+    refuse: Iterable[float] = (),
+    tolerance: float = 0.01,
 ) -> ModalModel:
     """Choose the modes of a stabilization diagram automatically, with the reasons for each, or those at given frequencies.
 
@@ -37,6 +44,8 @@ def select(
     diagram : StabilizationDiagram
     frequencies : iterable of float, optional
         Hz; the modes nearest to these are returned, whatever else speaks against them.
+    take, refuse : iterable of float, optional
+        Hz; modes to report beside the automatic ones, and automatic ones not to report.
     tolerance : float
         Largest relative distance from a given frequency to its mode.
 
@@ -48,7 +57,7 @@ def select(
     Raises
     ------
     DataError
-        A given frequency at which there is no mode, or two that mean the same one.
+        A given frequency at which there is no mode, or two that mean the same one; `take` or `refuse` beside `frequencies`.
 
     Examples
     --------
@@ -59,26 +68,50 @@ def select(
     5
     """
     check_kind("select", diagram, StabilizationDiagram)
-    wanted = None if frequencies is None else _wanted(frequencies)
+    wanted = None if frequencies is None else _wanted("frequencies", frequencies)
+    added, refused = (check_each(name, given, "numbers in Hz") for name, given in (("take", take), ("refuse", refuse)))
+    if wanted is not None and (added or refused):
+        raise DataError(
+            "modes to take or refuse were given beside frequencies",
+            "frequencies alone say which modes are reported",
+            "Give frequencies, or take and refuse.",
+        )
     check_positive("tolerance", tolerance)
     evidence = evidence_of(diagram)
     poles = oscillations(diagram)
     if diagram.exact_rank is not None:
-        chosen = _exact(diagram, poles)
+        candidates = _exact(diagram, poles)
     else:
-        poles, chosen = _candidates(diagram, poles, evidence)
+        poles, candidates = _candidates(diagram, poles, evidence)
     if wanted is not None:
-        chosen = _by_hand(chosen, wanted, tolerance, diagram)
+        chosen = _by_hand(candidates, wanted, tolerance, diagram)
     else:
-        chosen = _none_twice(poles, [c for c in chosen if not c.against])
+        chosen = _none_twice(poles, [c for c in candidates if not c.against])
+        chosen = _changed(candidates, chosen, added, refused, tolerance, diagram)
     return modes_of(diagram, poles, sorted(chosen, key=lambda c: c.frequency))
 
 
-def _wanted(frequencies: Iterable[float]) -> list[float]:
+def _changed(
+    candidates: list[Candidate],
+    chosen: list[Candidate],
+    added: list[float],
+    refused: list[float],
+    tolerance: float,
+    diagram: StabilizationDiagram,
+) -> list[Candidate]:
+    """Return the automatic choice without what is refused and with what is taken; what cannot be done is an error, not nothing."""
+    if refused:
+        gone = _by_hand(chosen, _wanted("refuse", refused), tolerance, diagram)
+        chosen = [c for c in chosen if not any(c is g for g in gone)]
+    if added:
+        others = [c for c in candidates if not any(c is k for k in chosen)]
+        chosen = [*chosen, *_by_hand(others, _wanted("take", added), tolerance, diagram)]
+    return chosen
+
+
+def _wanted(name: str, frequencies: Iterable[float]) -> list[float]:
     """Return the frequencies asked by hand; none at all is an error, not an empty result."""
-    wanted = [
-        check_positive("each of the frequencies", f) for f in check_each("frequencies", frequencies, "numbers in Hz")
-    ]
+    wanted = [check_positive(f"each of {name}", f) for f in check_each(name, frequencies, "numbers in Hz")]
     if not wanted:
         raise DataError(
             "modes at given frequencies were asked", "the list is empty", "Give frequencies in Hz, or leave them out."

@@ -19,6 +19,7 @@ from modalscope.identification.sweep import Cut, start
 from modalscope.modal.indicators import mac
 from modalscope.model.checks import Array, DataError, check_kind, check_positive
 from modalscope.model.diagram import StabilizationDiagram
+from modalscope.model.keywords import named
 from modalscope.model.notes import Note
 from modalscope.model.poles import frequencies_and_damping
 
@@ -30,6 +31,7 @@ TOLERANCES = {"frequency": 0.01, "damping": 0.05, "shape": 0.05}
 Progress = Callable[[int, int], None]
 
 
+@named(AllOptions.__annotations__)
 @one_thread
 def stabilize(
     data: Any,

@@ -32,6 +32,10 @@ GAP = 3
 _NEVER = 1e6
 
 
+#: What poles have one of each.
+_FLAT = ("order", "pole", "shape", "participation", "own", "index")
+
+
 @dataclass(frozen=True, eq=False)
 class Poles:
     """Decaying oscillations of all orders, flat.
@@ -45,6 +49,8 @@ class Poles:
     participation : array of complex, (p, m)
     own : array, (p,)
         Norm of the pole's own contribution over the norm of the data.
+    index : array of int, (p,), optional
+        Where each stands in the diagram that it came from; of a merged one where the stronger stood. Their own places by default.
     """
 
     orders: tuple[int, ...]
@@ -53,6 +59,11 @@ class Poles:
     shape: ComplexArray
     participation: ComplexArray
     own: RealArray
+    index: IntArray = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        if self.index is None:
+            object.__setattr__(self, "index", np.arange(len(self.pole)))
 
     @property
     def frequency(self) -> RealArray:
@@ -66,9 +77,7 @@ class Poles:
 
     def take(self, index: Array) -> Poles:
         """Return some of the poles."""
-        return replace(
-            self, **{name: getattr(self, name)[index] for name in ("order", "pole", "shape", "participation", "own")}
-        )
+        return replace(self, **{name: getattr(self, name)[index] for name in _FLAT})
 
 
 def merge_splits(poles: Poles) -> Poles:
@@ -80,13 +89,7 @@ def merge_splits(poles: Poles) -> Poles:
     Repeated modes have a summed residue of rank two and stay apart.
     """
     kept = [_merged(poles.take(np.flatnonzero(poles.order == order))) for order in poles.orders]
-    return Poles(
-        poles.orders,
-        *(
-            np.concatenate([getattr(k, name) for k in kept])
-            for name in ("order", "pole", "shape", "participation", "own")
-        ),
-    )
+    return Poles(poles.orders, *(np.concatenate([getattr(k, name) for k in kept]) for name in _FLAT))
 
 
 def _merged(poles: Poles) -> Poles:
@@ -130,6 +133,7 @@ def _merge_two(poles: Poles, a: int, b: int) -> Poles:
         shape=_with_row(poles.shape, a, U[:, 0] * s[0]),
         participation=_with_row(poles.participation, a, Vt[0]),
         own=np.where(np.arange(poles.own.size) == a, own, poles.own),
+        index=np.where(np.arange(poles.index.size) == a, poles.index[a if energy[0] >= energy[1] else b], poles.index),
     )
     return merged.take(np.delete(np.arange(poles.pole.size), b))
 

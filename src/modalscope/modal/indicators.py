@@ -19,6 +19,7 @@ from modalscope.model.checks import (
     RealArray,
     complex_array,
 )
+from modalscope.model.keywords import named
 
 __all__ = [
     "amplitude_coherence",
@@ -37,6 +38,7 @@ __all__ = [
 ]
 
 
+@named()
 def mac(shapes_a: ArrayLike, shapes_b: ArrayLike | None = None) -> RealArray:
     """Modal assurance criterion |a* b|^2 / (a* a)(b* b) between the columns of two sets of shapes.
 

@@ -11,6 +11,7 @@ from modalscope.modal.indicators import clusters, mpc, mpd
 from modalscope.model.channels import QUANTITIES, known_quantity
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_choice, check_kind
 from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.keywords import named
 from modalscope.model.modal_basis import ModalBasis, residual_powers, scaled_terms
 from modalscope.model.modes import ModalModel
 
@@ -20,6 +21,7 @@ __all__ = ["fit_residues"]
 _REPEATED = 1e-6
 
 
+@named()
 def fit_residues(
     response: FrequencyResponse,
     modes: ModalModel,

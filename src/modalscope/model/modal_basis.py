@@ -55,7 +55,20 @@ class ModalBasis:
     @property
     def reach(self) -> RealArray:
         """Norm of each pole's functions over the rows, (n,): how much of the data a pole can be seen in."""
-        return np.asarray(np.linalg.norm(self.functions.reshape(len(self.functions), -1, 2), axis=(0, 2)))
+        return np.asarray(
+            np.linalg.norm(self.functions.reshape(len(self.functions), self.functions.shape[1] // 2, 2), axis=(0, 2))
+        )
+
+    def compressed(self) -> ModalBasis:
+        """Return the same problem on as many rows as there are columns: fits are the same, the misfit less what no column can explain."""
+        rows, outputs, inputs = self.data.shape
+        if not 0 < self.columns.shape[1] < rows:
+            return self
+        factors = sla.qr(self.columns, mode="economic", check_finite=False)
+        Q, R = (np.asarray(factor, dtype=np.float64) for factor in factors)
+        t = self.terms.shape[1]
+        data = (Q.T @ self.data.reshape(rows, -1)).reshape(-1, outputs, inputs)
+        return ModalBasis(R[:, :t], R[:, t:], data)
 
     def fit_participation(self, shapes: Array) -> tuple[ComplexArray, RealArray]:
         """Fit participation rows l_j to known shapes c_j, with the terms of every channel, by least squares over all rows.

@@ -63,6 +63,11 @@ class Response(Channels):
         """Where the values came from: "lines", or the kind of an impulse response."""
 
     @property
+    def ambient(self) -> bool:
+        """Whether the response was estimated from outputs alone, so that its columns are references and it carries estimation errors."""
+        return self.origin == "correlation"
+
+    @property
     def count(self) -> int:
         """Number of lines or samples."""
         return int(self.values.shape[0])

@@ -14,6 +14,7 @@ from modalscope.model.checks import (
     check_choice,
     check_kind,
 )
+from modalscope.model.keywords import named
 from modalscope.model.response import Response
 from modalscope.plot._style import BLUE, MUTED, ORANGE, PALE, dress, key, mark_modes, new_axes, unit_of
 
@@ -45,6 +46,7 @@ def indicator_curves(response: Response, kind: str = "cmif") -> tuple[RealArray,
     return lines, curves
 
 
+@named()
 def stabilization(
     diagram: StabilizationDiagram,
     modes: ModalModel | None = None,
@@ -154,6 +156,7 @@ def _draw(ax: Axes, lines: RealArray, curves: RealArray, colours: list[str]) -> 
         ax.set_yscale("log")
 
 
+@named()
 def indicator(
     response: Response,
     modes: ModalModel | None = None,
@@ -198,6 +201,7 @@ def indicator(
     return ax
 
 
+@named()
 def fit_errors(diagram: StabilizationDiagram, ax: Axes | None = None) -> Axes:
     """Draw how much of the data each order leaves unexplained; where the curve turns flat, more states add only noise.
 

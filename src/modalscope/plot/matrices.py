@@ -15,6 +15,7 @@ from modalscope.model.checks import (
     complex_array,
     real_array,
 )
+from modalscope.model.keywords import named
 from modalscope.plot._style import (
     BLUE,
     GREEN,
@@ -47,6 +48,7 @@ class Factored(Protocol):
         """The singular values, largest first."""
 
 
+@named()
 def mac(a: ModalModel | ArrayLike, b: ModalModel | ArrayLike | None = None, ax: Axes | None = None) -> Axes:
     """Draw the modal assurance criterion between two sets of shapes, or of one set with itself.
 
@@ -110,6 +112,7 @@ def _name_modes(ax: Axes, a: ModalModel | ArrayLike, b: ModalModel | ArrayLike, 
         ax.tick_params(axis="x", rotation=90)
 
 
+@named()
 def singular_values(
     source: Factored | ArrayLike, ax: Axes | None = None, *, order: int | None = None, noise_floor: float | None = None
 ) -> Axes:

@@ -9,6 +9,7 @@ import numpy as np
 from modalscope.comparing import Comparison
 from modalscope.comparing.kinship import SAME, Kinship
 from modalscope.model.checks import RealArray, check_kind
+from modalscope.model.keywords import named
 from modalscope.plot._style import (
     BLUE,
     GREEN,
@@ -37,6 +38,7 @@ _DOMAINS = {"time": (BLUE, "o"), "z": (VERMILLION, "s"), "s": (GREEN, "^")}
 _NO_ANGLE = 1e-4
 
 
+@named()
 def method_map(kin: Comparison | Kinship, ax: Axes | None = None) -> Axes:
     """Draw the map of methods: what lies together found the same poles, what lies apart did not.
 
@@ -110,6 +112,7 @@ def _name(ax: Axes, kin: Kinship, places: RealArray) -> None:
         )
 
 
+@named()
 def method_distances(kin: Comparison | Kinship, ax: Axes | None = None) -> Axes:
     """Draw pole-set distances (below the diagonal) and principal angles in degrees (above it) between all methods.
 
@@ -156,6 +159,7 @@ def _short(distance: float) -> str:
     return "0" if distance < SAME else f"{distance:.2g}".removeprefix("0")
 
 
+@named()
 def deviations(comparison: Comparison, axes: tuple[Axes, Axes] | None = None) -> tuple[Axes, Axes]:
     """Draw how far every method is from the consensus, mode by mode, over the stated scatter.
 

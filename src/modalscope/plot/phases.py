@@ -9,6 +9,7 @@ import numpy as np
 from modalscope.modal.indicators import mpc
 from modalscope.model import ModalModel
 from modalscope.model.checks import DataError
+from modalscope.model.keywords import named
 from modalscope.plot._style import BLUE, MUTED, PALE, aside, headline, new_axes
 from modalscope.plot.shapes import check_mode
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["complexity"]
 
 
+@named()
 def complexity(modes: ModalModel, index: int, ax: Axes | None = None) -> Axes:
     """Draw the components of one shape as arrows in the complex plane; in line they are in phase or in opposition.
 

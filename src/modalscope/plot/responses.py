@@ -12,6 +12,7 @@ from modalscope.model.checks import (
     Array,
     check_kind,
 )
+from modalscope.model.keywords import named
 from modalscope.model.response import Response
 from modalscope.plot._style import DPI, INK, MUTED, SIZE, VERMILLION, aside, channel, dress, headline, key, unit_of
 
@@ -29,6 +30,7 @@ class Identified(Protocol):
         """The modes."""
 
 
+@named()
 def response(
     data: Response,
     modes: ModalModel | Identified | None = None,

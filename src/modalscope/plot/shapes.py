@@ -15,6 +15,7 @@ from modalscope.model.checks import (
     check_count,
     check_kind,
 )
+from modalscope.model.keywords import named
 from modalscope.plot._camera import AXES, View, extent, oblique, view_of
 from modalscope.plot._style import (
     BLUE,
@@ -58,6 +59,7 @@ def in_phase(shape: Array) -> RealArray:
     return real / largest if largest else real
 
 
+@named()
 def shape(
     modes: ModalModel,
     index: int = 0,

@@ -14,6 +14,7 @@ from scipy import fft
 
 from modalscope.model.channels import QUANTITIES
 from modalscope.model.checks import Array, DataError, RealArray, check_choice, check_count, check_kind, check_positive
+from modalscope.model.keywords import named
 from modalscope.model.signals import Signals
 
 __all__ = ["decimate", "detrend", "differentiate", "filter_band", "integrate"]
@@ -38,6 +39,7 @@ def _on_all(signals: Signals, change: Callable[[RealArray], RealArray], note: st
     return replace(signals, **changed).processed(note)  # type: ignore[arg-type]
 
 
+@named()
 def detrend(signals: Signals, *, kind: str = "linear") -> Signals:
     """Return the record without its mean ("constant") or its straight-line trend ("linear"), channel by channel and run by run.
 
@@ -75,6 +77,7 @@ def _low_pass(edge: float, rate: float) -> Array:
     return np.asarray(scipy.signal.cheby1(order, ripple, edge, fs=rate, output="sos"))
 
 
+@named()
 def filter_band(
     signals: Signals, lowest: float, highest: float, *, zero_phase: bool = False, decimate: bool = True
 ) -> Signals:
@@ -137,6 +140,7 @@ def filter_band(
     return _on_all(signals, change, note, sampling_rate=rate / factor)
 
 
+@named()
 def decimate(signals: Signals, factor: int, *, zero_phase: bool = False) -> Signals:
     """Return the record low-pass filtered at 0.8 of the new Nyquist frequency, one sample in `factor` kept.
 
@@ -202,6 +206,7 @@ def _mirror_lines(signals: Signals) -> RealArray:
     return np.asarray(fft.rfftfreq(2 * signals.samples - 2, 1 / signals.sampling_rate))
 
 
+@named()
 def differentiate(signals: Signals, *, times: int = 1) -> Signals:
     """Return the record with its outputs differentiated `times` times, by (j 2 pi f)^times in the frequency domain.
 
@@ -230,6 +235,7 @@ def differentiate(signals: Signals, *, times: int = 1) -> Signals:
     return _outputs_only(signals, y, quantities, f"outputs differentiated {times} times")
 
 
+@named()
 def integrate(signals: Signals, *, times: int = 1, lowest: float | None = None) -> Signals:
     """Return the record with its outputs integrated `times` times, by division by (j 2 pi f)^times above `lowest` Hz.
 

@@ -12,6 +12,7 @@ from scipy import fft
 
 from modalscope.model.checks import DataError, RealArray, check_count, check_kind
 from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.keywords import named
 from modalscope.model.labels import DofLike, indices_of
 from modalscope.model.signals import Signals
 from modalscope.preprocess.spectra import check_window, segment_starts, window_samples
@@ -90,6 +91,7 @@ def _products(y: RealArray, later: RealArray, references: list[int], lags: int) 
     return result
 
 
+@named()
 def correlation_blocks(
     signals: Signals,
     *,
@@ -146,6 +148,7 @@ def correlation_blocks(
     return CorrelationBlocks(np.array(sums), counts)
 
 
+@named()
 def estimate_correlation(
     signals: Signals,
     *,

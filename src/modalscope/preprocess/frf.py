@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from modalscope.blocks.threads import one_thread
 from modalscope.model.checks import DataError, RealArray, check_choice, check_count, check_kind
 from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.keywords import named
 from modalscope.model.signals import Signals
 from modalscope.preprocess.estimators import ESTIMATORS, Estimate, check_inputs, coherence_of, noise_powers, solve
 from modalscope.preprocess.excitation import find_excitation, find_period
@@ -21,6 +22,7 @@ from modalscope.preprocess.zoom import ZOOMS
 __all__ = ["estimate_frf"]
 
 
+@named()
 @one_thread
 def estimate_frf(
     signals: Signals,

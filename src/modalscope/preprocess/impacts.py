@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modalscope.model.checks import Array, DataError, RealArray, check_count
+from modalscope.model.keywords import named
 from modalscope.model.robust import NORMAL
 
 __all__ = ["Hit", "clipped_samples", "cut_hits", "exponential_decay", "find_hits", "is_impact"]
@@ -58,6 +59,7 @@ class Hit(NamedTuple):
     overloaded: bool = False
 
 
+@named()
 def exponential_decay(end: float, duration: float) -> float:
     """Return the decay rate in 1/s of an exponential window that falls from 1 to `end` in `duration` seconds.
 

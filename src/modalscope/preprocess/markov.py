@@ -8,12 +8,14 @@ import scipy.linalg as sla
 from modalscope.blocks.threads import one_thread
 from modalscope.model.checks import DataError, check_choice, check_count, check_kind
 from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.keywords import named
 from modalscope.model.signals import Signals
 from modalscope.preprocess.observer import RANK, driven_records, estimate_observer, pulse_response
 
 __all__ = ["estimate_markov"]
 
 
+@named()
 @one_thread
 def estimate_markov(
     signals: Signals,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,6 +13,7 @@ from modalscope.model.checks import Array, DataError, check_each, check_kind
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.groups import AUTO
 from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.keywords import named
 from modalscope.model.records import Records
 from modalscope.model.signals import Signals
 from modalscope.preprocess.correlation import estimate_correlation
@@ -23,6 +25,7 @@ __all__ = ["merge"]
 Part = Signals | FrequencyResponse | ImpulseResponse
 
 
+@named(inspect.signature(estimate_frf).parameters, inspect.signature(estimate_correlation).parameters)
 def merge(parts: Iterable[Part | Records], **options: Any) -> Part | Records:
     """Put the runs of one test together, by the labels of their channels.
 

@@ -20,6 +20,7 @@ import scipy.linalg as sla
 from modalscope.blocks.threads import one_thread
 from modalscope.model.checks import DataError, RealArray, check_count
 from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.keywords import named
 from modalscope.model.signals import Signals
 from modalscope.model.statespace import StateSpace
 
@@ -70,6 +71,11 @@ class Observer(NamedTuple):
         Parameters
         ----------
         model : StateSpace
+            Sampled, a realization of this observer's response.
+
+        Parameters
+        ----------
+        model : StateSpace
             A realization of the response, sampled.
 
         Raises
@@ -93,6 +99,7 @@ class Observer(NamedTuple):
         return np.asarray(np.linalg.lstsq(observability, wanted, rcond=None)[0])
 
 
+@named()
 @one_thread
 def estimate_observer(
     signals: Signals, *, observer_order: int | None = None, samples: int | None = None, longest: int | None = None

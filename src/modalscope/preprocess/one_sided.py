@@ -8,10 +8,12 @@ from scipy import fft
 from modalscope.model.checks import Array, DataError, check_count, check_kind
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.keywords import named
 
 __all__ = ["half_spectra"]
 
 
+@named()
 def half_spectra(correlation: ImpulseResponse, *, lines: int | None = None) -> FrequencyResponse:
     """Turn correlations into half spectra, which frequency-domain methods take as they take frequency responses.
 

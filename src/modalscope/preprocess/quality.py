@@ -7,6 +7,7 @@ import numpy as np
 from modalscope.model.checks import DataError, RealArray, check_kind
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.keywords import named
 from modalscope.model.response import Response
 from modalscope.model.signals import Signals
 from modalscope.preprocess.excitation import find_excitation
@@ -26,6 +27,7 @@ _ALIKE = 0.5
 _SHOWN_BY_RESPONSES = {"low coherence", "reciprocity", "polarity", "swapped", "wrong quantity"}
 
 
+@named()
 def examine(data: Signals | Response) -> tuple[Finding, ...]:
     """Look for what commonly goes wrong in a test: each finding names channels and reason, and says what to do.
 

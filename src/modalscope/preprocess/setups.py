@@ -9,6 +9,7 @@ import numpy as np
 
 from modalscope.model.checks import Array, DataError, RealArray
 from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.keywords import named
 from modalscope.model.robust import noise_threshold
 
 __all__ = ["merge_setups"]
@@ -17,6 +18,7 @@ __all__ = ["merge_setups"]
 _DEPTH = 20
 
 
+@named()
 def merge_setups(parts: Sequence[ImpulseResponse], *, depth: int = _DEPTH) -> ImpulseResponse:
     """Merge correlations of roving setups with the same references into one of all outputs.
 

@@ -8,6 +8,7 @@ import numpy as np
 import scipy
 
 from modalscope.model.checks import ComplexArray, RealArray, check_count, check_kind
+from modalscope.model.keywords import named
 from modalscope.model.signals import Signals
 from modalscope.preprocess.spectra import Segments, check_window, cross_spectra, segment_starts, window_samples
 
@@ -55,6 +56,7 @@ class Decomposition(NamedTuple):
         return self.frequencies[places], np.ascontiguousarray(self.vectors[places, :, 0].T)
 
 
+@named()
 def decomposition(
     signals: Signals, *, segment: int | None = None, overlap: float = 0.5, window: str = "hann"
 ) -> Decomposition:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from modalscope.model.checks import DataError, RealArray, check_kind
+from modalscope.model.keywords import named
 from modalscope.model.statespace import StateSpace
 
 __all__ = ["EquationsOfMotion", "equations_of_motion", "first_order_form"]
@@ -38,6 +39,7 @@ class EquationsOfMotion:
     condition: float
 
 
+@named()
 def equations_of_motion(model: StateSpace) -> EquationsOfMotion:
     """Return M^-1 K and M^-1 D from C A^2 + (M^-1 D) C A + (M^-1 K) C = 0 (Eqs. 104-107).
 
@@ -92,6 +94,7 @@ def equations_of_motion(model: StateSpace) -> EquationsOfMotion:
     )
 
 
+@named()
 def first_order_form(model: StateSpace) -> StateSpace:
     """Return the model whose states are the outputs, y' = (C A C#) y + C B u (Eqs. 108-109), of order l.
 

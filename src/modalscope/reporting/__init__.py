@@ -1,5 +1,5 @@
 """The written result: one self-contained HTML file that can be sent to anybody."""
 
-from modalscope.reporting.document import report, report_modes
+from modalscope.reporting.document import report
 
-__all__ = ["report", "report_modes"]
+__all__ = ["report"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from typing import Protocol
@@ -14,16 +15,19 @@ from modalscope.io.atomic import replacing
 from modalscope.judging.select import select
 from modalscope.model import DataError, ModalModel, StabilizationDiagram
 from modalscope.model.checks import check_path
+from modalscope.model.keywords import named
+from modalscope.model.notes import Note
 from modalscope.model.response import Response
+from modalscope.model.result import Result
 from modalscope.model.version import VERSION
 from modalscope.preprocess import Finding
 from modalscope.reporting import record, sections
 from modalscope.reporting.comparison import comparison_sections
 from modalscope.reporting.html import Section, page
 from modalscope.reporting.identification import identification_sections
-from modalscope.reporting.scripts import stabilization_script
+from modalscope.reporting.scripts import result_script, stabilization_script
 
-__all__ = ["report", "report_modes", "stabilization_sections", "write_page"]
+__all__ = ["Origin", "report", "stabilization_sections", "write_page"]
 
 
 class _Result(Protocol):
@@ -39,6 +43,7 @@ class _Result(Protocol):
 Reported = Comparison | Identification | StabilizationDiagram | tuple[ModalModel, StabilizationDiagram] | _Result
 
 
+@named()
 def report(
     thing: Reported,
     path: str | Path,
@@ -70,17 +75,22 @@ def report(
     DataError
         Something that has neither modes nor a diagram, another suffix, or a file that cannot be written.
     """
-    beside = {"source": source, "command": command}
     if isinstance(thing, Comparison):
         heading = title or _heading("Methods compared", " on ", source)
-        return write_page(path, heading, _subtitle(thing.response), comparison_sections(thing, **beside))
+        parts = comparison_sections(thing, source=source, command=command)
+        return write_page(path, heading, _subtitle(thing.response), parts)
     if isinstance(thing, Identification):
         heading = title or _heading(f"{cell_label(thing.method, thing.domain)}, order {thing.order}", ": ", source)
-        return write_page(path, heading, _subtitle(thing.response), identification_sections(thing, **beside))
+        parts = identification_sections(thing, source=source, command=command)
+        return write_page(path, heading, _subtitle(thing.response), parts)
+    origin = Origin(source, command)
+    if isinstance(thing, Result):
+        files = [file.path for file in thing.analysis.files if file.path]
+        known = source or (files[0] if files else None)
+        origin = Origin(known, command, thing.findings, thing.notes, result_script(thing))
     modes, diagram = _selected(thing)
-    return report_modes(
-        path, modes=modes, diagram=diagram, title=title, findings=getattr(thing, "findings", None), **beside
-    )
+    heading = title or _heading("Modes" if origin.source else "Modal identification", " of ", origin.source)
+    return write_page(path, heading, _subtitle(diagram.response), stabilization_sections(modes, diagram, origin))
 
 
 def _selected(thing: object) -> tuple[ModalModel, StabilizationDiagram]:
@@ -103,30 +113,26 @@ def _heading(what: str, joint: str, source: str | None) -> str:
     return f"{what}{joint}{Path(source).name}" if source else what
 
 
-def report_modes(
-    path: str | Path,
-    *,
-    modes: ModalModel,
-    diagram: StabilizationDiagram,
-    title: str | None = None,
-    source: str | None = None,
-    command: str | None = None,
-    findings: Sequence[Finding] | None = None,
-) -> Path:
-    """Write the report on selected modes and their diagram; see `report`."""
-    heading = title or (f"Modes of {Path(source).name}" if source else "Modal identification")
-    parts = stabilization_sections(modes, diagram, source=source, command=command, findings=findings)
-    return write_page(path, heading, _subtitle(diagram.response), parts)
+@dataclass(frozen=True, eq=False, slots=True)
+class Origin:
+    """Where a result came from, and what is told of it beside the diagram's own.
+
+    Parameters
+    ----------
+    source, command : str, optional
+        The file, and the command line that was typed.
+    findings, notes, script : optional
+        Of the whole analysis; by default those of the diagram.
+    """
+
+    source: str | None = None
+    command: str | None = None
+    findings: Sequence[Finding] | None = None
+    notes: Sequence[Note] | None = None
+    script: str | None = None
 
 
-def stabilization_sections(
-    modes: ModalModel,
-    diagram: StabilizationDiagram,
-    *,
-    source: str | None = None,
-    command: str | None = None,
-    findings: Sequence[Finding] | None = None,
-) -> Iterator[Section]:
+def stabilization_sections(modes: ModalModel, diagram: StabilizationDiagram, origin: Origin) -> Iterator[Section]:
     """Give the sections on a diagram and its modes in the order of reading, each drawn when it is asked for."""
     response = diagram.response
     fit = sections.fit_of(modes, response)
@@ -136,10 +142,10 @@ def stabilization_sections(
     yield from sections.mode_pictures(modes, response, fit)
     if modes.reasons:
         yield sections.reasons_section(modes)
-    yield record.data_section(response, source, findings)
+    yield record.data_section(response, origin.source, origin.findings)
     yield record.settings_section(diagram)
-    yield record.notes_section(diagram.notes, diagram.kinds)
-    yield record.repeat_section(stabilization_script(diagram, source), command)
+    yield record.notes_section(diagram.notes if origin.notes is None else origin.notes, diagram.kinds)
+    yield record.repeat_section(origin.script or stabilization_script(diagram, origin.source), origin.command)
 
 
 def _subtitle(response: Response) -> str:

@@ -11,9 +11,10 @@ import numpy as np
 from modalscope.comparing import Comparison
 from modalscope.identification.identify import Identification
 from modalscope.model import StabilizationDiagram
+from modalscope.model.result import Result
 from modalscope.model.settings import Settings
 
-__all__ = ["comparison_script", "identification_script", "stabilization_script"]
+__all__ = ["comparison_script", "identification_script", "result_script", "stabilization_script"]
 
 
 def stabilization_script(diagram: StabilizationDiagram, source: str | None) -> str:
@@ -28,6 +29,17 @@ def stabilization_script(diagram: StabilizationDiagram, source: str | None) -> s
         lines.append(f"    tolerances={ {name: float(limit) for name, limit in diagram.tolerances.items()}!r},\n")
     after = 'modes = ms.select(diagram)\nprint(modes.table())\nms.report((modes, diagram), "report.html")\n'
     return _call("diagram", "stabilize", source, lines) + after
+
+
+def result_script(result: Result) -> str:
+    """Return the script that repeats a whole analysis."""
+    document = result.analysis
+    file = document.files[0] if document.files else None
+    lines = _options({**({"reading": dict(file.reading)} if file and file.reading else {}), **document.choices()})
+    arrays = "import numpy as np\n\n" if any("np." in line for line in lines) else ""
+    source = repr(file.path) if file and file.path else "data  # which came from no file"
+    head = f"{arrays}import modalscope as ms\n\nresult = ms.analyze(\n    {source},\n"
+    return f"{head}{''.join(lines)})\n" + 'print(result.modes.table())\nms.report(result, "report.html")\n'
 
 
 def identification_script(found: Identification, source: str | None) -> str:
@@ -66,6 +78,8 @@ def _literal(value: Any) -> str:
         return f"np.array({value.tolist()!r})"
     if isinstance(value, np.generic):
         return repr(value.item())
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key!r}: {_literal(item)}" for key, item in value.items()) + "}"
     if isinstance(value, tuple | list):
         parts = ", ".join(_literal(part) for part in value)
         return f"[{parts}]" if isinstance(value, list) else f"({parts}{',' if len(value) == 1 else ''})"

@@ -1,0 +1,102 @@
+"""Analyses as JSON: a document of their own, `x.analysis.json`, or a part of the modes that came of them.
+
+    {"modalscope": version, "analysis": {"schema", "version", "files": [{"path", "size", "sha256", "reading"}], "bands", "exclude",
+     "route", "method", "domain", "orders", "options", "frequencies", "taken", "refused", "names", "remarks"}}
+
+Arrays among the options are {"array": [...]}, with every digit; complex ones have "imag", too.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from modalscope.model.analysis import Analysis, SourceFile
+from modalscope.model.checks import DataError
+from modalscope.model.version import VERSION
+
+__all__ = ["analysis_from", "analysis_to", "read_analysis", "write_analysis"]
+
+
+def write_analysis(path: Path, document: Analysis) -> None:
+    """Write the document alone."""
+    text = json.dumps({"modalscope": VERSION, "analysis": analysis_to(document)}, indent=1)
+    path.write_text(text + "\n", encoding="utf-8")
+
+
+def read_analysis(path: Path) -> Analysis:
+    """Return the analysis that a JSON file holds, by itself or beside modes.
+
+    Raises
+    ------
+    DataError
+        No such file, no JSON, or no analysis in it.
+    """
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise DataError(
+            f"reading {path} was asked", error.strerror or str(error), "Name a file that can be read."
+        ) from None
+    except (ValueError, RecursionError) as error:
+        raise DataError(f"reading {path} was asked", f"it is no JSON ({error})", "Name an .analysis.json.") from None
+    found = document.get("analysis") if isinstance(document, Mapping) else None
+    if not isinstance(found, Mapping):
+        raise DataError(
+            f"the analysis in {path.name} was asked", 'it has no "analysis"', "Name an .analysis.json, or a result."
+        )
+    return analysis_from(found)
+
+
+def analysis_to(document: Analysis) -> dict[str, Any]:
+    """Return an analysis as JSON holds it."""
+    return {f.name: _plain(getattr(document, f.name)) for f in fields(document)}
+
+
+def analysis_from(entries: Mapping[str, Any]) -> Analysis:
+    """Take back what `analysis_to` gave; fields of later layouts are refused with the layout, not dropped."""
+    known = {f.name for f in fields(Analysis)}
+    unknown = sorted(set(entries) - known)
+    if unknown:
+        raise DataError(
+            "an analysis was read",
+            f"it has {', '.join(unknown)}, which this version does not know",
+            "Use a later version.",
+        )
+    given = {name: _back(value) for name, value in entries.items()}
+    try:
+        files = tuple(SourceFile(**file) for file in given.pop("files", ()))
+        return Analysis(files=files, **given)
+    except TypeError as error:
+        raise DataError("an analysis was read", f"its fields are damaged ({error})", "Write it again.") from None
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, SourceFile):
+        return {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, np.ndarray):
+        parts = {"array": value.real.tolist()}
+        return {**parts, "imag": value.imag.tolist()} if np.iscomplexobj(value) else parts
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple | range):
+        return [_plain(item) for item in value]
+    return value if isinstance(value, str | int | float | bool) or value is None else str(value)
+
+
+def _back(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        if "array" in value:
+            real = np.asarray(value["array"])
+            return real + 1j * np.asarray(value["imag"]) if "imag" in value else real
+        return {key: _back(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return tuple(_back(item) for item in value)
+    return value
