@@ -144,6 +144,17 @@ class Response(Channels):
             1/s, positive.
         """
 
+    def driven(self, poles: Array, participation: Array) -> RealArray:
+        """Return how strongly the data drive each pole at its frequency, (n,): |l|, for responses to a unit at every input.
+
+        Parameters
+        ----------
+        poles : array of complex, (n,)
+            rad/s, as they are in the data.
+        participation : array of complex, (n, m)
+        """
+        return np.asarray(np.linalg.norm(participation, axis=1))
+
     @property
     @abstractmethod
     def exact_samples(self) -> bool:
