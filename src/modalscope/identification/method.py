@@ -42,6 +42,7 @@ class Takes(Enum):
     CONTINUOUS = "lines of a continuous structure"
     RESPONSE = "lines, or the samples of a window"
     PAST = "records projected on their past"
+    RECORDS = "records with inputs on their own lines"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -118,6 +119,8 @@ class Method:
         Observable and controllable forms that exist; the first is the default, "smaller" takes the one with fewer states.
     fixed : mapping
         Options that make the row.
+    from_records : str, optional
+        The way from records with inputs to what it takes, where that is not the one of all rows that take the same.
     """
 
     name: str
@@ -135,9 +138,29 @@ class Method:
     forms: tuple[str, ...] = ("observable",)
     aliases: tuple[str, ...] = ()
     fixed: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}), hash=False)
+    from_records: str = ""
 
     def __str__(self) -> str:
-        return f"{self.name} ({self.domain})"
+        return f"{self.name} ({', '.join((self.domain, *self._told))})"
+
+    @property
+    def route(self) -> str:
+        """The way from records with inputs to what the row takes; empty where there is none."""
+        return self.from_records or _ROUTES[self.takes]
+
+    def served_by(self, route: str) -> bool:
+        """Whether a way from records with inputs ends in what the row takes; from frequency responses samples can be had, too.
+
+        Parameters
+        ----------
+        route : str
+        """
+        return route == self.route or (route == "frf" and self.takes is Takes.SAMPLES)
+
+    @property
+    def _told(self) -> tuple[str, ...]:
+        """What tells the row from one of the same name and domain."""
+        return ("records",) if self.takes is Takes.RECORDS else ()
 
     @property
     def label(self) -> str:
@@ -146,6 +169,7 @@ class Method:
         inside = [] if same else [self.name]
         if self.domain != "time":
             inside.append(self.domain)
+        inside += self._told
         return f"{self.common} ({', '.join(inside)})" if inside else self.common
 
     def refusal(self, response: Response, records: bool) -> Refusal | None:
@@ -192,6 +216,17 @@ class Method:
         return _EXACT[self.takes](response)
 
 
+#: The way from records with inputs to what a row takes.
+_ROUTES = {
+    Takes.SAMPLES: "markov",
+    Takes.LINES: "frf",
+    Takes.CONTINUOUS: "frf",
+    Takes.RESPONSE: "frf",
+    Takes.PAST: "",
+    Takes.RECORDS: "records",
+}
+
+
 def _letters(name: str) -> str:
     return "".join(c for c in name.lower() if c.isalnum())
 
@@ -221,6 +256,15 @@ def _no_records(response: Response, records: bool) -> Refusal | None:
     )
 
 
+def _no_spectra(response: Response, records: bool) -> Refusal | None:
+    if response.origin == "records":
+        return None
+    return Refusal(
+        "it takes records with inputs, and these are none",
+        "Give Signals with inputs, or leave route out.",
+    )
+
+
 def _always(response: Response, records: bool) -> Refusal | None:
     return None
 
@@ -231,6 +275,7 @@ _REFUSALS: dict[Takes, Callable[[Response, bool], Refusal | None]] = {
     Takes.CONTINUOUS: _no_samples,
     Takes.RESPONSE: _always,
     Takes.PAST: _no_records,
+    Takes.RECORDS: _no_spectra,
 }
 
 
@@ -264,6 +309,7 @@ _RESERVATIONS: dict[Takes, Callable[[Response], str]] = {
     Takes.CONTINUOUS: _sampled_lines,
     Takes.RESPONSE: lambda response: "",
     Takes.PAST: lambda response: "",
+    Takes.RECORDS: lambda response: "",
 }
 
 _EXACT: dict[Takes, Callable[[Response], bool]] = {
@@ -272,4 +318,5 @@ _EXACT: dict[Takes, Callable[[Response], bool]] = {
     Takes.CONTINUOUS: lambda response: True,
     Takes.RESPONSE: lambda response: True,
     Takes.PAST: lambda response: True,
+    Takes.RECORDS: lambda response: True,
 }

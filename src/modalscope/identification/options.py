@@ -15,7 +15,20 @@ from modalscope.model.checks import check_band, check_choice, check_count, check
 from modalscope.model.labels import Dof
 from modalscope.model.settings import Settings
 
-__all__ = ["AllOptions", "FractionOptions", "HankelOptions", "LineOptions", "Options", "RecordOptions", "labels_of"]
+__all__ = [
+    "ROUTES",
+    "AllOptions",
+    "FractionOptions",
+    "HankelOptions",
+    "LineOptions",
+    "Options",
+    "RecordOptions",
+    "SpectraOptions",
+    "labels_of",
+]
+
+#: Ways from records with inputs into the table; "auto" follows the rule of `modalscope.identification.routes`.
+ROUTES = ("auto", "records", "frf", "markov", "subspace")
 
 
 class AllOptions(TypedDict, total=False):
@@ -23,6 +36,7 @@ class AllOptions(TypedDict, total=False):
 
     band: tuple[float, float] | None
     exclude: Any
+    route: str | None
     factorization: str
     block_rows: int | None
     block_columns: int | None
@@ -67,6 +81,7 @@ class Options(Settings):
             self,
             band=None if self.band is None else check_band(self.band),
             exclude=None if exclude is None else labels_of(exclude),
+            route=None if self.route is None else check_choice("route", self.route, ROUTES),
             factorization=check_choice("factorization", self.factorization, ("auto", "dense", "gram")),
         )
 
@@ -229,3 +244,25 @@ class RecordOptions(Options):
         )
         if self.weighting is not None:
             check_choice("weighting", self.weighting, ("cva",))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class SpectraOptions(Options):
+    """Of records on lines; see `modalscope.blocks.record_lines`.
+
+    Parameters
+    ----------
+    block_rows : int, optional
+        The degree of the polynomials.
+    form : {"observable"}, optional
+        The only one there is.
+    """
+
+    why_not = "the columns of records on lines are the lines of whole runs, as they are"
+
+    block_rows: int | None = None
+    form: str | None = None
+
+    def __post_init__(self) -> None:
+        Options.__post_init__(self)
+        freeze(self, block_rows=_count("block_rows", self.block_rows))

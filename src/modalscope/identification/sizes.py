@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.record_spectra import RecordSpectra
 from modalscope.model.response import Response
 from modalscope.model.signals import Signals
 
-__all__ = ["default_blocks", "default_degree", "default_projection", "default_shifts"]
+__all__ = ["default_blocks", "default_degree", "default_projection", "default_record_degree", "default_shifts"]
 
 #: Rows of the past over times: what the past predicts by chance lowers damping (by 3 % at this share, by 12 % at 8 %).
 _PAST_SHARE = 0.02
+
+#: Columns of the stack of records on lines up to which a higher degree is worth its time, and the highest degree.
+_STACK, _DEGREE = 1000, 60
 
 #: Rows of the past beyond which the triangular factor takes long.
 _PAST_ROWS = 600
@@ -63,3 +67,17 @@ def default_degree(response: FrequencyResponse, order: int) -> int:
     wanted = max(min(48, lines // 4, 600 // outputs), 8, -(-order // outputs) + 1)
     carried = (2 * lines * inputs - order) // inputs - 1
     return int(max(min(wanted, carried), 1))
+
+
+def default_record_degree(spectra: RecordSpectra, order: int) -> int:
+    """Return the degree q of records on lines: as high as the stack and the lines allow, for it decides how well damping is known.
+
+    (q + 1)(1 + m + l) stays below a thousand columns, and twice as many lines are there as terms are eliminated; but q is never
+    below 8, nor below what the order needs, unless the lines forbid it: q + 1 terms of every input and end, and the order, must be left.
+    """
+    _, outputs, _ = spectra.values.shape
+    channels, terms = spectra.eliminated
+    least = max(8, -(-order // outputs) + 4)
+    wanted = min(_DEGREE, _STACK // (channels + outputs) - 1, spectra.count // (2 * terms) - 1)
+    most = (2 * spectra.count - order) // terms - 1
+    return int(max(min(max(wanted, least), most), -(-order // outputs), 1))

@@ -65,7 +65,7 @@ def fitted_terms(response: Response, poles: Array, shapes: Array) -> dict[str, A
     powers = response.outside_powers
     basis = response.basis(poles - window_damping(response), powers)
     participation, terms = basis.fit_participation(shapes)
-    return {"participation": participation, **response.named_terms(terms, powers)}
+    return {"participation": response.of_inputs(participation), **response.named_terms(terms, powers)}
 
 
 def modal_model(matrix: DataMatrix, modal: Eigenmodes, indicators: Mapping[str, Array]) -> ModalModel:
@@ -75,7 +75,7 @@ def modal_model(matrix: DataMatrix, modal: Eigenmodes, indicators: Mapping[str, 
     return ModalModel(
         poles=modal.poles + window_damping(response),
         shapes=modal.shapes,
-        participation=modal.participation,
+        participation=response.of_inputs(modal.participation),
         quantity=response.quantity,
         dt=matrix.dt,
         held_input=is_held(response),
