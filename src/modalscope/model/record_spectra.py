@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 
 __all__ = ["RecordSpectra", "record_spectra"]
 
+#: The degree below which damping is hardly known.
+_LEAST_DEGREE = 8
+
 #: Neighbouring lines on either side that one value of the smoothed spectrum is made of.
 _NEAR = 3
 
@@ -121,6 +124,17 @@ class RecordSpectra(Response):
     def basis(self, poles: Array, powers: tuple[int, ...] = (0,), weights: Array | None = None) -> DrivenBasis:
         """Return what poles can contribute on the lines of all runs; see `Response.basis`."""
         return driven_basis(list(self.runs()), self._in_plane(poles))
+
+    @property
+    def eliminated(self) -> tuple[int, int]:
+        """Functions beside the outputs: at most in one run (its inputs and its ends), and of all runs together."""
+        each = [1 + int(np.any(run.inputs, axis=0).sum()) for run in self.runs() if len(run.points)]
+        return max(each), sum(each)
+
+    @property
+    def room(self) -> int:
+        """Largest number of states worth a try: half of the columns that are left at the least degree."""
+        return max((2 * self.count - (_LEAST_DEGREE + 1) * self.eliminated[1]) // 2, 2)
 
     @property
     def outside_powers(self) -> tuple[int, ...]:

@@ -73,6 +73,11 @@ class Response(Channels):
         return int(self.values.shape[0])
 
     @property
+    def room(self) -> int | None:
+        """Largest number of states worth a try; None where the samples alone do not tell."""
+        return None
+
+    @property
     @abstractmethod
     def span(self) -> tuple[float, float]:
         """Lowest and highest frequency that the data can show, Hz."""
@@ -120,6 +125,16 @@ class Response(Channels):
             As `ModalBasis` gives them, of the relative frequency.
         powers : tuple of int, (t,)
         """
+
+    def of_inputs(self, participation: Array) -> ComplexArray:
+        """Return participation of the inputs alone, (n, m): what a basis fits beside them belongs to the data, not to the modes.
+
+        Parameters
+        ----------
+        participation : array of complex, (n, m) or more columns
+            As a `ModalBasis` gives it.
+        """
+        return np.asarray(participation[:, : len(self.input_dofs)])
 
     @abstractmethod
     def derivatives(self, poles: Array) -> RealArray:
