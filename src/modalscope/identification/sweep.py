@@ -17,7 +17,7 @@ from modalscope.identification.prepare import prepare
 from modalscope.modal.accuracy import indicators_of
 from modalscope.modal.eigenmodes import Eigenmodes, eigenmodes, split_extraneous
 from modalscope.modal.rebuilt import modal_model
-from modalscope.model.checks import Array, DataError, IntArray, RealArray
+from modalscope.model.checks import DataError, IntArray, RealArray
 from modalscope.model.keywords import named
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
@@ -94,16 +94,14 @@ class _Misfit:
     def __init__(self, pipeline: Pipeline) -> None:
         self._response = pipeline.response
         self._scale = output_scale(self._response)[:, None]
-        level = self._response.values / self._scale
-        self._target: Array = np.concatenate([level.real, level.imag]) if np.iscomplexobj(level) else level
-        self._whole = np.linalg.norm(self._target)
+        self._whole = np.linalg.norm(self._response.values / self._scale)
 
     def of(self, modes: Eigenmodes) -> float:
         basis = self._response.basis(modes.poles, modes.fit.powers)
-        terms = modes.fit.terms[: basis.terms.shape[1]] / self._scale
         with np.errstate(over="ignore", invalid="ignore"):
-            left = np.subtract(self._target, basis.rebuilt(modes.shapes / self._scale, modes.participation, terms))
-            ratio = np.linalg.norm(left) / self._whole
+            terms = modes.fit.terms[: basis.terms.shape[1]]
+            left = basis.data - basis.rebuilt(modes.shapes, modes.participation, terms)
+            ratio = np.linalg.norm(left / self._scale) / self._whole
         return float(ratio) if np.isfinite(ratio) else np.inf
 
 

@@ -6,12 +6,20 @@ Adding a method is adding a row here and, when its data matrix or its realizatio
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from difflib import get_close_matches
 from typing import Any, NamedTuple
 
 from modalscope.identification import matrices
 from modalscope.identification.method import DOMAINS, Method, Takes
-from modalscope.identification.options import FractionOptions, HankelOptions, LineOptions, RecordOptions
+from modalscope.identification.options import (
+    DrivenOptions,
+    FractionOptions,
+    HankelOptions,
+    LineOptions,
+    RecordOptions,
+    SpectraOptions,
+)
 from modalscope.identification.orders import BLOCKS, COMPANIONS, DEGREES, STATES
 from modalscope.model.checks import DataError, check_choice
 from modalscope.realizations.balanced import balanced
@@ -35,6 +43,14 @@ _COLUMNS: dict[str, dict[str, Any]] = {
 }
 
 
+#: What records on lines fix for the same rows.
+_ON_RECORDS: dict[str, Any] = {
+    "takes": Takes.RECORDS,
+    "matrix": matrices.records_on_lines,
+    "options_type": SpectraOptions,
+}
+
+
 class _Cell(NamedTuple):
     """What is a cell's own: where the report has it, and what it is called."""
 
@@ -53,7 +69,7 @@ def _row(name: str, cells: dict[str, _Cell], in_time: Any = matrices.plain_hanke
         yield Method(name=name, domain=domain, **cell._asdict(), **column, **shared)
 
 
-_TABLE: tuple[Method, ...] = (
+_REPORTED: tuple[Method, ...] = (
     *_row(
         "era",
         {
@@ -169,6 +185,25 @@ _TABLE: tuple[Method, ...] = (
         fixed={"weighting": "cva"},
     ),
     Method(
+        name="n4sid",
+        domain="time",
+        realization="shift of one factor",
+        section="II-5 on records projected on past inputs and outputs",
+        common="N4SID",
+        known_as=(
+            "PO-MOESP",
+            "N4SID with the weights of PO-MOESP",
+            "MOESP with past inputs and outputs as instruments",
+        ),
+        aliases=("moesp", "po-moesp", "past-output moesp"),
+        takes=Takes.DRIVEN,
+        matrix=matrices.driven_records,
+        factor=matrices.tall_factors,
+        realize=shift,
+        orders=STATES,
+        options_type=DrivenOptions,
+    ),
+    Method(
         name="prce",
         domain="time",
         realization="least squares, companion form",
@@ -188,6 +223,7 @@ _TABLE: tuple[Method, ...] = (
         orders=BLOCKS,
         options_type=HankelOptions,
         forms=("controllable", "observable"),
+        from_records="frf",
     ),
     Method(
         name="lscf",
@@ -205,6 +241,17 @@ _TABLE: tuple[Method, ...] = (
         options_type=FractionOptions,
         forms=("controllable",),
     ),
+)
+
+
+def _on_records(row: Method) -> Method:
+    """Return a row of the frequency domains on the lines of records themselves."""
+    return replace(row, section=f"{row.section}, on records", **_ON_RECORDS)
+
+
+_TABLE: tuple[Method, ...] = (
+    *_REPORTED,
+    *(_on_records(row) for row in _REPORTED if row.takes in (Takes.RESPONSE, Takes.CONTINUOUS)),
 )
 
 
@@ -242,7 +289,7 @@ def _named(name: Any) -> list[Method]:
     return rows or [m for m in _TABLE if wanted in {_letters(alias) for alias in m.aliases}]
 
 
-def find_method(name: str, domain: str | None, default_domain: str) -> Method:
+def find_method(name: str, domain: str | None, default_domain: str, route: str | None = None) -> Method:
     """Return the cell of a name and a domain; without a domain the one that suits the data, else the row's only one.
 
     Parameters
@@ -252,6 +299,8 @@ def find_method(name: str, domain: str | None, default_domain: str) -> Method:
     domain : {"time", "z", "s"}, optional
     default_domain : str
         What suits the data.
+    route : str, optional
+        From records with inputs: only rows that this way serves.
 
     Raises
     ------
@@ -261,7 +310,17 @@ def find_method(name: str, domain: str | None, default_domain: str) -> Method:
     found = _named(name)
     if not found:
         raise _unknown(name)
-    cells = {m.domain: m for m in found}
+    cells: dict[str, Method] = {}
+    for m in found:
+        if route is None or m.served_by(route):
+            cells.setdefault(m.domain, m)
+    if not cells:
+        ways = dict.fromkeys(m.route for m in found if m.route)
+        raise DataError(
+            f"method {name!r} by route={route!r} was asked",
+            f"from records with inputs it is reached by {' or '.join(ways) or 'no way'}",
+            "Leave route out, or choose another method.",
+        )
     if domain is None:
         return cells.get(default_domain) or next(iter(cells.values()))
     check_choice("domain", domain, DOMAINS)

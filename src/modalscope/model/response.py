@@ -73,6 +73,11 @@ class Response(Channels):
         return int(self.values.shape[0])
 
     @property
+    def room(self) -> int | None:
+        """Largest number of states worth a try; None where the samples alone do not tell."""
+        return None
+
+    @property
     @abstractmethod
     def span(self) -> tuple[float, float]:
         """Lowest and highest frequency that the data can show, Hz."""
@@ -121,6 +126,16 @@ class Response(Channels):
         powers : tuple of int, (t,)
         """
 
+    def of_inputs(self, participation: Array) -> ComplexArray:
+        """Return participation of the inputs alone, (n, m): what a basis fits beside them belongs to the data, not to the modes.
+
+        Parameters
+        ----------
+        participation : array of complex, (n, m) or more columns
+            As a `ModalBasis` gives it.
+        """
+        return np.asarray(participation[:, : len(self.input_dofs)])
+
     @abstractmethod
     def derivatives(self, poles: Array) -> RealArray:
         """Return d/ds of the functions of `basis`, real columns e1, e2 of every pole.
@@ -143,6 +158,17 @@ class Response(Channels):
         decay : array, (n,)
             1/s, positive.
         """
+
+    def driven(self, poles: Array, participation: Array) -> RealArray:
+        """Return how strongly the data drive each pole at its frequency, (n,): |l|, for responses to a unit at every input.
+
+        Parameters
+        ----------
+        poles : array of complex, (n,)
+            rad/s, as they are in the data.
+        participation : array of complex, (n, m)
+        """
+        return np.asarray(np.linalg.norm(participation, axis=1))
 
     @property
     @abstractmethod
