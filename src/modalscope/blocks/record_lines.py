@@ -156,7 +156,7 @@ class RecordLines(PolynomialRows):
         shapes = self.shapes(model.row_states(eigen.vectors), eigen.values)
         basis = self.response.basis(self.to_s(eigen.values))
         participation, terms = basis.fit_participation(shapes)
-        return ModalFit(shapes, participation, terms, reach=basis.reach)
+        return ModalFit(shapes, participation, terms, reach=basis.reach, basis=basis)
 
     def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> tuple[Array, Array]:
         """Return the records' lines and what the modes give on them, from the first states that fit best."""

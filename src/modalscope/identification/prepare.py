@@ -135,10 +135,8 @@ def _measured(data: Any, band: tuple[float, float] | None, asked: _Asked) -> Mea
 
 @_measured.register
 def _(data: Response, band: tuple[float, float] | None, asked: _Asked) -> Measured:
-    row, domain = _USUAL.get(data.origin, ("era", "time"))
-    return Measured(
-        data.in_band(band), None, type(data).__name__, row, "z" if data.held_input and domain == "s" else domain
-    )
+    row, domain = _USUAL.get((data.origin, data.held_input), ("era", "time"))
+    return Measured(data.in_band(band), None, type(data).__name__, row, domain)
 
 
 @_measured.register
@@ -163,8 +161,9 @@ def _(data: Records, band: tuple[float, float] | None, asked: _Asked) -> Measure
     )
 
 
-#: Row and domain that are taken when none is asked, by where a response came from; impulse responses "era", time.
-_USUAL = {"lines": ("alternate", "s")}
+#: Row and domain that are taken when none is asked, by where a response came from and whether its input was held; impulse responses
+#: "era", time.
+_USUAL = {("lines", False): ("alternate", "s"), ("lines", True): ("alternate", "z")}
 
 
 def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem:

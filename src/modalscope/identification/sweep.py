@@ -97,7 +97,7 @@ class _Misfit:
         self._whole = np.linalg.norm(self._response.values / self._scale)
 
     def of(self, modes: Eigenmodes) -> float:
-        basis = self._response.basis(modes.poles, modes.fit.powers)
+        basis = modes.fit.basis or self._response.basis(modes.poles, modes.fit.powers)
         with np.errstate(over="ignore", invalid="ignore"):
             terms = modes.fit.terms[: basis.terms.shape[1]]
             left = basis.data - basis.rebuilt(modes.shapes, modes.participation, terms)

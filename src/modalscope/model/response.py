@@ -149,6 +149,15 @@ class Response(Channels):
     def spectrum(self) -> tuple[RealArray, ComplexArray]:
         """Return lines in Hz and complex values on them, fine enough that a neighbour's peak is not taken for a mode's own."""
 
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """What the last axis of the values is: the inputs."""
+        return self.input_dofs
+
+    def picture(self) -> Response:
+        """Return what is drawn for these data: themselves, where they are responses."""
+        return self
+
     @abstractmethod
     def energy(self, decay: Array) -> RealArray:
         """Return sum over the values of |g|^2 for a mode of residue one by its decay rate -Re s, as if it lay inside whole.
