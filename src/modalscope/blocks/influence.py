@@ -160,9 +160,9 @@ class SampleInfluence(Influence):
     def white(self, variance: RealArray) -> Moments:
         """Return the moments under noise of this variance at every sample, (l, m)."""
         pairs = [(one, two) for one in self.terms for two in self.terms]
-        size = sum(one.times(two.conjugate()).summed(variance).real for one, two in pairs)
-        square = sum(one.times(_backwards(two)).summed(variance) for one, two in pairs)
-        return Moments(np.asarray(size) / self._length, np.asarray(square, dtype=complex) / self._length)
+        size: Array = np.sum([one.times(two.conjugate()).summed(variance).real for one, two in pairs], axis=0)
+        square: Array = np.sum([one.times(_backwards(two)).summed(variance) for one, two in pairs], axis=0)
+        return Moments(np.asarray(size / self._length), np.asarray(square / self._length, dtype=complex))
 
     def of(self, change: Array) -> ComplexArray:
         """Return the change of the poles, one pole at a time; samples beyond the last that was read do nothing."""
