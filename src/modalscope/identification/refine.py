@@ -12,7 +12,6 @@ from modalscope.blocks.threads import one_thread
 from modalscope.identification.prepare import measure
 from modalscope.identification.refined import refined
 from modalscope.identification.settling import Settled, Task, least_gain, settle, task_of
-from modalscope.modal.rebuilt import fitted_terms
 from modalscope.model.candidates import Candidate
 from modalscope.model.checks import ComplexArray, DataError, check_kind
 from modalscope.model.groups import AUTO, check_groups
@@ -139,8 +138,9 @@ def _of_their_own(task: Task, modes: ModalModel) -> tuple[Settled | None, list[i
 def _participation(task: Task, modes: ModalModel) -> ComplexArray:
     if modes.participation is not None:
         return modes.participation
-    fitted: ComplexArray = fitted_terms(task.response, modes.poles, modes.shapes)["participation"]
-    return fitted
+    poles = modes.poles - window_damping(task.response)
+    participation, _ = task.response.basis(poles, task.response.outside_powers).fit_participation(modes.shapes)
+    return participation
 
 
 def _candidate(modes: ModalModel, j: int, gain: float) -> Candidate:
