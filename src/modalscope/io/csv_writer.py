@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.io.contents import Options, Thing
+from modalscope.io.marks import MARK
 from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, ModalModel, Signals
 from modalscope.model.checks import Array
 from modalscope.model.mode_table import known_columns
@@ -20,7 +21,7 @@ __all__ = ["write"]
 def write(path: Path, thing: Thing, options: Options) -> None:
     """Write a response, a record of one run or a table of modes."""
     if isinstance(thing, ModalModel):
-        _put(path, {}, *_modes_table(thing))
+        _put(path, None, *_modes_table(thing))
     elif isinstance(thing, FrequencyResponse):
         _put(path, _notes(thing, "quantity", "sampling_rate"), *_frequency_table(thing))
     elif isinstance(thing, ImpulseResponse):
@@ -48,9 +49,10 @@ def write(path: Path, thing: Thing, options: Options) -> None:
         )
 
 
-def _put(path: Path, notes: dict[str, str], header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+def _put(path: Path, notes: dict[str, str] | None, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
-        file.writelines(f"# {name}: {value}\n" for name, value in notes.items())
+        if notes is not None:
+            file.writelines(f"# {name}: {value}\n" for name, value in {"written by": MARK, **notes}.items())
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(header)
         writer.writerows(rows)

@@ -16,6 +16,7 @@ from scipy import io as sio
 from modalscope.io.arrays import INDICATOR, UNREFINED, to_arrays
 from modalscope.io.contents import Contents, Options, Plain
 from modalscope.io.from_arrays import contents_from_arrays
+from modalscope.io.marks import MARK
 from modalscope.io.mat5 import read_mat5
 from modalscope.model import DataError
 from modalscope.model.checks import Array
@@ -26,6 +27,7 @@ __all__ = ["read", "write"]
 
 _VECTORS = ("frequencies", "poles", *PER_MODE)
 _THREE_AXES = ("values", "variance")
+_DESCRIPTION = 116
 _HDF5_SIGNATURE = b"MATLAB 7.3"
 
 #: What h5py raises on damaged files.
@@ -46,6 +48,8 @@ def write(path: Path, thing: Plain, options: Options) -> None:
             "Use .npz or .h5.",
         )
     sio.savemat(str(path), arrays, appendmat=False, long_field_names=True, oned_as="column")
+    with path.open("r+b") as file:  # no date: the same data give the same file
+        file.write(f"MATLAB 5.0 MAT-file, written by {MARK}".ljust(_DESCRIPTION).encode())
 
 
 def read(path: Path, options: Options) -> Contents:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from os import PathLike
+from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
 
@@ -168,6 +168,8 @@ def check_each(name: str, values: Any, what: str) -> list[Any]:
 
 def check_path(path: Any) -> Path:
     """Return the name of a file as a path, or raise."""
-    if not isinstance(path, str | PathLike):
+    if not isinstance(path, str | PathLike) or isinstance(fspath(path), bytes):
         raise DataError("the name of a file was asked", f"it is {type(path).__name__}", "Give it as text or as a Path.")
+    if "\0" in fspath(path):
+        raise DataError("the name of a file was asked", "it holds a NUL, which no name may", "Take it out.")
     return Path(path)
