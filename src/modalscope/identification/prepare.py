@@ -12,7 +12,7 @@ import numpy as np
 from modalscope.identification.method import Method, Problem, Takes
 from modalscope.identification.options import AllOptions, Options
 from modalscope.identification.table import find_method, methods
-from modalscope.model.checks import DataError, check_band, check_choice, check_kind
+from modalscope.model.checks import DataError, check_band, check_choice, check_kind, check_size
 from modalscope.model.errors import check_option_names
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
@@ -98,6 +98,7 @@ def _measured(data: Any, band: tuple[float, float] | None) -> Measured:
 
 @_measured.register
 def _(data: Response, band: tuple[float, float] | None) -> Measured:
+    check_size("responses", np.swapaxes(data.values, 1, 2), data.output_dofs)
     return Measured(data.in_band(band), None, type(data).__name__, _USUAL.get(data.origin, "era"))
 
 
@@ -105,7 +106,9 @@ def _(data: Response, band: tuple[float, float] | None) -> Measured:
 def _(data: Signals, band: tuple[float, float] | None) -> Measured:
     from modalscope.preprocess import estimate_correlation, estimate_frf, filter_band
 
+    check_size("records", data.outputs, data.output_dofs)
     if data.inputs is not None:
+        check_size("records", data.inputs, data.input_dofs)
         note = Note("estimated", {}, "frequency responses were estimated from the records (H1)")
         return Measured(estimate_frf(data).in_band(band), None, "records with inputs", _USUAL["lines"], notes=(note,))
     records = data if band is None else filter_band(data, *band)

@@ -25,11 +25,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modalscope.io.contents import Contents, Finding, Options, Thing
-from modalscope.io.csv_writer import write
 from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, Signals
 from modalscope.model.checks import Array, RealArray
 
-__all__ = ["read", "write"]
+__all__ = ["read"]
 
 _PAIR = re.compile(
     r"^(?:(?P<part>real|imag)\s+)?(?P<out>[^/\[\]]+?)\s*/\s*(?P<in>[^/\[\]]+?)\s*(?:\[(?P<unit>.*?)(?: / (?P<unit_in>.*))?\])?$"
@@ -83,7 +82,9 @@ def _table(path: Path) -> _Table:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise DataError(
-            f"reading {path.name} as CSV was asked", "it is not text", "Give it the suffix of what it is."
+            f"reading {path.name} as CSV was asked",
+            "it is not text in UTF-8",
+            "Save it as UTF-8, or give it the suffix of what it is.",
         ) from None
     lines = text.splitlines()
     notes: dict[str, str] = {}
@@ -99,7 +100,14 @@ def _table(path: Path) -> _Table:
             "Write a header and one row a line or sample.",
         )
     delimiter = max(",;\t", key=rows[0].count)
-    header, *body = csv.reader(io.StringIO("\n".join(rows)), delimiter=delimiter)
+    try:
+        header, *body = csv.reader(io.StringIO("\n".join(rows)), delimiter=delimiter, strict=True)
+    except csv.Error as error:
+        raise DataError(
+            f"reading {path.name} as CSV was asked",
+            f"a quotation mark is left open, or stands where none may ({error})",
+            "Close it, or take it out.",
+        ) from None
     if {"frequency_hz", "damping_ratio"} <= set(header):
         raise DataError(
             f"reading {path.name} was asked",

@@ -6,11 +6,12 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from modalscope.io import csv, hdf5, json, mat, npz, uff
+from modalscope.io import csv, csv_writer, hdf5, json, mat, npz, uff
 from modalscope.io.analysis import write_analysis
 from modalscope.io.atomic import replacing
 from modalscope.io.contents import Contents, Format, Options, Survey, Thing, describe
 from modalscope.io.from_arrays import ARRAY_OPTIONS, FIELD_OPTIONS
+from modalscope.io.texts import check_texts
 from modalscope.model import (
     DataError,
     FrequencyResponse,
@@ -43,7 +44,7 @@ FORMATS: dict[str, Format] = {
     ".uff": _UNIVERSAL,
     ".unv": _UNIVERSAL,
     ".json": Format(name="JSON", reader=json.read, writer=json.write, write_options=json.WRITE_OPTIONS),
-    ".csv": Format(name="CSV table", reader=csv.read, writer=csv.write),
+    ".csv": Format(name="CSV table", reader=csv.read, writer=csv_writer.write),
     ".mat": Format(name="MATLAB file", reader=mat.read, writer=mat.write, read_options=ARRAY_OPTIONS),
     ".h5": _HDF5,
     ".hdf5": _HDF5,
@@ -162,6 +163,7 @@ def write(path: str | Path, thing: Any, **options: Any) -> None:
     if row.writer is None:
         raise DataError(f"writing {file.name} was asked", f"a {row.name} is only read", "Choose another suffix.")
     _check_options(file, options, row.write_options, "writing")
+    check_texts(file.suffix, thing)
     with replacing(file, sources) as temporary:
         row.writer(temporary, thing, options)
 

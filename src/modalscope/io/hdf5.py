@@ -7,6 +7,7 @@ values are scalar datasets. The axes carry dimension scales (`line` = `frequenci
 
 from __future__ import annotations
 
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -48,7 +49,9 @@ def write(path: Path, thing: Plain, options: Options) -> None:
     """Write a data object; binary, so that it is read back exactly."""
     h5py = optional_package(f"writing {path.suffix}", "h5py", "hdf5")
     axes: dict[str, tuple[str, ...]] = {}
-    with h5py.File(path, "w") as file:
+    # in memory: HDF5 that meets a full disk while it closes a file can take the whole process with it
+    image = BytesIO()
+    with h5py.File(image, "w") as file:
         file.attrs["modalscope_layout"] = _LAYOUT
         for name, array in to_arrays(thing).items():
             if array.dtype.kind == "U":
@@ -65,6 +68,7 @@ def write(path: Path, thing: Plain, options: Options) -> None:
         # the frequencies are a scale of their own, so that all datasets are there before their axes are named
         for name, names in axes.items():
             _label(file, name, names)
+    path.write_bytes(image.getbuffer())
 
 
 def _axes(thing: Plain, name: str, array: Array) -> tuple[str, ...]:
@@ -99,6 +103,8 @@ def read(path: Path, options: Options) -> Contents:
                 for name, item in file.items()
                 if isinstance(item, h5py.Dataset) and not _is_axis(name, item)
             }
+            if not all(isinstance(name, str) for name in arrays):
+                raise ValueError("a name in it is no text")
     except (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError) as error:
         raise DataError(
             f"reading {path.name} as HDF5 was asked",
