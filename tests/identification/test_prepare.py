@@ -9,6 +9,7 @@ import pytest
 
 from modalscope import DataError
 from modalscope.identification.prepare import prepare
+from modalscope.identification.table import methods
 from modalscope.model import FrequencyResponse, ImpulseResponse, Signals
 from modalscope.preprocess import estimate_correlation, filter_band
 from tests.support import built
@@ -179,3 +180,20 @@ def test_lags_of_a_correlation_that_no_block_holds_are_left_out() -> None:
     rest = built(samples(), order=1, method="era", block_rows=5, block_columns=9).response
     assert isinstance(rest, ImpulseResponse)
     assert rest.samples == 64
+
+
+def test_an_option_of_other_rows_is_refused_with_those_that_have_it() -> None:
+    with pytest.raises(DataError, match="works on samples") as error:
+        prepare(samples(), "era", None, weights="level")
+    having = error.value.change.removesuffix(".").split(": ")[1].split(", ")
+    assert having == [str(m) for m in methods() if hasattr(m.options_type, "weights")]
+    assert "era (z)" in having
+    assert "era (time)" not in having
+
+
+@pytest.mark.parametrize("form", ["controllable", "smaller"])
+def test_lines_have_no_form_but_the_observable_one(form: str) -> None:
+    with pytest.raises(DataError, match=r"in domain 's' was asked, but it has only observable"):
+        prepare(lines(), "era", "s", form=form)
+    assert prepare(lines(), "era", "s", form="observable").options.form == "observable"
+    assert prepare(samples(), "era", "time", form=form).options.form == form

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from modalscope.io import survey
+from modalscope.io import set_max_memory, survey
 from modalscope.model import DataError, ModalModel, Note
 
 __all__ = ["parse_orders", "read_data", "read_responses", "reading_options"]
@@ -31,7 +31,8 @@ def read_responses(options: argparse.Namespace, asked: str) -> tuple[Any, tuple[
 
 
 def reading_options(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the options of `modalscope.io.read`."""
+    """Return the options of `modalscope.io.read`; what it may take of the memory is set for the process."""
+    set_max_memory(options.max_memory)
     given: dict[str, Any] = {"quantity": options.quantity} if options.quantity else {}
     for name, example in (("rename", "y=outputs"), ("axes", "values=inputs,outputs,lines")):
         items = getattr(options, name)

@@ -134,7 +134,7 @@ class Method:
     options_type: type[Options]
     forms: tuple[str, ...] = ("observable",)
     aliases: tuple[str, ...] = ()
-    fixed: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    fixed: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}), hash=False)
 
     def __str__(self) -> str:
         return f"{self.name} ({self.domain})"

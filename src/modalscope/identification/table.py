@@ -20,7 +20,7 @@ from modalscope.realizations.fraction import fraction_companion
 from modalscope.realizations.regression import regression
 from modalscope.realizations.shift import shift
 
-__all__ = ["find_method", "methods"]
+__all__ = ["cell_label", "find_method", "methods"]
 
 #: What a column of the table fixes for a row whose realization suits every data matrix.
 _COLUMNS: dict[str, dict[str, Any]] = {
@@ -217,6 +217,17 @@ def methods() -> tuple[Method, ...]:
     ['alternate', 'era']
     """
     return _TABLE
+
+
+def cell_label(name: str, domain: str) -> str:
+    """Return the common name of a cell, and its own behind it; of what the table has not, the two as they stand.
+
+    Examples
+    --------
+    >>> cell_label("alternate", "time"), cell_label("lscf", "z")
+    ('SSI-cov (alternate)', 'PolyMAX (lscf, z)')
+    """
+    return next((m.label for m in _TABLE if (m.name, m.domain) == (name, domain)), f"{name} ({domain})")
 
 
 def _letters(name: str) -> str:

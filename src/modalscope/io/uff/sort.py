@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.io.limits import Room
 from modalscope.io.uff.dofs import FORCES, QUANTITY_OF, sort_key
 from modalscope.io.uff.function import Function
 from modalscope.io.uff.matrix import (
@@ -46,10 +47,10 @@ def kind_of(function: Function) -> str:
 
 
 def sort_frequency(
-    functions: Sequence[Function], coherences: Sequence[Function], options: dict[str, Any], si: bool
+    functions: Sequence[Function], coherences: Sequence[Function], options: dict[str, Any], si: bool, space: Room
 ) -> Sorted:
     """Make one matrix of frequency responses, with the coherence where it is complete."""
-    out = Sorted()
+    out = Sorted(room=space)
     group = largest_group(functions, out, options.get("quantity"), by_quantity=True)
     pairs = by_pair(group, out, options.get("repeated"))
     outputs, inputs = complete_block(pairs, out)
@@ -122,12 +123,12 @@ def _evenly(functions: Sequence[Function], out: Sorted, what: str) -> list[Funct
     return even
 
 
-def sort_impulse(functions: Sequence[Function], options: dict[str, Any], si: bool) -> Sorted:
+def sort_impulse(functions: Sequence[Function], options: dict[str, Any], si: bool, space: Room) -> Sorted:
     """Make one impulse response: correlations by their type, samples over an excitation force as sampled impulse responses.
 
     Correlations and pulse responses keep what stands at time zero apart, as `feedthrough`; negative lags are left.
     """
-    out = Sorted()
+    out = Sorted(room=space)
     kinds = Counter(_impulse_kind(f) for f in functions)
     kind = options.get("kind") or _commonest(kinds)
     # a kind that is asked for and not there is what the functions are meant to be
@@ -183,9 +184,9 @@ def _impulse_kind(function: Function) -> str:
     return "correlation" if function.kind in _CORRELATIONS else "dirac"
 
 
-def sort_records(functions: Sequence[Function], options: dict[str, Any], si: bool) -> Sorted:
+def sort_records(functions: Sequence[Function], options: dict[str, Any], si: bool, space: Room) -> Sorted:
     """Make one record: forces are inputs, everything else outputs; channels that come R times each are R runs."""
-    out = Sorted()
+    out = Sorted(room=space)
     group = largest_group(_evenly(functions, out, "records"), out, None, by_quantity=False)
     forces = [f for f in group if f.quantity in FORCES]
     others = [f for f in group if f.quantity not in FORCES]
@@ -195,7 +196,7 @@ def sort_records(functions: Sequence[Function], options: dict[str, Any], si: boo
     sides = [_channels(side, out) for side in (others, forces)]
     runs = {len(functions) for side in sides for functions in side.values()}
     if len(runs) != 1:
-        counts = ", ".join(f"{label} {len(fs)}" for side in sides for label, fs in side.items())
+        counts = ", ".join([f"{label} {len(fs)}" for side in sides for label, fs in side.items()][:12])
         raise DataError(
             "records of whole runs were asked",
             f"the channels come a different number of times: {counts}",
