@@ -6,10 +6,9 @@ import argparse
 from pathlib import Path
 from typing import NoReturn, TypeAlias
 
-__all__ = ["EXIT_WRONG", "Commands", "Parser", "add_choices", "add_file", "add_reading"]
+from modalscope.cli.process import EXIT_WRONG
 
-#: Exit status for wrong use or unusable data.
-EXIT_WRONG = 2
+__all__ = ["Commands", "Parser", "add_choices", "add_file", "add_force", "add_output", "add_reading"]
 
 
 class Parser(argparse.ArgumentParser):
@@ -17,7 +16,9 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Stop with the message on one line."""
-        self.exit(EXIT_WRONG, f"{self.prog}: {message}\n")
+        from modalscope.model.errors import shortened
+
+        self.exit(EXIT_WRONG, f"{self.prog}: {' '.join(shortened(message).split())}\n")
 
 
 #: The list that a command adds its parser to.
@@ -69,6 +70,17 @@ def memory(text: str) -> int:
     if not 1 <= size < float("inf"):
         raise ValueError
     return int(size)
+
+
+def add_output(parser: argparse.ArgumentParser, what: str) -> None:
+    """Take the file to write, and whether it may take the place of one that modalscope did not write."""
+    parser.add_argument("-o", "--output", type=Path, help=what)
+    add_force(parser)
+
+
+def add_force(parser: argparse.ArgumentParser) -> None:
+    """Take whether a file that modalscope did not write may be replaced."""
+    parser.add_argument("--force", action="store_true", help="replace a file that modalscope did not write, too")
 
 
 def add_choices(parser: argparse.ArgumentParser, *, bands: bool = False) -> None:

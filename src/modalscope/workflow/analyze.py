@@ -85,7 +85,7 @@ def analyze(
     >>> len(result.modes), result.analysis.method is None
     (5, True)
     """
-    thing, source = opened(data, {} if reading is None else reading)
+    thing, source, told = opened(data, {} if reading is None else reading)
     bands = _bands(options.pop("band", None))
     exclude = options.pop("exclude", None)
     document = Analysis(
@@ -100,10 +100,10 @@ def analyze(
         taken=tuple(check_each("take", take, "numbers in Hz")),
         refused=tuple(check_each("refuse", refuse, "numbers in Hz")),
     )
-    return analyzed(thing, document, progress)
+    return analyzed(thing, document, progress, told)
 
 
-def analyzed(data: Any, document: Analysis, progress: Progress | None = None) -> Result:
+def analyzed(data: Any, document: Analysis, progress: Progress | None = None, told: tuple[Note, ...] = ()) -> Result:
     """Return the result of the choices in a document on data that were read; see `analyze`.
 
     Parameters
@@ -111,16 +111,18 @@ def analyzed(data: Any, document: Analysis, progress: Progress | None = None) ->
     data : FrequencyResponse, ImpulseResponse or Signals
     document : Analysis
     progress : callable, optional
+    told : tuple of Note
+        What of the data's file was left.
     """
     check_kind("document", document, Analysis)
     diagrams = [_diagram(data, document, band, progress) for band in document.bands or (None,)]
     modes = _selected(document, diagrams)
-    findings, told = _examined(data)
+    findings, seen = _examined(data)
     return Result(
         modes=modes,
         diagrams=tuple(diagrams),
         findings=findings,
-        notes=(*told, *_loud(modes, diagrams), *(note for diagram in diagrams for note in diagram.notes)),
+        notes=(*told, *seen, *_loud(modes, diagrams), *(note for diagram in diagrams for note in diagram.notes)),
         analysis=document,
         data=data,
     )
