@@ -5,4 +5,14 @@ from modalscope.io.formats import FORMATS, read, survey, write
 from modalscope.io.limits import set_max_memory
 from modalscope.io.tables import geometry_from_tables
 
-__all__ = ["FORMATS", "Finding", "Survey", "describe", "geometry_from_tables", "read", "set_max_memory", "survey", "write"]
+__all__ = [
+    "FORMATS",
+    "Finding",
+    "Survey",
+    "describe",
+    "geometry_from_tables",
+    "read",
+    "set_max_memory",
+    "survey",
+    "write",
+]
