@@ -25,6 +25,7 @@ from typing import Any, NamedTuple, TextIO
 
 import numpy as np
 
+from modalscope.io.arrays import joined
 from modalscope.io.contents import Contents, Finding, Options, Thing
 from modalscope.io.limits import Room, room
 from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, Signals
@@ -212,7 +213,7 @@ def _frequency_response(
     path: Path, labels: list[str], lines: Array, values: Array, given: dict[str, Any]
 ) -> FrequencyResponse:
     outputs, inputs, columns, units = _matrix(path, labels, {"real", "imag"})
-    both = values[:, columns["real"]] + 1j * values[:, columns["imag"]]
+    both = joined(values[:, columns["real"]], values[:, columns["imag"]])
     return FrequencyResponse(values=both, frequencies=lines, units=units, **_dofs(outputs, inputs), **given)
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.io.arrays import to_arrays
+from modalscope.io.arrays import joined, to_arrays
 from modalscope.io.contents import Contents, Options, Plain
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.hdf5_guard import check_hdf5, seal
@@ -130,20 +130,15 @@ def read(path: Path, options: Options) -> Contents:
         ) from None
     for name in [name for name in arrays if name.endswith("_real") and name.removesuffix("_real") + "_imag" in arrays]:
         base = name.removesuffix("_real")
-        arrays[base] = _joined(path, base, arrays.pop(name), arrays.pop(base + "_imag"))
+        try:
+            arrays[base] = joined(arrays.pop(name), arrays.pop(base + "_imag"))
+        except ValueError as error:
+            raise DataError(
+                f"{base} in {path.name} needs real and imaginary parts of one shape",
+                str(error),
+                "Write the file again.",
+            ) from None
     return contents_from_arrays(path.name, arrays, options)
-
-
-def _joined(path: Path, name: str, real: Array, imaginary: Array) -> Array:
-    if real.shape != imaginary.shape or real.dtype.kind not in "biuf" or imaginary.dtype.kind not in "biuf":
-        raise DataError(
-            f"{name} in {path.name} needs real and imaginary parts of one shape",
-            f"they are {real.dtype} {real.shape} and {imaginary.dtype} {imaginary.shape}",
-            "Write the file again.",
-        )
-    values = np.empty(real.shape, complex)
-    values.real, values.imag = real, imaginary
-    return values
 
 
 def _is_axis(name: str, item: Any) -> bool:

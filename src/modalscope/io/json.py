@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.io.analysis import analysis_to
-from modalscope.io.arrays import from_json_numbers
+from modalscope.io.arrays import from_json_numbers, joined
 from modalscope.io.contents import Contents, Finding, Options
 from modalscope.io.diagrams import DIAGRAM, document_contents, write_document
 from modalscope.io.limits import room
@@ -246,7 +246,7 @@ def _units(units: Any, known: bool) -> Any:
 
 
 def _complex(parts: dict[str, list[float]]) -> ComplexArray:
-    return np.asarray(np.array(parts["real"], dtype=float) + 1j * np.array(parts["imag"], dtype=float))
+    return joined(np.array(parts["real"], dtype=float), np.array(parts["imag"], dtype=float))
 
 
 def _pole(row: dict[str, Any]) -> complex:
