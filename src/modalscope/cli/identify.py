@@ -30,6 +30,12 @@ def add(commands: Commands) -> None:
     )
     parser.add_argument("--take", nargs="+", type=float, metavar="HZ", help="report these modes, too")
     parser.add_argument("--refuse", nargs="+", type=float, metavar="HZ", help="do not report these modes")
+    parser.add_argument(
+        "--no-refine",
+        dest="refine",
+        action="store_false",
+        help="report the values of the diagram, not those of the maximum of the likelihood",
+    )
     add_output(parser, "write .json, .csv, .uff or an .html report")
     parser.set_defaults(run=run)
 
@@ -55,6 +61,7 @@ def run(options: argparse.Namespace) -> None:
             frequencies=options.frequencies,
             take=options.take or (),
             refuse=options.refuse or (),
+            refine=options.refine,
             reading=reading_options(options),
             progress=show,
             **given,
@@ -99,5 +106,7 @@ def _print(result: Result) -> None:
         return
     several = f"{len(result.diagrams)} bands merged\n\n" if len(result.diagrams) > 1 else ""
     say(f"\n{several}{result.modes.table()}")
+    for note in result.modes.notes:
+        say(f"  {note}")
     if len(result.diagrams) == 1:
         say(f"\n{explained(fit_of(result.modes, result.diagram.response))}")

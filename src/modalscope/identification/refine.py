@@ -91,7 +91,7 @@ def refine(
     task = task_of(
         response, np.concatenate([beside, poles[~able]]), None if weights is None else np.asarray(weights), progress
     )
-    notes = [] if able.all() else [_held(int(np.sum(~able)))]
+    notes = [_held(len(task.fixed))] if len(task.fixed) else []
     start = modes.take(able)
     settled, kept, lost = _of_their_own(task, start)
     notes += [] if settled is None else _how(settled)
@@ -154,7 +154,7 @@ def _candidate(modes: ModalModel, j: int, gain: float) -> Candidate:
 
 
 def _held(count: int) -> Note:
-    text = f"{count} poles that are no decaying oscillations took part as they are, and are not refined"
+    text = f"{count} poles that are no modes take part in the refinement: they are held, their residues free"
     return Note("held", {"poles": count}, text)
 
 

@@ -80,7 +80,7 @@ def write(path: Path, modes: Any, options: Options) -> None:
         "unrefined": None if (u := modes.unrefined) is None else [_mode(u, j) for j in range(len(u))],
         "converged": modes.converged,
         "route": options.get("route"),
-        "notes": [note.to_dict() for note in (*modes.notes, *options.get("notes", ()))],
+        "notes": [note.to_dict() for note in dict.fromkeys((*modes.notes, *options.get("notes", ())))],
         "analysis": options.get("analysis"),
         "geometry": None if modes.geometry is None else _geometry_out(modes.geometry),
     }

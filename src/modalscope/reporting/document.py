@@ -26,6 +26,7 @@ from modalscope.reporting import record, sections
 from modalscope.reporting.comparison import comparison_sections
 from modalscope.reporting.html import Section, page
 from modalscope.reporting.identification import identification_sections
+from modalscope.reporting.intervals import intervals_section
 from modalscope.reporting.scripts import result_script, stabilization_script
 
 __all__ = ["Origin", "report", "stabilization_sections", "write_page"]
@@ -140,6 +141,8 @@ def stabilization_sections(modes: ModalModel, diagram: StabilizationDiagram, ori
     fit = sections.fit_of(modes, response)
     yield sections.summary_section(modes, diagram, fit)
     yield sections.modes_section(modes)
+    if len(modes):
+        yield intervals_section(modes)
     yield sections.stabilization_section(diagram, modes)
     yield from sections.mode_pictures(modes, response, fit)
     if modes.reasons:
