@@ -208,8 +208,8 @@ def driven_records(problem: Problem, order: int) -> Built:
     options: DrivenOptions = problem.options
     assert problem.driven is not None
     assert isinstance(problem.response, RecordSpectra)
-    rows, columns = default_driven(problem.driven, order, options.block_rows, options.block_columns)
-    matrix = driven_projection(problem.driven, rows, columns, problem.response)
+    rows, columns, single = default_driven(problem.driven, order, options.block_rows, options.block_columns)
+    matrix = driven_projection(problem.driven, rows, columns, single, problem.response)
     settings = replace(options, block_rows=rows, block_columns=columns, form="observable")
     return Built(matrix, settings, _unfiltered(problem))
 
