@@ -9,7 +9,9 @@ import pytest
 
 from modalscope import DataError
 from modalscope.identification.prepare import prepare
+from modalscope.identification.table import methods
 from modalscope.model import FrequencyResponse, ImpulseResponse, Signals
+from modalscope.model.record_spectra import RecordSpectra
 from modalscope.preprocess import estimate_correlation, filter_band
 from tests.support import built
 
@@ -52,7 +54,7 @@ def test_the_method_and_its_domain_are_those_that_suit_the_data() -> None:
     assert cell(lines()) == ("alternate", "s")
     assert cell(lines(rate=50.0)) == ("alternate", "z")
     assert cell(records(inputs=False)) == ("alternate", "time")
-    assert cell(records(inputs=True)) == ("alternate", "s")
+    assert cell(records(inputs=True)) == ("alternate", "z")
 
 
 def test_a_method_asked_for_is_taken_in_the_domain_of_the_data_and_a_domain_with_the_default_method() -> None:
@@ -69,8 +71,48 @@ def test_what_suits_is_handed_on_as_it_is() -> None:
         assert (found.records, found.notes) == (None, ())
 
 
-def test_records_with_inputs_become_frequency_responses_of_all_pairs() -> None:
-    found = prepare(records(inputs=True), None, None)
+def test_records_with_inputs_stay_records_on_their_own_lines() -> None:
+    data = records(inputs=True)
+    found = prepare(data, None, None)
+    assert isinstance(found.response, RecordSpectra)
+    assert found.response.values.shape == (1999, 2, 1)  # 4000 samples without 0 Hz and half the rate
+    assert found.options.route == "records"
+    assert prepare([data, data], None, None).response.durations == (80.0, 80.0)
+
+
+@pytest.mark.parametrize(
+    ("method", "domain", "route"),
+    [
+        (None, None, "records"),
+        (None, "s", "records"),
+        ("era", "z", "records"),
+        ("era", "time", "markov"),
+        ("lscf", None, "frf"),
+        ("prce", None, "frf"),
+        ("polymax", None, "frf"),
+        ("ssi-cov", "time", "markov"),
+    ],
+)
+def test_a_method_given_with_a_domain_takes_the_way_that_serves_it(method, domain, route) -> None:  # type: ignore[no-untyped-def]
+    found = prepare(records(inputs=True), method, domain)
+    assert found.options.route == route
+    assert found.method.served_by(route)
+
+
+def test_the_way_can_be_asked_for_and_one_that_ends_nowhere_says_so() -> None:
+    data = records(inputs=True)
+    assert str(prepare(data, route="frf").method) == "alternate (s)"
+    assert str(prepare(data, route="records", domain="s").method) == "alternate (s, records)"
+    with pytest.raises(DataError, match=r"by route='records' was asked, but .* reached by frf"):
+        prepare(data, "lscf", None, route="records")
+    with pytest.raises(DataError, match="not records with inputs"):
+        prepare(samples(), route="records")
+    with pytest.raises(DataError, match="route='recods' was asked"):
+        prepare(data, route="recods")
+
+
+def test_records_with_inputs_become_frequency_responses_of_all_pairs_where_that_is_asked() -> None:
+    found = prepare(records(inputs=True), None, None, route="frf")
     assert isinstance(found.response, FrequencyResponse)
     assert found.response.values.shape[1:] == (2, 3)
     assert found.records is None
@@ -179,3 +221,20 @@ def test_lags_of_a_correlation_that_no_block_holds_are_left_out() -> None:
     rest = built(samples(), order=1, method="era", block_rows=5, block_columns=9).response
     assert isinstance(rest, ImpulseResponse)
     assert rest.samples == 64
+
+
+def test_an_option_of_other_rows_is_refused_with_those_that_have_it() -> None:
+    with pytest.raises(DataError, match="works on samples") as error:
+        prepare(samples(), "era", None, weights="level")
+    having = error.value.change.removesuffix(".").split(": ")[1].split(", ")
+    assert having == [str(m) for m in methods() if hasattr(m.options_type, "weights")]
+    assert "era (z)" in having
+    assert "era (time)" not in having
+
+
+@pytest.mark.parametrize("form", ["controllable", "smaller"])
+def test_lines_have_no_form_but_the_observable_one(form: str) -> None:
+    with pytest.raises(DataError, match=r"in domain 's' was asked, but it has only observable"):
+        prepare(lines(), "era", "s", form=form)
+    assert prepare(lines(), "era", "s", form="observable").options.form == "observable"
+    assert prepare(samples(), "era", "time", form=form).options.form == form

@@ -197,7 +197,7 @@ def test_two_frequencies_that_mean_one_mode_are_refused() -> None:
 def test_no_frequency_asked_by_hand_and_other_things_than_frequencies_are_refused() -> None:
     with pytest.raises(DataError, match="the list is empty"):
         select(diagram(*BOTH), frequencies=[])
-    with pytest.raises(DataError, match="each of the frequencies"):
+    with pytest.raises(DataError, match="each of frequencies"):
         select(diagram(*BOTH), frequencies=[-8])
     with pytest.raises(DataError, match="tolerance"):
         select(diagram(*BOTH), frequencies=[8], tolerance=0)

@@ -188,6 +188,10 @@ class DataMatrix(ABC):
         """The model of the response, from that of the matrix that was factored."""
         return triple
 
+    def with_noise(self, model: StateSpace) -> StateSpace:
+        """Return a model with the gain and the covariance of its innovations, where the data matrix knows them."""
+        return model
+
     def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> tuple[Array, Array]:
         """Data and model where the model was fitted: (measured, rebuilt)."""
         return self.judged.values, self.judged.values_of(model)

@@ -17,7 +17,7 @@ from modalscope.identification.prepare import prepare
 from modalscope.modal.accuracy import indicators_of
 from modalscope.modal.eigenmodes import Eigenmodes, eigenmodes, split_extraneous
 from modalscope.modal.rebuilt import modal_model
-from modalscope.model.checks import Array, DataError, IntArray, RealArray
+from modalscope.model.checks import DataError, IntArray, RealArray
 from modalscope.model.keywords import named
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
@@ -105,19 +105,17 @@ class _Measured:
     def __init__(self, pipeline: Pipeline, deviations: bool) -> None:
         self._pipeline, self._response = pipeline, pipeline.response
         self._scale = output_scale(self._response)[:, None]
-        level = self._response.values / self._scale
-        self._complex = bool(np.iscomplexobj(level))
-        self._target: Array = np.concatenate([level.real, level.imag]) if self._complex else level
-        self._whole = np.linalg.norm(self._target)
+        self._complex = bool(np.iscomplexobj(self._response.values))
+        self._whole = np.linalg.norm(self._response.values / self._scale)
         self.noise = noise_of(self._response, pipeline.problem.records) if deviations else None
 
     def left_by(self, modes: Eigenmodes) -> RealArray:
         """Return what modes leave of the level data, real rows."""
-        basis = self._response.basis(modes.poles, modes.fit.powers)
-        terms = modes.fit.terms[: basis.terms.shape[1]] / self._scale
+        basis = modes.fit.basis or self._response.basis(modes.poles, modes.fit.powers)
+        terms = modes.fit.terms[: basis.terms.shape[1]]
         with np.errstate(over="ignore", invalid="ignore"):
-            rebuilt = basis.rebuilt(modes.shapes / self._scale, modes.participation, terms)
-            return np.asarray(np.subtract(self._target, rebuilt))
+            left = basis.data - basis.rebuilt(modes.shapes, modes.participation, terms)
+            return np.asarray(left / self._scale)
 
     def misfit(self, left: RealArray) -> float:
         """Return the norm of what is left over that of the data."""

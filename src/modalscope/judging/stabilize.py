@@ -163,7 +163,7 @@ def collected(
         orders=tuple(cut.order for cut in cuts),
         order_of_pole=np.concatenate([np.full(cut.reported.size, cut.order) for cut in cuts]),
         poles=np.concatenate([cut.modes.poles[cut.reported] for cut in cuts]),
-        shapes=np.concatenate([cut.modal.shapes[:, cut.reported].T for cut in cuts]),
+        shapes=np.concatenate([cut.modal.shapes[:, cut.reported] for cut in cuts], axis=1),
         participation=np.concatenate([cut.modal.participation[cut.reported] for cut in cuts]),
         stable_frequency=flags[0],
         stable_damping=flags[1],

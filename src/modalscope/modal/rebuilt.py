@@ -14,7 +14,7 @@ from modalscope.model.checks import Array, DataError, RealArray
 from modalscope.model.modes import ModalModel
 from modalscope.model.response import Response, is_held, window_damping
 
-__all__ = ["fit_error", "fit_of", "fitted_terms", "modal_model", "rebuilt"]
+__all__ = ["fit_error", "fit_of", "modal_model", "rebuilt"]
 
 
 def fit_error(measured: Array, rebuilt: Array) -> tuple[float, RealArray]:
@@ -52,22 +52,6 @@ def fit_of(modes: ModalModel, response: Response) -> float:
     return fit_error(response.values, rebuilt(response, modes))[0]
 
 
-def fitted_terms(response: Response, poles: Array, shapes: Array) -> dict[str, Any]:
-    """Fit participation and, on lines, the residuals of the modes outside the band: fields of a `ModalModel`.
-
-    Parameters
-    ----------
-    response : Response
-    poles : array of complex, (n,)
-        rad/s, as the modes have them.
-    shapes : array of complex, (l, n)
-    """
-    powers = response.outside_powers
-    basis = response.basis(poles - window_damping(response), powers)
-    participation, terms = basis.fit_participation(shapes)
-    return {"participation": participation, **response.named_terms(terms, powers)}
-
-
 def modal_model(matrix: DataMatrix, modal: Eigenmodes, indicators: Mapping[str, Array]) -> ModalModel:
     """Wrap the modal form of one order, with the damping of an exponential window taken off the poles."""
     response = matrix.judged
@@ -75,7 +59,7 @@ def modal_model(matrix: DataMatrix, modal: Eigenmodes, indicators: Mapping[str, 
     return ModalModel(
         poles=modal.poles + window_damping(response),
         shapes=modal.shapes,
-        participation=modal.participation,
+        participation=response.of_inputs(modal.participation),
         quantity=response.quantity,
         dt=matrix.dt,
         held_input=is_held(response),

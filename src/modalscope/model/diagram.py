@@ -32,7 +32,7 @@ class StabilizationDiagram(HasPoles):
         The order that each pole belongs to.
     poles : array of complex, (p,)
         rad/s; one of each conjugate pair, and real ones.
-    shapes : array of complex, (p, l)
+    shapes : array of complex, (l, p)
     participation : array of complex, (p, m)
     stable_frequency, stable_damping, stable_shape : array of bool, (p,)
         Whether a pole of the order before agrees within the tolerances.
@@ -94,10 +94,11 @@ class StabilizationDiagram(HasPoles):
         known = [name for name in ("frequencies_std", "damping_ratios_std") if getattr(self, name) is not None]
         for name in (*flat, *known):
             array = np.asarray(getattr(self, name))
-            if array.shape[0] != count:
+            there = array.shape[-1 if name == "shapes" else 0]
+            if there != count:
                 raise DataError(
-                    f"a diagram of {count} poles needs as many rows of {name}",
-                    f"there are {array.shape[0]}",
+                    f"a diagram of {count} poles needs as many {name}",
+                    f"there are {there}",
                     "Give one a pole.",
                 )
             freeze(self, **{name: locked(array)})

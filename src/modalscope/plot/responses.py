@@ -63,7 +63,8 @@ def response(
     DataError
         A channel that is not there, or modes of other channels than the data's.
     """
-    check_kind("a plot of responses", data, (FrequencyResponse, ImpulseResponse))
+    check_kind("a plot of responses", data, Response)
+    drawn, data = data, data.picture()
     if modes is not None:
         found = modes if isinstance(modes, ModalModel) else getattr(modes, "modes", modes)
         check_kind("what is drawn over responses", found, ModalModel)
@@ -80,7 +81,7 @@ def response(
     headline(upper, f"output {data.output_dofs[i]}, input {data.input_dofs[j]}")
     if fit is not None:
         norm = float(np.linalg.norm(measured))
-        if norm > 0:
+        if norm > 0 and drawn is data:
             aside(upper, f"fit error {100 * float(np.linalg.norm(measured - fit)) / norm:.3g} %")
     return upper
 

@@ -1,1 +1,1 @@
-"""Floor 2: what noise does to poles."""
+"""How far identified values may be from the truth: what the noise leaves open, and what repeated parts of a measurement disagree by."""

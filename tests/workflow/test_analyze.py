@@ -1,0 +1,102 @@
+"""The whole job in one call: the steps apart give the same, and every choice counts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import modalscope as ms
+from modalscope.model import FrequencyResponse, ImpulseResponse
+from tests.support import BEAM
+
+BAND = (100.0, 1200.0)
+
+
+@pytest.fixture(scope="module")
+def samples() -> ImpulseResponse:
+    return ms.systems.chain5().impulse_response(300, noise=0.01, seed=0)
+
+
+@pytest.fixture(scope="module")
+def lines() -> FrequencyResponse:
+    return ms.systems.add_noise(ms.systems.chain5().frequency_response(np.linspace(0.3, 8, 400)), 0.01, 0)
+
+
+def same(a: ms.ModalModel, b: ms.ModalModel) -> bool:
+    return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in ("poles", "shapes", "participation"))
+
+
+def test_it_gives_the_modes_of_its_steps(samples: ImpulseResponse) -> None:
+    result = ms.analyze(samples)
+    assert same(result.modes, ms.select(ms.stabilize(samples)))
+    assert result.data is samples
+    assert len(result.settings) == 1
+    assert result.settings[0] is result.diagram.settings
+
+
+def test_a_path_is_read_as_the_options_say(tmp_path: Path, lines: FrequencyResponse) -> None:
+    path = tmp_path / "lines.npz"
+    np.savez(path, values=lines.values, frequencies=lines.frequencies)
+    result = ms.analyze(path, reading={"quantity": "velocity"}, band=(0.5, 5))
+    assert result.modes.quantity == "velocity"
+    assert result.analysis.files[0].path == str(path)
+    assert result.analysis.files[0].size == path.stat().st_size
+    with pytest.raises(ms.DataError, match="are FrequencyResponse already"):
+        ms.analyze(lines, reading={"quantity": "velocity"})
+
+
+def test_modes_are_taken_and_refused_by_hand(samples: ImpulseResponse) -> None:
+    whole = ms.analyze(samples).modes
+    less = ms.analyze(samples, refuse=[whole.frequencies[1]]).modes
+    assert np.allclose(less.frequencies, np.delete(whole.frequencies, 1))
+    again = ms.analyze(samples, refuse=whole.frequencies[:2], take=[whole.frequencies[0]]).modes
+    assert np.allclose(again.frequencies, np.delete(whole.frequencies, 1))
+    one = ms.analyze(samples, frequencies=[whole.frequencies[2]]).modes
+    assert np.allclose(one.frequencies, whole.frequencies[2])
+    with pytest.raises(ms.DataError, match=r"a mode at 9\.5 Hz was asked"):
+        ms.analyze(samples, refuse=[9.5])
+    with pytest.raises(ms.DataError, match="frequencies alone say"):
+        ms.analyze(samples, frequencies=[0.9], take=[2.6])
+
+
+def test_several_bands_are_identified_one_by_one(lines: FrequencyResponse) -> None:
+    result = ms.analyze(lines, band=[(0.3, 3.4), (3.4, 8)])
+    assert len(result.diagrams) == len(result.settings) == 2
+    assert np.allclose(result.modes.frequencies, ms.systems.chain5().modes().frequencies, rtol=0.01)
+    assert result.analysis.bands == ((0.3, 3.4), (3.4, 8.0))
+
+
+def test_little_explained_is_told_loudly(samples: ImpulseResponse) -> None:
+    strong = ms.analyze(samples)
+    assert not [note for note in strong.notes if note.kind == "little explained"]
+    weak = ms.analyze(samples, frequencies=[strong.modes.frequencies[-1]])
+    note = next(note for note in weak.notes if note.kind == "little explained")
+    assert note.numbers["share"] < 0.7
+    assert "WARNING" in str(note)
+
+
+def test_what_the_examination_finds_is_told(samples: ImpulseResponse) -> None:
+    values = np.array(samples.values)
+    values[:, 2] = values[:, 1]
+    result = ms.analyze(ImpulseResponse(values=values, sampling_rate=20.0))
+    assert result.findings
+    assert any(note.kind.startswith("data: ") for note in result.notes)
+
+
+@pytest.mark.parametrize("suffix", [".json", ".csv", ".npz", ".uff"])
+def test_a_result_is_written_as_its_modes(tmp_path: Path, samples: ImpulseResponse, suffix: str) -> None:
+    result = ms.analyze(samples)
+    path = tmp_path / f"r{suffix}"
+    ms.write(path, result)
+    assert path.stat().st_size > 0
+    if suffix == ".json":
+        read = ms.read(path)
+        assert same(read, result.modes)
+        assert [str(note) for note in read.notes][: len(result.notes)] == [str(note) for note in result.notes]
+
+
+def test_the_demo_file_gives_its_modes_with_nothing_but_a_band() -> None:
+    result = ms.analyze(BEAM / "beam_hammer.uff", band=BAND)
+    assert np.allclose(result.modes.frequencies[:3], [177.0, 477.4, 933.1], rtol=0.001)
