@@ -159,6 +159,26 @@ def test_projected_records_by_their_correlation(method):
     assert relative(predicted, (poles[0] - poles[1]) / 2) < 0.1
 
 
+@pytest.mark.parametrize("runs", [1, 2])
+@pytest.mark.parametrize("domain", ["s", "z"])
+@pytest.mark.parametrize("method", ["era", "alternate"])
+def test_records_on_lines(method, domain, runs):
+    """A change of the outputs changes their transforms; inputs and ends stay eliminated.
+
+    Held inputs are exact in z; in s what they leave acts as noise, and the first order is off by as much.
+    """
+    record = chain5().simulate(inputs="white", samples=600, runs=runs, noise=QUIET, seed=1)
+    step = 1e-8 * record.outputs.std() * np.random.default_rng(3).standard_normal(record.outputs.shape)
+    row = {"method": method, "domain": domain}
+    pipeline = built(record, 10, **row)
+    cut = cut_order(pipeline, 10)
+    found = influence_on(pipeline.matrix, pipeline.realization, cut.order, cut.triple, cut.modal.eigen)
+    ends = [built(replace(record, outputs=record.outputs + sign * step), 10, **row) for sign in (1, -1)]
+    predicted = found.of((ends[0].response.values - ends[1].response.values)[None])[0]
+    poles = [cut_order(end, 10).modal.poles for end in ends]
+    assert relative(predicted, poles[0] - poles[1]) < (1e-3 if domain == "z" else 3e-2)
+
+
 def plain_moments(found: Influence, shape: tuple[int, ...], variance: np.ndarray, parts: int) -> tuple[np.ndarray, ...]:
     """E|dp|^2 and E[dp^2] by unit changes of every value, real and imaginary."""
     size: np.ndarray = 0  # type: ignore[assignment]

@@ -218,7 +218,7 @@ class Hankel(DataMatrix):
             L = L @ self.rows.within
         if self.columns.within is not None:
             v = v @ self.columns.within
-        return SampleInfluence((convolved(L, v, max(self.response.samples, L.shape[1] + v.shape[1] - 1)),))
+        return SampleInfluence((convolved(L, v),))
 
     def to_s(self, poles: Array) -> ComplexArray:
         """Continuous poles ln(z) fs, rad/s."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
+from scipy import fft
 
 from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
 
@@ -192,14 +193,16 @@ def _backwards(term: Outer) -> Outer:
     return Outer(left, right)
 
 
-def convolved(rows: ComplexArray, columns: ComplexArray, length: int) -> Outer:
-    """Return g[t] = sum_(a + b = t) rows[a] columns[b]' by its transform of at least `length` samples.
+def convolved(rows: ComplexArray, columns: ComplexArray, length: int | None = None) -> Outer:
+    """Return g[t] = sum_(a + b = t) rows[a] columns[b]' by its Fourier transform.
 
     Parameters
     ----------
     rows : array of complex, (k, block rows, l)
     columns : array of complex, (k, block columns, m)
-    length : int
-        At least the number of block rows and columns together, less one.
+    length : int, optional
+        Samples of the transform; by default as many as block rows and columns need together.
     """
+    if length is None:
+        length = int(fft.next_fast_len(rows.shape[1] + columns.shape[1] - 1))
     return Outer(np.fft.fft(rows, n=length, axis=1), np.fft.fft(columns, n=length, axis=1))

@@ -199,7 +199,7 @@ class Projection(SampleRows):
         past = v.reshape(len(left), self.past_blocks, self.references.size)
         columns = np.zeros((*past.shape[:2], self.judged.values.shape[2]), dtype=complex)
         columns[:, :, self.references] = past
-        return SampleInfluence((convolved(L, columns, max(self.judged.samples, L.shape[1] + past.shape[1] - 1)),))
+        return SampleInfluence((convolved(L, columns),))
 
     @property
     def dt(self) -> float:

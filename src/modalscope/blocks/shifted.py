@@ -212,7 +212,7 @@ class Shifted(LineMatrix):
         L = left.reshape(len(left), -1, self.outputs)
         if isinstance(self.response, FrequencyResponse):
             return self._by_lines(L, columns)
-        return SampleInfluence((convolved(L, columns, max(self.response.count, L.shape[1] + self.window - 1)),))
+        return SampleInfluence((convolved(L, columns),))
 
     def _by_lines(self, rows: ComplexArray, columns: ComplexArray) -> LineInfluence:
         """Return the gradient by the lines: sample k is Re sum_f c_f H_f exp(j (k + 1) angle_f) / M, c = 1 at the ends and 2 between."""

@@ -218,5 +218,5 @@ def assemble(
         fit_error_by_channel=by_channel,
         response=pipeline.response,
         settings=pipeline.settings,
-        notes=(*pipeline.notes, *chosen, *told, *([found.noise.note] if found.noise else [])),
+        notes=(*pipeline.notes, *chosen, *told, *found.told([cut])),
     )

@@ -24,7 +24,7 @@ from modalscope.model.notes import Note
 from modalscope.model.poles import frequencies_and_damping
 from modalscope.model.response import output_scale
 from modalscope.uncertainty.deviations import Deviations, deviations_of, unknowns_a_channel
-from modalscope.uncertainty.noise import Noise, noise_of, residual_variance
+from modalscope.uncertainty.noise import Noise, Unknown, noise_of, residual_variance
 
 __all__ = ["Cut", "Sweep", "cut_order", "sweep"]
 
@@ -107,6 +107,8 @@ class _Measured:
         self._scale = output_scale(self._response)[:, None]
         self._complex = bool(np.iscomplexobj(self._response.values))
         self._whole = np.linalg.norm(self._response.values / self._scale)
+        weights = getattr(pipeline.matrix, "weights", None)
+        self._weight = 1.0 if weights is None else float(np.sqrt(np.mean(weights**2)))
         self.noise = noise_of(self._response, pipeline.problem.records) if deviations else None
 
     def left_by(self, modes: Eigenmodes) -> RealArray:
@@ -130,7 +132,8 @@ class _Measured:
         if self.noise is None:
             return None
         with np.errstate(over="ignore", invalid="ignore"):
-            residual = self._scale**2 * residual_variance(left, unknowns_a_channel(modal), self._complex)
+            unknowns = unknowns_a_channel(self._response, modal)
+            residual = (self._scale / self._weight) ** 2 * residual_variance(left, unknowns, self._complex)
         pipeline = self._pipeline
         noise = self.noise.beside(residual)
         return deviations_of(pipeline.matrix, pipeline.realization, order, model, modal, index, noise)
@@ -170,6 +173,21 @@ class Sweep:
         order : int
         """
         return _cut(self.pipeline, order, self._measured)
+
+    def told(self, cuts: Iterable[Cut]) -> tuple[Note, ...]:
+        """Return where the deviations of cuts come from, or why there are none; nothing where none were asked.
+
+        Parameters
+        ----------
+        cuts : iterable of Cut
+        """
+        if self.noise is None:
+            return ()
+        known = any(np.any(np.isfinite(cut.std.frequency)) for cut in cuts if cut.std is not None)
+        nothing = Unknown(
+            "it is not known how the data move the poles of this method, or nothing is left to see noise in"
+        )
+        return (self.noise.note if known or isinstance(self.noise, Unknown) else nothing.note,)
 
     @property
     def remaining(self) -> tuple[int, ...]:
@@ -254,6 +272,4 @@ def start(problem: Any, asked: list[int], *, automatic: bool, deviations: bool =
     reach = pipeline.method.orders.reach(pipeline.factors, asked, automatic)
     made = Sweep(pipeline, reach.orders, deviations=deviations)
     made.notes.extend(reach.notes)
-    if made.noise is not None:
-        made.notes.append(made.noise.note)
     return made

@@ -117,7 +117,9 @@ def stabilized(
         raise DataError(
             f"orders {asked[0]} to {asked[-1]} were asked", str(found.notes[-1]), "Choose other orders or block sizes."
         )
-    return replace(collected(found.pipeline, cuts, limits, found.notes), asked_orders=tuple(asked))
+    return replace(
+        collected(found.pipeline, cuts, limits, (*found.notes, *found.told(cuts))), asked_orders=tuple(asked)
+    )
 
 
 def _limits(tolerances: Mapping[str, float] | None) -> dict[str, float]:

@@ -91,9 +91,9 @@ def lines_for_one(response: Response, modal: Eigenmodes) -> int:
     return int(np.clip(lines // _LEAST_LINES, 1, _MOST)) if np.isfinite(lines) else 1
 
 
-def unknowns_a_channel(modal: Eigenmodes) -> float:
+def unknowns_a_channel(response: Response, modal: Eigenmodes) -> float:
     """Return how many real numbers of a model a channel (output and input) has to itself, on average."""
     real = int(np.count_nonzero(modal.poles.imag == 0))
     states = 2 * modal.poles.size - real
-    outputs, inputs = modal.fit.terms.shape[1:]
-    return float(states * (outputs + inputs) / (outputs * inputs) + len(modal.fit.terms))
+    channels = response.values[0].size
+    return float((states * (len(modal.shapes) + modal.participation.shape[1]) + modal.fit.terms.size) / channels)
