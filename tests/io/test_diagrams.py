@@ -63,9 +63,11 @@ def test_numbers_that_are_not_finite_and_no_poles_at_all_come_back(suffix: str, 
     errors = np.array(diagram.fit_errors)
     errors[:3] = [np.nan, np.inf, -np.inf]
     spoilt = replace(diagram, fit_errors=errors)
-    flat = [f.name for f in fields(diagram) if f.name in ("poles", "order_of_pole", "shapes", "participation")]
-    flat += ["stable_frequency", "stable_damping", "stable_shape"]
-    none = replace(diagram, **{name: getattr(diagram, name)[:0] for name in flat}, indicators={})
+    flat = [f.name for f in fields(diagram) if f.name in ("poles", "order_of_pole", "participation")]
+    flat += ["stable_frequency", "stable_damping", "stable_shape", "frequencies_std", "damping_ratios_std"]
+    none = replace(
+        diagram, **{name: getattr(diagram, name)[:0] for name in flat}, shapes=diagram.shapes[:, :0], indicators={}
+    )
     for thing in (spoilt, none):
         ms.write(tmp_path / f"d{suffix}", thing)
         again = ms.read(tmp_path / f"d{suffix}")

@@ -81,7 +81,7 @@ def diagram_of(
         orders=flat.orders,
         order_of_pole=flat.order,
         poles=flat.pole,
-        shapes=flat.shape,
+        shapes=flat.shape.T,
         participation=flat.participation,
         stable_frequency=none,
         stable_damping=none,

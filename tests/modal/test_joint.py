@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from modalscope.modal.joint import joint_residues
-from modalscope.modal.rebuilt import fitted_terms
 from modalscope.model import FrequencyResponse, ImpulseResponse
 from modalscope.model.modes import ModalModel
 from modalscope.model.poles import poles_from
@@ -46,7 +45,7 @@ def test_it_never_leaves_more_than_the_shapes_given(lines: bool, seed: int) -> N
     modes, response = case(seed, lines)
     rng = np.random.default_rng(seed)
     wrong = modes.shapes * np.exp(0.5 * rng.standard_normal(modes.shapes.shape))
-    before = fitted_terms(response, modes.poles, wrong)["participation"]
+    before, _ = response.basis(modes.poles, response.outside_powers).fit_participation(wrong)
     shapes, fields = joint_residues(response, modes.poles, wrong)
     after = left(response, modes.poles, shapes, fields["participation"])
     assert after <= left(response, modes.poles, wrong, before) * (1 + 1e-9)
@@ -58,6 +57,18 @@ def test_without_noise_wrong_shapes_come_right(lines: bool) -> None:
     shapes, fields = joint_residues(response, modes.poles, np.ones_like(modes.shapes))
     found = shapes.T[:, :, None] * fields["participation"][:, None, :]
     assert relative(found, modes.shapes.T[:, :, None] * modes.participation[:, None, :]) < 0.02
+
+
+def test_a_window_is_in_the_data_and_not_in_the_poles() -> None:
+    modes, response = case(3, lines=False)
+    assert isinstance(response, ImpulseResponse)
+    decay = np.exp(-0.05 * response.times)[:, None, None]
+    windowed = replace(response, values=response.values * decay, added_damping=0.05)
+    shapes, fields = joint_residues(windowed, modes.poles, modes.shapes)
+    found = shapes.T[:, :, None] * fields["participation"][:, None, :]
+    # a pulse response counts its steps from one sample before the first: the window there is a common factor
+    factor = decay[0, 0, 0] if response.kind == "pulse" else 1.0
+    assert relative(found, factor * modes.shapes.T[:, :, None] * modes.participation[:, None, :]) < 1e-9
 
 
 @given(seeds)

@@ -48,7 +48,7 @@ def diagram() -> StabilizationDiagram:
         orders=tuple(range(2, 15, 2)),
         order_of_pole=orders,
         poles=poles,
-        shapes=exact.shapes.T[which],
+        shapes=exact.shapes[:, which],
         participation=part[which],
         stable_frequency=frequency,
         stable_damping=rest,

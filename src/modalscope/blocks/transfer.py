@@ -14,10 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from modalscope.blocks.influence import LineInfluence, Outer
 from modalscope.blocks.lines import LineMatrix, kept_block_rows, real_columns
 from modalscope.blocks.plane import Plane, plane_of
 from modalscope.blocks.polynomial_rows import PolynomialRows
-from modalscope.blocks.polynomials import basis_on, remainders
+from modalscope.blocks.polynomials import basis_on, both_sums, remainders
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.channels import derivatives_between, known_quantity
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_count, real_array
@@ -217,6 +218,21 @@ class Transfer(PolynomialRows, LineMatrix):
         basis = self.response.basis(self.to_s(eigen.values), weights=self.weights)
         participation, terms = basis.fit_participation(shapes)
         return ModalFit(shapes, participation, terms, reach=basis.reach)
+
+    def influence(self, left: Array, right: Array, every: int = 1) -> LineInfluence:
+        """Return the gradient: q = sum_k L_k p_k(x) by output times the right vector by input, on dH; the mirror image on dH*.
+
+        What is eliminated is orthogonal to the right vectors already.
+        """
+        lines = np.arange(every // 2, self.response.lines, every)
+        L = left.reshape(len(left), -1, self.outputs)
+        at, mirrored = both_sums(self.basis[lines], np.asarray(L / self.output_scale, dtype=complex))
+        w = 0.5 if self.weights is None else self.weights[lines] / 2
+        parts = np.split(right, 2, axis=1)
+        real, imaginary = (part[:, lines].transpose(2, 1, 0) for part in parts)
+        upper, lower = (real - 1j * imaginary), (real + 1j * imaginary)
+        half = np.broadcast_to(w, lines.shape)[:, None]
+        return LineInfluence((Outer(at, upper * half),), (Outer(mirrored, lower * half),), lines, every)
 
     def describe(self) -> str:
         """Say what the matrix is, in words."""

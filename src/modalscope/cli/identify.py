@@ -81,11 +81,12 @@ def _refuse_page_of(bands: list[Any]) -> None:
 
 def _print(result: Result) -> None:
     """Print how the modes were found, what was noted, and the modes."""
+    from modalscope.identification.table import cell_label
     from modalscope.modal.explained import explained
     from modalscope.modal.rebuilt import fit_of
 
     for diagram in result.diagrams:
-        print(f"{diagram.method} ({diagram.domain}), orders {diagram.orders[0]} to {diagram.orders[-1]}")
+        print(f"{cell_label(diagram.method, diagram.domain)}, orders {diagram.orders[0]} to {diagram.orders[-1]}")
         for note in diagram.notes:
             print(f"  {note}")
     if result.findings:

@@ -47,6 +47,28 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=AXES",
         help="order of an array's axes in the file, such as values=inputs,outputs,lines",
     )
+    parser.add_argument(
+        "--max-memory",
+        type=memory,
+        metavar="SIZE",
+        help="memory that reading one file may take, such as 8GB (500 MB, or twenty times the file)",
+    )
+
+
+def memory(text: str) -> int:
+    """Read `8GB`, `500MB` or a number of bytes.
+
+    Examples
+    --------
+    >>> memory("8GB"), memory("1.5 MB"), memory("4096")
+    (8000000000, 1500000, 4096)
+    """
+    number = text.strip().upper().removesuffix("B").strip()
+    times = {"K": 10**3, "M": 10**6, "G": 10**9, "T": 10**12}.get(number[-1:], 1)
+    size = float(number[:-1] if times > 1 else number) * times
+    if not 1 <= size < float("inf"):
+        raise ValueError
+    return int(size)
 
 
 def add_choices(parser: argparse.ArgumentParser, *, bands: bool = False) -> None:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from modalscope.io import read
+from modalscope.io import read, set_max_memory
 from modalscope.model import DataError, ModalModel
 
 __all__ = ["parse_orders", "read_data", "read_responses", "reading_options"]
@@ -30,7 +30,8 @@ def read_responses(options: argparse.Namespace, asked: str) -> Any:
 
 
 def reading_options(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the options of `modalscope.io.read`."""
+    """Return the options of `modalscope.io.read`; what it may take of the memory is set for the process."""
+    set_max_memory(options.max_memory)
     given: dict[str, Any] = {"quantity": options.quantity} if options.quantity else {}
     for name, example in (("rename", "y=outputs"), ("axes", "values=inputs,outputs,lines")):
         items = getattr(options, name)

@@ -22,7 +22,8 @@ from modalscope.comparing.verdict import judge, words
 from modalscope.identification.options import AllOptions
 from modalscope.identification.prepare import Data, measure
 from modalscope.modal.explained import explained, explains_enough
-from modalscope.modal.rebuilt import fit_error, fitted_terms, rebuilt
+from modalscope.modal.joint import joint_residues
+from modalscope.modal.rebuilt import fit_error, rebuilt
 from modalscope.model.checks import check_kind
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
@@ -166,6 +167,7 @@ def _consensus(response: Response, groups: Sequence[Group]) -> ModalModel:
     shapes = np.zeros((len(response.output_dofs), len(groups)), complex)
     for k, g in enumerate(groups):
         shapes[:, k] = g.shape
+    shapes, fitted = joint_residues(response, poles, shapes)
     dt = None if response.sampling_rate is None else 1 / response.sampling_rate
     return ModalModel(
         poles=poles,
@@ -177,7 +179,7 @@ def _consensus(response: Response, groups: Sequence[Group]) -> ModalModel:
         damping_ratios_spread=np.array([g.damping_between for g in groups]),
         indicators={"found_by": np.array([float(len(g.members)) for g in groups])},
         **response.labelled(),
-        **fitted_terms(response, poles, shapes),
+        **fitted,
     ).normalized("unit")
 
 

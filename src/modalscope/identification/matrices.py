@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from modalscope.blocks.canonical import canonical_projection
+from modalscope.blocks.driven import driven_projection
 from modalscope.blocks.factor import Factors, factorize, left_factor
 from modalscope.blocks.fraction import Fraction, fraction
 from modalscope.blocks.hankel import hankel
@@ -18,10 +19,11 @@ from modalscope.blocks.shifted import shifted
 from modalscope.blocks.transfer import transfer
 from modalscope.blocks.turned import TurnedHankel
 from modalscope.identification.method import Built, Problem
-from modalscope.identification.options import HankelOptions, LineOptions, SpectraOptions
+from modalscope.identification.options import DrivenOptions, HankelOptions, LineOptions, SpectraOptions
 from modalscope.identification.sizes import (
     default_blocks,
     default_degree,
+    default_driven,
     default_projection,
     default_record_degree,
     default_shifts,
@@ -36,6 +38,7 @@ __all__ = [
     "canonical_hankel",
     "complete_factors",
     "complete_hankel",
+    "driven_records",
     "fraction_factors",
     "h0_factors",
     "matrix_fraction",
@@ -198,6 +201,17 @@ def records_on_lines(problem: Problem, order: int) -> Built:
     degree = options.block_rows or default_record_degree(problem.response, order)
     matrix = record_lines(problem.response, domain=problem.method.domain, block_rows=degree)
     return Built(matrix, replace(options, block_rows=degree, form="observable"))
+
+
+def driven_records(problem: Problem, order: int) -> Built:
+    """Return the projection of records with inputs on their past; the band is that of the lines on which models are judged."""
+    options: DrivenOptions = problem.options
+    assert problem.driven is not None
+    assert isinstance(problem.response, RecordSpectra)
+    rows, columns = default_driven(problem.driven, order, options.block_rows, options.block_columns)
+    matrix = driven_projection(problem.driven, rows, columns, problem.response)
+    settings = replace(options, block_rows=rows, block_columns=columns, form="observable")
+    return Built(matrix, settings, _unfiltered(problem))
 
 
 # -------------------------------------------------------------------------------------------------------------- lines

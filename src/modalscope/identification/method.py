@@ -16,6 +16,7 @@ from modalscope.identification.options import Options
 from modalscope.identification.orders import OrderRule
 from modalscope.model.checks import DataError
 from modalscope.model.notes import Note
+from modalscope.model.records import Records
 from modalscope.model.response import Response
 from modalscope.model.settings import Settings
 from modalscope.model.signals import Signals
@@ -43,6 +44,7 @@ class Takes(Enum):
     RESPONSE = "lines, or the samples of a window"
     PAST = "records projected on their past"
     RECORDS = "records with inputs on their own lines"
+    DRIVEN = "records with inputs projected on their past"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -58,6 +60,8 @@ class Problem:
         As it was measured or estimated, in the band: what all rows share.
     records : Signals, optional
         Records without inputs, filtered to the band, where they were given.
+    driven : Records, optional
+        Records with inputs, as they were given.
     options : Options
         As asked; sizes that are not given are chosen with the order.
     notes : tuple of Note
@@ -70,6 +74,7 @@ class Problem:
     records: Signals | None
     options: Any
     notes: tuple[Note, ...]
+    driven: Records | None = None
 
 
 class Built(NamedTuple):
@@ -202,7 +207,12 @@ class Method:
             Sampling interval of the identified system.
         """
         rows = settings.get("block_rows")
-        if rows is None or dt is None or self.takes not in (Takes.SAMPLES, Takes.PAST) or not self.orders.truncates:
+        if (
+            rows is None
+            or dt is None
+            or self.takes not in (Takes.SAMPLES, Takes.PAST, Takes.DRIVEN)
+            or not self.orders.truncates
+        ):
             return None
         return float(rows * dt)
 
@@ -224,6 +234,7 @@ _ROUTES = {
     Takes.RESPONSE: "frf",
     Takes.PAST: "",
     Takes.RECORDS: "records",
+    Takes.DRIVEN: "subspace",
 }
 
 
@@ -276,6 +287,7 @@ _REFUSALS: dict[Takes, Callable[[Response, bool], Refusal | None]] = {
     Takes.RESPONSE: _always,
     Takes.PAST: _no_records,
     Takes.RECORDS: _no_spectra,
+    Takes.DRIVEN: _no_spectra,
 }
 
 
@@ -310,6 +322,7 @@ _RESERVATIONS: dict[Takes, Callable[[Response], str]] = {
     Takes.RESPONSE: lambda response: "",
     Takes.PAST: lambda response: "",
     Takes.RECORDS: lambda response: "",
+    Takes.DRIVEN: lambda response: "",
 }
 
 _EXACT: dict[Takes, Callable[[Response], bool]] = {
@@ -319,4 +332,5 @@ _EXACT: dict[Takes, Callable[[Response], bool]] = {
     Takes.RESPONSE: lambda response: True,
     Takes.PAST: lambda response: True,
     Takes.RECORDS: lambda response: True,
+    Takes.DRIVEN: lambda response: True,
 }

@@ -18,6 +18,7 @@ from modalscope.model.settings import Settings
 __all__ = [
     "ROUTES",
     "AllOptions",
+    "DrivenOptions",
     "FractionOptions",
     "HankelOptions",
     "LineOptions",
@@ -266,3 +267,30 @@ class SpectraOptions(Options):
     def __post_init__(self) -> None:
         Options.__post_init__(self)
         freeze(self, block_rows=_count("block_rows", self.block_rows))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class DrivenOptions(Options):
+    """Of records with inputs projected on their past; see `modalscope.blocks.driven`.
+
+    Parameters
+    ----------
+    block_rows, block_columns : int, optional
+        Blocks of the future and of the past.
+    form : {"observable"}, optional
+        The only one there is.
+    """
+
+    why_not = "a projection of records has whole, equal blocks of samples"
+
+    block_rows: int | None = None
+    block_columns: int | None = None
+    form: str | None = None
+
+    def __post_init__(self) -> None:
+        Options.__post_init__(self)
+        freeze(
+            self,
+            block_rows=_count("block_rows", self.block_rows),
+            block_columns=_count("block_columns", self.block_columns),
+        )

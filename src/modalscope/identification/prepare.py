@@ -46,6 +46,8 @@ class Measured:
         Channels left out, as asked.
     route : str, optional
         The way from records with inputs.
+    driven : Records, optional
+        Records with inputs, as they were given.
     notes : tuple of Note
     """
 
@@ -57,6 +59,7 @@ class Measured:
     band: tuple[float, float] | None = None
     exclude: Any = None
     route: str | None = None
+    driven: Records | None = None
     notes: tuple[Note, ...] = ()
 
 
@@ -149,7 +152,7 @@ def _(data: Records, band: tuple[float, float] | None, asked: _Asked) -> Measure
         route = chosen_route(data, asked.method, asked.domain, asked.route)
         response, note = by_route(data, route, band)
         row, domain = USUAL[route]
-        return Measured(response, None, "records with inputs", row, domain, route=route, notes=(note,))
+        return Measured(response, None, "records with inputs", row, domain, route=route, driven=data, notes=(note,))
     one = one_record(data, "correlations")
     records = one if band is None else filter_band(one, *band)
     note = Note("estimated", {}, "correlations with all channels as references were estimated from the records")
@@ -192,6 +195,7 @@ def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem
         response=converted,
         measured=response,
         records=measured.records,
+        driven=measured.driven,
         options=chosen,
         notes=(*measured.notes, *([Note("transformed", {}, note)] if note else [])),
     )
@@ -205,6 +209,7 @@ _HAND_OVER: dict[Takes, Any] = {
     Takes.RESPONSE: lambda response: (response, ""),
     Takes.PAST: lambda response: response.as_samples(),
     Takes.RECORDS: lambda response: (response, ""),
+    Takes.DRIVEN: lambda response: (response, ""),
 }
 
 

@@ -5,10 +5,18 @@ from __future__ import annotations
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.record_spectra import RecordSpectra
+from modalscope.model.records import Records
 from modalscope.model.response import Response
 from modalscope.model.signals import Signals
 
-__all__ = ["default_blocks", "default_degree", "default_projection", "default_record_degree", "default_shifts"]
+__all__ = [
+    "default_blocks",
+    "default_degree",
+    "default_driven",
+    "default_projection",
+    "default_record_degree",
+    "default_shifts",
+]
 
 #: Rows of the past over times: what the past predicts by chance lowers damping (by 3 % at this share, by 12 % at 8 %).
 _PAST_SHARE = 0.02
@@ -18,6 +26,9 @@ _STACK, _DEGREE = 1000, 60
 
 #: Rows of the past beyond which the triangular factor takes long.
 _PAST_ROWS = 600
+
+#: The same where inputs are known, too: rows of the past over times, rows of all over times, and rows of the future.
+_DRIVEN_PAST, _DRIVEN_ROWS, _DRIVEN_FUTURE = 0.01, 3, 800
 
 
 def default_blocks(
@@ -81,3 +92,17 @@ def default_record_degree(spectra: RecordSpectra, order: int) -> int:
     wanted = min(_DEGREE, _STACK // (channels + outputs) - 1, spectra.count // (2 * terms) - 1)
     most = (2 * spectra.count - order) // terms - 1
     return int(max(min(max(wanted, least), most), -(-order // outputs), 1))
+
+
+def default_driven(records: Records, order: int, block_rows: int | None, block_columns: int | None) -> tuple[int, int]:
+    """Return block sizes of records with inputs: a long future, which steadies damping, and a short past.
+
+    The future has up to 60 blocks, and with the inputs up to 800 rows. The past is what noise is predicted from by chance: one row in
+    a hundred times, and no more than the order needs twice. A short record lowers both, down to the order's own.
+    """
+    outputs, channels = len(records.output_dofs), len(records.output_dofs) + len(records.input_dofs)
+    times, least = sum(records.samples), -(-order // outputs) + 1
+    past = block_columns or max(min(2 * least, int(_DRIVEN_PAST * times / channels)), -(-order // channels) + 1)
+    room = (times / _DRIVEN_ROWS - past * channels) / channels
+    future = block_rows or max(min(60, _DRIVEN_FUTURE // channels, int(room)), least)
+    return future, past

@@ -12,7 +12,14 @@ from typing import Any, NamedTuple
 
 from modalscope.identification import matrices
 from modalscope.identification.method import DOMAINS, Method, Takes
-from modalscope.identification.options import FractionOptions, HankelOptions, LineOptions, RecordOptions, SpectraOptions
+from modalscope.identification.options import (
+    DrivenOptions,
+    FractionOptions,
+    HankelOptions,
+    LineOptions,
+    RecordOptions,
+    SpectraOptions,
+)
 from modalscope.identification.orders import BLOCKS, COMPANIONS, DEGREES, STATES
 from modalscope.model.checks import DataError, check_choice
 from modalscope.realizations.balanced import balanced
@@ -21,7 +28,7 @@ from modalscope.realizations.fraction import fraction_companion
 from modalscope.realizations.regression import regression
 from modalscope.realizations.shift import shift
 
-__all__ = ["find_method", "methods"]
+__all__ = ["cell_label", "find_method", "methods"]
 
 #: What a column of the table fixes for a row whose realization suits every data matrix.
 _COLUMNS: dict[str, dict[str, Any]] = {
@@ -178,6 +185,25 @@ _REPORTED: tuple[Method, ...] = (
         fixed={"weighting": "cva"},
     ),
     Method(
+        name="n4sid",
+        domain="time",
+        realization="shift of one factor",
+        section="II-5 on records projected on past inputs and outputs",
+        common="N4SID",
+        known_as=(
+            "PO-MOESP",
+            "N4SID with the weights of PO-MOESP",
+            "MOESP with past inputs and outputs as instruments",
+        ),
+        aliases=("moesp", "po-moesp", "past-output moesp"),
+        takes=Takes.DRIVEN,
+        matrix=matrices.driven_records,
+        factor=matrices.tall_factors,
+        realize=shift,
+        orders=STATES,
+        options_type=DrivenOptions,
+    ),
+    Method(
         name="prce",
         domain="time",
         realization="least squares, companion form",
@@ -238,6 +264,17 @@ def methods() -> tuple[Method, ...]:
     ['alternate', 'era']
     """
     return _TABLE
+
+
+def cell_label(name: str, domain: str) -> str:
+    """Return the common name of a cell, and its own behind it; of what the table has not, the two as they stand.
+
+    Examples
+    --------
+    >>> cell_label("alternate", "time"), cell_label("lscf", "z")
+    ('SSI-cov (alternate)', 'PolyMAX (lscf, z)')
+    """
+    return next((m.label for m in _TABLE if (m.name, m.domain) == (name, domain)), f"{name} ({domain})")
 
 
 def _letters(name: str) -> str:

@@ -2,6 +2,17 @@
 
 from modalscope.io.contents import Finding, Survey, describe
 from modalscope.io.formats import FORMATS, read, survey, write
+from modalscope.io.limits import set_max_memory
 from modalscope.io.tables import geometry_from_tables
 
-__all__ = ["FORMATS", "Finding", "Survey", "describe", "geometry_from_tables", "read", "survey", "write"]
+__all__ = [
+    "FORMATS",
+    "Finding",
+    "Survey",
+    "describe",
+    "geometry_from_tables",
+    "read",
+    "set_max_memory",
+    "survey",
+    "write",
+]

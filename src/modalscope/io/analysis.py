@@ -16,8 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.io.limits import room
 from modalscope.model.analysis import Analysis, SourceFile
-from modalscope.model.checks import DataError
+from modalscope.model.checks import Array, DataError
 from modalscope.model.version import VERSION
 
 __all__ = ["analysis_from", "analysis_to", "read_analysis", "write_analysis"]
@@ -38,7 +39,11 @@ def read_analysis(path: Path) -> Analysis:
         No such file, no JSON, or no analysis in it.
     """
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        room(path.name, len(text)).json("what it lists", text)
+        document = json.loads(text)
+    except DataError:
+        raise
     except OSError as error:
         raise DataError(
             f"reading {path} was asked", error.strerror or str(error), "Name a file that can be read."
@@ -68,11 +73,13 @@ def analysis_from(entries: Mapping[str, Any]) -> Analysis:
             f"it has {', '.join(unknown)}, which this version does not know",
             "Use a later version.",
         )
-    given = {name: _back(value) for name, value in entries.items()}
     try:
+        given = {name: _back(value) for name, value in entries.items()}
         files = tuple(SourceFile(**file) for file in given.pop("files", ()))
         return Analysis(files=files, **given)
-    except TypeError as error:
+    except DataError:
+        raise
+    except (TypeError, AttributeError, KeyError, OverflowError, ValueError) as error:
         raise DataError("an analysis was read", f"its fields are damaged ({error})", "Write it again.") from None
 
 
@@ -94,9 +101,17 @@ def _plain(value: Any) -> Any:
 def _back(value: Any) -> Any:
     if isinstance(value, Mapping):
         if "array" in value:
-            real = np.asarray(value["array"])
-            return real + 1j * np.asarray(value["imag"]) if "imag" in value else real
+            real = _numbers(value["array"])
+            return real + 1j * _numbers(value["imag"]) if "imag" in value else real
         return {key: _back(item) for key, item in value.items()}
     if isinstance(value, list):
         return tuple(_back(item) for item in value)
     return value
+
+
+def _numbers(listed: Any) -> Array:
+    """Return lists of numbers as an array; text among them would give every entry the width of the longest."""
+    entries = np.array(listed, dtype=object)
+    if any(not isinstance(entry, int | float) for entry in entries.ravel()):
+        raise ValueError("an array holds more than numbers")
+    return np.asarray(listed)

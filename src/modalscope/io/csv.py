@@ -16,16 +16,18 @@ variance, geometry and direct terms have no column: .npz, .h5 and .uff keep them
 from __future__ import annotations
 
 import csv
-import io
 import re
-from collections.abc import Sequence
+from array import array
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain, islice, product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TextIO
 
 import numpy as np
 
 from modalscope.io.contents import Contents, Finding, Options, Thing
 from modalscope.io.csv_writer import write
+from modalscope.io.limits import Room, room
 from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, Signals
 from modalscope.model.checks import Array, RealArray
 
@@ -38,6 +40,8 @@ _SIDE = re.compile(r"^(?P<side>out|in)\s+(?P<dof>.+?)\s*(?:\[(?P<unit>.*)\])?$")
 
 #: Time steps may differ by this part of a step: printed times have few digits.
 _EVEN = 1e-2
+#: Characters of a label, at most; of a cell in a message.
+_LONGEST, _SHOWN = 400, 20
 
 
 class _Table(NamedTuple):
@@ -48,17 +52,17 @@ class _Table(NamedTuple):
 
 def read(path: Path, options: Options) -> Contents:
     """Read a response or a record."""
-    table = _table(path)
+    table = _table(path, room(path.name, path.stat().st_size))
     given = {name: table.notes[name] for name in ("quantity", "kind") if name in table.notes}
     first, labels = table.header[0].strip().lower(), table.header[1:]
     abscissa, values = table.numbers[:, 0], table.numbers[:, 1:]
     if first == "frequency_hz":
         rate = {"sampling_rate": _number(path, table, "sampling_rate")} if "sampling_rate" in table.notes else {}
         thing: Thing = _frequency_response(path, labels, abscissa, values, given | rate)
-    elif first == "time_s" and labels and all(_SIDE.match(label) for label in labels):
+    elif first == "time_s" and labels and all(_side(label) for label in labels):
         thing = _records(path, table, labels, values)
     elif first == "time_s":
-        start = {"first_sample": int(_number(path, table, "first_sample"))} if "first_sample" in table.notes else {}
+        start = {"first_sample": _whole(_number(path, table, "first_sample"))} if "first_sample" in table.notes else {}
         outputs, inputs, columns, units = _matrix(path, labels, {""})
         fields: dict[str, Any] = {"kind": "dirac"} | given | start
         thing = ImpulseResponse(
@@ -69,7 +73,7 @@ def read(path: Path, options: Options) -> Contents:
             **fields,
         )
     else:
-        found = f"its first column is {table.header[0]!r}"
+        found = f"its first column is {table.header[0][:_SHOWN]!r}"
         raise DataError(
             f"reading {path.name} was asked",
             found,
@@ -78,40 +82,57 @@ def read(path: Path, options: Options) -> Contents:
     return Contents(thing=thing, findings=tuple(Finding(part="column", what=name) for name in table.header))
 
 
-def _table(path: Path) -> _Table:
+def _table(path: Path, space: Room) -> _Table:
+    """Return comments, header and numbers, row by row: a cell of text takes thirty times its characters in the file."""
+    notes: dict[str, str] = {}
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        with path.open(encoding="utf-8-sig", newline=None) as file:
+            rows = _rows(file, notes, space)
+            first = next(rows, "")
+            second = next(rows, "")
+            if not second:
+                raise DataError(
+                    f"reading {path.name} as CSV was asked",
+                    "it has no header and rows",
+                    "Write a header and one row a line or sample.",
+                )
+            delimiter = max(",;\t", key=first.count)
+            space.parts("columns", first.count(delimiter) + 1)
+            reader = csv.reader(chain([first, second], rows), delimiter=delimiter, strict=True)
+            header = [name.strip() for name in next(reader)]
+            if {"frequency_hz", "damping_ratio"} <= set(header):
+                raise DataError(
+                    f"reading {path.name} was asked",
+                    "it is a table of modes, which is only written",
+                    "Read modes from .json, .npz, .h5 or .uff.",
+                )
+            return _Table(notes, header, _cells(path, reader, len(header), space))
     except UnicodeDecodeError:
         raise DataError(
             f"reading {path.name} as CSV was asked", "it is not text", "Give it the suffix of what it is."
         ) from None
-    lines = text.splitlines()
-    notes: dict[str, str] = {}
-    for line in lines:
+    except csv.Error as error:
+        raise DataError(
+            f"reading {path.name} as CSV was asked", f"its cells do not read ({error})", "Check its quotes."
+        ) from None
+
+
+def _rows(file: TextIO, notes: dict[str, str], space: Room) -> Iterator[str]:
+    """Yield the lines that are neither blank nor comments; what comments say is kept in the notes."""
+    for line in file:
+        if not line.startswith("#"):
+            if not line.isspace():
+                yield line
+            continue
         name, colon, value = line.lstrip("# ").partition(":")
-        if line.startswith("#") and colon:
+        if colon:
             notes[name.strip()] = value.strip()
-    rows = [line for line in lines if line.strip() and not line.startswith("#")]
-    if len(rows) < 2:
-        raise DataError(
-            f"reading {path.name} as CSV was asked",
-            "it has no header and rows",
-            "Write a header and one row a line or sample.",
-        )
-    delimiter = max(",;\t", key=rows[0].count)
-    header, *body = csv.reader(io.StringIO("\n".join(rows)), delimiter=delimiter)
-    if {"frequency_hz", "damping_ratio"} <= set(header):
-        raise DataError(
-            f"reading {path.name} was asked",
-            "it is a table of modes, which is only written",
-            "Read modes from .json, .npz, .h5 or .uff.",
-        )
-    return _Table(notes, [name.strip() for name in header], _cells(path, body, len(header)))
+            space.parts("comments", len(notes))
 
 
-def _cells(path: Path, body: Sequence[Sequence[str]], width: int) -> RealArray:
+def _cells(path: Path, body: Iterable[Sequence[str]], width: int, space: Room) -> RealArray:
     """Return the rows under the header as numbers."""
-    numbers = np.empty((len(body), width))
+    numbers = array("d")
     for k, row in enumerate(body):
         try:
             values = [float(cell) for cell in row]
@@ -120,11 +141,12 @@ def _cells(path: Path, body: Sequence[Sequence[str]], width: int) -> RealArray:
         if len(values) != width:
             raise DataError(
                 f"reading {path.name} needs {width} numbers in every row",
-                f"row {k + 1} under the header is {row[:6]}",
+                f"row {k + 1} under the header is {[cell[:_SHOWN] for cell in row[:6]]}",
                 "Correct that row; decimals take a point.",
             )
-        numbers[k] = values
-    return numbers
+        space.take("its numbers", 8 * width)
+        numbers.extend(values)
+    return np.frombuffer(numbers).reshape(-1, width)
 
 
 def _number(path: Path, table: _Table, name: str) -> float:
@@ -132,8 +154,12 @@ def _number(path: Path, table: _Table, name: str) -> float:
         return float(table.notes[name])
     except ValueError:
         raise DataError(
-            f"{name} in {path.name} needs a number", f"it is {table.notes[name]!r}", "Correct the comment."
+            f"{name} in {path.name} needs a number", f"it is {table.notes[name][:_SHOWN]!r}", "Correct the comment."
         ) from None
+
+
+def _whole(value: float) -> float:
+    return int(value) if value.is_integer() else value
 
 
 def _rate(path: Path, table: _Table) -> float:
@@ -155,23 +181,24 @@ def _matrix(path: Path, labels: list[str], parts: set[str]) -> tuple[list[str], 
     at: dict[tuple[str, str, str], int] = {}
     units: dict[str, dict[str, str]] = {"out": {}, "in": {}}
     for column, label in enumerate(labels):
-        match = _PAIR.match(label)
+        match = _PAIR.match(label) if len(label) <= _LONGEST else None
         key = (match["part"] or "", match["out"], match["in"]) if match else None
         if match is None or key is None or key[0] not in parts or key in at:
             raise DataError(
                 f"reading {path.name} needs columns such as {'real ' if 'real' in parts else ''}3:+Z / 1:+Z, each once",
-                f"there is {label!r}",
+                f"there is {label[:_LONGEST]!r}",
                 "Rename that column.",
             )
         at[key] = column
         units["out"][match["out"]] = match["unit"] or ""
         units["in"][match["in"]] = match["unit_in"] or ""
     outputs, inputs = list(units["out"]), list(units["in"])
-    missing = [f"{p} {o} / {i}".strip() for p in sorted(parts) for o in outputs for i in inputs if (p, o, i) not in at]
-    if missing or not at:
+    if len(at) != len(parts) * len(outputs) * len(inputs) or not at:
+        pairs = product(sorted(parts), outputs, inputs)
+        missing = islice((f"{p} {o} / {i}".strip() for p, o, i in pairs if (p, o, i) not in at), 5)
         raise DataError(
             f"reading {path.name} needs a column for every output and input",
-            f"missing: {', '.join(missing[:5]) or 'all'}",
+            f"missing: {', '.join(missing) or 'all'}",
             "Add them, or leave out that channel.",
         )
     columns = {part: np.array([[at[part, o, i] for i in inputs] for o in outputs]) for part in parts}
@@ -190,10 +217,14 @@ def _dofs(outputs: list[str], inputs: list[str]) -> dict[str, Any]:
     return {"output_dofs": tuple(outputs), "input_dofs": tuple(inputs)}
 
 
+def _side(label: str) -> re.Match[str] | None:
+    return _SIDE.match(label) if len(label) <= _LONGEST else None
+
+
 def _records(path: Path, table: _Table, labels: list[str], values: Array) -> Signals:
     sides: dict[str, list[tuple[int, str, str]]] = {"out": [], "in": []}
     for column, label in enumerate(labels):
-        match = _SIDE.match(label)
+        match = _side(label)
         if match:
             sides[match["side"]].append((column, match["dof"], match["unit"] or ""))
     out, into = sides["out"], sides["in"]

@@ -24,6 +24,7 @@ from modalscope.identification.table import methods
 from modalscope.io.arrays import INDICATOR, from_json_numbers, to_arrays
 from modalscope.io.contents import Contents, Finding
 from modalscope.io.from_arrays import contents_from_arrays
+from modalscope.io.limits import Room, room
 from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, StabilizationDiagram
 from modalscope.model.checks import Array
 from modalscope.model.settings import Settings
@@ -35,6 +36,7 @@ __all__ = ["DIAGRAM", "diagram_arrays", "diagram_contents", "document_contents",
 DIAGRAM = "diagram"
 
 _RESPONSE, _SETTING = "response_", "setting_"
+_KINDS: dict[str, type] = {"c": complex, "f": float, "i": int, "b": bool}
 
 
 def diagram_arrays(diagram: StabilizationDiagram) -> dict[str, Array]:
@@ -58,7 +60,9 @@ def diagram_contents(where: str, arrays: Mapping[str, Array]) -> Contents:
         Arrays that are missing, damaged or of no diagram.
     """
     with _checked(where):
-        rest = json.loads(str(np.asarray(arrays[DIAGRAM])[()]))
+        text = str(np.asarray(arrays[DIAGRAM])[()])
+        room(where, 0).json(DIAGRAM, text)
+        rest = json.loads(text)
         return _contents(where, rest, {name: a for name, a in arrays.items() if name != DIAGRAM})
 
 
@@ -69,10 +73,19 @@ def write_document(path: Path, diagram: StabilizationDiagram) -> None:
     path.write_text(json.dumps(document, allow_nan=False) + "\n", encoding="utf-8")
 
 
-def document_contents(where: str, document: Mapping[str, Any]) -> Contents:
-    """Make the diagram that a JSON document holds; errors as in `diagram_contents`."""
+def document_contents(where: str, document: Mapping[str, Any], space: Room) -> Contents:
+    """Make the diagram that a JSON document holds; errors as in `diagram_contents`.
+
+    Parameters
+    ----------
+    where : str
+        The file, for messages.
+    document : mapping
+    space : Room
+        What its arrays may take.
+    """
     with _checked(where):
-        arrays = {name: _array(values) for name, values in document["arrays"].items()}
+        arrays = {name: _array(name, values, space) for name, values in document["arrays"].items()}
         return _contents(where, document[DIAGRAM], arrays)
 
 
@@ -163,15 +176,16 @@ def _listed(array: Array) -> Any:
     return array.tolist()
 
 
-def _array(values: Any) -> Array:
+def _array(name: str, values: Any, space: Room) -> Array:
     if isinstance(values, dict) and "shape" in values:
-        return np.zeros(values["shape"], {"c": complex, "f": float, "i": int, "b": bool}[values["kind"]])
+        return np.zeros(values["shape"] if 0 in values["shape"] else 0, _KINDS[values["kind"]])
     if isinstance(values, dict):
-        return np.asarray(_array(values["real"]) + 1j * _array(values["imag"]))
-    array = np.asarray(values)
-    if array.dtype.kind == "U" and {"NaN", "Infinity", "-Infinity"} & set(array.ravel().tolist()):
-        array = np.array(np.asarray(values, dtype=object), dtype=float)
-    return array
+        return np.asarray(_array(name, values["real"], space) + 1j * _array(name, values["imag"], space))
+    array = np.array(values, dtype=object)
+    texts = [text for text in array.ravel() if isinstance(text, str)]
+    if {"NaN", "Infinity", "-Infinity"} & set(texts):
+        return array.astype(float)
+    return space.texts(name, [str(text) for text in array.ravel()]).reshape(array.shape) if texts else np.array(values)
 
 
 def _damaged(where: str, found: str) -> DataError:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from difflib import get_close_matches
+from itertools import islice
 from typing import Any
 
 import numpy as np
 
 from modalscope.io.arrays import AXES, GEOMETRY, INDICATOR, JSON, TEXTS, UNREFINED, names_of, noun_of
 from modalscope.io.contents import Contents, Finding, Options, Thing
+from modalscope.io.limits import room
 from modalscope.model import DataError, FrequencyResponse, Geometry, ModalModel, Signals
 from modalscope.model.checks import Array
 
@@ -39,6 +41,11 @@ _TEXT = ("quantity", "kind", "scaling")
 _FLOATS = ("sampling_rate", "added_damping", "dt")
 _WHOLE = ("averages", "first_sample")
 _BOOLEAN = ("held_input", "converged")
+
+#: So many names of arrays are told in a message.
+_NAMED = 12
+#: Characters of a label, at most.
+_LONGEST = 1000
 
 #: Names that others use; only for the hint of an error message.
 _OTHERS = {
@@ -72,7 +79,7 @@ def contents_from_arrays(where: str, arrays: Mapping[str, Array], options: Optio
     if absent:
         raise DataError(
             f"rename or ignore of {', '.join(absent)} was asked",
-            f"{where} holds {', '.join(arrays)}",
+            f"{where} holds {_listed(arrays)}",
             "Name arrays that are there.",
         )
     held = {rename.get(name, name): array for name, array in arrays.items() if name not in ignore}
@@ -96,6 +103,12 @@ def _of_modes(noun: type[Any] | None, name: str) -> bool:
     return name.removeprefix(UNREFINED) in names_of(noun) or name.removeprefix(UNREFINED).startswith(INDICATOR)
 
 
+def _listed(names: Iterable[str]) -> str:
+    """Return the first of the names: a file may have thousands."""
+    first = list(islice(names, _NAMED + 1))
+    return ", ".join([*first[:_NAMED], *(["..."] if len(first) > _NAMED else [])]) or "(none)"
+
+
 def _as_names(names: Any) -> list[str]:
     return [names] if isinstance(names, str) else list(names or ())
 
@@ -111,7 +124,7 @@ def _unknown(where: str, names: list[str], noun: type[Any] | None) -> DataError:
         else ["frequencies", "values", "sampling_rate", "outputs", "inputs", "poles", "shapes"]
     )
     hints = {}
-    for name in names:
+    for name in names[:_NAMED]:
         near = _OTHERS.get(name.lower()) or next(iter(get_close_matches(name, known, n=1)), None)
         if near in known:
             hints[name] = near
@@ -119,8 +132,7 @@ def _unknown(where: str, names: list[str], noun: type[Any] | None) -> DataError:
     return DataError(
         f"reading {where} needs `frequencies` and `values`, `sampling_rate` with `outputs` (and `inputs`) "
         "or with `values`, or `poles` and `shapes`",
-        f"the arrays {', '.join(names) or '(none)'} are unknown"
-        + (f" beside those of {noun.__name__}" if noun else ""),
+        f"the arrays {_listed(names)} are unknown" + (f" beside those of {noun.__name__}" if noun else ""),
         f"Rename them, read(..., {rename}), or leave them out, read(..., ignore={names[:3]}).",
     )
 
@@ -155,13 +167,13 @@ def _build(where: str, noun: type[Any], held: dict[str, Array], given: dict[str,
         name: _value(where, name, array) for name, array in held.items() if not name.startswith(UNREFINED)
     }
     if noun is Geometry:
-        return _geometry(values)
+        return _geometry(where, values)
     units = (values.pop("output_units", None), values.pop("input_units", None))
     geometry = {name: values.pop(name) for name in GEOMETRY if name in values}
     indicators = {name.removeprefix(INDICATOR): values.pop(name) for name in list(values) if name.startswith(INDICATOR)}
     values |= (
         {"units": units}
-        | ({"geometry": _geometry(geometry)} if geometry else {})
+        | ({"geometry": _geometry(where, geometry)} if geometry else {})
         | ({"indicators": indicators} if indicators else {})
         | ({"unrefined": _build(where, noun, before, {})} if before else {})
         | given
@@ -187,8 +199,18 @@ def _build(where: str, noun: type[Any], held: dict[str, Array], given: dict[str,
         raise DataError(
             f"the options {', '.join(refused)} were asked", f"a {noun.__name__} has no such field", "Leave them out."
         )
-    thing: Thing = noun(**values)
+    try:
+        thing: Thing = noun(**values)
+    except DataError:
+        raise
+    except (TypeError, KeyError, AttributeError, IndexError, OverflowError, ValueError) as error:
+        # JSON text in it may hold anything
+        raise _damaged(where, f"{type(error).__name__}: {error}") from None
     return thing
+
+
+def _damaged(where: str, found: str) -> DataError:
+    return DataError(f"reading {where} was asked", f"its fields are damaged ({found})", "Write the file again.")
 
 
 def _value(where: str, name: str, array: Array) -> Any:
@@ -203,6 +225,12 @@ def _value(where: str, name: str, array: Array) -> Any:
         )
     if textual and array.dtype.kind == "S":
         array = np.char.decode(array, "utf-8", "replace")
+    if name in TEXTS and name != "processing" and array.dtype.kind == "U" and array.dtype.itemsize > 4 * _LONGEST:
+        raise DataError(
+            f"{name} in {where} needs labels",
+            f"the longest has {array.dtype.itemsize // 4} characters",
+            f"Shorten it to at most {_LONGEST}.",
+        )
     if name in TEXTS:
         texts = tuple(str(text) for text in np.atleast_1d(array).ravel())
         if name == "groups" and texts == ("",):
@@ -221,9 +249,10 @@ def _value(where: str, name: str, array: Array) -> Any:
 
 def _scalar(where: str, name: str, value: Any) -> Any:
     if name in JSON:
+        room(where, 0).json(name, value)
         try:
             return json.loads(value)
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise DataError(
                 f"{name} in {where} needs JSON text",
                 f"it does not read ({error})",
@@ -234,7 +263,7 @@ def _scalar(where: str, name: str, value: Any) -> Any:
     return (value or None) if name == "quantity" else bool(value) if name in _BOOLEAN else value
 
 
-def _geometry(values: dict[str, Any]) -> Geometry:
+def _geometry(where: str, values: dict[str, Any]) -> Geometry:
     nodes = values.get("geometry_nodes")
     if nodes is None or values.get("geometry_coordinates") is None:
         raise DataError(
@@ -246,7 +275,8 @@ def _geometry(values: dict[str, Any]) -> Geometry:
     for key in ("lines", "faces"):
         index = np.asarray(values.get(f"geometry_{key}", np.zeros((0, 2), int)))
         if index.size and (
-            index.dtype.kind not in "iuf"
+            index.ndim != 2
+            or index.dtype.kind not in "iuf"
             or index.min() < 0
             or index.max() >= len(nodes)
             or np.any(index != np.rint(index))
@@ -258,9 +288,9 @@ def _geometry(values: dict[str, Any]) -> Geometry:
             )
         named[key] = [[nodes[int(i)] for i in row] for row in index] or None
     motions = values.get("geometry_motions")
-    return Geometry(
-        nodes=nodes,
-        coordinates=values["geometry_coordinates"],
-        motions=motions if isinstance(motions, dict) else {},
-        **named,
-    )
+    try:
+        return Geometry(nodes=nodes, coordinates=values["geometry_coordinates"], motions=motions or {}, **named)
+    except DataError:
+        raise
+    except (TypeError, AttributeError, OverflowError, ValueError) as error:
+        raise _damaged(where, f"geometry: {error}") from None

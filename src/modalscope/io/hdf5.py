@@ -2,7 +2,8 @@
 
 Layout: a complex array `values` is two datasets, `values_real` and `values_imag`; texts are variable-length UTF-8; single
 values are scalar datasets. The axes carry dimension scales (`line` = `frequencies`, `output`, `input`, `sample`, `run`,
-`mode`), which netCDF readers take for named dimensions. The root attribute `modalscope_layout` is 1.
+`mode`), which netCDF readers take for named dimensions. The root attribute `modalscope_layout` is 1. Arrays carry Fletcher's
+checksum, which HDF5 itself compares, and the whole file ends in a seal (`hdf5_guard`).
 """
 
 from __future__ import annotations
@@ -15,13 +16,18 @@ import numpy as np
 from modalscope.io.arrays import to_arrays
 from modalscope.io.contents import Contents, Options, Plain
 from modalscope.io.from_arrays import contents_from_arrays
+from modalscope.io.hdf5_guard import check_hdf5, seal
+from modalscope.io.limits import Room, room
 from modalscope.model import DataError, ImpulseResponse
 from modalscope.model.checks import Array
 from modalscope.model.extras import optional_package
 
-__all__ = ["read", "write"]
+__all__ = ["DAMAGED", "read", "write"]
 
 _LAYOUT = 1
+
+#: What h5py raises on damaged files.
+DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError, MemoryError, OverflowError)
 
 _DIMENSIONS = {
     "frequencies": ("line",),
@@ -48,7 +54,8 @@ def write(path: Path, thing: Plain, options: Options) -> None:
     """Write a data object; binary, so that it is read back exactly."""
     h5py = optional_package(f"writing {path.suffix}", "h5py", "hdf5")
     axes: dict[str, tuple[str, ...]] = {}
-    with h5py.File(path, "w") as file:
+    # metadata of version 1.10 have checksums of their own
+    with h5py.File(path, "w", libver=("v110", "v110")) as file:
         file.attrs["modalscope_layout"] = _LAYOUT
         for name, array in to_arrays(thing).items():
             if array.dtype.kind == "U":
@@ -56,15 +63,21 @@ def write(path: Path, thing: Plain, options: Options) -> None:
                 parts: tuple[str, ...] = (name,)
             elif array.dtype.kind == "c":
                 parts = (f"{name}_real", f"{name}_imag")
-                file.create_dataset(parts[0], data=array.real)
-                file.create_dataset(parts[1], data=array.imag)
+                _store(file, parts[0], array.real)
+                _store(file, parts[1], array.imag)
             else:
-                file.create_dataset(name, data=array)
+                _store(file, name, array)
                 parts = (name,)
             axes |= dict.fromkeys(parts, _axes(thing, name, array))
         # the frequencies are a scale of their own, so that all datasets are there before their axes are named
         for name, names in axes.items():
             _label(file, name, names)
+    seal(path)
+
+
+def _store(file: Any, name: str, array: Array) -> None:
+    """Write numbers; single ones and none at all have no pieces that could carry a checksum."""
+    file.create_dataset(name, data=array, fletcher32=bool(array.ndim and array.size))
 
 
 def _axes(thing: Plain, name: str, array: Array) -> tuple[str, ...]:
@@ -92,14 +105,18 @@ def _label(file: Any, name: str, axes: tuple[str, ...]) -> None:
 def read(path: Path, options: Options) -> Contents:
     """Read a file in this layout, or any HDF5 file whose root datasets are renamed to it."""
     h5py = optional_package(f"reading {path.suffix}", "h5py", "hdf5")
+    space = room(path.name, path.stat().st_size)
+    check_hdf5(path, space)
     try:
         with h5py.File(path, "r") as file:
             arrays = {
-                name: _values(item)
+                name: _values(name, item, space)
                 for name, item in file.items()
                 if isinstance(item, h5py.Dataset) and not _is_axis(name, item)
             }
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError) as error:
+    except DAMAGED as error:
+        if isinstance(error, DataError):
+            raise
         raise DataError(
             f"reading {path.name} as HDF5 was asked",
             f"it is damaged or not HDF5 ({error})",
@@ -107,22 +124,30 @@ def read(path: Path, options: Options) -> Contents:
         ) from None
     for name in [name for name in arrays if name.endswith("_real") and name.removesuffix("_real") + "_imag" in arrays]:
         base = name.removesuffix("_real")
-        real, imaginary = arrays.pop(name), arrays.pop(base + "_imag")
-        if real.shape != imaginary.shape:
-            raise DataError(
-                f"{base} in {path.name} needs real and imaginary parts of one shape",
-                f"they have {real.shape} and {imaginary.shape}",
-                "Write the file again.",
-            )
-        arrays[base] = real + 1j * imaginary
+        arrays[base] = _joined(path, base, arrays.pop(name), arrays.pop(base + "_imag"))
     return contents_from_arrays(path.name, arrays, options)
 
 
+def _joined(path: Path, name: str, real: Array, imaginary: Array) -> Array:
+    if real.shape != imaginary.shape or real.dtype.kind not in "biuf" or imaginary.dtype.kind not in "biuf":
+        raise DataError(
+            f"{name} in {path.name} needs real and imaginary parts of one shape",
+            f"they are {real.dtype} {real.shape} and {imaginary.dtype} {imaginary.shape}",
+            "Write the file again.",
+        )
+    values = np.empty(real.shape, complex)
+    values.real, values.imag = real, imaginary
+    return values
+
+
 def _is_axis(name: str, item: Any) -> bool:
-    """A dimension scale that only counts an axis holds nothing of its own."""
-    return name in ("output", "input", "sample", "run", "mode") and bool(item.is_scale)
+    """Whether a dataset only counts an axis; `is_scale` of h5py breaks off in damaged files."""
+    return name in ("output", "input", "sample", "run", "mode") and item.attrs.get("CLASS") == b"DIMENSION_SCALE"
 
 
-def _values(item: Any) -> Array:
-    values = np.asarray(item.asstr()[()]) if item.dtype.kind == "O" else np.asarray(item[()])
-    return values.astype(np.str_) if values.dtype.kind == "O" else values
+def _values(name: str, item: Any, space: Room) -> Array:
+    space.array(name, item.dtype, item.size or 0)
+    if item.dtype.kind != "O":
+        return np.asarray(item[()])
+    texts = np.asarray(item.asstr()[()])
+    return space.texts(name, [str(text) for text in texts.ravel()]).reshape(texts.shape)

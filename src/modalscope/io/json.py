@@ -28,6 +28,7 @@ from modalscope.io.analysis import analysis_to
 from modalscope.io.arrays import from_json_numbers
 from modalscope.io.contents import Contents, Finding, Options
 from modalscope.io.diagrams import DIAGRAM, document_contents, write_document
+from modalscope.io.limits import room
 from modalscope.model import DataError, Geometry, ModalModel, StabilizationDiagram
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.mode_table import COLUMNS
@@ -161,14 +162,19 @@ def _null(value: Any) -> Any:
 
 def read(path: Path, options: Options) -> Contents:
     """Read modes or a stabilization diagram back."""
+    space = room(path.name, path.stat().st_size)
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        space.json("what it lists", text)
+        document = json.loads(text)
     except (ValueError, RecursionError) as error:
+        if isinstance(error, DataError):
+            raise
         raise DataError(
             f"reading {path.name} as modes was asked", f"it is not JSON ({error})", "Write it with modalscope."
         ) from None
     if isinstance(document, dict) and DIAGRAM in document:
-        return document_contents(path.name, document)
+        return document_contents(path.name, document, space)
     if not isinstance(document, dict) or not isinstance(document.get("modes"), list) or "modalscope" not in document:
         raise DataError(
             f"reading {path.name} as modes was asked",

@@ -16,6 +16,9 @@ from scipy import io as sio
 from modalscope.io.arrays import INDICATOR, UNREFINED, to_arrays
 from modalscope.io.contents import Contents, Options, Plain
 from modalscope.io.from_arrays import contents_from_arrays
+from modalscope.io.hdf5 import DAMAGED
+from modalscope.io.hdf5_guard import check_hdf5
+from modalscope.io.limits import Room, room
 from modalscope.io.mat5 import read_mat5
 from modalscope.model import DataError
 from modalscope.model.checks import Array
@@ -27,9 +30,6 @@ __all__ = ["read", "write"]
 _VECTORS = ("frequencies", "poles", *PER_MODE)
 _THREE_AXES = ("values", "variance")
 _HDF5_SIGNATURE = b"MATLAB 7.3"
-
-#: What h5py raises on damaged files.
-_DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError, MemoryError)
 
 
 def write(path: Path, thing: Plain, options: Options) -> None:
@@ -50,12 +50,14 @@ def write(path: Path, thing: Plain, options: Options) -> None:
 
 def read(path: Path, options: Options) -> Contents:
     """Read the variables of a file (options of `contents_from_arrays`)."""
-    data = path.read_bytes()
-    if data.startswith(_HDF5_SIGNATURE):
-        arrays = _read_new(path)
+    space = room(path.name, path.stat().st_size)
+    with path.open("rb") as file:
+        new = file.read(len(_HDF5_SIGNATURE)) == _HDF5_SIGNATURE
+    if new:
+        arrays = _read_new(path, space)
     else:
         ignore = options.get("ignore") or ()
-        arrays = read_mat5(path.name, data, [ignore] if isinstance(ignore, str) else list(ignore))
+        arrays = read_mat5(path.read_bytes(), space, [ignore] if isinstance(ignore, str) else list(ignore))
     names = dict(options.get("rename") or {})
     shaped = {name: _as_layout(names.get(name, name), array, options) for name, array in arrays.items()}
     return contents_from_arrays(path.name, shaped, options)
@@ -70,8 +72,9 @@ def _as_layout(name: str, array: Array, options: Options) -> Array:
     return array[..., None] if name in _THREE_AXES and array.ndim == 2 else array
 
 
-def _read_new(path: Path) -> dict[str, Array]:
+def _read_new(path: Path, space: Room) -> dict[str, Array]:
     h5py = optional_package("reading a MATLAB 7.3 file", "h5py", "mat")
+    check_hdf5(path, space)
     arrays: dict[str, Array] = {}
 
     def take(prefix: str, group: Any) -> None:
@@ -81,14 +84,14 @@ def _read_new(path: Path) -> dict[str, Array]:
             if isinstance(item, h5py.Group):
                 take(f"{prefix}{name}.", item)
             else:
-                arrays[prefix + name] = _of_dataset(prefix + name, item, path)
+                arrays[prefix + name] = _of_dataset(prefix + name, item, space)
 
     try:
         with h5py.File(path, "r") as file:
             take("", file)
-    except DataError:
-        raise
-    except _DAMAGED as error:
+    except DAMAGED as error:
+        if isinstance(error, DataError):
+            raise
         raise DataError(
             f"reading {path.name} as a MATLAB file was asked",
             f"it is damaged ({error})",
@@ -97,26 +100,39 @@ def _read_new(path: Path) -> dict[str, Array]:
     return arrays
 
 
-def _of_dataset(name: str, item: Any, path: Path) -> Array:
-    kind = item.attrs.get("MATLAB_class", b"double")
-    kind = kind.decode() if isinstance(kind, bytes) else str(kind)
-    values = np.asarray(item[()])
+def _of_dataset(name: str, item: Any, space: Room) -> Array:
     if item.attrs.get("MATLAB_empty", 0):
         return np.zeros(0)
+    space.array(name, item.dtype, item.size or 0)
+    kind = _class_of(item)
+    values = np.asarray(item[()])
     if kind == "char":
-        return np.array("".join(map(chr, values.T.ravel())))
+        return np.array(_text(name, values, space))
     if kind == "cell":
         cells = [item.file[reference] for reference in values.ravel()]
-        return np.array(
-            [str(_of_dataset(name, cell, path)) if cell.attrs.get("MATLAB_class") == b"char" else "" for cell in cells],
-            dtype=np.str_,
-        )
+        texts = [_text(name, np.asarray(cell[()]), space) if _holds_text(cell) else "" for cell in cells]
+        return space.texts(name, texts)
     if values.dtype.names == ("real", "imag"):
         values = values["real"] + 1j * values["imag"]
     if values.dtype.kind not in "biufc":
         raise DataError(
-            f"reading {name} in {path.name} was asked",
+            f"reading {name} in {space.where} was asked",
             f"it is of MATLAB's class {kind}",
             "Save plain arrays, and labels as cells of text.",
         )
     return values.T  # MATLAB stores columns first
+
+
+def _class_of(item: Any) -> str:
+    kind = item.attrs.get("MATLAB_class", b"double")
+    return kind.decode("latin-1") if isinstance(kind, bytes) else str(kind)
+
+
+def _holds_text(cell: Any) -> bool:
+    return _class_of(cell) == "char" and not cell.attrs.get("MATLAB_empty", 0)
+
+
+def _text(name: str, codes: Array, space: Room) -> str:
+    """Return the text of MATLAB's 16-bit characters; in a file it stands column after column."""
+    space.array(name, np.dtype("S1"), codes.size)
+    return codes.T.ravel().astype("<u2", casting="same_kind").tobytes().decode("utf-16-le")

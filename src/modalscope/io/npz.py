@@ -6,6 +6,7 @@ import struct
 import tokenize
 import zipfile
 import zlib
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,14 @@ from modalscope.io.arrays import to_arrays
 from modalscope.io.contents import Contents, Options, Thing
 from modalscope.io.diagrams import DIAGRAM, diagram_arrays, diagram_contents
 from modalscope.io.from_arrays import contents_from_arrays
+from modalscope.io.limits import Room, room
 from modalscope.model import DataError, StabilizationDiagram
 from modalscope.model.checks import Array
 
 __all__ = ["read", "write"]
+
+#: Where the end of an archive is looked for, and the longest list of members (some ten thousand).
+_LAST, _DIRECTORY = 1 << 16, 1_000_000
 
 #: What numpy and zipfile raise on damaged archives.
 _DAMAGE = (
@@ -43,24 +48,68 @@ def read(path: Path, options: Options) -> Contents:
             "it is not one",
             "Write it with numpy.savez, or give it the suffix of what it is.",
         )
-    arrays: dict[str, Array] = {}
+    space = room(path.name, path.stat().st_size)
     try:
-        # opened here: numpy leaves its own handle open when the directory of the archive is damaged
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            for name in archive.files:
-                arrays[name] = archive[name]
+        arrays = _arrays(path, space)
     except _DAMAGED as error:
+        if isinstance(error, DataError):
+            raise
         raise _refuse(path, error) from None
-    for name, array in arrays.items():
-        if not isinstance(array, np.ndarray):
-            raise DataError(
-                f"reading {path.name} as a NumPy archive was asked",
-                f"its member {name} is not an array",
-                "Keep only .npy members in it.",
-            )
     if DIAGRAM in arrays:
         return diagram_contents(path.name, arrays)
     return contents_from_arrays(path.name, arrays, options)
+
+
+def _arrays(path: Path, space: Room) -> dict[str, Array]:
+    """Return the arrays of an archive, the sizes that each states compared first with one another and with the room."""
+    _check_directory(path, space)
+    arrays: dict[str, Array] = {}
+    with path.open("rb") as file, zipfile.ZipFile(file) as archive:
+        members = archive.infolist()
+        for member in members:
+            if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+                raise ValueError(f"{member.filename} is packed by method {member.compress_type}")
+        for member in members:
+            _check_member(archive, member, space)
+            with archive.open(member) as stream:
+                arrays[member.filename.removesuffix(".npy")] = np.lib.format.read_array(stream, allow_pickle=False)
+                if stream.read(1):
+                    raise ValueError(f"{member.filename} is longer than its array")
+    return arrays
+
+
+def _check_directory(path: Path, space: Room) -> None:
+    """Bound the list of members before it is read; it stands at the end, with its size behind it."""
+    with path.open("rb") as file:
+        file.seek(max(0, space.size - _LAST))
+        tail = file.read()
+    at = tail.rfind(b"PK\5\6")
+    if 0 <= at <= len(tail) - 20:
+        space.parts("bytes in its list of members", struct.unpack_from("<I", tail, at + 12)[0] % 0xFFFFFFFF, _DIRECTORY)
+    at = tail.rfind(b"PK\6\6")  # archives over 4 GB have a longer one, too
+    if 0 <= at <= len(tail) - 48:
+        space.parts("bytes in its list of members", struct.unpack_from("<Q", tail, at + 40)[0], _DIRECTORY)
+
+
+def _check_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, space: Room) -> None:
+    """Compare what the head of an array says with what the archive says, and with the room."""
+    name = member.filename.removesuffix(".npy")
+    with archive.open(member) as stream:
+        if stream.read(6) != b"\x93NUMPY":
+            raise DataError(
+                f"reading {space.where} as a NumPy archive was asked",
+                f"its member {member.filename} is not an array",
+                "Keep only .npy members in it.",
+            )
+        version = tuple(stream.read(2))
+        read_head = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, dtype = read_head(stream)
+        count, head = prod(shape), stream.tell()
+    if dtype.hasobject:
+        raise ValueError("it holds a pickle")
+    if min(shape, default=0) < 0 or head + count * dtype.itemsize != member.file_size:
+        raise ValueError(f"{name} has the shape {shape} and {member.file_size} bytes")
+    space.array(name, dtype, count)
 
 
 def _refuse(path: Path, error: Exception) -> DataError:

@@ -72,7 +72,7 @@ def oscillations(diagram: StabilizationDiagram) -> Poles:
     """Return the decaying oscillations of a diagram; real, unstable and nearly aperiodic poles are no modes to select."""
     kept = np.flatnonzero((np.array(diagram.kinds) == "mode") & (diagram.damping_ratios < 0.9))
     own = of_diagram(diagram)
-    poles = Poles(diagram.orders, diagram.order_of_pole, diagram.poles, diagram.shapes, diagram.participation, own)
+    poles = Poles(diagram.orders, diagram.order_of_pole, diagram.poles, diagram.shapes.T, diagram.participation, own)
     return poles.take(kept)
 
 

@@ -42,6 +42,7 @@ def stabilize(
     orders: Iterable[int] | None = None,
     tolerances: Mapping[str, float] | None = None,
     progress: Progress | None = None,
+    deviations: bool = True,
     **options: Unpack[AllOptions],
 ) -> StabilizationDiagram:
     """Identify at many orders from one factorization and judge each pole against the order before.
@@ -58,6 +59,8 @@ def stabilize(
         Limits of stability by name, "frequency", "damping" (relative) and "shape" (1 - MAC); 1 %, 5 % and 5 % by default.
     progress : callable, optional
         Called with (orders done, orders in all).
+    deviations : bool
+        Whether standard deviations of the poles are wanted.
     **options
         Band, channels, block sizes and the rest, as in `identify`.
 
@@ -81,7 +84,9 @@ def stabilize(
     def diagram(**way: Any) -> StabilizationDiagram:
         problem = prepare(data, method, domain, **{**options, **way})
         asked = problem.method.orders.ladder(problem.measured) if orders is None else checked_orders(orders)
-        return stabilized(problem, asked, automatic=orders is None, tolerances=tolerances, progress=progress)
+        return stabilized(
+            problem, asked, automatic=orders is None, tolerances=tolerances, progress=progress, deviations=deviations
+        )
 
     found = diagram()
     left_open = method is None and domain is None and options.get("route") in (None, "auto")
@@ -115,6 +120,7 @@ def stabilized(
     automatic: bool = False,
     tolerances: Mapping[str, float] | None = None,
     progress: Progress | None = None,
+    deviations: bool = True,
 ) -> StabilizationDiagram:
     """Return the diagram of a problem; see `stabilize`.
 
@@ -125,10 +131,10 @@ def stabilized(
         Orders, increasing.
     automatic : bool
         Whether nobody asked for just these: then some order is always found.
-    tolerances, progress : optional
+    tolerances, progress, deviations : optional
     """
     limits = _limits(tolerances)
-    found = start(problem, asked, automatic=automatic)
+    found = start(problem, asked, automatic=automatic, deviations=deviations)
     cuts = []
     for cut in found:
         cuts.append(cut)
@@ -184,11 +190,12 @@ def collected(
         orders=tuple(cut.order for cut in cuts),
         order_of_pole=np.concatenate([np.full(cut.reported.size, cut.order) for cut in cuts]),
         poles=np.concatenate([cut.modes.poles[cut.reported] for cut in cuts]),
-        shapes=np.concatenate([cut.modal.shapes[:, cut.reported].T for cut in cuts]),
+        shapes=np.concatenate([cut.modal.shapes[:, cut.reported] for cut in cuts], axis=1),
         participation=np.concatenate([cut.modal.participation[cut.reported] for cut in cuts]),
         stable_frequency=flags[0],
         stable_damping=flags[1],
         stable_shape=flags[2],
+        **_deviations(cuts),
         indicators={name: np.concatenate([c.indicators[name][c.reported] for c in cuts]) for name in sorted(names)},
         singular_values=factors.spectrum,
         fit_errors=np.array([cut.misfit for cut in cuts]),
@@ -208,6 +215,17 @@ def _doubts(pipeline: Pipeline, cuts: Sequence[Cut], stable: Sequence[Array]) ->
     trusted[cut.reported[stable[best].all(axis=0)]] = True
     fit = cut.modal.fit
     return pipeline.response.doubts(cut.modal.poles, fit.shapes, fit.participation, fit.terms, trusted)
+
+
+def _deviations(cuts: Sequence[Cut]) -> dict[str, Any]:
+    """Return the standard deviations of the reported poles of all orders, as fields of the diagram."""
+    reported = [(cut.std, cut.reported) for cut in cuts if cut.std is not None]
+    if len(reported) < len(cuts):
+        return {}
+    return {
+        "frequencies_std": np.concatenate([std.frequency[index] for std, index in reported]),
+        "damping_ratios_std": np.concatenate([std.damping_ratio[index] for std, index in reported]),
+    }
 
 
 def _stable(before: Cut, after: Cut, limits: Mapping[str, float]) -> Array:

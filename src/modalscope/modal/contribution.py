@@ -47,7 +47,7 @@ def contributions(response: Response, poles: Array, shapes: Array, participation
 
 def of_diagram(diagram: StabilizationDiagram) -> RealArray:
     """Return the contributions of all poles of a diagram to its response, (p,)."""
-    return contributions(diagram.response, diagram.poles, diagram.shapes, diagram.participation)
+    return contributions(diagram.response, diagram.poles, diagram.shapes.T, diagram.participation)
 
 
 def peak_sizes(response: Response, poles: Array, shapes: Array, participation: Array) -> RealArray:

@@ -14,7 +14,7 @@ from modalscope.model.checks import Array, DataError, RealArray
 from modalscope.model.modes import ModalModel
 from modalscope.model.response import Response, is_held, window_damping
 
-__all__ = ["fit_error", "fit_of", "fitted_terms", "modal_model", "rebuilt"]
+__all__ = ["fit_error", "fit_of", "modal_model", "rebuilt"]
 
 
 def fit_error(measured: Array, rebuilt: Array) -> tuple[float, RealArray]:
@@ -50,22 +50,6 @@ def rebuilt(response: Response, modes: ModalModel) -> Array:
 def fit_of(modes: ModalModel, response: Response) -> float:
     """Return norm(measured - rebuilt from the modes) / norm(measured) over all channels."""
     return fit_error(response.values, rebuilt(response, modes))[0]
-
-
-def fitted_terms(response: Response, poles: Array, shapes: Array) -> dict[str, Any]:
-    """Fit participation and, on lines, the residuals of the modes outside the band: fields of a `ModalModel`.
-
-    Parameters
-    ----------
-    response : Response
-    poles : array of complex, (n,)
-        rad/s, as the modes have them.
-    shapes : array of complex, (l, n)
-    """
-    powers = response.outside_powers
-    basis = response.basis(poles - window_damping(response), powers)
-    participation, terms = basis.fit_participation(shapes)
-    return {"participation": response.of_inputs(participation), **response.named_terms(terms, powers)}
 
 
 def modal_model(matrix: DataMatrix, modal: Eigenmodes, indicators: Mapping[str, Array]) -> ModalModel:

@@ -10,6 +10,7 @@ import numpy as np
 
 from modalscope.model.channels import Channels
 from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.groups import AUTO, Groups
 from modalscope.model.modal_basis import ModalBasis
 from modalscope.model.notes import Note
 
@@ -51,12 +52,15 @@ class Response(Channels):
         Displacement, velocity or acceleration of the outputs.
     added_damping : float
         Decay rate in 1/s that an exponential window added to every pole: identified poles are shifted back by it.
+    groups : sequence of labels, "auto" or None
+        One label an input: what disagrees between groups is repeatability.
     """
 
     values: Array
     sampling_rate: float | None = None
     quantity: str | None = None
     added_damping: float = 0.0
+    groups: Groups = AUTO
 
     @property
     @abstractmethod
@@ -67,6 +71,11 @@ class Response(Channels):
     def ambient(self) -> bool:
         """Whether the response was estimated from outputs alone, so that its columns are references and it carries estimation errors."""
         return self.origin == "correlation"
+
+    @property
+    def known_variance(self) -> RealArray | None:
+        """Variance E|error|^2 of every value, where the data carry one."""
+        return getattr(self, "variance", None)
 
     @property
     def count(self) -> int:

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Protocol
 
 from modalscope.comparing import Comparison
-from modalscope.comparing.labels import cell_label
 from modalscope.identification.identify import Identification
+from modalscope.identification.table import cell_label
 from modalscope.io.atomic import replacing
 from modalscope.judging.select import select
 from modalscope.model import DataError, ModalModel, StabilizationDiagram

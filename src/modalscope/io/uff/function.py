@@ -41,7 +41,7 @@ _EXACT = re.compile(r"abscissa (\S+) to (\S+)")
 _SINGLE, _DOUBLE = 13, 20
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Function:
     """One measured function: its type, its dofs, its abscissa and its values.
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.io.limits import Room
 from modalscope.io.uff.dofs import QUANTITY_OF, sort_key
 from modalscope.io.uff.function import Function
 from modalscope.model import DataError
@@ -32,6 +33,8 @@ __all__ = [
 SAME = 1e-3
 #: Subsets of the shorter side are tried one by one up to this many channels.
 _EXHAUSTIVE = 12
+#: No measurement has more abscissas than this.
+_MOST_AXES = 200
 
 #: Units of SI by specific data type.
 SI_UNITS = {8: "m", 9: "N", 11: "m/s", 12: "m/s2", 13: "N"}
@@ -41,8 +44,9 @@ Pair = tuple[str, str]
 
 @dataclass(slots=True)
 class Sorted:
-    """The data object's fields, why functions were left (by place), and what is missing."""
+    """The data object's fields, why functions were left (by place), what is missing, and the room that there is."""
 
+    room: Room
     thing: Any = None
     left: dict[int, str] = field(default_factory=dict)
     missing: list[str] = field(default_factory=list)
@@ -54,6 +58,8 @@ def same_axis(a: Function, b: Function) -> bool:
     if a.x.size != b.x.size:
         return False
     step = (a.x[-1] - a.x[0]) / max(a.x.size - 1, 1)
+    if abs(a.x[-1] - b.x[-1]) > SAME * abs(step):  # the ends tell most of them apart
+        return False
     return bool(np.max(np.abs(a.x - b.x)) <= SAME * abs(step))
 
 
@@ -75,6 +81,7 @@ def largest_group(
                 break
         else:
             groups.append([function])
+            out.room.parts("different abscissas", len(groups), _MOST_AXES)
     wanted = [
         group
         for group in groups
@@ -119,6 +126,7 @@ def complete_block(pairs: dict[Pair, Function], out: Sorted) -> tuple[list[str],
     """Return the outputs and inputs of the largest complete matrix (all of them when none is missing)."""
     outputs = sorted({o for o, _ in pairs}, key=sort_key)
     inputs = sorted({i for _, i in pairs}, key=sort_key)
+    out.room.square(f"{len(outputs)} outputs and {len(inputs)} inputs", len(outputs) * len(inputs), len(pairs))
     there = np.array([[(o, i) in pairs for i in inputs] for o in outputs])
     if there.all():
         return outputs, inputs
@@ -140,14 +148,7 @@ def _largest_block(there: Array) -> tuple[list[int], list[int]]:
     Exact when one side has at most twelve; else by dropping the emptiest row or column until nothing is missing.
     """
     if min(there.shape) > _EXHAUSTIVE:
-        rows, columns = list(range(there.shape[0])), list(range(there.shape[1]))
-        while not (block := there[np.ix_(rows, columns)]).all():
-            by_row, by_column = block.mean(axis=1), block.mean(axis=0)
-            if by_row.min() <= by_column.min():
-                rows.pop(int(np.argmin(by_row)))
-            else:
-                columns.pop(int(np.argmin(by_column)))
-        return rows, columns
+        return _without_gaps(~there)
     wide = there if there.shape[1] <= there.shape[0] else there.T
     best: tuple[int, list[int], list[int]] = (0, [], [])
     for size in range(1, wide.shape[1] + 1):
@@ -156,6 +157,19 @@ def _largest_block(there: Array) -> tuple[list[int], list[int]]:
             if full.size * size >= best[0] and full.size:
                 best = (full.size * size, full.tolist(), list(choice))
     return (best[1], best[2]) if wide is there else (best[2], best[1])
+
+
+def _without_gaps(gaps: Array) -> tuple[list[int], list[int]]:
+    """Drop the row or the column with the largest part of gaps until none is left."""
+    kept = [np.ones(gaps.shape[0], bool), np.ones(gaps.shape[1], bool)]
+    counts = [gaps.sum(axis=1), gaps.sum(axis=0)]
+    while counts[0][kept[0]].any():
+        part = [np.where(kept[k], counts[k] / kept[1 - k].sum(), -1.0) for k in (0, 1)]
+        side = 0 if part[0].max() >= part[1].max() else 1
+        worst = int(np.argmax(part[side]))
+        kept[side][worst] = False
+        counts[1 - side] -= gaps.take(worst, axis=side)
+    return np.flatnonzero(kept[0]).tolist(), np.flatnonzero(kept[1]).tolist()
 
 
 def units(functions: Sequence[Function], si: bool) -> list[str]:

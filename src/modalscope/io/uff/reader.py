@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from modalscope.io.contents import Contents, Finding, Options
+from modalscope.io.limits import Room, room
 from modalscope.io.uff.function import Function, read_function
 from modalscope.io.uff.layout import DAMAGED, Field, number, parse
 from modalscope.io.uff.matrix import Sorted
@@ -32,6 +33,7 @@ _SI = 1
 class _Sets:
     """The sets of a file by what they are."""
 
+    room: Room
     words: dict[int, str] = field(default_factory=dict)
     names: dict[int, str] = field(default_factory=dict)
     functions: list[Function] = field(default_factory=list)
@@ -56,8 +58,9 @@ def read(path: Path, options: Options) -> Contents:
     for name, choices in (("want", _WANTS), ("repeated", ("first", "last"))):
         if options.get(name) is not None:
             check_choice(name, options[name], choices)
-    sets = _Sets()
-    for block in scan(path.name, path.read_bytes()):
+    data = path.read_bytes()
+    sets = _Sets(room=room(path.name, len(data)))
+    for block in scan(path.name, data, sets.room):
         sets.names[block.place] = block.name
         _add(sets, path.name, block)
     want = options.get("want") or _best(sets)
@@ -148,9 +151,9 @@ def _take(sets: _Sets, name: str, want: str, options: dict[str, Any]) -> Sorted:
         raise _nothing(sets, name, want)
     coherences = by_kind.get("coherence", []) if want == "frequency response" else []
     if want == "frequency response":
-        result = sort_frequency(chosen, coherences, options, sets.si)
+        result = sort_frequency(chosen, coherences, options, sets.si, sets.room)
     else:
-        result = (sort_impulse if want == "impulse response" else sort_records)(chosen, options, sets.si)
+        result = (sort_impulse if want == "impulse response" else sort_records)(chosen, options, sets.si, sets.room)
     used = {function.place for function in [*chosen, *coherences]}
     for function in sets.functions:
         if function.place not in used:
@@ -169,7 +172,7 @@ def _take_geometry(sets: _Sets, name: str) -> Sorted:
         raise _nothing(sets, name, "geometry")
     sets.taken |= set(sets.of_geometry)
     _leave_the_rest(sets)
-    return Sorted(thing=geometry, notes=notes)
+    return Sorted(room=sets.room, thing=geometry, notes=notes)
 
 
 def _take_modes(sets: _Sets, name: str) -> Sorted:
@@ -182,10 +185,10 @@ def _take_modes(sets: _Sets, name: str) -> Sorted:
     sets.left |= {
         place: f"modes were taken from dataset {dataset}" for place, shape in sets.shapes if shape.dataset != dataset
     }
-    modes, notes = modes_of([shape for _, shape in chosen])
+    modes, notes = modes_of([shape for _, shape in chosen], sets.room)
     sets.taken |= {place for place, _ in chosen}
     _leave_the_rest(sets)
-    return Sorted(thing=modes, notes=notes)
+    return Sorted(room=sets.room, thing=modes, notes=notes)
 
 
 def _leave_the_rest(sets: _Sets) -> None:

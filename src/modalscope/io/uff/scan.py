@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from modalscope.io.limits import MOST_PARTS, Room, room
 from modalscope.io.uff.layout import Field, parse
 from modalscope.model import DataError
 
@@ -35,6 +36,9 @@ FORM = (
 _CLOSING = re.compile(rb"^ {4}-1 *\r?$", re.MULTILINE)
 _AFTER_PAYLOAD = re.compile(rb"\r?\n? {4}-1 *(?:\r?\n|\Z)")
 _NUMBER = re.compile(rb" *\d+\Z")
+_BLANK_LINES = re.compile(rb"(?:[ \t\r\f\v]*\n)*+")
+#: A set has some hundred bytes; a line of text becomes an object of at least so many.
+_A_SET, _A_LINE = 200, 50
 _WORDS = {2: (1, 4), 4: (1, 8), 5: (2, 4), 6: (2, 8)}
 _LITTLE, _BIG, _IEEE = 1, 2, 2
 
@@ -61,21 +65,31 @@ class Block:
         return f"set {self.place} (dataset {self.dataset}{'' if self.payload is None else 'b'})"
 
 
-def scan(name: str, data: bytes) -> list[Block]:
+def scan(name: str, data: bytes, space: Room | None = None) -> list[Block]:
     """Return the sets of a universal file.
+
+    Parameters
+    ----------
+    name : str
+        The file, for messages.
+    data : bytes
+    space : Room, optional
+        What its lines may take.
 
     Raises
     ------
     DataError
-        Not a universal file, a set that is cut off, a payload of another length than its header counts.
+        Not a universal file, a set that is cut off, a payload of another length than its header counts, more than the room.
     """
+    space = space or room(name, len(data))
     blocks: list[Block] = []
     line, position = _next_line(data, 0)
     while line.strip():
         if line.rstrip() != b"    -1":
             raise _foreign(name, line, blocks)
-        block, position = _block(name, data, position, len(blocks) + 1)
+        block, position = _block(name, data, position, len(blocks) + 1, space)
         blocks.append(block)
+        space.parts("sets", len(blocks), max(MOST_PARTS // 10, len(data) // _A_SET))
         line, position = _next_line(data, position)
     if not blocks:
         raise _foreign(name, b"", blocks)
@@ -106,7 +120,7 @@ def _cut(name: str, place: int, what: str) -> DataError:
     )
 
 
-def _block(name: str, data: bytes, start: int, place: int) -> tuple[Block, int]:
+def _block(name: str, data: bytes, start: int, place: int, space: Room) -> tuple[Block, int]:
     head, position = _line(data, start)
     if head[6:7] in (b"b", b"B") and head[:6].strip() == b"58":
         return _binary_block(name, data, head, position, place)
@@ -116,6 +130,7 @@ def _block(name: str, data: bytes, start: int, place: int) -> tuple[Block, int]:
     if closing is None:
         raise _cut(name, place, "it is not closed by a delimiter '    -1' before the file ends")
     body = data[position : closing.start()]
+    space.take("its lines", _A_LINE * body.count(b"\n"))
     records = tuple(line.rstrip(b"\r") for line in body.split(b"\n")[:-1])
     return Block(place=place, dataset=int(head[:6]), records=records), min(closing.end() + 1, len(data))
 
@@ -128,10 +143,8 @@ def _line(data: bytes, start: int) -> tuple[bytes, int]:
 
 def _next_line(data: bytes, start: int) -> tuple[bytes, int]:
     """Return the next line that is not blank, or a blank one at the end of the file."""
-    line, position = _line(data, start)
-    while not line.strip() and position < len(data):
-        line, position = _line(data, position)
-    return line, position
+    blank = _BLANK_LINES.match(data, start)
+    return _line(data, blank.end() if blank else start)
 
 
 def _binary_block(name: str, data: bytes, head: bytes, position: int, place: int) -> tuple[Block, int]:

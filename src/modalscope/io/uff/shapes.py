@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.io.limits import Room
 from modalscope.io.uff.dofs import DIRECTIONS, QUANTITY_CODES, QUANTITY_OF, code_of_direction, sort_key
 from modalscope.io.uff.layout import DAMAGED, Field, Record, form, number, one_set, parse, whole
 from modalscope.io.uff.scan import Block
@@ -133,10 +134,12 @@ def _values(where: str, lines: Sequence[bytes], head: dict[str, int]) -> dict[tu
     return values
 
 
-def modes_of(shapes: Sequence[Shape]) -> tuple[ModalModel, list[str]]:
+def modes_of(shapes: Sequence[Shape], space: Room) -> tuple[ModalModel, list[str]]:
     """Return the modes of several sets; a direction that no mode moves anywhere in the file is taken as not measured."""
     notes = []
     dofs = list(dict.fromkeys(dof for shape in shapes for dof in shape.values))
+    held = sum(len(shape.values) for shape in shapes)
+    space.square(f"{len(shapes)} modes at {len(dofs)} dofs", len(shapes) * len(dofs), held)
     moved = [dof for dof in dofs if any(shape.values.get(dof, 0) != 0 for shape in shapes)] or dofs
     if len(moved) < len(dofs):
         notes.append(f"{len(dofs) - len(moved)} directions are zero in every mode and were left out as not measured")

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.io.limits import Room
 from modalscope.io.uff.dofs import FORCES, QUANTITY_OF, sort_key
 from modalscope.io.uff.function import Function
 from modalscope.io.uff.matrix import (
@@ -46,10 +47,10 @@ def kind_of(function: Function) -> str:
 
 
 def sort_frequency(
-    functions: Sequence[Function], coherences: Sequence[Function], options: dict[str, Any], si: bool
+    functions: Sequence[Function], coherences: Sequence[Function], options: dict[str, Any], si: bool, space: Room
 ) -> Sorted:
     """Make one matrix of frequency responses, with the coherence where it is complete."""
-    out = Sorted()
+    out = Sorted(room=space)
     group = largest_group(functions, out, options.get("quantity"), by_quantity=True)
     pairs = by_pair(group, out, options.get("repeated"))
     outputs, inputs = complete_block(pairs, out)
@@ -122,18 +123,17 @@ def _evenly(functions: Sequence[Function], out: Sorted, what: str) -> list[Funct
     return even
 
 
-def sort_impulse(functions: Sequence[Function], options: dict[str, Any], si: bool) -> Sorted:
+def sort_impulse(functions: Sequence[Function], options: dict[str, Any], si: bool, space: Room) -> Sorted:
     """Make one impulse response: correlations by their type, samples over an excitation force as sampled impulse responses.
 
     Correlations and pulse responses keep what stands at time zero apart, as `feedthrough`; negative lags are left.
     """
-    out = Sorted()
+    out = Sorted(room=space)
     kinds = Counter(_impulse_kind(f) for f in functions)
     kind = options.get("kind") or max(kinds, key=lambda k: kinds[k])
-    chosen = [f for f in functions if options.get("kind") or _impulse_kind(f) == kind]
-    out.left |= {
-        f.place: f"it is a {_impulse_kind(f)} response where most are {kind}" for f in functions if f not in chosen
-    }
+    others = [f for f in functions if not options.get("kind") and _impulse_kind(f) != kind]
+    out.left |= {f.place: f"it is a {_impulse_kind(f)} response where most are {kind}" for f in others}
+    chosen = [f for f in functions if f.place not in out.left]
     group = largest_group(_evenly(chosen, out, "impulse responses"), out, options.get("quantity"), by_quantity=True)
     pairs = by_pair(group, out, options.get("repeated"))
     outputs, inputs = complete_block(pairs, out)
@@ -166,9 +166,9 @@ def _impulse_kind(function: Function) -> str:
     return "correlation" if function.kind in _CORRELATIONS else "dirac"
 
 
-def sort_records(functions: Sequence[Function], options: dict[str, Any], si: bool) -> Sorted:
+def sort_records(functions: Sequence[Function], options: dict[str, Any], si: bool, space: Room) -> Sorted:
     """Make one record: forces are inputs, everything else outputs; channels that come R times each are R runs."""
-    out = Sorted()
+    out = Sorted(room=space)
     group = largest_group(_evenly(functions, out, "records"), out, None, by_quantity=False)
     forces = [f for f in group if f.quantity in FORCES]
     others = [f for f in group if f.quantity not in FORCES]
@@ -178,7 +178,7 @@ def sort_records(functions: Sequence[Function], options: dict[str, Any], si: boo
     sides = [_channels(side, out) for side in (others, forces)]
     runs = {len(functions) for side in sides for functions in side.values()}
     if len(runs) != 1:
-        counts = ", ".join(f"{label} {len(fs)}" for side in sides for label, fs in side.items())
+        counts = ", ".join([f"{label} {len(fs)}" for side in sides for label, fs in side.items()][:12])
         raise DataError(
             "records of whole runs were asked",
             f"the channels come a different number of times: {counts}",

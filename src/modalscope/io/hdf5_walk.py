@@ -1,0 +1,209 @@
+"""A walk through an HDF5 file before anything is read from it: what leads out of it, and sizes that cannot be.
+
+The HDF5 library trusts what a file says, and a damaged one can end or hold up the process that reads it. So this module also
+runs as a program, in a Python of its own that loads h5py alone (it imports nothing of modalscope): what happens there happens
+to nobody else. It visits what `modalscope.io` would, with the same calls, and reads all that is packed or of variable length.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import dataclass, field
+from math import prod
+from pathlib import Path
+from typing import Any
+
+__all__ = ["ATTRIBUTES", "Refused", "walk"]
+
+#: The attributes that readers look at.
+ATTRIBUTES = ("CLASS", "MATLAB_class", "MATLAB_empty", "modalscope_layout")
+
+#: Deflate, shuffle, Fletcher's checksum and LZF.
+_FILTERS = (1, 2, 3, 32000)
+_DEEPEST, _MOST_OBJECTS, _MOST_CHUNKS = 32, 100_000, 10_000
+#: Bytes of the file for each chunk beyond; of an attribute, at most; of a text as an object.
+_A_CHUNK, _AN_ATTRIBUTE, _A_TEXT = 64, 4096, 64
+#: What h5py raises on damaged files.
+_DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError, MemoryError, OverflowError)
+
+
+class Refused(Exception):
+    """What is wrong with a file, and what to do about it."""
+
+    def __init__(self, found: str, change: str = "Copy or write the file again.") -> None:
+        self.found, self.change = found, change
+        super().__init__(found)
+
+
+@dataclass(slots=True)
+class _Visit:
+    """The bytes of the file, the bytes that its arrays may still take, and what was seen."""
+
+    h5py: Any
+    size: int
+    left: int
+    groups: set[Any] = field(default_factory=set)
+    datasets: set[Any] = field(default_factory=set)
+    objects: int = 0
+
+
+def walk(path: str, left: int) -> None:
+    """Visit every group and dataset.
+
+    Parameters
+    ----------
+    path : str
+    left : int
+        Bytes that the arrays of the file may take in memory.
+
+    Raises
+    ------
+    Refused
+        Something leads out of the file, is larger than the file or the bound, or does not read.
+    """
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            visit = _Visit(h5py, Path(path).stat().st_size, left)
+            _attributes(file, visit)
+            _group("", file, visit, 0)
+    except _DAMAGED as error:
+        raise Refused(f"it is damaged or not HDF5 ({error})") from None
+
+
+def _group(prefix: str, group: Any, visit: _Visit, depth: int) -> None:
+    identity = visit.h5py.h5o.get_info(group.id).addr
+    if identity in visit.groups or depth > _DEEPEST:
+        raise Refused(f"the group {prefix or '/'} is linked twice, or lies deeper than {_DEEPEST} groups")
+    visit.groups.add(identity)
+    for name in group:
+        visit.objects += 1
+        if visit.objects > _MOST_OBJECTS:
+            raise Refused(f"it has more than {_MOST_OBJECTS} objects")
+        whole = f"{prefix}/{name}"
+        if isinstance(group.get(name, getlink=True), visit.h5py.ExternalLink):
+            raise Refused(f"{whole} is a link to another file", "Copy what it names into this file.")
+        item = group[name]
+        if isinstance(item, visit.h5py.Group):
+            _attributes(item, visit)
+            _group(whole, item, visit, depth + 1)
+        elif isinstance(item, visit.h5py.Dataset):
+            _dataset(whole, item, visit)
+
+
+def _attributes(item: Any, visit: _Visit) -> None:
+    for name in ATTRIBUTES:
+        if name in item.attrs:
+            attribute = item.attrs.get_id(name)
+            if attribute.get_storage_size() > _AN_ATTRIBUTE:
+                raise Refused(f"the attribute {name} of {item.name} has {attribute.get_storage_size()} bytes")
+            item.attrs[name]
+
+
+def _dataset(name: str, item: Any, visit: _Visit) -> None:
+    _attributes(item, visit)
+    plist, h5d = item.id.get_create_plist(), visit.h5py.h5d
+    layout = plist.get_layout()
+    if layout == h5d.VIRTUAL:
+        raise Refused(f"{name} is a view of other files (a virtual dataset)", "Copy what it shows into this file.")
+    if layout == h5d.CONTIGUOUS and plist.get_external_count():
+        raise Refused(f"the numbers of {name} lie in another file", "Copy them into this file, with h5repack.")
+    if item.shape is None:  # an empty dataset has no shape
+        return
+    size = prod(item.shape) * item.id.get_type().get_size()
+    if size > visit.left:
+        raise Refused(f"{name} has the shape {item.shape}, {size} bytes, where {visit.left} are left", "")
+    visit.left -= size
+    if layout == h5d.CHUNKED:
+        _chunks(name, item, plist, visit)
+    else:
+        _whole(name, item, size, visit)
+    if item.dtype.kind == "O":
+        _objects(name, item, visit)
+    elif layout == h5d.CHUNKED:
+        item[()]
+
+
+def _whole(name: str, item: Any, size: int, visit: _Visit) -> None:
+    """Compare what numbers take in the file with their shape; texts of variable length and references are pointers there."""
+    stored = item.id.get_storage_size()
+    if stored > visit.size or (stored and stored != size and item.dtype.kind != "O"):
+        raise Refused(f"{name} has the shape {item.shape}, and {stored} bytes of the file")
+
+
+def _chunks(name: str, item: Any, plist: Any, visit: _Visit) -> None:
+    foreign = [number for k in range(plist.get_nfilters()) if (number := plist.get_filter(k)[0]) not in _FILTERS]
+    if foreign:
+        raise Refused(
+            f"{name} is packed by the filter {foreign[0]}", "Write it with gzip, for instance h5repack -f GZIP=4."
+        )
+    if prod(item.chunks) * item.dtype.itemsize > visit.left:
+        raise Refused(f"{name} comes in pieces of the shape {item.chunks}, where {visit.left} bytes are left", "")
+    count = prod(-(-n // c) for n, c in zip(item.shape, item.chunks, strict=True))
+    if count > max(_MOST_CHUNKS, visit.size // _A_CHUNK) or item.id.get_storage_size() > visit.size:
+        raise Refused(f"{name} has {count} pieces of {item.id.get_storage_size()} bytes in a file of {visit.size}")
+
+
+def _objects(name: str, item: Any, visit: _Visit) -> None:
+    """Read texts of variable length a few at a time, and visit what references lead to."""
+    texts = visit.h5py.check_string_dtype(item.dtype) is not None
+    if not texts and visit.h5py.check_ref_dtype(item.dtype) is not visit.h5py.Reference:
+        raise Refused(f"{name} holds neither numbers nor texts", "Store plain arrays.")
+    if item.ndim == 0 or not texts:
+        values = [item[()]] if item.ndim == 0 else item[()].ravel()
+        for value in values:
+            _text(name, value, visit) if texts else _reference(name, item, value, visit)
+        return
+    step, start = 1, 0
+    while start < item.shape[0]:
+        before = visit.left
+        for value in item[start : start + step].ravel():
+            _text(name, value, visit)
+        start += step
+        step = min(2 * step, 4096) if before - visit.left < 1_000_000 else 1
+
+
+def _text(name: str, value: bytes, visit: _Visit) -> None:
+    visit.left -= _A_TEXT + len(value)
+    if visit.left < 0:
+        raise Refused(f"the texts of {name} take more memory than there may be", "")
+    value.decode()
+
+
+def _reference(name: str, item: Any, reference: Any, visit: _Visit) -> None:
+    """Visit what a cell of MATLAB leads to; what has a name is visited under it."""
+    target = item.file[reference] if reference else None
+    if not isinstance(target, visit.h5py.Dataset):
+        raise Refused(f"a cell of {name} leads nowhere")
+    identity = visit.h5py.h5o.get_info(target.id).addr
+    if identity not in visit.datasets:
+        visit.datasets.add(identity)
+        _dataset(f"{name} (a cell)", target, visit)
+
+
+def _bound(seconds: int, memory: int) -> None:
+    """Let the system end this process where it takes too much: some systems can."""
+    try:
+        import resource
+    except ImportError:  # Windows: the parent waits a while and ends it
+        return
+    for kind, most in ((resource.RLIMIT_CPU, seconds), (resource.RLIMIT_AS, memory), (resource.RLIMIT_CORE, 0)):
+        hard = resource.getrlimit(kind)[1]
+        most = most if hard == resource.RLIM_INFINITY else min(most, hard)
+        resource.setrlimit(kind, (most, most))
+
+
+def _main(path: str, left: int, seconds: int, memory: int) -> None:
+    _bound(seconds, memory)
+    answer: list[str] = []
+    try:
+        walk(path, left)
+    except Refused as refused:
+        answer = [refused.found, refused.change]
+    sys.stdout.write(json.dumps(answer))
+
+
+if __name__ == "__main__":
+    _main(sys.argv[1], *map(int, sys.argv[2:5]))

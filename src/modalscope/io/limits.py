@@ -1,0 +1,142 @@
+"""How much a file may become in memory: bounds that every reader keeps, so that no small file fills the machine or holds it up.
+
+A file says how many numbers it holds, and packed ones say little in many bytes. Before anything of that size is made it is
+weighed here: reading may take 500 MB, or twenty times the file where that is more. The arrays alone may take a quarter, for
+they are inflated, joined and checked beside each other. `set_max_memory` lifts the bound for the whole process.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from modalscope.model import DataError
+from modalscope.model.checks import Array
+
+__all__ = ["MOST_PARTS", "Room", "room", "set_max_memory"]
+
+_LEAST, _TIMES = 500_000_000, 20
+#: Inflated, joined and locked arrays stand in memory beside each other.
+_COPIES = 4
+#: Bytes of a number, at least: what is read becomes double precision. Of a text: a Python object. Of a bracket and of an entry in JSON.
+_NUMBER, _TEXT, _BRACKET, _ENTRY = 8, 64, 72, 32
+#: Nobody measures so many channels, and nobody names so many arrays.
+MOST_PARTS = 100_000
+#: A matrix of which so many entries are missing for each that is there is no matrix.
+_EMPTY, _SMALL = 8, 250_000
+
+_max_memory: int | None = None
+
+
+def set_max_memory(size: int | None) -> None:
+    """Set what reading one file may take of the memory, for the whole process.
+
+    Parameters
+    ----------
+    size : int or None
+        Bytes; None for what holds otherwise, 500 MB or twenty times the file, the larger.
+
+    Raises
+    ------
+    DataError
+        No whole number above zero.
+
+    Examples
+    --------
+    >>> set_max_memory(8_000_000_000)
+    >>> set_max_memory(None)
+    """
+    global _max_memory
+    if size is not None and (isinstance(size, bool) or not isinstance(size, int) or size < 1):
+        raise DataError("a bound on memory was asked", f"it is {size!r}", "Give whole bytes above zero, or None.")
+    _max_memory = size
+
+
+@dataclass(slots=True)
+class Room:
+    """What is left of the memory that one file may take.
+
+    Parameters
+    ----------
+    where : str
+        The file, for messages.
+    size : int
+        Its bytes on the disk.
+    left : int
+        Bytes that its arrays may still take.
+    """
+
+    where: str
+    size: int
+    left: int
+
+    def take(self, what: str, count: int) -> None:
+        """Use up so many bytes, or raise a `DataError` that names what asked for them."""
+        if count > self.left:
+            raise DataError(
+                f"reading {self.where} was asked",
+                f"{what} would take {_words(count)} of memory, and a file of {_words(self.size)} may take {_words(self.left)} more",
+                "If you trust the file, raise the limit: --max-memory, or modalscope.io.set_max_memory.",
+            )
+        self.left -= count
+
+    def array(self, name: str, dtype: np.dtype[Any], count: int) -> None:
+        """Take the room of an array: of what its numbers or texts become."""
+        size = _TEXT + dtype.itemsize if dtype.kind in "USO" else max(_NUMBER, dtype.itemsize)
+        # the indices of a geometry become lists of names
+        self.take(name, count * (size + (_TEXT if name.startswith("geometry_") else 0)))
+
+    def texts(self, name: str, texts: list[str]) -> Array:
+        """Return texts as an array, in which each takes the width of the longest."""
+        self.take(name, 4 * len(texts) * max(map(len, texts), default=0))
+        return np.array(texts, dtype=np.str_)
+
+    def parts(self, what: str, count: int, most: int = MOST_PARTS) -> None:
+        """Refuse more parts than anybody has."""
+        if count > most and _max_memory is None:
+            raise DataError(
+                f"reading {self.where} was asked",
+                f"it has {count} {what}, and at most {most} are expected",
+                "If you trust the file, raise the limit: --max-memory, or modalscope.io.set_max_memory.",
+            )
+
+    def square(self, what: str, cells: int, held: int) -> None:
+        """Refuse a matrix that is nearly empty: it grows with the square of what the file holds."""
+        if cells > max(_SMALL, _EMPTY * held) and _max_memory is None:
+            raise DataError(
+                f"reading {self.where} was asked",
+                f"{what} make a matrix of {cells} entries, of which the file holds {held}",
+                "Export the channels that belong together, or raise the limit: --max-memory, or modalscope.io.set_max_memory.",
+            )
+
+    def json(self, what: str, text: str) -> None:
+        """Take the room of what JSON text becomes as lists, mappings and numbers."""
+        brackets = text.count("[") + text.count("{")
+        self.take(what, _BRACKET * brackets + _ENTRY * text.count(","))
+
+
+def room(where: str, size: int) -> Room:
+    """Return the room that a file of this size may take.
+
+    Parameters
+    ----------
+    where : str
+    size : int
+        Bytes of the file on the disk.
+
+    Examples
+    --------
+    >>> room("a.npz", 1000).left
+    125000000
+    """
+    allowed = max(_LEAST, _TIMES * size) if _max_memory is None else _max_memory
+    return Room(where=where, size=size, left=allowed // _COPIES)
+
+
+def _words(count: int) -> str:
+    for unit, size in (("GB", 10**9), ("MB", 10**6), ("kB", 10**3)):
+        if count >= size:
+            return f"{count / size:.3g} {unit}"
+    return f"{count} bytes"

@@ -1,0 +1,88 @@
+"""What an order counts, which orders there are, and the rows that say so."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from modalscope import DataError
+from modalscope.blocks.factor import Factors
+from modalscope.identification.orders import BLOCKS, DEGREES, STATES, checked_orders
+from modalscope.model import FrequencyResponse, ImpulseResponse
+
+
+def factors(kept: int, rank: int) -> Factors:
+    """Factors of `kept` directions, of which `rank` stand above rounding."""
+    return Factors(np.eye(9)[:, :kept], np.ones(kept), np.eye(9)[:, :kept], np.ones(kept), rank, "by hand")
+
+
+def lines(count: int, inputs: int = 1) -> FrequencyResponse:
+    values = np.random.default_rng(0).standard_normal((count, 2, inputs)) * (1 + 1j)
+    return FrequencyResponse(values=values, frequencies=1 + np.arange(count))
+
+
+def test_orders_above_the_rank_are_left_out_with_a_note_and_an_exact_rank_is_an_order() -> None:
+    reach = STATES.reach(factors(kept=8, rank=5), [2, 4, 6, 8], automatic=True)
+    assert reach.orders == [2, 4, 5]
+    assert reach.notes[0].numbers == {"lowest": 6.0, "highest": 8.0, "rank": 5.0}
+    assert not STATES.reach(factors(kept=8, rank=8), [2, 4], automatic=True).notes
+
+
+def test_a_rank_that_ends_with_the_matrix_is_not_that_of_the_data() -> None:
+    """All directions that there are stand above rounding: nothing says that the data end there."""
+    assert STATES.reach(factors(kept=5, rank=5), [2, 4, 8], automatic=True).orders == [2, 4]
+
+
+def test_orders_asked_by_hand_that_are_all_too_large_are_an_error_and_chosen_ones_give_the_rank() -> None:
+    with pytest.raises(DataError, match="Lower the orders to at most 3"):
+        STATES.reach(factors(kept=8, rank=3), [4, 6], automatic=False)
+    assert STATES.reach(factors(kept=8, rank=3), [4, 6], automatic=True).orders == [3]
+
+
+def test_blocks_and_degrees_are_not_bounded_by_a_rank() -> None:
+    for rule in (BLOCKS, DEGREES):
+        assert rule.reach(factors(kept=8, rank=3), [4, 6], automatic=True).orders == [4, 6]
+
+
+@pytest.mark.parametrize(
+    ("measured", "top"),
+    [
+        (lines(200), 80),
+        (lines(15), 14),
+        (lines(15, inputs=3), 44),
+        (ImpulseResponse(values=np.ones((50, 1, 1)), sampling_rate=1.0), 60),
+        (ImpulseResponse(values=np.ones((50, 1, 1)), sampling_rate=1.0, kind="correlation"), 40),
+    ],
+)
+def test_the_ladder_ends_where_more_states_are_of_no_use(
+    measured: FrequencyResponse | ImpulseResponse, top: int
+) -> None:
+    ladder = STATES.ladder(measured)
+    assert (ladder[0], ladder[-1]) == (2, top)
+    assert set(np.diff(ladder)) == {2}
+
+
+def test_degrees_end_at_sixty_and_at_two_hundred_and_forty_poles() -> None:
+    assert DEGREES.ladder(lines(50))[-1] == 60
+    assert DEGREES.ladder(lines(50, inputs=6))[-1] == 40
+    assert DEGREES.states_each(lines(50, inputs=6)) == 6
+
+
+def test_orders_are_sorted_each_once_and_there_must_be_one() -> None:
+    assert checked_orders([8, 2, 4, 4]) == [2, 4, 8]
+    with pytest.raises(DataError, match="the range of orders is empty"):
+        checked_orders([])
+
+
+def test_one_order_of_blocks_is_twice_what_stands_out_in_whole_blocks() -> None:
+    """Four singular values far above the noise; blocks of three: 2 x 4 = 8 states are three blocks."""
+
+    class Matrix:
+        block_rows = 5
+
+    d = np.concatenate([[100.0, 90, 80, 70], np.linspace(1.2, 0.8, 14)])
+    P = np.eye(18)
+    made = Factors(P, d, np.eye(40)[:, :18], d, 18, "by hand")
+    choice = BLOCKS.choose(18, lambda largest: (Matrix(), made))  # type: ignore[arg-type,return-value]
+    assert choice.order == 9
+    assert STATES.choose(18, lambda largest: (Matrix(), made)).order == 4  # type: ignore[arg-type,return-value]
