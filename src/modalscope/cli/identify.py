@@ -52,6 +52,7 @@ def run(options: argparse.Namespace) -> None:
     if len(bands) > 1 and options.output is not None and is_page(options.output):
         _refuse_page_of(bands)
     given: dict[str, Any] = {"band": bands[0] if len(bands) == 1 else bands or None, "exclude": options.exclude}
+    given["route"] = options.route
     with progress("identifying") as show:
         result = analyze(
             options.file,

@@ -94,4 +94,8 @@ def add_choices(parser: argparse.ArgumentParser, *, bands: bool = False) -> None
         metavar=("F1", "F2"),
         help="lowest and highest frequency, Hz" + ("; given several times, the bands are merged" if bands else ""),
     )
+    parser.add_argument(
+        "--route",
+        help="from records with inputs: auto, records (their own lines), frf, markov or subspace; by default what suits them",
+    )
     parser.add_argument("--exclude", nargs="+", metavar="DOF", help="channels to leave out")

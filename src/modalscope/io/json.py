@@ -103,6 +103,8 @@ def _of_result(result: Result | None) -> dict[str, Any]:
         found["data"] = files[0]
     if result.diagrams:
         diagram = result.diagram
+        route = diagram.settings.get("route")
+        found |= {} if route is None else {"route": route}
         found |= {"method": diagram.method, "domain": diagram.domain, "orders": diagram.orders}
     return found
 

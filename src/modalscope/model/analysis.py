@@ -120,6 +120,7 @@ class Analysis:
         named = {
             "band": bands,
             "exclude": self.exclude or None,
+            "route": None if self.route == "auto" else self.route,
             "method": self.method,
             "domain": self.domain,
             "orders": self.orders,

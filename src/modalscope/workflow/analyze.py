@@ -92,11 +92,12 @@ def analyze(
     """
     thing, source, told = opened(data, {} if reading is None else reading)
     bands = _bands(options.pop("band", None))
-    exclude = options.pop("exclude", None)
+    exclude, route = options.pop("exclude", None), options.pop("route", None)
     document = Analysis(
         files=(source,),
         bands=bands,
         exclude=() if exclude is None else labels_of(exclude),
+        route=route or "auto",
         method=method,
         domain=domain,
         orders=None if orders is None else tuple(check_each("orders", orders, "whole numbers")),
@@ -158,6 +159,7 @@ def _diagram(
         orders=document.orders,
         band=band,
         exclude=document.exclude or None,
+        route=document.route,
         progress=progress,
         **document.options,
     )
