@@ -19,6 +19,7 @@ from modalscope.model.checks import (
     RealArray,
     complex_array,
 )
+from modalscope.model.entries import plainly
 from modalscope.model.keywords import named
 from modalscope.model.modes import ModalModel
 
@@ -93,6 +94,7 @@ def _same_outputs(a: ModalModel, b: ModalModel) -> None:
         )
 
 
+@plainly
 def mpc(shapes: ArrayLike) -> RealArray:
     """Modal phase collinearity ((Sxx - Syy)^2 + 4 Sxy^2) / (Sxx + Syy)^2 of each column, x and y its real and imaginary parts.
 
@@ -110,6 +112,7 @@ def mpc(shapes: ArrayLike) -> RealArray:
     return np.asarray(np.divide((xx - yy) ** 2 + 4 * xy**2, total, out=np.zeros_like(total), where=total > 0))
 
 
+@plainly
 def mpd(shapes: ArrayLike) -> RealArray:
     """Mean phase deviation of each column, degrees: amplitude-weighted mean angle between components and the best straight line.
 
@@ -131,6 +134,7 @@ def mpd(shapes: ArrayLike) -> RealArray:
     )
 
 
+@plainly
 def cluster_mpc(shapes: ArrayLike) -> float:
     """Phase collinearity of k repeated modes together: 1 - (s_{k+1} / s_k)^2 of [Re F, Im F], F an orthonormal basis of their span.
 
@@ -148,6 +152,7 @@ def cluster_mpc(shapes: ArrayLike) -> float:
     return float(1 - (s[k] / s[k - 1]) ** 2) if s.size > k and s[k - 1] > 0 else 1.0
 
 
+@plainly
 def clusters(poles: ArrayLike, width: float = 2e-3) -> list[Array]:
     """Group poles that lie within `width` (relative) of a neighbour: modes that may be repeated.
 
@@ -176,6 +181,7 @@ def clusters(poles: ArrayLike, width: float = 2e-3) -> list[Array]:
     return groups
 
 
+@plainly
 def amplitude_coherence(identified: Array, first: Array, evolution: Array) -> RealArray:
     """Modal amplitude coherence |q* qbar| / (|q| |qbar|) of each mode (Juang and Pappa 1985).
 
@@ -196,6 +202,7 @@ def amplitude_coherence(identified: Array, first: Array, evolution: Array) -> Re
     return np.where(np.isfinite(value), np.minimum(value, 1.0), 0.0)
 
 
+@plainly
 def decay_step(evolution: Array, least: float = 0.1) -> Array:
     """Return for each mode the last block whose evolution (K, n) is at least `least` of the first block's.
 
@@ -215,6 +222,7 @@ def decay_step(evolution: Array, least: float = 0.1) -> Array:
     return np.asarray(np.maximum(np.argmin(np.vstack([alive, np.zeros((1, alive.shape[1]), bool)]), axis=0) - 1, 0))
 
 
+@plainly
 def emac_channels(identified: Array, expected: Array) -> RealArray:
     """Agreement of identified and expected amplitude in each channel and mode (Pappa, Elliott and Schenk 1993).
 
@@ -232,6 +240,7 @@ def emac_channels(identified: Array, expected: Array) -> RealArray:
     return np.asarray(ratio * np.clip(1 - 4 * phase / np.pi, 0, None))
 
 
+@plainly
 def weighted_mean(values: Array, amplitude: Array) -> RealArray:
     """Mean over channels, weighted by the squared amplitude: sum_c |a|^2 v / sum_c |a|^2 of each mode, (n,).
 
@@ -247,6 +256,7 @@ def weighted_mean(values: Array, amplitude: Array) -> RealArray:
     return np.asarray(np.divide((values * weight).sum(axis=0), total, out=np.zeros_like(total), where=total > 0))
 
 
+@plainly
 def modal_singular_values(shapes: Array, participation: Array, z: ComplexArray, samples: int) -> RealArray:
     """Return MSV = sqrt(|c| |b| (1 + |z| + ... + |z|^(samples-2))), the share of a mode in the pulse response, unscaled (OKID).
 
