@@ -17,6 +17,7 @@ from modalscope.model.checks import (
     ComplexArray,
     DataError,
     RealArray,
+    check_axes,
     complex_array,
 )
 from modalscope.model.entries import plainly
@@ -145,7 +146,7 @@ def cluster_mpc(shapes: ArrayLike) -> float:
     ----------
     shapes : array, (l, k)
     """
-    phi = np.asarray(shapes, dtype=np.complex128)
+    phi = complex_array("shapes", shapes, "(channels, modes)", 2)
     k = phi.shape[1]
     basis = np.linalg.qr(phi)[0]
     s = np.linalg.svd(np.hstack([basis.real, basis.imag]), compute_uv=False)
@@ -194,6 +195,7 @@ def amplitude_coherence(identified: Array, first: Array, evolution: Array) -> Re
     evolution : array, (K, n)
         The factor by which a mode's block k must follow from the first.
     """
+    check_axes(identified=(identified, 3), first=(first, 2), evolution=(evolution, 2))
     inner = np.abs(np.einsum("kcn,cn,kn->n", identified.conj(), first, evolution, optimize=True))
     size = np.sqrt(np.sum(np.abs(identified) ** 2, axis=(0, 1)))
     ideal = np.sqrt(np.sum(np.abs(first) ** 2, axis=0) * np.sum(np.abs(evolution) ** 2, axis=0))
@@ -216,6 +218,7 @@ def decay_step(evolution: Array, least: float = 0.1) -> Array:
     least : float
         Share of the first block's amplitude that must be left.
     """
+    check_axes(evolution=(evolution, 2))
     size = np.abs(evolution)
     alive = size >= least * size[0]
     # the last block of the unbroken run from the start, so that a growing tail of polynomials does not count
@@ -233,6 +236,7 @@ def emac_channels(identified: Array, expected: Array) -> RealArray:
     identified, expected : array of complex, (c, n)
         Amplitudes a of c channels in n modes, and what the modes' evolution predicts for them, e.
     """
+    check_axes(identified=(identified, 2), expected=(expected, 2))
     a, e = np.abs(identified), np.abs(expected)
     largest = np.maximum(a, e)
     ratio = np.divide(np.minimum(a, e), largest, out=np.zeros_like(largest), where=largest > 0)
@@ -251,7 +255,8 @@ def weighted_mean(values: Array, amplitude: Array) -> RealArray:
     amplitude : array, (c, n)
         a; a mode without any has the mean 0.
     """
-    weight = np.abs(amplitude) ** 2
+    check_axes(values=(values, 2), amplitude=(amplitude, 2))
+    weight = np.asarray(np.abs(amplitude), dtype=float) ** 2
     total = weight.sum(axis=0)
     return np.asarray(np.divide((values * weight).sum(axis=0), total, out=np.zeros_like(total), where=total > 0))
 
@@ -271,6 +276,7 @@ def modal_singular_values(shapes: Array, participation: Array, z: ComplexArray, 
     samples : int
         Of the response.
     """
+    check_axes(shapes=(shapes, 2), participation=(participation, 2), z=(z, 1))
     size = np.linalg.norm(shapes, axis=0) * np.linalg.norm(participation, axis=1)
     # an unstable pole counts as an undamped one: its sum would grow without bound
     modulus = np.minimum(np.abs(z), 1)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import inspect
 import sys
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
 from functools import wraps
 from os import PathLike
 from types import NoneType, UnionType
@@ -119,6 +119,9 @@ def _blame(verb: Callable[..., Any], args: Sequence[Any], kwargs: Mapping[str, A
         odd = _odd(value)
         if odd:
             return _error(name, argument, value, f"{_words(hint) or 'a value'} that is {odd}")
+    for argument, value, hint in given:
+        if "array" in _words(hint) and _numbers(value) and np.ndim(value) == 0:
+            return _error(name, argument, value, "an array of numbers that has an axis")
     return None
 
 
@@ -163,14 +166,16 @@ def _resolved(annotation: Any, verb: Callable[..., Any]) -> Any:
 def _fits(value: Any, hint: Any) -> bool:
     """Whether a value is what an annotation says, as far as that can be told from outside."""
     origin, inner = get_origin(hint), get_args(hint)
+    if hint is Any:
+        return True
     if origin in (Union, UnionType):
-        return any(_fits(value, each) for each in inner)
+        return any(_fits(value, each) for each in _meant(inner))
     if hint is None or hint is NoneType:
         return value is None
     if origin is Literal:
         return any(value is each or (isinstance(value, type(each)) and value == each) for each in inner)
     if origin is np.ndarray or hint is np.ndarray:
-        return _numbers(value)
+        return _numbers(value) and np.ndim(value) > 0
     if isinstance(hint, TypeVar):
         return _fits(value, hint.__bound__ or Union[hint.__constraints__ or (Any,)])  # noqa: UP007 - made of a tuple
     if hint in (int, float, complex, bool):
@@ -183,6 +188,16 @@ def _fits(value: Any, hint: Any) -> bool:
     if getattr(kind, "_is_protocol", False):
         return True
     return _holds(value, kind, inner)
+
+
+def _meant(members: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return the members of a union without the texts and bytes that numpy counts among what becomes an array."""
+    arrays = any(_module(each).startswith("numpy") for each in members)
+    return tuple(each for each in members if not (arrays and each in (str, bytes)))
+
+
+def _module(hint: Any) -> str:
+    return getattr(get_origin(hint) or hint, "__module__", "")
 
 
 def _holds(value: Any, kind: type[Any], inner: tuple[Any, ...]) -> bool:
@@ -198,7 +213,7 @@ def _holds(value: Any, kind: type[Any], inner: tuple[Any, ...]) -> bool:
         return isinstance(value, kind)
     if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable):
         return False
-    if not inner or not isinstance(value, Collection):
+    if not inner or not isinstance(value, Sized):
         return True
     if kind is tuple and inner[-1] is not Ellipsis:
         return len(value) == len(inner) and all(map(_fits, value, inner))
@@ -227,6 +242,8 @@ def _numbers(value: Any) -> bool:
 
 def _odd(value: Any) -> str:
     """Return what a number or an array of numbers should be and is not; nothing of other things."""
+    if isinstance(value, Iterator):
+        return "there to be read again"
     if isinstance(value, str | bytes | Mapping) or hasattr(value, "__dataclass_fields__") or not _numbers(value):
         huge = isinstance(value, int) and abs(value) > _LARGEST
         return "of a size that can be computed with" if huge else ""
@@ -245,7 +262,10 @@ def _words(hint: Any) -> str:
     """Return an annotation in words."""
     origin, inner = get_origin(hint), get_args(hint)
     if origin in (Union, UnionType):
-        return " or ".join(dict.fromkeys(filter(None, (_words(each) for each in inner))))
+        members = [each for each in _meant(inner) if each is not NoneType]
+        if any(_module(each).startswith("numpy") for each in members):  # single numbers are arrays without axes
+            members = [each for each in members if each not in (int, float, complex, bool)]
+        return " or ".join(dict.fromkeys(filter(None, map(_words, members))))
     if origin is Literal:
         return " or ".join(repr(each) for each in inner)
     if hint is None:
