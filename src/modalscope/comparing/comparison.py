@@ -24,7 +24,7 @@ from modalscope.identification.prepare import Data, measure
 from modalscope.modal.explained import explained, explains_enough
 from modalscope.modal.joint import joint_residues
 from modalscope.modal.rebuilt import fit_error, rebuilt
-from modalscope.model.checks import check_kind
+from modalscope.model.checks import check_count, check_kind
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.keywords import named
@@ -97,6 +97,8 @@ def compare(
     if exclude is not None:
         data = data.select(exclude=exclude)
     check_kind("compare", data, (FrequencyResponse, ImpulseResponse, Signals))
+    if workers is not None:
+        check_count("workers", workers)
     data, findings = without_dead(data)
     measured = measure(data, band)
     response = measured.response

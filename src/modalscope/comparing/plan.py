@@ -76,6 +76,12 @@ def plan(
 def _named(item: Any, response: Response, out: dict[str, list[str]], records: bool) -> list[Method]:
     if isinstance(item, Method):
         return [item]
+    if not isinstance(item, str) and not (isinstance(item, tuple | list) and len(item) == 2):
+        raise DataError(
+            "methods to compare were asked",
+            f"one of methods is {type(item).__name__}",
+            'Name rows such as "era", or cells such as "era/s".',
+        )
     name, _, domain = item.partition("/") if isinstance(item, str) else (item[0], "", item[1])
     if domain:
         return [find_method(name, check_choice("domain", domain, DOMAINS), domain)]

@@ -24,6 +24,7 @@ from modalscope.model import (
 from modalscope.model.analysis import Analysis
 from modalscope.model.channels import Channels
 from modalscope.model.checks import check_kind, check_path
+from modalscope.model.entries import plainly
 from modalscope.model.groups import AUTO, input_groups
 from modalscope.model.result import Result
 
@@ -56,6 +57,7 @@ _WRITTEN = (FrequencyResponse, ImpulseResponse, Signals, ModalModel, Geometry, S
 _DIAGRAMS = (".npz", ".json")
 
 
+@plainly
 def read(path: str | Path, **options: Any) -> Thing:
     """Read a measurement, modes or a stabilization diagram from a file; the format by suffix.
 
@@ -95,6 +97,7 @@ def read(path: str | Path, **options: Any) -> Thing:
     return _contents(check_path(path), options).thing
 
 
+@plainly
 def survey(path: str | Path, **options: Any) -> Survey:
     """Tell what a file holds: every part, taken or left and why, and what is missing.
 
@@ -122,6 +125,7 @@ def survey(path: str | Path, **options: Any) -> Survey:
     )
 
 
+@plainly
 def write(path: str | Path, thing: Any, **options: Any) -> None:
     """Write data, modes or a stabilization diagram to a file; the format by suffix.
 

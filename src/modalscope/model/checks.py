@@ -20,11 +20,13 @@ __all__ = [
     "DataError",
     "IntArray",
     "RealArray",
+    "check_axes",
     "check_band",
     "check_choice",
     "check_count",
     "check_each",
     "check_finite",
+    "check_index",
     "check_kind",
     "check_number",
     "check_path",
@@ -153,6 +155,33 @@ def check_count(name: str, value: int, least: int = 1) -> int:
             f"{name} needs a whole number of at least {least}", f"it is {value!r}", f"Raise {name} to {least} or more."
         )
     return int(value)
+
+
+def check_axes(**arrays: tuple[Any, int]) -> None:
+    """Raise when one of several arrays has not the number of axes that it should have.
+
+    Parameters
+    ----------
+    **arrays : (array, int)
+        What each is, and how many axes it needs.
+    """
+    for name, (array, axes) in arrays.items():
+        if getattr(array, "ndim", None) != axes:
+            raise DataError(
+                f"{name} needs an array of {axes} axes",
+                f"it is {type(array).__name__} of shape {np.shape(array)}",
+                "Add or move the missing axis, and give a NumPy array.",
+            )
+
+
+def check_index(name: str, index: Any, count: int) -> None:
+    """Raise when an index does not choose from `count` things."""
+    try:
+        np.empty(count)[index]
+    except IndexError as error:
+        raise DataError(
+            f"some of {count} {name} were asked", f"{name} is not of them: {error}", "Count from 0."
+        ) from None
 
 
 def check_number(name: str, value: Any) -> float:

@@ -1,5 +1,6 @@
 """Floor 1: from records to responses, and their quality."""
 
+from modalscope.model.entries import plain_methods
 from modalscope.preprocess.conditioning import decimate, detrend, differentiate, filter_band, integrate
 from modalscope.preprocess.correlation import correlation_blocks, estimate_correlation
 from modalscope.preprocess.findings import Finding
@@ -34,3 +35,5 @@ __all__ = [
     "merge",
     "merge_setups",
 ]
+
+plain_methods(Decomposition, Observer)
