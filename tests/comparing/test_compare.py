@@ -10,11 +10,11 @@ from modalscope.comparing import CAUSES, Comparison, compare
 from modalscope.comparing.agreement import pair
 from modalscope.comparing.identities import check_identities
 from modalscope.comparing.kinship import SAME, kinship, pole_distance, subspace_angle
-from modalscope.comparing.labels import cell_label, find_by_name
+from modalscope.comparing.labels import find_by_name
 from modalscope.comparing.plan import plan
 from modalscope.comparing.run import MethodResult
 from modalscope.comparing.scatter import noise_floor
-from modalscope.identification.table import methods
+from modalscope.identification.table import cell_label, methods
 from modalscope.modal.rebuilt import rebuilt
 from modalscope.model import DataError, FrequencyResponse, ImpulseResponse
 

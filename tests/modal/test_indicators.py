@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from modalscope import systems
 from modalscope.modal.indicators import (
     amplitude_coherence,
     cluster_mpc,
@@ -224,3 +225,12 @@ def test_the_best_of_several_curves_counts_and_slopes_and_ends_are_no_peaks() ->
 
 def test_a_peak_over_nothing_stands_alone() -> None:
     assert stands_out(0 * curve() + np.where(F == 10, 1.0, 0.0)) == np.inf
+
+
+def test_the_criterion_takes_modes_whose_outputs_are_the_same() -> None:
+    modes = systems.chain5().modes()
+    assert np.array_equal(mac(modes), mac(modes.shapes))
+    assert np.array_equal(mac(modes, modes.take([0, 2])), mac(modes.shapes, modes.shapes[:, [0, 2]]))
+    assert np.array_equal(mac(modes, modes.shapes), mac(modes))
+    with pytest.raises(DataError, match="outputs differ: their order"):
+        mac(modes, modes.select(outputs=[3, 2, 1, 0]))

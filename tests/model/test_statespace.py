@@ -9,8 +9,8 @@ from hypothesis import given, settings, strategies as st
 from scipy import signal
 from scipy.integrate import quad_vec
 
-from modalscope.model import DataError, StateSpace
-from tests.support import EPS, FIVE, match_poles, random_system, random_systems, relative
+from modalscope.model import DataError, Signals, StateSpace
+from tests.support import EPS, FIVE, match_poles, random_system, random_systems, refused, relative
 
 #: Two exact routes of matrices of 24 states and poles of like size: their order times rounding, with two digits to spare.
 ROUNDING = 24 * 100 * EPS
@@ -168,7 +168,7 @@ def test_a_pole_on_the_negative_real_axis_has_no_continuous_model() -> None:
         (lambda: _one().to_discrete(0.1).simulate(np.ones((3, 2))), "inputs of 1 channels were asked, but there are 2"),
         (
             lambda: _one().to_discrete(0.1).simulate(np.ones((3, 1)), [1, 2]),
-            "initial_state needs 1 entries, but it has 2",
+            "initial needs 1 entries, but it has 2",
         ),
         (lambda: _one().to_discrete(0.1).impulse_response(0), "samples needs a whole number of at least 1"),
     ],
@@ -180,3 +180,47 @@ def test_what_a_model_cannot_do_it_refuses_by_name(call, message: str) -> None: 
 
 def _one() -> StateSpace:
     return StateSpace(A=[[-1.0]], B=[[1.0]], C=[[1.0]])
+
+
+def innovations_form(seed=0):
+    model = random_system(np.random.default_rng(seed), outputs=2, inputs=1, modes=2, damping=(0.05, 0.2), direct=True)
+    gain = 0.2 * np.random.default_rng(seed).standard_normal((4, 2))
+    return StateSpace(A=model.A, B=model.B, C=model.C, D=model.D, dt=1.0, gain=gain, innovation_covariance=np.eye(2))
+
+
+def test_predictions_follow_the_recursion_and_their_errors_are_the_innovations():
+    model, rng = innovations_form(), np.random.default_rng(1)
+    u, e = rng.standard_normal((2, 60, 1)), rng.standard_normal((2, 60, 2))
+    y, x0 = np.zeros((2, 60, 2)), rng.standard_normal(4)
+    for r in range(2):
+        x = x0
+        for k in range(60):
+            y[r, k] = model.C @ x + model.D @ u[r, k] + e[r, k]
+            x = model.A @ x + model.B @ u[r, k] + model.gain @ e[r, k]
+    record = Signals(outputs=y, inputs=u, sampling_rate=1.0)
+    assert np.allclose(y - model.predict(record, x0), e, atol=1e-10)
+    one = Signals(outputs=y[0], inputs=u[0], sampling_rate=1.0)
+    assert np.allclose(model.predict(one, initial=x0), model.predict(record, x0)[0])
+
+
+def test_a_gain_goes_along_with_the_states():
+    model, rng = innovations_form(), np.random.default_rng(2)
+    record = Signals(outputs=rng.standard_normal((40, 2)), inputs=rng.standard_normal((40, 1)), sampling_rate=1.0)
+    for other in (model.transformed(rng.standard_normal((4, 4)) + 3 * np.eye(4)), model.modal_form().state_space):
+        assert np.allclose(other.predict(record), model.predict(record), atol=1e-9)
+        assert other.innovation_covariance is model.innovation_covariance
+
+
+def test_predictions_need_a_gain_and_the_models_channels():
+    model = innovations_form()
+    bare = StateSpace(A=model.A, B=model.B, C=model.C, D=model.D, dt=1.0)
+    record = Signals(outputs=np.ones((9, 2)), inputs=np.ones((9, 1)), sampling_rate=1.0)
+    refused("the model has no gain", bare.predict, record)
+    refused("at 2 Hz", model.predict, Signals(outputs=np.ones((9, 2)), inputs=np.ones((9, 1)), sampling_rate=2.0))
+    refused(
+        "has 1 outputs and 1 inputs",
+        model.predict,
+        Signals(outputs=np.ones((9, 1)), inputs=np.ones((9, 1)), sampling_rate=1.0),
+    )
+    refused(r"takes \(4, 2\)", StateSpace, A=model.A, B=model.B, C=model.C, dt=1.0, gain=np.ones((2, 4)))
+    refused("is continuous", StateSpace, A=model.A, B=model.B, C=model.C, gain=np.ones((4, 2)))

@@ -23,7 +23,7 @@ from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, real_array
 from modalscope.model.frequency import FrequencyResponse
 
-__all__ = ["LineMatrix", "kept_block_rows", "line_weights", "real_columns"]
+__all__ = ["LineMatrix", "RowsOnLines", "kept_block_rows", "line_weights", "real_columns"]
 
 #: So many lines of each input are compared for the indicators of the columns.
 _COMPARED = 1000
@@ -90,49 +90,23 @@ def real_columns(columns: ComplexArray, weights: Array | None) -> RealArray:
     return np.vstack([weighted.real, weighted.imag])
 
 
-class LineMatrix(DataMatrix):
-    """A block matrix whose columns are lines, real and imaginary parts side by side, input by input.
+class RowsOnLines(DataMatrix):
+    """A block matrix that stands for many columns on lines: its rows through one exact triangular factor.
 
-    A concrete matrix gives `inputs`, `columns_array`, `column_functions`, `residue_scale`, `level` and `full_shift`, and what every
-    `DataMatrix` must give.
+    A concrete matrix gives `triangle` and `full_shift`, and what every `DataMatrix` must give.
     """
 
     row_shifts: tuple[int, ...] | None
 
     @property
     @abstractmethod
-    def inputs(self) -> int:
-        """Columns of a line."""
-
-    @abstractmethod
-    def columns_array(self, i: int) -> RealArray:
-        """Return all block rows for input i, transposed: (2 F, l (q + 1))."""
-
-    @abstractmethod
-    def column_functions(self, poles: Array) -> tuple[ComplexArray, RealArray]:
-        """Return what runs along the columns of one input for modes at these poles, (2 F, k), and the share not eliminated (k,)."""
-
-    @abstractmethod
-    def residue_scale(self, poles: Array) -> ComplexArray:
-        """Return participation as the columns have it for one of a mode: (k,)."""
-
-    @property
-    @abstractmethod
-    def level(self) -> RealArray:
-        """Size of the response on every line, (F,)."""
+    def triangle(self) -> RealArray:
+        """L (l (q + 1), k): the matrix times an orthonormal matrix, its exact stand-in."""
 
     @property
     @abstractmethod
     def full_shift(self) -> RowShift:
         """E0 and E1 on all q + 1 block rows."""
-
-    @cached_property
-    def triangle(self) -> RealArray:
-        """L (l (q + 1), k): the matrix times an orthonormal matrix, its exact stand-in, input by input."""
-        total = TriangleSum(self.outputs * (self.block_rows + 1))
-        for i in range(self.inputs):
-            total.add(self.columns_array(i))
-        return np.ascontiguousarray(total.finish().T)
 
     @property
     def kept_rows(self) -> IntArray:
@@ -164,6 +138,18 @@ class LineMatrix(DataMatrix):
                 "Use method='era' or 'least_squares', or leave row_shifts out.",
             )
 
+    def pencil(self, left: Array, values: Array, *, tall: bool) -> ComplexArray:
+        """Return L_j on all q + 1 block rows, of which H(0) may keep some."""
+        F = np.zeros((len(left), self.outputs * self.block_rows), dtype=complex)
+        F[:, self.kept_rows] = left
+        return self.full_shift.pencil(F, values, self.outputs * (self.block_rows + 1))
+
+    def right_vectors(self, factors: Factors, coefficients: Array) -> ComplexArray:
+        """Return v_j over the lines (m, 2 F, k), of every input."""
+        if factors.right is None:
+            self._has_no("right factor over lines")
+        return np.asarray(factors.right.whole[:, :, : len(coefficients)] @ coefficients)
+
     def row_blocks(self, P: Array) -> RealArray | None:
         """Return a left factor (rows, k) by block rows, (blocks, l, k); None where it is that of fewer rows than H(0) has."""
         return None if P.shape[0] < self.block_rows * self.outputs else P.reshape(-1, self.outputs, P.shape[1])
@@ -171,6 +157,43 @@ class LineMatrix(DataMatrix):
     def block_indices(self, count: int) -> IntArray:
         """Return which block rows a left factor of `count` blocks stands for."""
         return np.arange(count) if self.row_shifts is None else np.asarray(self.row_shifts)
+
+
+class LineMatrix(RowsOnLines):
+    """A block matrix whose columns are lines, real and imaginary parts side by side, input by input.
+
+    A concrete matrix gives `inputs`, `columns_array`, `column_functions`, `residue_scale` and `level`, and what `RowsOnLines` must give.
+    """
+
+    @property
+    @abstractmethod
+    def inputs(self) -> int:
+        """Columns of a line."""
+
+    @abstractmethod
+    def columns_array(self, i: int) -> RealArray:
+        """Return all block rows for input i, transposed: (2 F, l (q + 1))."""
+
+    @abstractmethod
+    def column_functions(self, poles: Array) -> tuple[ComplexArray, RealArray]:
+        """Return what runs along the columns of one input for modes at these poles, (2 F, k), and the share not eliminated (k,)."""
+
+    @abstractmethod
+    def residue_scale(self, poles: Array) -> ComplexArray:
+        """Return participation as the columns have it for one of a mode: (k,)."""
+
+    @property
+    @abstractmethod
+    def level(self) -> RealArray:
+        """Size of the response on every line, (F,)."""
+
+    @cached_property
+    def triangle(self) -> RealArray:
+        """L (l (q + 1), k): the matrix times an orthonormal matrix, its exact stand-in, input by input."""
+        total = TriangleSum(self.outputs * (self.block_rows + 1))
+        for i in range(self.inputs):
+            total.add(self.columns_array(i))
+        return np.ascontiguousarray(total.finish().T)
 
     @cached_property
     def compared_lines(self) -> IntArray:
@@ -231,14 +254,19 @@ class LineColumns:
     matrix: LineMatrix
     factors: Factors
 
-    @cached_property
+    @property
     def blocks(self) -> RealArray:
-        """Rows of Q (m, 2 F', k) of every input."""
+        """Rows of Q (m, 2 F', k) of every input, on the lines that are compared."""
+        return self.whole[:, self.matrix.both_parts]
+
+    @cached_property
+    def whole(self) -> RealArray:
+        """Rows of Q (m, 2 F, k) of every input."""
         matrix, factors = self.matrix, self.factors
         n = max(min(factors.rank, factors.d.size), 1)
         rows = factors.P.shape[0]
         everything = rows == matrix.outputs * (matrix.block_rows + 1)
         kept = np.arange(rows) if everything else matrix.kept_rows
         back = factors.P[:, :n] / factors.d[:n]
-        lines = matrix.both_parts
-        return np.stack([matrix.columns_array(i)[lines][:, kept] @ back for i in range(matrix.inputs)])
+        pick = slice(None) if kept.size == matrix.triangle.shape[0] else kept
+        return np.stack([matrix.columns_array(i)[:, pick] @ back for i in range(matrix.inputs)])

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
-from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.poles import to_continuous, to_discrete
+from modalscope.model.response import Response
 
 __all__ = ["Plane", "plane_of"]
 
@@ -43,12 +43,12 @@ class Plane:
     residue_scale: Callable[[Array], ComplexArray] = np.ones_like
 
 
-def plane_of(domain: str, response: FrequencyResponse) -> Plane:
+def plane_of(domain: str, response: Response) -> Plane:
     """Return the plane of a domain: s scaled to the band, z by the exponential for sampled responses, else the bilinear map.
 
     The bilinear map z = (1 + s T/2) / (1 - s T/2), T = 2 / w_max, is exact for continuous responses, the exponential is not.
     """
-    top = 2 * np.pi * float(response.frequencies[-1])
+    top = 2 * np.pi * response.span[1]
     rate = response.sampling_rate
     if domain == "s":
         if rate is not None:

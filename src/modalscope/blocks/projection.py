@@ -11,17 +11,16 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy.linalg as sla
 from numpy.lib.stride_tricks import sliding_window_view
 
-from modalscope.blocks.matrix import DataMatrix
-from modalscope.blocks.operators import DenseMatrix
-from modalscope.blocks.shift import RowShift
+from modalscope.blocks.influence import SampleInfluence, convolved
+from modalscope.blocks.sample_rows import SampleRows
 from modalscope.blocks.sums import TriangleSum
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
-from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, check_count
+from modalscope.model.checks import Array, DataError, IntArray, RealArray, check_count
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.labels import DofLike, indices_of
-from modalscope.model.poles import powers_of, to_continuous, to_discrete
 from modalscope.model.signals import Signals
 
 __all__ = ["Projection", "projection"]
@@ -101,7 +100,7 @@ def projection(
 
 
 @dataclass(frozen=True, eq=False)
-class Projection(DataMatrix):
+class Projection(SampleRows):
     """Future outputs projected on past reference outputs (made by `projection`).
 
     Parameters
@@ -171,57 +170,41 @@ class Projection(DataMatrix):
                 yield np.hstack([before.reshape(count, -1), part[:, p:].reshape(count, -1)])
 
     @cached_property
-    def future(self) -> RealArray:
-        """[L21, L22] (l (q + 1), r p + l (q + 1)): the future in the coordinates of the past and of what it does not predict."""
+    def _both(self) -> RealArray:
+        """[[L11, 0], [L21, L22]], the past above the future."""
         total = TriangleSum(self.rows)
         for chunk in self._chunks():
             total.add(chunk)
-        R = total.finish()
-        return np.asarray(R[:, self.past :].T / np.sqrt(self.columns), order="C")
+        return np.asarray(total.finish().T / np.sqrt(self.columns), order="C")
+
+    @property
+    def past_triangle(self) -> RealArray:
+        """L11 (r p, r p), lower triangular: the past's own covariance is L11 L11'."""
+        return self._both[: self.past, : self.past]
+
+    @property
+    def future(self) -> RealArray:
+        """[L21, L22] (l (q + 1), r p + l (q + 1)): the future in the coordinates of the past and of what it does not predict."""
+        return self._both[self.past :]
 
     @cached_property
     def triangle(self) -> RealArray:
         """L21 (l (q + 1), r p): the projection times an orthonormal matrix, its exact stand-in, from runs and times in turn."""
         return np.ascontiguousarray(self.future[:, : self.past])
 
-    def tall(self) -> DenseMatrix:
-        """Return all q + 1 block rows."""
-        return DenseMatrix(self.triangle)
-
-    def shifted(self, k: int) -> DenseMatrix:
-        """Return H(k): the first q block rows, or the last."""
-        return DenseMatrix(self.row_shift.split(self.triangle)[k])
-
-    @property
-    def row_shift(self) -> RowShift:
-        """E0 drops the last block, E1 the first."""
-        before = np.arange(self.block_rows * self.outputs)
-        return RowShift(block=self.outputs, before=before, after=before + self.outputs)
-
-    def first_rows(self, right: Array, k: int = 0) -> RealArray:
-        """Return the first block row of H(k), times X: C = first_rows(Q d^-1/2)."""
-        return np.asarray(self.triangle[k * self.outputs : (k + 1) * self.outputs] @ right)
-
-    def row_blocks(self, P: Array) -> RealArray:
-        """Return a left factor (rows, k) by block rows, (blocks, l, k)."""
-        return np.asarray(P.reshape(-1, self.outputs, P.shape[1]))
-
-    def to_s(self, poles: Array) -> ComplexArray:
-        """Continuous poles ln(z) fs, rad/s."""
-        return to_continuous(poles, self.dt)
-
-    def from_s(self, poles: Array) -> ComplexArray:
-        """Poles of the sampled system, exp(s / fs)."""
-        return to_discrete(poles, self.dt)
+    def influence(self, left: Array, right: Array, every: int = 1) -> SampleInfluence:
+        """Return the gradient by the correlation: L21 = R L11^-T with blocks R(a + b + 1), and what L11 changes stays in the range."""
+        v = sla.solve_triangular(self.past_triangle, right, lower=True, trans="T", check_finite=False).T
+        L = left.reshape(len(left), -1, self.outputs)
+        past = v.reshape(len(left), self.past_blocks, self.references.size)
+        columns = np.zeros((*past.shape[:2], self.judged.values.shape[2]), dtype=complex)
+        columns[:, :, self.references] = past
+        return SampleInfluence((convolved(L, columns),))
 
     @property
     def dt(self) -> float:
         """Sampling interval, seconds."""
         return 1 / self.sampling_rate
-
-    def evolution(self, poles: Array, blocks: int) -> ComplexArray:
-        """Return z^k for blocks k = 0, 1, ...: how a mode runs down the rows."""
-        return powers_of(poles, blocks)
 
     def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
         """Return shapes C X, and participation by least squares over the correlation of the records."""

@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike
 
 from modalscope.blocks.lines import LineMatrix, kept_block_rows, real_columns
 from modalscope.blocks.plane import Plane, plane_of
-from modalscope.blocks.polynomials import basis_on, evaluate, remainders
-from modalscope.blocks.shift import RowShift
+from modalscope.blocks.polynomial_rows import PolynomialRows
+from modalscope.blocks.polynomials import basis_on, remainders
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.channels import derivatives_between, known_quantity
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_count, real_array
@@ -142,7 +142,7 @@ def _known(given: ArrayLike | str, response: FrequencyResponse, plane: Plane) ->
 
 
 @dataclass(frozen=True, eq=False)
-class Transfer(LineMatrix):
+class Transfer(PolynomialRows, LineMatrix):
     """The block matrix of one band, through its exact triangular factor (made by `transfer`)."""
 
     response: FrequencyResponse
@@ -160,11 +160,6 @@ class Transfer(LineMatrix):
     def judged(self) -> FrequencyResponse:
         """The lines themselves."""
         return self.response
-
-    @property
-    def block_rows(self) -> int:
-        """Blocks in a column of H(0), which is the degree q."""
-        return int(self.recurrence.shape[1])
 
     @property
     def outputs(self) -> int:
@@ -216,69 +211,12 @@ class Transfer(LineMatrix):
         """Size of the scaled response on every line, (F,)."""
         return np.asarray(np.linalg.norm(self.response.values / self.output_scale[:, None], axis=(1, 2)))
 
-    @property
-    def full_shift(self) -> RowShift:
-        """E0 drops the last block, E1 = h' (x) I."""
-        return RowShift(block=self.outputs, recurrence=self.recurrence)
-
-    @property
-    def first_value(self) -> float:
-        """p_0, the constant of the basis."""
-        return float(self.basis[0, 0].real)
-
-    def first_rows(self, right: Array, k: int = 0) -> RealArray:
-        """Return (first block row of H(k) / p_0) X, such that C = first_rows(Q d^-1/2)."""
-        head = self.triangle[: self.outputs]
-        if k == 1:  # x p_0 = h_00 p_0 + h_10 p_1
-            head = self.recurrence[0, 0] * head + self.recurrence[1, 0] * self.triangle[self.outputs : 2 * self.outputs]
-        return np.asarray(self.output_scale[:, None] * (head @ right) / self.first_value)
-
-    def first_block(self, shapes: Array) -> Array:
-        """Return C p_0 for shapes C, in the scale of the rows."""
-        return np.asarray(shapes) / self.output_scale[:, None] * self.first_value
-
-    def shapes(self, V: Array, poles: Array) -> ComplexArray:
-        """Return the shapes c of modes from their columns [c p_0; c p_1; ...] of the row factor, by least squares over all blocks.
-
-        The first block alone would do, but far from the axis the polynomials grow beyond 1e15, and it is rounding beside them.
-
-        Parameters
-        ----------
-        V : array of complex, (l K, k)
-            Row factor times eigenvectors.
-        poles : array of complex, (k,)
-            In the plane of the polynomials.
-        """
-        blocks = np.asarray(V).reshape(-1, self.outputs, len(poles))
-        p = evaluate(self.recurrence, self.first_value, poles)[self.block_indices(len(blocks))]
-        size = np.max(np.abs(p), axis=0)
-        p = p / size
-        c = np.einsum("kn,kln->ln", p.conj(), blocks) / np.sum(np.abs(p) ** 2, axis=0) / size
-        return np.asarray(self.output_scale[:, None] * c)
-
     def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
         """Return shapes from all block rows; participation and direct term by least squares over the lines."""
         shapes = self.shapes(model.row_states(eigen.vectors), eigen.values)
         basis = self.response.basis(self.to_s(eigen.values), weights=self.weights)
         participation, terms = basis.fit_participation(shapes)
         return ModalFit(shapes, participation, terms, reach=basis.reach)
-
-    def to_s(self, poles: Array) -> ComplexArray:
-        """Continuous poles, rad/s."""
-        return self.plane.to_s(poles)
-
-    def from_s(self, poles: Array) -> ComplexArray:
-        """Poles in the plane of the polynomials."""
-        return self.plane.from_s(poles)
-
-    @property
-    def dt(self) -> float | None:
-        """Sampling interval of the identified system; None in the s-domain and under the bilinear map."""
-        return self.plane.dt
-
-    def evolution(self, poles: Array, blocks: int) -> ComplexArray:
-        """Return p_k(x) / p_0 at the poles."""
-        return evaluate(self.recurrence, 1.0, poles)[self.block_indices(blocks)]
 
     def describe(self) -> str:
         """Say what the matrix is, in words."""

@@ -19,8 +19,8 @@ def run(_: argparse.Namespace) -> None:
     """Print the table of methods."""
     from modalscope.identification.table import methods
 
-    rows = [("method", "domain", "realization", "report", "known as")]
-    rows += [(m.name, m.domain, m.realization, m.section, "; ".join(m.known_as)) for m in methods()]
-    widths = [max(len(row[k]) for row in rows) for k in range(4)]
+    rows = [("name", "method", "domain", "realization", "report", "known as")]
+    rows += [(m.common, m.name, m.domain, m.realization, m.section, "; ".join(m.known_as)) for m in methods()]
+    widths = [max(len(row[k]) for row in rows) for k in range(5)]
     for row in rows:
-        print("  ".join([*(cell.ljust(w) for cell, w in zip(row, widths, strict=False)), row[4]]).rstrip())
+        print("  ".join([*(cell.ljust(w) for cell, w in zip(row, widths, strict=False)), row[5]]).rstrip())

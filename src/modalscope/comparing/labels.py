@@ -7,10 +7,9 @@ from difflib import get_close_matches
 from typing import Protocol, TypeVar
 
 from modalscope.identification.method import Method
-from modalscope.identification.table import methods
 from modalscope.model.checks import DataError
 
-__all__ = ["cell_label", "find_by_name"]
+__all__ = ["find_by_name"]
 
 
 class _HasMethod(Protocol):
@@ -19,11 +18,6 @@ class _HasMethod(Protocol):
 
 
 T = TypeVar("T", bound=_HasMethod)
-
-
-def cell_label(name: str, domain: str) -> str:
-    """Return the label of a row and a domain; of what the table has not, the two as they stand."""
-    return next((m.label for m in methods() if (m.name, m.domain) == (name, domain)), f"{name} ({domain})")
 
 
 def find_by_name(results: Iterable[T], name: str | tuple[str, str]) -> T:

@@ -7,32 +7,44 @@ from dataclasses import replace
 from typing import Any
 
 from modalscope.blocks.canonical import canonical_projection
+from modalscope.blocks.driven import driven_projection
 from modalscope.blocks.factor import Factors, factorize, left_factor
 from modalscope.blocks.fraction import Fraction, fraction
 from modalscope.blocks.hankel import hankel
 from modalscope.blocks.lines import line_weights
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.projection import Projection, projection
+from modalscope.blocks.record_lines import record_lines
 from modalscope.blocks.shifted import shifted
 from modalscope.blocks.transfer import transfer
 from modalscope.blocks.turned import TurnedHankel
 from modalscope.identification.method import Built, Problem
-from modalscope.identification.options import HankelOptions, LineOptions
-from modalscope.identification.sizes import default_blocks, default_degree, default_projection, default_shifts
+from modalscope.identification.options import DrivenOptions, HankelOptions, LineOptions, SpectraOptions
+from modalscope.identification.sizes import (
+    default_blocks,
+    default_degree,
+    default_driven,
+    default_projection,
+    default_record_degree,
+    default_shifts,
+)
 from modalscope.model.checks import DataError
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.notes import Note
+from modalscope.model.record_spectra import RecordSpectra
 
 __all__ = [
     "canonical_hankel",
     "complete_factors",
     "complete_hankel",
+    "driven_records",
     "fraction_factors",
     "h0_factors",
     "matrix_fraction",
     "plain_hankel",
     "projected_records",
+    "records_on_lines",
     "tall_factors",
     "transfer_of_lines",
     "transfer_of_response",
@@ -180,6 +192,26 @@ def projected_records(problem: Problem, order: int) -> Built:
     project = _PROJECTIONS[options.weighting]
     matrix = project(problem.records, options.references, rows, columns, correlation)
     return Built(matrix, replace(options, block_rows=rows, block_columns=columns, form="observable"), notes)
+
+
+def records_on_lines(problem: Problem, order: int) -> Built:
+    """Return the records' own lines, inputs and ends eliminated."""
+    options: SpectraOptions = problem.options
+    assert isinstance(problem.response, RecordSpectra)
+    degree = options.block_rows or default_record_degree(problem.response, order)
+    matrix = record_lines(problem.response, domain=problem.method.domain, block_rows=degree)
+    return Built(matrix, replace(options, block_rows=degree, form="observable"))
+
+
+def driven_records(problem: Problem, order: int) -> Built:
+    """Return the projection of records with inputs on their past; the band is that of the lines on which models are judged."""
+    options: DrivenOptions = problem.options
+    assert problem.driven is not None
+    assert isinstance(problem.response, RecordSpectra)
+    rows, columns, single = default_driven(problem.driven, order, options.block_rows, options.block_columns)
+    matrix = driven_projection(problem.driven, rows, columns, single, problem.response)
+    settings = replace(options, block_rows=rows, block_columns=columns, form="observable")
+    return Built(matrix, settings, _unfiltered(problem))
 
 
 # -------------------------------------------------------------------------------------------------------------- lines

@@ -16,6 +16,7 @@ from modalscope.identification.options import Options
 from modalscope.identification.orders import OrderRule
 from modalscope.model.checks import DataError
 from modalscope.model.notes import Note
+from modalscope.model.records import Records
 from modalscope.model.response import Response
 from modalscope.model.settings import Settings
 from modalscope.model.signals import Signals
@@ -42,6 +43,8 @@ class Takes(Enum):
     CONTINUOUS = "lines of a continuous structure"
     RESPONSE = "lines, or the samples of a window"
     PAST = "records projected on their past"
+    RECORDS = "records with inputs on their own lines"
+    DRIVEN = "records with inputs projected on their past"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -57,6 +60,8 @@ class Problem:
         As it was measured or estimated, in the band: what all rows share.
     records : Signals, optional
         Records without inputs, filtered to the band, where they were given.
+    driven : Records, optional
+        Records with inputs, as they were given.
     options : Options
         As asked; sizes that are not given are chosen with the order.
     notes : tuple of Note
@@ -69,6 +74,7 @@ class Problem:
     records: Signals | None
     options: Any
     notes: tuple[Note, ...]
+    driven: Records | None = None
 
 
 class Built(NamedTuple):
@@ -118,6 +124,8 @@ class Method:
         Observable and controllable forms that exist; the first is the default, "smaller" takes the one with fewer states.
     fixed : mapping
         Options that make the row.
+    from_records : str, optional
+        The way from records with inputs to what it takes, where that is not the one of all rows that take the same.
     """
 
     name: str
@@ -135,9 +143,29 @@ class Method:
     forms: tuple[str, ...] = ("observable",)
     aliases: tuple[str, ...] = ()
     fixed: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}), hash=False)
+    from_records: str = ""
 
     def __str__(self) -> str:
-        return f"{self.name} ({self.domain})"
+        return f"{self.name} ({', '.join((self.domain, *self._told))})"
+
+    @property
+    def route(self) -> str:
+        """The way from records with inputs to what the row takes; empty where there is none."""
+        return self.from_records or _ROUTES[self.takes]
+
+    def served_by(self, route: str) -> bool:
+        """Whether a way from records with inputs ends in what the row takes; from frequency responses samples can be had, too.
+
+        Parameters
+        ----------
+        route : str
+        """
+        return route == self.route or (route == "frf" and self.takes is Takes.SAMPLES)
+
+    @property
+    def _told(self) -> tuple[str, ...]:
+        """What tells the row from one of the same name and domain."""
+        return ("records",) if self.takes is Takes.RECORDS else ()
 
     @property
     def label(self) -> str:
@@ -146,6 +174,7 @@ class Method:
         inside = [] if same else [self.name]
         if self.domain != "time":
             inside.append(self.domain)
+        inside += self._told
         return f"{self.common} ({', '.join(inside)})" if inside else self.common
 
     def refusal(self, response: Response, records: bool) -> Refusal | None:
@@ -178,7 +207,12 @@ class Method:
             Sampling interval of the identified system.
         """
         rows = settings.get("block_rows")
-        if rows is None or dt is None or self.takes not in (Takes.SAMPLES, Takes.PAST) or not self.orders.truncates:
+        if (
+            rows is None
+            or dt is None
+            or self.takes not in (Takes.SAMPLES, Takes.PAST, Takes.DRIVEN)
+            or not self.orders.truncates
+        ):
             return None
         return float(rows * dt)
 
@@ -190,6 +224,18 @@ class Method:
         response : Response
         """
         return _EXACT[self.takes](response)
+
+
+#: The way from records with inputs to what a row takes.
+_ROUTES = {
+    Takes.SAMPLES: "markov",
+    Takes.LINES: "frf",
+    Takes.CONTINUOUS: "frf",
+    Takes.RESPONSE: "frf",
+    Takes.PAST: "",
+    Takes.RECORDS: "records",
+    Takes.DRIVEN: "subspace",
+}
 
 
 def _letters(name: str) -> str:
@@ -221,6 +267,15 @@ def _no_records(response: Response, records: bool) -> Refusal | None:
     )
 
 
+def _no_spectra(response: Response, records: bool) -> Refusal | None:
+    if response.origin == "records":
+        return None
+    return Refusal(
+        "it takes records with inputs, and these are none",
+        "Give Signals with inputs, or leave route out.",
+    )
+
+
 def _always(response: Response, records: bool) -> Refusal | None:
     return None
 
@@ -231,6 +286,8 @@ _REFUSALS: dict[Takes, Callable[[Response, bool], Refusal | None]] = {
     Takes.CONTINUOUS: _no_samples,
     Takes.RESPONSE: _always,
     Takes.PAST: _no_records,
+    Takes.RECORDS: _no_spectra,
+    Takes.DRIVEN: _no_spectra,
 }
 
 
@@ -264,6 +321,8 @@ _RESERVATIONS: dict[Takes, Callable[[Response], str]] = {
     Takes.CONTINUOUS: _sampled_lines,
     Takes.RESPONSE: lambda response: "",
     Takes.PAST: lambda response: "",
+    Takes.RECORDS: lambda response: "",
+    Takes.DRIVEN: lambda response: "",
 }
 
 _EXACT: dict[Takes, Callable[[Response], bool]] = {
@@ -272,4 +331,6 @@ _EXACT: dict[Takes, Callable[[Response], bool]] = {
     Takes.CONTINUOUS: lambda response: True,
     Takes.RESPONSE: lambda response: True,
     Takes.PAST: lambda response: True,
+    Takes.RECORDS: lambda response: True,
+    Takes.DRIVEN: lambda response: True,
 }

@@ -15,7 +15,21 @@ from modalscope.model.checks import check_band, check_choice, check_count, check
 from modalscope.model.labels import Dof
 from modalscope.model.settings import Settings
 
-__all__ = ["AllOptions", "FractionOptions", "HankelOptions", "LineOptions", "Options", "RecordOptions", "labels_of"]
+__all__ = [
+    "ROUTES",
+    "AllOptions",
+    "DrivenOptions",
+    "FractionOptions",
+    "HankelOptions",
+    "LineOptions",
+    "Options",
+    "RecordOptions",
+    "SpectraOptions",
+    "labels_of",
+]
+
+#: Ways from records with inputs into the table; "auto" follows the rule of `modalscope.identification.routes`.
+ROUTES = ("auto", "records", "frf", "markov", "subspace")
 
 
 class AllOptions(TypedDict, total=False):
@@ -23,6 +37,7 @@ class AllOptions(TypedDict, total=False):
 
     band: tuple[float, float] | None
     exclude: Any
+    route: str | None
     factorization: str
     block_rows: int | None
     block_columns: int | None
@@ -67,6 +82,7 @@ class Options(Settings):
             self,
             band=None if self.band is None else check_band(self.band),
             exclude=None if exclude is None else labels_of(exclude),
+            route=None if self.route is None else check_choice("route", self.route, ROUTES),
             factorization=check_choice("factorization", self.factorization, ("auto", "dense", "gram")),
         )
 
@@ -229,3 +245,52 @@ class RecordOptions(Options):
         )
         if self.weighting is not None:
             check_choice("weighting", self.weighting, ("cva",))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class SpectraOptions(Options):
+    """Of records on lines; see `modalscope.blocks.record_lines`.
+
+    Parameters
+    ----------
+    block_rows : int, optional
+        The degree of the polynomials.
+    form : {"observable"}, optional
+        The only one there is.
+    """
+
+    why_not = "the columns of records on lines are the lines of whole runs, as they are"
+
+    block_rows: int | None = None
+    form: str | None = None
+
+    def __post_init__(self) -> None:
+        Options.__post_init__(self)
+        freeze(self, block_rows=_count("block_rows", self.block_rows))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class DrivenOptions(Options):
+    """Of records with inputs projected on their past; see `modalscope.blocks.driven`.
+
+    Parameters
+    ----------
+    block_rows, block_columns : int, optional
+        Blocks of the future and of the past.
+    form : {"observable"}, optional
+        The only one there is.
+    """
+
+    why_not = "a projection of records has whole, equal blocks of samples"
+
+    block_rows: int | None = None
+    block_columns: int | None = None
+    form: str | None = None
+
+    def __post_init__(self) -> None:
+        Options.__post_init__(self)
+        freeze(
+            self,
+            block_rows=_count("block_rows", self.block_rows),
+            block_columns=_count("block_columns", self.block_columns),
+        )

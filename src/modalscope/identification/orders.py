@@ -17,7 +17,7 @@ from modalscope.realizations.order import recommend_order
 __all__ = ["BLOCKS", "COMPANIONS", "DEGREES", "STATES", "Choice", "OrderRule", "Reach", "checked_orders"]
 
 #: Largest number of states tried by default, by where the response came from; impulse responses 60.
-_LARGEST = {"lines": 80, "correlation": 40}
+_LARGEST = {"lines": 80, "records": 80, "correlation": 40}
 
 #: Canonical forms have a block for every block row: beyond about this many states their eigenvalues cost more than they tell.
 _COMPANION_STATES = 200
@@ -91,9 +91,7 @@ class _States(OrderRule):
 
     def ladder(self, measured: Response) -> list[int]:
         top = _LARGEST.get(measured.origin, 60)
-        if measured.origin == "lines":
-            top = max(min(top, measured.count * measured.values.shape[2]), 2)
-        return list(range(2, top + 1, 2))
+        return list(range(2, min(top, measured.room or top) + 1, 2))
 
     def choose(self, largest: int, factored: Factored) -> Choice:
         """Return what stands out of the noise in the singular values."""
@@ -134,7 +132,7 @@ class _Companions(_States):
 
     def compared(self, asked: Sequence[int], response: Response) -> tuple[tuple[int, ...], dict[str, Any]]:
         """Keep companion matrices of lines to a size whose eigenvalues are worth their time."""
-        if response.origin != "lines":
+        if response.room is None:
             return tuple(asked), {}
         outputs = response.values.shape[1]
         degree = max(min(48, _COMPANION_STATES // outputs), -(-asked[-1] // outputs) + 2)

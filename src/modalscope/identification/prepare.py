@@ -5,24 +5,26 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import singledispatch
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from modalscope.identification.method import Method, Problem, Takes
-from modalscope.identification.options import AllOptions, Options
+from modalscope.identification.options import ROUTES, AllOptions, Options
+from modalscope.identification.routes import USUAL, by_route, chosen_route, one_record
 from modalscope.identification.table import find_method, methods
-from modalscope.model.checks import DataError, check_band, check_choice, check_kind
+from modalscope.model.checks import DataError, check_band, check_choice, check_kind, check_size
 from modalscope.model.errors import check_option_names
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.notes import Note
+from modalscope.model.records import Records, as_records
 from modalscope.model.response import Response
 from modalscope.model.signals import Signals
 
 __all__ = ["Data", "Measured", "measure", "pose", "prepare"]
 
-Data = Signals | Response
+Data = Signals | Records | Response
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -36,12 +38,16 @@ class Measured:
         Records without inputs, filtered to the band.
     given : str
         What it was made of, in words.
-    row : str
-        The row that is taken when none is asked.
+    row, domain : str
+        The row and the column that are taken when none is asked.
     band : (float, float), optional
         As asked, Hz.
     exclude : object
         Channels left out, as asked.
+    route : str, optional
+        The way from records with inputs.
+    driven : Records, optional
+        Records with inputs, as they were given.
     notes : tuple of Note
     """
 
@@ -49,8 +55,11 @@ class Measured:
     records: Signals | None
     given: str
     row: str
+    domain: str
     band: tuple[float, float] | None = None
     exclude: Any = None
+    route: str | None = None
+    driven: Records | None = None
     notes: tuple[Note, ...] = ()
 
 
@@ -59,7 +68,7 @@ def prepare(data: Any, method: str | None = None, domain: str | None = None, **o
 
     Parameters
     ----------
-    data : FrequencyResponse, ImpulseResponse or Signals
+    data : FrequencyResponse, ImpulseResponse, Signals, Records or a list of records
     method, domain : str, optional
         A row, or a name from the literature, and a column; by default what suits the data.
     **options
@@ -70,51 +79,96 @@ def prepare(data: Any, method: str | None = None, domain: str | None = None, **o
     DataError
         A channel of zeros, a band without lines, an unknown method, domain or option, a method that cannot take the data.
     """
-    measured = measure(data, options.pop("band", None), options.pop("exclude", None))
+    band, exclude = options.pop("band", None), options.pop("exclude", None)
+    measured = measure(data, band, exclude, options.pop("route", None), method=method, domain=domain)
     name = measured.row if method is None else method
-    return pose(measured, find_method(name, domain, _usual_domain(measured.response)), options)
+    return pose(measured, find_method(name, domain, measured.domain, measured.route), options)
 
 
-def measure(data: Any, band: Any = None, exclude: Any = None) -> Measured:
+def measure(
+    data: Any,
+    band: Any = None,
+    exclude: Any = None,
+    route: str | None = None,
+    *,
+    method: str | None = None,
+    domain: str | None = None,
+) -> Measured:
     """Return the response of the data in a band, without the channels that are excluded; records are turned into responses here.
 
     Parameters
     ----------
-    data : FrequencyResponse, ImpulseResponse or Signals
+    data : FrequencyResponse, ImpulseResponse, Signals, Records or a list of records
     band : (float, float), optional
         Hz.
     exclude : labels, optional
+    route : str, optional
+        From records with inputs, see `modalscope.identification.routes`.
+    method, domain : str, optional
+        What the way must serve, where it is left open.
     """
     checked = None if band is None else check_band(band)
-    found = _measured(data if exclude is None or not hasattr(data, "select") else data.select(exclude=exclude), checked)
+    asked = "auto" if route is None else check_choice("route", route, ROUTES)
+    thing = as_records(data) if isinstance(data, list | tuple) else data
+    thing = thing if exclude is None or not hasattr(thing, "select") else thing.select(exclude=exclude)
+    found = _measured(thing, checked, _Asked(asked, method, domain))
+    if asked not in ("auto", found.route):
+        raise DataError(
+            f"route={asked!r} was asked", f"the data are {found.given}, not records with inputs", "Leave it out."
+        )
     return replace(found, band=checked, exclude=exclude)
 
 
+class _Asked(NamedTuple):
+    """What decides the way from records with inputs."""
+
+    route: str
+    method: str | None
+    domain: str | None
+
+
 @singledispatch
-def _measured(data: Any, band: tuple[float, float] | None) -> Measured:
-    check_kind("data", data, (FrequencyResponse, ImpulseResponse, Signals))
+def _measured(data: Any, band: tuple[float, float] | None, asked: _Asked) -> Measured:
+    check_kind("data", data, (FrequencyResponse, ImpulseResponse, Signals, Records))
     raise AssertionError("one of these has no way to a response")
 
 
 @_measured.register
-def _(data: Response, band: tuple[float, float] | None) -> Measured:
-    return Measured(data.in_band(band), None, type(data).__name__, _USUAL.get(data.origin, "era"))
+def _(data: Response, band: tuple[float, float] | None, asked: _Asked) -> Measured:
+    check_size("responses", np.swapaxes(data.values, 1, 2), data.output_dofs)
+    row, domain = _USUAL.get((data.origin, data.held_input), ("era", "time"))
+    return Measured(data.in_band(band), None, type(data).__name__, row, domain)
 
 
 @_measured.register
-def _(data: Signals, band: tuple[float, float] | None) -> Measured:
-    from modalscope.preprocess import estimate_correlation, estimate_frf, filter_band
+def _(data: Signals, band: tuple[float, float] | None, asked: _Asked) -> Measured:
+    return _measured(as_records(data), band, asked)
 
-    if data.inputs is not None:
-        note = Note("estimated", {}, "frequency responses were estimated from the records (H1)")
-        return Measured(estimate_frf(data).in_band(band), None, "records with inputs", _USUAL["lines"], notes=(note,))
-    records = data if band is None else filter_band(data, *band)
+
+@_measured.register
+def _(data: Records, band: tuple[float, float] | None, asked: _Asked) -> Measured:
+    from modalscope.preprocess import estimate_correlation, filter_band
+
+    for run in data.runs:
+        check_size("records", run.outputs, run.output_dofs)
+        if run.inputs is not None:
+            check_size("records", run.inputs, run.input_dofs)
+    if data.input_dofs:
+        route = chosen_route(data, asked.method, asked.domain, asked.route)
+        response, note = by_route(data, route, band)
+        row, domain = USUAL[route]
+        return Measured(response, None, "records with inputs", row, domain, route=route, driven=data, notes=(note,))
+    one = one_record(data, "correlations")
+    records = one if band is None else filter_band(one, *band)
     note = Note("estimated", {}, "correlations with all channels as references were estimated from the records")
-    return Measured(estimate_correlation(records), records, "records without inputs", "alternate", notes=(note,))
+    return Measured(
+        estimate_correlation(records), records, "records without inputs", "alternate", "time", notes=(note,)
+    )
 
 
-#: The row that is taken when none is asked, by where the response came from; impulse responses "era".
-_USUAL = {"lines": "alternate"}
+#: Row and domain that are taken when none is asked, by where a response came from and whether its input was held; impulse responses
+#: "era", time.
+_USUAL = {("lines", False): ("alternate", "s"), ("lines", True): ("alternate", "z")}
 
 
 def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem:
@@ -136,7 +190,7 @@ def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem
             refusal.change,
         )
     _check_form(row, options.get("form"))
-    chosen = _options_of(row, {"band": measured.band, "exclude": measured.exclude, **options})
+    chosen = _options_of(row, {"band": measured.band, "exclude": measured.exclude, "route": measured.route, **options})
     converted, note = _HAND_OVER[row.takes](response)
     if note and measured.band is not None:
         converted = converted.in_band(measured.band)
@@ -146,6 +200,7 @@ def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem
         response=converted,
         measured=response,
         records=measured.records,
+        driven=measured.driven,
         options=chosen,
         notes=(*measured.notes, *([Note("transformed", {}, note)] if note else [])),
     )
@@ -158,13 +213,9 @@ _HAND_OVER: dict[Takes, Any] = {
     Takes.CONTINUOUS: lambda response: response.as_lines(),
     Takes.RESPONSE: lambda response: (response, ""),
     Takes.PAST: lambda response: response.as_samples(),
+    Takes.RECORDS: lambda response: (response, ""),
+    Takes.DRIVEN: lambda response: (response, ""),
 }
-
-
-def _usual_domain(response: Response) -> str:
-    if response.origin != "lines":
-        return "time"
-    return "z" if response.held_input else "s"
 
 
 def _options_of(row: Method, given: Mapping[str, Any]) -> Options:

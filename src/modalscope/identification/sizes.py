@@ -2,18 +2,35 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.record_spectra import RecordSpectra
+from modalscope.model.records import Records
 from modalscope.model.response import Response
 from modalscope.model.signals import Signals
 
-__all__ = ["default_blocks", "default_degree", "default_projection", "default_shifts"]
+__all__ = [
+    "default_blocks",
+    "default_degree",
+    "default_driven",
+    "default_projection",
+    "default_record_degree",
+    "default_shifts",
+]
 
 #: Rows of the past over times: what the past predicts by chance lowers damping (by 3 % at this share, by 12 % at 8 %).
 _PAST_SHARE = 0.02
 
+#: Columns of the stack of records on lines up to which a higher degree is worth its time, and the highest degree.
+_STACK, _DEGREE = 1000, 60
+
 #: Rows of the past beyond which the triangular factor takes long.
 _PAST_ROWS = 600
+
+#: Samples of the past that records with inputs are predicted from, and rows of their future.
+_DRIVEN_PAST, _DRIVEN_FUTURE = 120, 800
 
 
 def default_blocks(
@@ -63,3 +80,35 @@ def default_degree(response: FrequencyResponse, order: int) -> int:
     wanted = max(min(48, lines // 4, 600 // outputs), 8, -(-order // outputs) + 1)
     carried = (2 * lines * inputs - order) // inputs - 1
     return int(max(min(wanted, carried), 1))
+
+
+def default_record_degree(spectra: RecordSpectra, order: int) -> int:
+    """Return the degree q of records on lines: as high as the stack and the lines allow, for it decides how well damping is known.
+
+    (q + 1)(1 + m + l) stays below a thousand columns, and twice as many lines are there as terms are eliminated; but q is never
+    below 8, nor below what the order needs, unless the lines forbid it: q + 1 terms of every input and end, and the order, must be left.
+    """
+    _, outputs, _ = spectra.values.shape
+    channels, terms = spectra.eliminated
+    least = max(8, -(-order // outputs) + 4)
+    wanted = min(_DEGREE, _STACK // (channels + outputs) - 1, spectra.count // (2 * terms) - 1)
+    most = (2 * spectra.count - order) // terms - 1
+    return int(max(min(max(wanted, least), most), -(-order // outputs), 1))
+
+
+def default_driven(
+    records: Records, order: int, block_rows: int | None, block_columns: int | None
+) -> tuple[int, int, int]:
+    """Return block rows, samples of the past and how many of these stay one by one, of records with inputs.
+
+    A long future steadies damping: as many block rows as have up to 800 rows with the inputs, and half as many rows as times in all. The
+    past reaches 120 samples back, or a tenth of a run, but has few rows: one by one only what the order needs.
+    """
+    outputs, inputs = len(records.output_dofs), len(records.input_dofs)
+    least = -(-order // outputs) + 1
+    past = block_columns or max(min(_DRIVEN_PAST, min(records.samples) // 10), least)
+    single = min(max(-(-order // (outputs + inputs)) + 1, 4), past)
+    rows = (single + 2.5 * np.log1p(past / 2)) * (outputs + inputs)  # about: intervals grow by a half
+    room = (sum(records.samples) / 2 - rows) / (outputs + inputs)
+    future = block_rows or max(min(100, _DRIVEN_FUTURE // (outputs + inputs), int(room)), least)
+    return future, past, single

@@ -6,12 +6,20 @@ Adding a method is adding a row here and, when its data matrix or its realizatio
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from difflib import get_close_matches
 from typing import Any, NamedTuple
 
 from modalscope.identification import matrices
 from modalscope.identification.method import DOMAINS, Method, Takes
-from modalscope.identification.options import FractionOptions, HankelOptions, LineOptions, RecordOptions
+from modalscope.identification.options import (
+    DrivenOptions,
+    FractionOptions,
+    HankelOptions,
+    LineOptions,
+    RecordOptions,
+    SpectraOptions,
+)
 from modalscope.identification.orders import BLOCKS, COMPANIONS, DEGREES, STATES
 from modalscope.model.checks import DataError, check_choice
 from modalscope.realizations.balanced import balanced
@@ -20,7 +28,7 @@ from modalscope.realizations.fraction import fraction_companion
 from modalscope.realizations.regression import regression
 from modalscope.realizations.shift import shift
 
-__all__ = ["find_method", "methods"]
+__all__ = ["cell_label", "find_method", "methods"]
 
 #: What a column of the table fixes for a row whose realization suits every data matrix.
 _COLUMNS: dict[str, dict[str, Any]] = {
@@ -32,6 +40,14 @@ _COLUMNS: dict[str, dict[str, Any]] = {
     },
     "z": {"takes": Takes.RESPONSE, "matrix": matrices.transfer_of_response, "options_type": LineOptions},
     "s": {"takes": Takes.CONTINUOUS, "matrix": matrices.transfer_of_lines, "options_type": LineOptions},
+}
+
+
+#: What records on lines fix for the same rows.
+_ON_RECORDS: dict[str, Any] = {
+    "takes": Takes.RECORDS,
+    "matrix": matrices.records_on_lines,
+    "options_type": SpectraOptions,
 }
 
 
@@ -53,7 +69,7 @@ def _row(name: str, cells: dict[str, _Cell], in_time: Any = matrices.plain_hanke
         yield Method(name=name, domain=domain, **cell._asdict(), **column, **shared)
 
 
-_TABLE: tuple[Method, ...] = (
+_REPORTED: tuple[Method, ...] = (
     *_row(
         "era",
         {
@@ -169,6 +185,25 @@ _TABLE: tuple[Method, ...] = (
         fixed={"weighting": "cva"},
     ),
     Method(
+        name="n4sid",
+        domain="time",
+        realization="shift of one factor",
+        section="II-5 on records projected on past inputs and outputs",
+        common="N4SID",
+        known_as=(
+            "PO-MOESP",
+            "N4SID with the weights of PO-MOESP",
+            "MOESP with past inputs and outputs as instruments",
+        ),
+        aliases=("moesp", "po-moesp", "past-output moesp"),
+        takes=Takes.DRIVEN,
+        matrix=matrices.driven_records,
+        factor=matrices.tall_factors,
+        realize=shift,
+        orders=STATES,
+        options_type=DrivenOptions,
+    ),
+    Method(
         name="prce",
         domain="time",
         realization="least squares, companion form",
@@ -188,6 +223,7 @@ _TABLE: tuple[Method, ...] = (
         orders=BLOCKS,
         options_type=HankelOptions,
         forms=("controllable", "observable"),
+        from_records="frf",
     ),
     Method(
         name="lscf",
@@ -208,6 +244,17 @@ _TABLE: tuple[Method, ...] = (
 )
 
 
+def _on_records(row: Method) -> Method:
+    """Return a row of the frequency domains on the lines of records themselves."""
+    return replace(row, section=f"{row.section}, on records", **_ON_RECORDS)
+
+
+_TABLE: tuple[Method, ...] = (
+    *_REPORTED,
+    *(_on_records(row) for row in _REPORTED if row.takes in (Takes.RESPONSE, Takes.CONTINUOUS)),
+)
+
+
 def methods() -> tuple[Method, ...]:
     """Return the table of methods: one entry a cell, with name, domain, realization, report section and the names it is known as.
 
@@ -217,6 +264,17 @@ def methods() -> tuple[Method, ...]:
     ['alternate', 'era']
     """
     return _TABLE
+
+
+def cell_label(name: str, domain: str) -> str:
+    """Return the common name of a cell, and its own behind it; of what the table has not, the two as they stand.
+
+    Examples
+    --------
+    >>> cell_label("alternate", "time"), cell_label("lscf", "z")
+    ('SSI-cov (alternate)', 'PolyMAX (lscf, z)')
+    """
+    return next((m.label for m in _TABLE if (m.name, m.domain) == (name, domain)), f"{name} ({domain})")
 
 
 def _letters(name: str) -> str:
@@ -231,7 +289,7 @@ def _named(name: Any) -> list[Method]:
     return rows or [m for m in _TABLE if wanted in {_letters(alias) for alias in m.aliases}]
 
 
-def find_method(name: str, domain: str | None, default_domain: str) -> Method:
+def find_method(name: str, domain: str | None, default_domain: str, route: str | None = None) -> Method:
     """Return the cell of a name and a domain; without a domain the one that suits the data, else the row's only one.
 
     Parameters
@@ -241,6 +299,8 @@ def find_method(name: str, domain: str | None, default_domain: str) -> Method:
     domain : {"time", "z", "s"}, optional
     default_domain : str
         What suits the data.
+    route : str, optional
+        From records with inputs: only rows that this way serves.
 
     Raises
     ------
@@ -250,7 +310,17 @@ def find_method(name: str, domain: str | None, default_domain: str) -> Method:
     found = _named(name)
     if not found:
         raise _unknown(name)
-    cells = {m.domain: m for m in found}
+    cells: dict[str, Method] = {}
+    for m in found:
+        if route is None or not m.route or m.served_by(route):
+            cells.setdefault(m.domain, m)
+    if not cells:
+        ways = dict.fromkeys(m.route for m in found if m.route)
+        raise DataError(
+            f"method {name!r} by route={route!r} was asked",
+            f"from records with inputs it is reached by {' or '.join(ways) or 'no way'}",
+            "Leave route out, or choose another method.",
+        )
     if domain is None:
         return cells.get(default_domain) or next(iter(cells.values()))
     check_choice("domain", domain, DOMAINS)

@@ -13,12 +13,7 @@ from modalscope.model.checks import Array, RealArray
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.response import Response, output_scale, window_damping
 
-__all__ = ["contributions", "of_diagram", "peak_sizes", "residue_sizes"]
-
-
-def residue_sizes(shapes: Array, participation: Array, scale: Array | float = 1.0) -> RealArray:
-    """Return |phi / scale| |l| of every pole: shapes (p, l), participation (p, m), scale (l,) -> (p,)."""
-    return np.asarray(np.linalg.norm(shapes / scale, axis=1) * np.linalg.norm(participation, axis=1))
+__all__ = ["contributions", "of_diagram", "peak_sizes"]
 
 
 def contributions(response: Response, poles: Array, shapes: Array, participation: Array) -> RealArray:
@@ -65,5 +60,6 @@ def _in_the_data(response: Response, poles: Array, shapes: Array, participation:
     """Return of every pole |R exp(s t_0)|, outputs brought level, and |Re s|, s as the data have it: with a window's damping."""
     own = poles - window_damping(response)
     t0 = response.steps_late / (response.sampling_rate or 1.0)
-    size = residue_sizes(shapes, participation, output_scale(response)) * np.exp(own.real * t0)
+    driven = response.driven(own, participation)
+    size = np.linalg.norm(shapes / output_scale(response), axis=1) * driven * np.exp(own.real * t0)
     return size, np.maximum(np.abs(own.real), 1e-12 * np.abs(own))

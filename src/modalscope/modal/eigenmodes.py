@@ -89,8 +89,9 @@ def state_space(matrix: DataMatrix, model: Triple, modes: Eigenmodes) -> StateSp
         return StateSpace(A=model.A, B=model.B, C=model.C, D=modes.direct, dt=matrix.dt)
     z = modes.eigen.values
     # samples: Y(0) is the first sample there is
-    participation = modes.participation * z[:, None] ** matrix.judged.steps_late
-    return from_modes(modes.poles if matrix.dt is None else z, modes.shapes, participation, modes.direct, matrix.dt)
+    participation = matrix.judged.of_inputs(modes.participation) * z[:, None] ** matrix.judged.steps_late
+    poles = modes.poles if matrix.dt is None else z
+    return matrix.with_noise(from_modes(poles, modes.shapes, participation, modes.direct, matrix.dt))
 
 
 def from_modes(poles: Array, shapes: Array, participation: Array, direct: Array, dt: float | None) -> StateSpace:

@@ -20,6 +20,7 @@ from modalscope.model.checks import (
     complex_array,
 )
 from modalscope.model.keywords import named
+from modalscope.model.modes import ModalModel
 
 __all__ = [
     "amplitude_coherence",
@@ -39,14 +40,14 @@ __all__ = [
 
 
 @named()
-def mac(shapes_a: ArrayLike, shapes_b: ArrayLike | None = None) -> RealArray:
+def mac(shapes_a: ArrayLike | ModalModel, shapes_b: ArrayLike | ModalModel | None = None) -> RealArray:
     """Modal assurance criterion |a* b|^2 / (a* a)(b* b) between the columns of two sets of shapes.
 
     Parameters
     ----------
-    shapes_a : array, (l, na)
-    shapes_b : array, (l, nb), optional
-        `shapes_a` itself by default.
+    shapes_a : array, (l, na), or ModalModel
+    shapes_b : array, (l, nb), or ModalModel, optional
+        `shapes_a` itself by default. Of two sets of modes the outputs must be the same, in the same order.
 
     Returns
     -------
@@ -56,7 +57,7 @@ def mac(shapes_a: ArrayLike, shapes_b: ArrayLike | None = None) -> RealArray:
     Raises
     ------
     DataError
-        A different number of channels.
+        A different number of channels, or modes of other outputs.
 
     Examples
     --------
@@ -64,8 +65,12 @@ def mac(shapes_a: ArrayLike, shapes_b: ArrayLike | None = None) -> RealArray:
     array([[1., 0.],
            [0., 1.]])
     """
-    a = complex_array("shapes_a", shapes_a, "(channels,) or (channels, modes)", (1, 2))
-    b = a if shapes_b is None else complex_array("shapes_b", shapes_b, "(channels,) or (channels, modes)", (1, 2))
+    if isinstance(shapes_a, ModalModel) and isinstance(shapes_b, ModalModel):
+        _same_outputs(shapes_a, shapes_b)
+    first = shapes_a.shapes if isinstance(shapes_a, ModalModel) else shapes_a
+    second = shapes_b.shapes if isinstance(shapes_b, ModalModel) else shapes_b
+    a = complex_array("shapes_a", first, "(channels,) or (channels, modes)", (1, 2))
+    b = a if second is None else complex_array("shapes_b", second, "(channels,) or (channels, modes)", (1, 2))
     a, b = (x[:, None] if x.ndim == 1 else x for x in (a, b))
     if a.shape[0] != b.shape[0]:
         raise DataError(
@@ -76,6 +81,16 @@ def mac(shapes_a: ArrayLike, shapes_b: ArrayLike | None = None) -> RealArray:
     cross = np.abs(a.conj().T @ b) ** 2
     norms = np.sum(np.abs(a) ** 2, axis=0)[:, None] * np.sum(np.abs(b) ** 2, axis=0)
     return np.asarray(np.divide(cross, norms, out=np.zeros_like(cross, dtype=float), where=norms > 0))
+
+
+def _same_outputs(a: ModalModel, b: ModalModel) -> None:
+    if a.output_dofs != b.output_dofs:
+        odd = sorted(set(a.output_dofs) ^ set(b.output_dofs)) or ["their order"]
+        raise DataError(
+            "the MAC of two sets of modes was asked",
+            f"their outputs differ: {', '.join(odd[:6])}{' ...' if len(odd) > 6 else ''}",
+            "Select the same outputs in the same order: modes.select(outputs=...).",
+        )
 
 
 def mpc(shapes: ArrayLike) -> RealArray:

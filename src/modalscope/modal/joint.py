@@ -52,4 +52,4 @@ def joint_residues(response: Response, poles: Array, shapes: Array) -> tuple[Com
         shapes, participation, terms, gained, best = turned, again, more, best - left, left
         if gained < _GAIN * best:
             break
-    return shapes, {"participation": participation, **response.named_terms(terms, powers)}
+    return shapes, {"participation": response.of_inputs(participation), **response.named_terms(terms, powers)}

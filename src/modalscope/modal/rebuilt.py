@@ -59,7 +59,7 @@ def modal_model(matrix: DataMatrix, modal: Eigenmodes, indicators: Mapping[str, 
     return ModalModel(
         poles=modal.poles + window_damping(response),
         shapes=modal.shapes,
-        participation=modal.participation,
+        participation=response.of_inputs(modal.participation),
         quantity=response.quantity,
         dt=matrix.dt,
         held_input=is_held(response),

@@ -118,6 +118,11 @@ class FrequencyResponse(Response):
         return "lines"
 
     @property
+    def room(self) -> int:
+        """Half of the columns of real and imaginary parts."""
+        return max(self.lines * int(self.values.shape[2]), 2)
+
+    @property
     def span(self) -> tuple[float, float]:
         """Lowest and highest line, Hz."""
         return float(self.frequencies[0]), float(self.frequencies[-1])

@@ -25,6 +25,8 @@ class Quadruple:
     C: RealArray
     D: RealArray = None  # type: ignore[assignment]
     dt: float | None = None
+    gain: RealArray | None = None
+    innovation_covariance: RealArray | None = None
 
     def __post_init__(self) -> None:
         A = real_array("A", self.A, "(states, states)", 2)
@@ -38,7 +40,27 @@ class Quadruple:
                 f"the shapes are A {A.shape}, B {B.shape}, C {C.shape}, D {D.shape}",
                 "Correct the matrix that does not fit.",
             )
-        freeze(self, A=A, B=B, C=C, D=D, dt=None if self.dt is None else check_positive("dt", self.dt))
+        noise = {
+            name: self._beside(name, value, shape)
+            for name, value, shape in (
+                ("gain", self.gain, (n, C.shape[0])),
+                ("innovation_covariance", self.innovation_covariance, (C.shape[0], C.shape[0])),
+            )
+        }
+        freeze(self, A=A, B=B, C=C, D=D, dt=None if self.dt is None else check_positive("dt", self.dt), **noise)
+
+    def _beside(self, name: str, value: RealArray | None, shape: tuple[int, int]) -> RealArray | None:
+        """Return what belongs to the noise of a sampled model, checked; None where it is not known."""
+        if value is None:
+            return None
+        array = real_array(name, value, "(states or outputs, outputs)", 2)
+        if array.shape != shape or self.dt is None:
+            raise DataError(
+                f"{name} of shape {array.shape} was given",
+                f"the model is {'continuous' if self.dt is None else f'sampled, and takes {shape}'}",
+                "Give it for the sampled model, one column an output.",
+            )
+        return array
 
     @property
     def order(self) -> int:

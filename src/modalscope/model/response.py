@@ -10,7 +10,9 @@ import numpy as np
 
 from modalscope.model.channels import Channels
 from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.groups import AUTO, Groups
 from modalscope.model.modal_basis import ModalBasis
+from modalscope.model.notes import Note
 
 if TYPE_CHECKING:
     from modalscope.model.frequency import FrequencyResponse
@@ -50,12 +52,15 @@ class Response(Channels):
         Displacement, velocity or acceleration of the outputs.
     added_damping : float
         Decay rate in 1/s that an exponential window added to every pole: identified poles are shifted back by it.
+    groups : sequence of labels, "auto" or None
+        One label an input: what disagrees between groups is repeatability.
     """
 
     values: Array
     sampling_rate: float | None = None
     quantity: str | None = None
     added_damping: float = 0.0
+    groups: Groups = AUTO
 
     @property
     @abstractmethod
@@ -68,9 +73,19 @@ class Response(Channels):
         return self.origin == "correlation"
 
     @property
+    def known_variance(self) -> RealArray | None:
+        """Variance E|error|^2 of every value, where the data carry one."""
+        return getattr(self, "variance", None)
+
+    @property
     def count(self) -> int:
         """Number of lines or samples."""
         return int(self.values.shape[0])
+
+    @property
+    def room(self) -> int | None:
+        """Largest number of states worth a try; None where the samples alone do not tell."""
+        return None
 
     @property
     @abstractmethod
@@ -121,6 +136,16 @@ class Response(Channels):
         powers : tuple of int, (t,)
         """
 
+    def of_inputs(self, participation: Array) -> ComplexArray:
+        """Return participation of the inputs alone, (n, m): what a basis fits beside them belongs to the data, not to the modes.
+
+        Parameters
+        ----------
+        participation : array of complex, (n, m) or more columns
+            As a `ModalBasis` gives it.
+        """
+        return np.asarray(participation[:, : len(self.input_dofs)])
+
     @abstractmethod
     def derivatives(self, poles: Array) -> RealArray:
         """Return d/ds of the functions of `basis`, real columns e1, e2 of every pole.
@@ -134,6 +159,33 @@ class Response(Channels):
     def spectrum(self) -> tuple[RealArray, ComplexArray]:
         """Return lines in Hz and complex values on them, fine enough that a neighbour's peak is not taken for a mode's own."""
 
+    def doubts(
+        self, poles: Array, shapes: Array, participation: Array, terms: Array, trusted: Array
+    ) -> tuple[Note, ...]:
+        """Return what the fit of a model shows about how the data were measured.
+
+        Parameters
+        ----------
+        poles : array of complex, (n,)
+            rad/s, as they are in the data; one of each pair, and real ones.
+        shapes : array of complex, (l, n)
+        participation : array of complex, (n, m) or more columns
+            As a `ModalBasis` gives it.
+        terms : array, (t, l, m)
+        trusted : array of bool, (n,)
+            Poles that are taken for modes.
+        """
+        return ()
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """What the last axis of the values is: the inputs."""
+        return self.input_dofs
+
+    def picture(self) -> Response:
+        """Return what is drawn for these data: themselves, where they are responses."""
+        return self
+
     @abstractmethod
     def energy(self, decay: Array) -> RealArray:
         """Return sum over the values of |g|^2 for a mode of residue one by its decay rate -Re s, as if it lay inside whole.
@@ -143,6 +195,17 @@ class Response(Channels):
         decay : array, (n,)
             1/s, positive.
         """
+
+    def driven(self, poles: Array, participation: Array) -> RealArray:
+        """Return how strongly the data drive each pole at its frequency, (n,): |l|, for responses to a unit at every input.
+
+        Parameters
+        ----------
+        poles : array of complex, (n,)
+            rad/s, as they are in the data.
+        participation : array of complex, (n, m)
+        """
+        return np.asarray(np.linalg.norm(participation, axis=1))
 
     @property
     @abstractmethod

@@ -19,12 +19,15 @@ class Settings:
         Lowest and highest frequency in Hz that is used.
     exclude : tuple of labels, optional
         Channels left out.
+    route : str, optional
+        From records with inputs: "records", "frf", "markov" or "subspace".
     factorization : {"auto", "dense", "gram"}
         The route to the singular vectors.
     """
 
     band: tuple[float, float] | None = None
     exclude: tuple[Any, ...] | None = None
+    route: str | None = None
     factorization: str = "auto"
 
     def keys(self) -> Iterator[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,9 +23,10 @@ from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.interchange import matrices_of, to_control, to_scipy
 from modalscope.model.modal_form import ModalForm, PoleGroup, block_diagonal_basis, pole_groups
 from modalscope.model.quadruple import Quadruple
-from modalscope.model.recursion import markov_parameters, simulated
+from modalscope.model.recursion import markov_parameters, predicted, simulated
 from modalscope.model.resolvent import transfer
 from modalscope.model.sampling import continuous, sampled
+from modalscope.model.signals import Signals
 
 __all__ = ["INPUTS", "StateSpace"]
 
@@ -46,6 +47,10 @@ class StateSpace(Quadruple):
         Direct term; zero by default.
     dt : float, optional
         Sampling interval in seconds; None for a continuous model.
+    gain : array, (n, l), optional
+        K of a sampled model's innovations form, x(k+1) = A x + B u + K e, y = C x + D u + e.
+    innovation_covariance : array, (l, l), optional
+        Covariance of e, the errors of one-step predictions.
 
     Raises
     ------
@@ -70,8 +75,8 @@ class StateSpace(Quadruple):
         dt : float
             Sampling interval, seconds.
         input : {"held", "dirac"}
-            Held between samples, B = integral of exp(Ac t) Bc over one step; or a Dirac impulse at each sample, B = Bc
-            (then Y(k) = C A^k B is the impulse response at t = k dt, from t = 0+; its direct term is not a number).
+            Held between samples, B = integral of exp(Ac t) Bc over one step; or a Dirac impulse at each sample, B = Bc (then
+            Y(k) = C A^k B is the impulse response at t = k dt, from t = 0+; its direct term is not a number).
         """
         self._need("to_discrete", continuous=True)
         check_positive("dt", dt)
@@ -82,8 +87,7 @@ class StateSpace(Quadruple):
     def to_continuous(self, input: str = "held") -> StateSpace:
         """Return the continuous model whose exact sampling this is; the inverse of `to_discrete`.
 
-        The logarithm is taken of the eigenvalues, never of the matrix. Frequencies above half the sampling rate cannot
-        be told from their aliases below it.
+        The logarithm is taken of the eigenvalues, never of the matrix. Frequencies above half the rate cannot be told from aliases.
 
         Parameters
         ----------
@@ -96,9 +100,8 @@ class StateSpace(Quadruple):
             A real pole at or below zero has no real logarithm.
         """
         self._need("to_continuous", continuous=False)
-        assert self.dt is not None
         check_choice("input", input, INPUTS)
-        A, B = continuous(self.A, self.B, self.dt, held=input == "held")
+        A, B = continuous(self.A, self.B, self.dt or 1.0, held=input == "held")
         return StateSpace(A=A, B=B, C=self.C, D=self.D)
 
     def markov_parameters(self, samples: int) -> RealArray:
@@ -163,14 +166,13 @@ class StateSpace(Quadruple):
             **{"values": self.transfer(points), "frequencies": f, "sampling_rate": rate, **channels}
         )
 
-    def simulate(self, inputs: ArrayLike, initial_state: ArrayLike | None = None) -> RealArray:
+    def simulate(self, inputs: ArrayLike, initial: ArrayLike | None = None) -> RealArray:
         """Return the outputs (N, l) of a sampled model: x(k+1) = A x(k) + B u(k), y = C x + D u (Eq. 5).
 
         Parameters
         ----------
         inputs : array, (N, m)
-            u.
-        initial_state : array, (n,), optional
+        initial : array, (n,), optional
             x(0); zero by default.
 
         Raises
@@ -179,7 +181,35 @@ class StateSpace(Quadruple):
             A continuous model, or inputs or a state of another size.
         """
         self._need("simulate", continuous=False)
-        return simulated(self, inputs, initial_state)
+        return simulated(self, inputs, initial)
+
+    def predict(self, signals: Signals, initial: ArrayLike | None = None) -> RealArray:
+        """Return what the model expects of every sample of a record from those before it, in the shape of the record's outputs.
+
+        y^ = C x + D u, x(k+1) = A x + B u + K (y - y^); the errors y - y^ are the innovations.
+
+        Parameters
+        ----------
+        signals : Signals
+            With the model's inputs and outputs, at its sampling rate.
+        initial : array, (n,), optional
+            x(0) of every run; zero by default.
+
+        Raises
+        ------
+        DataError
+            A continuous model or one without a gain, a record of another rate or with other channels.
+
+        Examples
+        --------
+        >>> model = StateSpace(A=[[0.5]], B=[[1.0]], C=[[1.0]], dt=1.0, gain=[[0.5]])
+        >>> model.predict(
+        ...     Signals(outputs=[[1.0], [1.0], [1.0]], inputs=[[0.0], [0.0], [0.0]], sampling_rate=1.0)
+        ... ).ravel()
+        array([0. , 0.5, 0.5])
+        """
+        self._need("predict", continuous=False)
+        return predicted(self, signals, initial)
 
     def transformed(self, T: ArrayLike) -> StateSpace:
         """Return the model in new coordinates x = T z: (T^-1 A T, T^-1 B, C T, D) (Eqs. 12-14).
@@ -197,7 +227,8 @@ class StateSpace(Quadruple):
                 "Give a regular square matrix.",
             )
         inverse = np.asarray(np.linalg.inv(matrix), dtype=float)
-        return StateSpace(A=inverse @ self.A @ matrix, B=inverse @ self.B, C=self.C @ matrix, D=self.D, dt=self.dt)
+        gain = None if self.gain is None else inverse @ self.gain
+        return replace(self, A=inverse @ self.A @ matrix, B=inverse @ self.B, C=self.C @ matrix, gain=gain)
 
     def balanced(self, order: int | None = None, *, steady_state: bool = False) -> Balanced:
         """Return the balanced realization, both Gramians diag(Hankel singular values), or its leading `order` states.
@@ -207,8 +238,7 @@ class StateSpace(Quadruple):
         order : int, optional
             States to keep (balanced truncation); by default all that are both seen and driven.
         steady_state : bool
-            Put the dropped states in their steady state, which keeps the gain at 0 Hz, instead of at zero, which keeps the
-            response's first samples. The error bound is the same.
+            Keep the gain at 0 Hz (dropped states in their steady state) instead of the response's first samples (states at zero).
 
         Raises
         ------
@@ -227,18 +257,18 @@ class StateSpace(Quadruple):
     def modal_form(self) -> ModalForm:
         """Return the model in real modal coordinates: A of blocks [[s, w], [-w, s]] and real poles (Eqs. 15-16).
 
-        Repeated poles that have eigenvectors of their own stand in blocks of their own; poles that lack them, or nearly
-        (then eigenvalues have lost half of their digits), share one block of the ordered real Schur form.
+        Repeated poles with eigenvectors of their own stand in own blocks; those that (nearly) lack them share one, in real Schur form.
         """
         T, M, blocks, condition = block_diagonal_basis(self.A, np.abs(self.continuous_poles))
         B = np.asarray(np.linalg.solve(T, self.B), dtype=float)
-        model = StateSpace(A=M, B=B, C=self.C @ T, D=self.D, dt=self.dt)
+        gain = None if self.gain is None else np.asarray(np.linalg.solve(T, self.gain), dtype=float)
+        model = replace(self, A=M, B=B, C=self.C @ T, gain=gain)
         return ModalForm(state_space=model, T=T, blocks=blocks, condition=condition)
 
     def pole_groups(self, tolerance: float = 1e-6) -> tuple[PoleGroup, ...]:
         """Return the poles, coinciding ones together, with how many of each the outputs see and the inputs drive.
 
-        No data of l outputs and m inputs can show more than min(l, m) coinciding poles: `identifiable` says how many.
+        Data of l outputs and m inputs show at most min(l, m) coinciding poles: `identifiable` says how many.
 
         Parameters
         ----------

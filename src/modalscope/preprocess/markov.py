@@ -10,7 +10,8 @@ from modalscope.model.checks import DataError, check_choice, check_count, check_
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.keywords import named
 from modalscope.model.signals import Signals
-from modalscope.preprocess.observer import RANK, driven_records, estimate_observer, pulse_response
+from modalscope.preprocess.observer import driven_records, estimate_observer, pulse_response
+from modalscope.preprocess.regression import RANK
 
 __all__ = ["estimate_markov"]
 

@@ -12,31 +12,33 @@ the Kalman gain of the noise in the record.
 
 from __future__ import annotations
 
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg as sla
 
 from modalscope.blocks.threads import one_thread
-from modalscope.model.checks import DataError, RealArray, check_count
+from modalscope.model.checks import DataError, IntArray, RealArray, check_count
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.keywords import named
 from modalscope.model.signals import Signals
 from modalscope.model.statespace import StateSpace
+from modalscope.preprocess.observer_order import Tried, tried_orders
+from modalscope.preprocess.regression import Regression
 
-__all__ = ["RANK", "Observer", "driven_records", "estimate_observer", "pulse_response"]
-
-#: Rows of the regression that are factored at a time.
-_AT_ONCE = 4096
-
-#: Directions of the regressors below this part of the largest carry rounding only; the shortest solution leaves them out.
-RANK = 1e-13
+__all__ = ["Observer", "driven_records", "estimate_observer", "pulse_response"]
 
 #: A response counts as decayed 80 dB below its largest value.
 _DECAYED = 1e-4
 
-#: Residuals below this part of the outputs are rounding: a longer observer would fit nothing more.
-_EXACT = 1e-11
+#: It grows when the last quarter of a run sees this many times the largest value of the first half: a free body moves twice as far.
+_GROWS = 3.0
+
+#: Beyond this many times outputs over inputs nothing is left of a structure.
+_HUGE = 1e9
+
+#: Orders that are tried until one does not grow.
+_ATTEMPTS = 6
 
 
 class Observer(NamedTuple):
@@ -51,7 +53,8 @@ class Observer(NamedTuple):
     order : int
         Observer order p: past samples in the regression.
     orders, criterion : array
-        All observer orders that were tried, and the value of the criterion that the chosen one minimises.
+        All observer orders that were tried, and the mean logarithm of the share of the outputs' power that each leaves of what it was
+        not fitted to; the chosen one is the least of those whose response does not grow.
     residual_covariance : array, (l, l)
         Covariance of the one-step prediction errors.
     """
@@ -59,7 +62,7 @@ class Observer(NamedTuple):
     response: ImpulseResponse
     gain_parameters: RealArray
     order: int
-    orders: RealArray
+    orders: IntArray
     criterion: RealArray
     residual_covariance: RealArray
 
@@ -67,11 +70,6 @@ class Observer(NamedTuple):
         """Return the gain G (n, l) of x(k+1) = A x + B u + G (y - C x - D u) in the coordinates of a realization of the response.
 
         Least squares on C A^k G = gain_parameters[k], as many samples as the observer's order or the states need.
-
-        Parameters
-        ----------
-        model : StateSpace
-            Sampled, a realization of this observer's response.
 
         Parameters
         ----------
@@ -106,9 +104,10 @@ def estimate_observer(
 ) -> Observer:
     """Observer/Kalman filter identification (OKID): the response, the gain and the observer's order.
 
-    One triangular factorization serves all observer orders. The chosen order minimises Akaike's criterion
-    N log det(residual covariance) + 2 (number of parameters), over orders up to `longest`; when the residual vanishes to
-    rounding, the first such order is taken.
+    The observer is the one that predicts best what it was not fitted to: every quarter of the runs is predicted from the others, by all
+    orders up to `longest` and with more and more of the regressors' singular directions (`modalscope.preprocess.regression`). What only
+    noise excites is left out so, of redundant channels and of inputs without power in part of the band alike. Where a record is exact
+    to rounding, the first order that fits it is taken. An order whose response grows is passed over for the next best.
 
     Parameters
     ----------
@@ -118,46 +117,53 @@ def estimate_observer(
     samples : int, optional
         Length of the response (see `estimate_markov`).
     longest : int, optional
-        Largest order tried; by default 60, or what a fifth of the record's samples determines.
+        Largest order tried; by default 60, or what the record's samples and 600 regressors allow.
 
     Raises
     ------
     DataError
-        No inputs, or too short a record.
+        No inputs, too short a record, or a response that grows with every observer.
     """
     outputs, inputs = driven_records(signals)
-    l, m = outputs.shape[2], inputs.shape[2]
-    room = (outputs.shape[0] * outputs.shape[1] // 5 - m) // (l + m)
-    most = min(60, room, outputs.shape[1] // 4) if longest is None else check_count("longest", longest)
-    top = max(most, 1) if observer_order is None else check_count("observer_order", observer_order)
-    rows = outputs.shape[0] * (outputs.shape[1] - top)
-    unknowns = m + top * (l + m)
-    if outputs.shape[1] <= top or rows < unknowns + l:
-        raise DataError(
-            f"an observer of order {top} for {l} outputs and {m} inputs was asked",
-            f"it has {unknowns} unknowns an output, and the record gives {max(rows, 0)} equations",
-            "Lower observer_order, or measure longer.",
-        )
-    R = _triangle(outputs, inputs, top)
-    orders = np.arange(1, top + 1) if observer_order is None else np.array([top])
-    residuals = [_residual(R, m + p * (l + m), l) / rows for p in orders]
-    power = np.diag(R[:, -l:].T @ R[:, -l:]) / rows
-    criterion = np.array([_akaike(S, p, rows, m, power) for p, S in zip(orders, residuals, strict=True)])
-    best = int(np.argmin(criterion))
-    p = int(orders[best])
-    D, b, a = _coefficients(R, p, l, m)
-    Y, gain, decayed = _recursion(
-        D, b, a, outputs.shape[1] if samples is None else check_count("samples", samples, least=2), samples is None
+    given = None if observer_order is None else check_count("observer_order", observer_order)
+    asked = None if samples is None else check_count("samples", samples, least=2)
+    scales = _level(outputs), _level(inputs)
+    tried = tried_orders(outputs / scales[0], inputs / scales[1], given, longest)
+    for p, rank in islice(tried.best_first(), _ATTEMPTS):
+        D, b, a, S = _coefficients(tried.regression, p, rank)
+        response = _recursion(D, b, a, asked, outputs.shape[1])
+        if response is not None:
+            break
+    else:
+        raise _growing(tried, given)
+    Y, gain, end = response
+    by_input, by_output = scales[0][:, None] / scales[1], scales[0][:, None] / scales[0]
+    how = f"{'chosen' if given is None else 'given'}, {rank} of {tried.regression.unknowns(p)} directions"
+    note = f"OKID with an observer of order {p} ({how}), {len(Y)} samples, {end}"
+    return Observer(
+        response=pulse_response(signals, Y * by_input, D * by_input, note),
+        gain_parameters=gain * by_output,
+        order=p,
+        orders=tried.orders,
+        criterion=tried.criterion,
+        residual_covariance=S * np.outer(scales[0], scales[0]),
     )
-    end = (
-        "until it had decayed by 80 dB"
-        if decayed
-        else "where it had not decayed yet"
-        if samples is None
-        else "as asked"
+
+
+def _level(records: RealArray) -> RealArray:
+    """Return the root mean square of every channel, 1 for one that is zero."""
+    size = np.sqrt(np.mean(records**2, axis=(0, 1)))
+    return np.asarray(np.where(size > 0, size, 1.0))
+
+
+def _growing(tried: Tried, given: int | None) -> DataError:
+    orders = ", ".join(str(p) for p, _ in islice(tried.best_first(), _ATTEMPTS))
+    return DataError(
+        "the response of a structure by an observer (OKID) was asked",
+        f"with {'order' if given else 'the best orders,'} {orders} it grows instead of decaying: "
+        "the record does not tell damping from noise, or the structure is unstable",
+        "Give another observer_order, leave out channels that follow from others or carry noise (exclude), or measure longer.",
     )
-    note = f"OKID with an observer of order {p} ({'chosen' if observer_order is None else 'given'}), {Y.shape[0]} samples, {end}"
-    return Observer(pulse_response(signals, Y, D, note), gain, p, orders, criterion, residuals[best])
 
 
 def driven_records(signals: Signals) -> tuple[RealArray, RealArray]:
@@ -172,65 +178,40 @@ def driven_records(signals: Signals) -> tuple[RealArray, RealArray]:
     return outputs, inputs
 
 
-def _triangle(outputs: RealArray, inputs: RealArray, order: int) -> RealArray:
-    """Return the triangular factor of [u(k), u(k-1), y(k-1), ..., u(k-p), y(k-p), y(k)] over all k of all runs.
-
-    An order's regressors come before those of the next one, so that its own factor is a leading block.
-    """
-    R = np.zeros((0, inputs.shape[2] * (order + 1) + outputs.shape[2] * (order + 1)))
-    for y, u in zip(outputs, inputs, strict=True):
-        for first in range(order, y.shape[0], _AT_ONCE):
-            last = min(first + _AT_ONCE, y.shape[0])
-            past = [part[first - i : last - i] for i in range(1, order + 1) for part in (u, y)]
-            block = np.concatenate([u[first:last], *past, y[first:last]], axis=1)
-            R = sla.qr(np.concatenate([R, block]), mode="r", overwrite_a=True, check_finite=False)[0]
-            R = R[: R.shape[1]]
-    return R
-
-
-def _residual(R: RealArray, unknowns: int, l: int) -> RealArray:
-    """Return the sums of squared residuals (l, l) of the regression on the first columns."""
-    left = R[unknowns:, -l:]
-    return np.asarray(left.T @ left)
-
-
-def _akaike(S: RealArray, p: int, rows: int, m: int, power: RealArray) -> float:
-    """Return N log det S + 2 parameters, S scaled by the outputs' powers; residuals of rounding size count as that size."""
-    l = power.size
-    scale = np.sqrt(np.where(power > 0, power, 1.0))
-    values = np.linalg.eigvalsh(S / np.outer(scale, scale))
-    return float(rows * np.sum(np.log(np.maximum(values, _EXACT**2))) + 2 * l * (m + p * (l + m)))
-
-
-def _coefficients(R: RealArray, p: int, l: int, m: int) -> tuple[RealArray, RealArray, RealArray]:
-    """Return D (l, m), b (p, l, m) and a (p, l, l): the shortest least-squares solution."""
-    unknowns = m + p * (l + m)
-    solution = np.asarray(sla.lstsq(R[:unknowns, :unknowns], R[:unknowns, -l:], cond=RANK, check_finite=False)[0])
+def _coefficients(found: Regression, p: int, rank: int) -> tuple[RealArray, RealArray, RealArray, RealArray]:
+    """Return D (l, m), b (p, l, m), a (p, l, l) and the covariance of what they leave (l, l)."""
+    l, m = found.outputs, found.inputs
+    solution, _, residual = found.fit(found.unknowns(p), rank)
     past = solution[m:].reshape(p, m + l, l).transpose(0, 2, 1)
-    return solution[:m].T, past[:, :, :m], past[:, :, m:]
+    return solution[:m].T, past[:, :, :m], past[:, :, m:], residual / found.rows
 
 
 def _recursion(
-    D: RealArray, b: RealArray, a: RealArray, samples: int, until_decayed: bool
-) -> tuple[RealArray, RealArray, bool]:
-    """Return Y(k) and C A^k G, and whether they end because Y has decayed."""
+    D: RealArray, b: RealArray, a: RealArray, asked: int | None, run: int
+) -> tuple[RealArray, RealArray, str] | None:
+    """Return Y(k) and C A^k G, and why they end where they do; None when they grow, seen over the length of a run."""
     p, l, m = b.shape
     own = np.concatenate([b + a @ D, a], axis=2)  # Y and the gain parameters obey one recursion: (p, l, m + l)
     weights = a[::-1].transpose(1, 0, 2).reshape(l, p * l)  # a_p ... a_1, to meet the past in its own order
-    history = np.zeros(((samples + p) * l, m + l))
-    largest, quiet = 0.0, 0
-    for k in range(samples):
+    most = max(run, asked or 0)
+    history, sizes = np.zeros(((most + p) * l, m + l)), np.zeros(most)
+    largest, quiet, end = 0.0, 0, "as asked" if asked else "where it had not decayed yet"
+    for k in range(most):
         value = weights @ history[k * l : (k + p) * l]
         if k < p:
             value += own[k]
         history[(k + p) * l : (k + p + 1) * l] = value
-        size = float(np.abs(value[:, :m]).max())
-        largest, quiet = max(largest, size), quiet + 1 if size <= _DECAYED * largest else 0
-        if until_decayed and quiet >= 2 * p and k >= 4 * p:
-            samples = k + 1
+        sizes[k] = np.abs(value[:, :m]).max()
+        if not sizes[k] < _HUGE:
+            return None
+        largest, quiet = max(largest, sizes[k]), quiet + 1 if sizes[k] <= _DECAYED * largest else 0
+        if quiet >= 2 * p and k >= 4 * p and k + 1 >= (asked or 0):
+            most, end = k + 1, end if asked else "until it had decayed by 80 dB"
             break
-    values = history[p * l : (p + samples) * l].reshape(samples, l, m + l)
-    return np.ascontiguousarray(values[:, :, :m]), np.ascontiguousarray(values[:, :, m:]), quiet >= 2 * p
+    if quiet < 2 * p and sizes[3 * most // 4 :].max() > _GROWS * sizes[: most // 2].max():
+        return None
+    values = history[p * l : (p + (asked or most)) * l].reshape(-1, l, m + l)
+    return values[:, :, :m], values[:, :, m:], end
 
 
 def pulse_response(signals: Signals, Y: RealArray, D: RealArray, note: str) -> ImpulseResponse:

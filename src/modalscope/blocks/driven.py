@@ -1,0 +1,288 @@
+"""Records with inputs as a data matrix in time: future outputs, without what future inputs do, projected on past inputs and outputs.
+
+With X(t) the states, y(t + k) = C A^k X(t) + sum_(j <= k) (...) u(t + j) + what noise and unmeasured forces add from t on. The future
+inputs are eliminated; the past, which knows nothing of what noise adds later, is the instrument: what is left is V X, consistent
+whatever the noise and the unmeasured forces are. A projection on the lines of records has no such instrument.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from modalscope.blocks.innovations import innovations
+from modalscope.blocks.sample_rows import SampleRows
+from modalscope.blocks.sums import TriangleSum
+from modalscope.blocks.triple import Eigen, ModalFit, Triple
+from modalscope.model.checks import Array, DataError, RealArray, check_count
+from modalscope.model.record_spectra import RecordSpectra, record_spectra
+from modalscope.model.records import Records
+from modalscope.model.statespace import StateSpace
+
+__all__ = ["DrivenProjection", "driven_projection", "intervals"]
+
+#: Times that the triangular factorization takes at once, in multiples of the rows.
+_CHUNK = 4
+
+#: How intervals of the past grow.
+_GROWTH = 1.5
+
+
+def driven_projection(
+    records: Records,
+    block_rows: int = 10,
+    block_columns: int = 10,
+    single: int = 10,
+    spectra: RecordSpectra | None = None,
+) -> DrivenProjection:
+    """Project future outputs on past inputs and outputs, future inputs eliminated: what PO-MOESP and N4SID factor.
+
+    With q = block_rows and p = block_columns, the columns for all times t of all runs are
+
+        inputs  [1; u(t); ...; u(t + q)],  past  T [y(t - 1); u(t - 1); ...; y(t - p); u(t - p)],  future  [y(t); ...; y(t + q)],
+
+    each channel divided by its root mean square, the whole by the root of the number of times. With [inputs; past; future] =
+    [[L11, 0, 0], [L21, L22, 0], [L31, L32, L33]] Q the matrix is L32. The constant, one a run, takes any offset away exactly. T keeps
+    the latest samples one by one and sums those before over intervals that grow by a half (`intervals`): slow modes need a long past to
+    be told from noise, and every row of the past predicts some noise by chance, which biases damping.
+
+    Parameters
+    ----------
+    records : Records
+        Runs of any length and any of the inputs.
+    block_rows, block_columns : int
+        Blocks of the future but one, and samples of the past.
+    single : int
+        Samples of the past that stay one by one.
+    spectra : RecordSpectra, optional
+        The same records on their lines: what participation is fitted to and a model is compared with.
+
+    Returns
+    -------
+    DrivenProjection
+
+    Raises
+    ------
+    DataError
+        Records without inputs, or fewer times than rows: everything can then be predicted.
+
+    References
+    ----------
+    Verhaegen, "Identification of the deterministic part of MIMO state space models given in innovations form from input-output data",
+    Automatica 30 (1994), 61-74; Van Overschee and De Moor, "Subspace Identification for Linear Systems", 1996, chapter 4.
+
+    Examples
+    --------
+    >>> from modalscope.model import Records, Signals
+    >>> rng = np.random.default_rng(0)
+    >>> run = Signals(outputs=rng.standard_normal((500, 2)), inputs=rng.standard_normal((500, 1)), sampling_rate=10.0)
+    >>> driven_projection(Records(runs=(run,)), block_rows=3, block_columns=5).tall().shape
+    (8, 15)
+    """
+    future, past = check_count("block_rows", block_rows), check_count("block_columns", block_columns)
+    lines = record_spectra(records) if spectra is None else spectra
+    made = DrivenProjection(records, lines, future, past, intervals(past, check_count("single", single)))
+    if made.columns < made.rows:
+        raise DataError(
+            f"driven_projection(block_rows={future}, block_columns={past}) of {made.outputs} outputs and {made.inputs} inputs was asked",
+            f"{len(records.runs)} x {max(records.samples)} samples give {made.columns} times for {made.rows} rows: "
+            "the past predicts any record of that length",
+            "Lower block_rows and block_columns, or measure longer.",
+        )
+    return made
+
+
+def intervals(samples: int, single: int) -> RealArray:
+    """Return T (b, p): the latest samples one by one, those before in sums over intervals that grow by a half, of length one each.
+
+    Parameters
+    ----------
+    samples : int
+        p.
+    single : int
+
+    Examples
+    --------
+    >>> (intervals(7, 2) != 0).astype(int)
+    array([[1, 0, 0, 0, 0, 0, 0],
+           [0, 1, 0, 0, 0, 0, 0],
+           [0, 0, 1, 1, 0, 0, 0],
+           [0, 0, 0, 0, 1, 1, 0],
+           [0, 0, 0, 0, 0, 0, 1]])
+    """
+    ends, length = list(range(min(single, samples) + 1)), 1.0
+    while ends[-1] < samples:
+        length *= _GROWTH
+        ends.append(min(ends[-1] + round(length), samples))
+    T = np.zeros((len(ends) - 1, samples))
+    for row, (first, last) in zip(T, pairwise(ends), strict=True):
+        row[first:last] = 1 / np.sqrt(last - first)
+    return T
+
+
+@dataclass(frozen=True, eq=False)
+class DrivenProjection(SampleRows):
+    """Future outputs projected on past inputs and outputs, future inputs eliminated (made by `driven_projection`).
+
+    Parameters
+    ----------
+    records : Records
+    response : RecordSpectra
+        The records on their lines.
+    future_blocks, past_blocks : int
+        Blocks of the future but one, and samples of the past.
+    sums : array, (b, p)
+        T: what the rows of the past are of its samples, the latest first.
+    """
+
+    records: Records
+    response: RecordSpectra
+    future_blocks: int
+    past_blocks: int
+    sums: RealArray
+
+    @property
+    def judged(self) -> RecordSpectra:
+        """The records' own lines."""
+        return self.response
+
+    @property
+    def block_rows(self) -> int:
+        """Blocks of the future but one."""
+        return self.future_blocks
+
+    @property
+    def outputs(self) -> int:
+        """Outputs of the records."""
+        return len(self.records.output_dofs)
+
+    @property
+    def inputs(self) -> int:
+        """Inputs of all runs."""
+        return len(self.records.input_dofs)
+
+    @property
+    def dt(self) -> float:
+        """Sampling interval, seconds."""
+        return 1 / self.records.sampling_rate
+
+    @property
+    def columns(self) -> int:
+        """Times at which past and future lie within a run, over all runs."""
+        return sum(max(samples - self.future_blocks - self.past_blocks, 0) for samples in self.records.samples)
+
+    @property
+    def offsets(self) -> int:
+        """Rows of constants, one a run."""
+        return len(self.records.runs)
+
+    @property
+    def known(self) -> int:
+        """Rows that are eliminated: constants and future inputs."""
+        return self.offsets + self.inputs * (self.block_rows + 1)
+
+    @property
+    def past(self) -> int:
+        """Rows of the past, b (l + m)."""
+        return len(self.sums) * (self.outputs + self.inputs)
+
+    @property
+    def rows(self) -> int:
+        """Rows of all three."""
+        return self.known + self.past + self.outputs * (self.block_rows + 1)
+
+    @cached_property
+    def scales(self) -> tuple[RealArray, RealArray]:
+        """Root mean squares of the outputs (l,) and of the inputs (m,), over all runs; 1 for a channel that is zero."""
+        total = sum(self.records.samples)
+        squares = [np.hstack([np.sum(y**2, axis=0), np.sum(u**2, axis=0)]) for y, u in self._runs()]
+        level = np.sqrt(np.sum(squares, axis=0) / total)
+        level = np.where(level > 0, level, 1.0)
+        return level[: self.outputs], level[self.outputs :]
+
+    def _runs(self) -> Iterator[tuple[RealArray, RealArray]]:
+        """Yield outputs (N, l) and inputs (N, m) of every run; zero where a run has not this input."""
+        for r, run in enumerate(self.records.runs):
+            u = np.zeros((run.samples, self.inputs))
+            assert run.inputs is not None
+            u[:, list(self.records.inputs_of(r))] = run.inputs
+            yield run.outputs, u
+
+    def _chunks(self) -> Iterator[RealArray]:
+        """Yield columns of [inputs; past; future] as rows, some at a time."""
+        p, of_outputs, of_inputs = self.past_blocks, *self.scales
+        for r, (y, u) in enumerate(self._runs()):
+            if len(y) <= p + self.block_rows:
+                continue
+            both = np.hstack([y / of_outputs, u / of_inputs])
+            windows = sliding_window_view(both, p + self.block_rows + 1, axis=0).transpose(
+                0, 2, 1
+            )  # (times, blocks, l + m)
+            for start in range(0, len(windows), _CHUNK * self.rows):
+                part = windows[start : start + _CHUNK * self.rows]
+                count = len(part)
+                ones = np.zeros((count, self.offsets))
+                ones[:, r] = 1.0
+                after = part[:, p:]
+                driving, future = after[:, :, self.outputs :], after[:, :, : self.outputs]
+                before = np.einsum("bp,tpc->tbc", self.sums, part[:, p - 1 :: -1])
+                yield np.hstack([each.reshape(count, -1) for each in (ones, driving, before, future)])
+
+    @cached_property
+    def factor(self) -> RealArray:
+        """R (rows, rows), upper triangular: [inputs; past; future] in orthonormal coordinates, column by column."""
+        total = TriangleSum(self.rows)
+        for chunk in self._chunks():
+            total.add(chunk)
+        return np.asarray(total.finish() / np.sqrt(self.columns))
+
+    @cached_property
+    def triangle(self) -> RealArray:
+        """L32 (l (q + 1), b (l + m)): the projection times an orthonormal matrix, its exact stand-in."""
+        first, last = self.known, self.known + self.past
+        return np.ascontiguousarray(self.factor[first:last, last:].T)
+
+    def first_rows(self, right: Array, k: int = 0) -> RealArray:
+        """Return the first block row of H(k), times X, in outputs: C = first_rows(Q d^-1/2)."""
+        return np.asarray(super().first_rows(right, k) * self.scales[0][:, None])
+
+    def row_blocks(self, P: Array) -> RealArray:
+        """Return a left factor (rows, k) by block rows in outputs, (blocks, l, k)."""
+        return np.asarray(super().row_blocks(P) * self.scales[0][:, None])
+
+    def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
+        """Return shapes C X; participation of inputs and ends, and D, by least squares over the records' lines."""
+        shapes = np.asarray(model.C @ eigen.vectors)
+        basis = self.response.basis(self.to_s(eigen.values))
+        participation, terms = basis.fit_participation(shapes)
+        return ModalFit(shapes, participation, terms, reach=basis.reach)
+
+    def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> tuple[Array, Array]:
+        """Return the records' lines and what the modes give on them, from the first states that fit best."""
+        values = self.response.evaluated(poles, fit.shapes, fit.participation, fit.terms)
+        return self.judged.values, values[:, :, None]
+
+    def with_noise(self, model: StateSpace) -> StateSpace:
+        """Return a model of these records with the gain of its innovations and their covariance."""
+        of_outputs, of_inputs = self.scales
+        C, D = model.C / of_outputs[:, None], model.D * of_inputs / of_outputs[:, None]
+        level = StateSpace(A=model.A, B=model.B * of_inputs, C=C, D=D, dt=model.dt)
+        found = innovations(level, ((y / of_outputs, u / of_inputs) for y, u in self._runs()))
+        if found is None:
+            return model
+        gain, covariance = found
+        return replace(
+            model, gain=gain / of_outputs, innovation_covariance=covariance * np.outer(of_outputs, of_outputs)
+        )
+
+    def describe(self) -> str:
+        """Say what the matrix is, in words."""
+        return (
+            f"{self.block_rows + 1} future blocks of {self.outputs} outputs projected on {len(self.sums)} sums of {self.past_blocks} past "
+            f"samples of {self.outputs} outputs and {self.inputs} inputs, future inputs eliminated, over {self.columns} times"
+        )

@@ -1,0 +1,104 @@
+"""Block rows C p_k(A) of polynomials orthogonal on lines: their shift is the recurrence, and shapes are read off all of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modalscope.blocks.influence import LineInfluence, Outer
+from modalscope.blocks.lines import RowsOnLines
+from modalscope.blocks.plane import Plane
+from modalscope.blocks.polynomials import both_sums, evaluate
+from modalscope.blocks.shift import RowShift
+from modalscope.model.checks import Array, ComplexArray, RealArray
+
+__all__ = ["PolynomialRows"]
+
+
+class PolynomialRows(RowsOnLines):
+    """A matrix whose rows are [C p_0(A); ...; C p_q(A)] times states, outputs divided by their scale.
+
+    A concrete matrix has the fields below.
+    """
+
+    plane: Plane
+    basis: ComplexArray
+    recurrence: RealArray
+    output_scale: RealArray
+    weights: RealArray | None
+
+    @property
+    def block_rows(self) -> int:
+        """Blocks in a column of H(0), which is the degree q."""
+        return int(self.recurrence.shape[1])
+
+    @property
+    def full_shift(self) -> RowShift:
+        """E0 drops the last block, E1 = h' (x) I."""
+        return RowShift(block=self.outputs, recurrence=self.recurrence)
+
+    @property
+    def first_value(self) -> float:
+        """p_0, the constant of the basis."""
+        return float(self.basis[0, 0].real)
+
+    def first_rows(self, right: Array, k: int = 0) -> RealArray:
+        """Return (first block row of H(k) / p_0) X, such that C = first_rows(Q d^-1/2)."""
+        head = self.triangle[: self.outputs]
+        if k == 1:  # x p_0 = h_00 p_0 + h_10 p_1
+            head = self.recurrence[0, 0] * head + self.recurrence[1, 0] * self.triangle[self.outputs : 2 * self.outputs]
+        return np.asarray(self.output_scale[:, None] * (head @ right) / self.first_value)
+
+    def first_block(self, shapes: Array) -> Array:
+        """Return C p_0 for shapes C, in the scale of the rows."""
+        return np.asarray(shapes) / self.output_scale[:, None] * self.first_value
+
+    def shapes(self, V: Array, poles: Array) -> ComplexArray:
+        """Return the shapes c of modes from their columns [c p_0; c p_1; ...] of the row factor, by least squares over all blocks.
+
+        The first block alone would do, but far from the axis the polynomials grow beyond 1e15, and it is rounding beside them.
+
+        Parameters
+        ----------
+        V : array of complex, (l K, k)
+            Row factor times eigenvectors.
+        poles : array of complex, (k,)
+            In the plane of the polynomials.
+        """
+        blocks = np.asarray(V).reshape(-1, self.outputs, len(poles))
+        p = evaluate(self.recurrence, self.first_value, poles)[self.block_indices(len(blocks))]
+        size = np.max(np.abs(p), axis=0)
+        p = p / size
+        c = np.einsum("kn,kln->ln", p.conj(), blocks) / np.sum(np.abs(p) ** 2, axis=0) / size
+        return np.asarray(self.output_scale[:, None] * c)
+
+    def to_s(self, poles: Array) -> ComplexArray:
+        """Continuous poles, rad/s."""
+        return self.plane.to_s(poles)
+
+    def from_s(self, poles: Array) -> ComplexArray:
+        """Poles in the plane of the polynomials."""
+        return self.plane.from_s(poles)
+
+    @property
+    def dt(self) -> float | None:
+        """Sampling interval of the identified system; None in the s-domain and under the bilinear map."""
+        return self.plane.dt
+
+    def evolution(self, poles: Array, blocks: int) -> ComplexArray:
+        """Return p_k(x) / p_0 at the poles."""
+        return evaluate(self.recurrence, 1.0, poles)[self.block_indices(blocks)]
+
+    def influence(self, left: Array, right: Array, every: int = 1) -> LineInfluence:
+        """Return the gradient: q = sum_k L_k p_k(x) by output times the right vector by input, on dH; the mirror image on dH*.
+
+        What is eliminated is orthogonal to the right vectors already.
+        """
+        lines = np.arange(every // 2, len(self.basis), every)
+        L = left.reshape(len(left), -1, self.outputs)
+        at, mirrored = both_sums(self.basis[lines], np.asarray(L / self.output_scale, dtype=complex))
+        w = 0.5 if self.weights is None else self.weights[lines] / 2
+        parts = np.split(right, 2, axis=1)
+        real, imaginary = (part[:, lines].transpose(2, 1, 0) for part in parts)
+        upper, lower = (real - 1j * imaginary), (real + 1j * imaginary)
+        half = np.broadcast_to(w, lines.shape)[:, None]
+        return LineInfluence((Outer(at, upper * half),), (Outer(mirrored, lower * half),), lines, every)

@@ -1,0 +1,244 @@
+"""Records on lines: block rows of the outputs' transforms, from which the inputs and both ends of every run are eliminated.
+
+On the lines x of a whole run of N samples x X = A X + B U + x (x(0) - x(N)) / sqrt(N), Y = C X + D U, exactly, so that with
+polynomials p_k orthogonal on the lines
+
+    p_k(x) Y = C p_k(A) X + sum_(j <= k) G_kj p_j(x) U + sum_(j <= k) t_kj p_j(x).
+
+The rows p_j and p_j U are projected away, each run with its own inputs and its own ends; what is left lies side by side. The
+polynomials are those of the lines of all runs together: the left factor [C p_0(A); ...; C p_q(A)] is one for all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg as sla
+
+from modalscope.blocks.factor import Factors
+from modalscope.blocks.plane import Plane, plane_of
+from modalscope.blocks.polynomial_rows import PolynomialRows
+from modalscope.blocks.polynomials import orthogonal_basis
+from modalscope.blocks.sums import TriangleSum
+from modalscope.blocks.triple import Eigen, ModalFit, Triple
+from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_count
+from modalscope.model.driven_basis import Run
+from modalscope.model.record_spectra import RecordSpectra
+from modalscope.model.response import output_scale
+from modalscope.model.statespace import StateSpace
+
+__all__ = ["RecordLines", "record_lines"]
+
+#: Rows that the triangular factorization takes at a time, in multiples of the columns.
+_CHUNK = 4
+
+#: Rows p_j U below this share of the largest, in multiples of rounding, are no directions of their own.
+_ROUNDING = 16.0
+
+
+def record_lines(spectra: RecordSpectra, *, domain: str, block_rows: int, order: int | None = None) -> RecordLines:
+    """Stack p_k(x) Y, k = 0 ... block_rows, on the lines of all runs, inputs and ends eliminated.
+
+    Parameters
+    ----------
+    spectra : RecordSpectra
+    domain : {"z", "s"}
+        "z" is exact for inputs that were held between samples; both serve a structure measured through anti-aliasing filters.
+    block_rows : int
+        q, the degree.
+    order : int, optional
+        Largest number of states that will be asked; used to check that the lines suffice.
+
+    Raises
+    ------
+    DataError
+        Fewer lines than unknowns: the sum over runs of 2 F - (q + 1)(1 + m) must be at least the order.
+
+    Notes
+    -----
+    McKelvey, Akcay and Ljung, IEEE Trans. Automatic Control 41 (1996) 960-979; Pintelon, Schoukens and Vandersteen, same
+    Transactions 42 (1997) 1717-1720.
+    """
+    q = check_count("block_rows", block_rows)
+    response = spectra if domain == "z" else spectra.continuous()
+    plane = plane_of(domain, response)
+    basis, recurrence = orthogonal_basis(plane.point(response.frequencies), q)
+    made = RecordLines(response, plane, basis, recurrence, output_scale(response))
+    if made.left < max(order or 1, 1):
+        raise DataError(
+            f"order {order or 1} with block_rows={q} was asked",
+            f"{response.count} lines leave {made.left} equations when inputs and ends are eliminated",
+            "Measure longer, widen the band, or lower block_rows or the order.",
+        )
+    return made
+
+
+class _Left(NamedTuple):
+    """What the elimination leaves of one run: its triangular factor, transposed, the rank that went, and the coefficients taken off."""
+
+    rows: RealArray
+    rank: int
+    given: int
+    taken_off: RealArray
+
+
+@dataclass(frozen=True, eq=False)
+class RecordLines(PolynomialRows):
+    """The block matrix of records on lines (made by `record_lines`)."""
+
+    response: RecordSpectra
+    plane: Plane
+    basis: ComplexArray
+    recurrence: RealArray
+    output_scale: RealArray
+    row_shifts: tuple[int, ...] | None = None
+    weights: RealArray | None = None
+
+    @property
+    def judged(self) -> RecordSpectra:
+        """The records' own lines."""
+        return self.response
+
+    @property
+    def outputs(self) -> int:
+        """Rows of a block."""
+        return int(self.response.values.shape[1])
+
+    @cached_property
+    def parts(self) -> tuple[_Left, ...]:
+        """What is left of every run."""
+        return tuple(self._eliminated(r, run) for r, run in enumerate(self.response.runs()) if len(run.points))
+
+    @property
+    def left(self) -> int:
+        """Columns that are left of all runs: the sum of 2 F - rank."""
+        own = [int(np.sum(self.response.run == r)) for r in range(len(self.response.durations))]
+        return sum(2 * F - part.rank for F, part in zip([F for F in own if F], self.parts, strict=True))
+
+    @cached_property
+    def triangle(self) -> RealArray:
+        """L (l (q + 1), k): what is left, times an orthonormal matrix."""
+        total = TriangleSum(self.outputs * (self.block_rows + 1))
+        for part in self.parts:
+            total.add(part.rows)
+        return np.ascontiguousarray(total.finish().T)
+
+    def _eliminated(self, r: int, run: Run) -> _Left:
+        """Project the outputs' rows of a run on the complement of p_j and p_j U, in chunks of lines.
+
+        The triangular factor of [eliminated, outputs] stands in for the lines; the rank of its first columns is seen on it.
+        """
+        terms = 1 + int(np.sum(np.any(run.inputs, axis=0)))
+        total = TriangleSum((terms + self.outputs) * self.basis.shape[1])
+        for _, columns in self._columns(r, run):
+            total.add(columns)
+        R = total.finish()
+        given = terms * self.basis.shape[1]
+        known = R[:, :given]
+        size = np.linalg.norm(known, axis=0)
+        size = np.where(size > 0, size, 1)
+        Q, T, order = sla.qr(known / size, pivoting=True, check_finite=False)
+        diagonal = np.abs(np.diag(T))
+        floor = _ROUNDING * max(R.shape) * np.finfo(float).eps
+        rank = int(np.count_nonzero(diagonal > floor * diagonal[0]))
+        taken_off = np.zeros((given, R.shape[1] - given))
+        seen = Q[:, :rank].T @ R[:, given:]
+        taken_off[order[:rank]] = sla.solve_triangular(T[:rank, :rank], seen, check_finite=False)
+        return _Left(np.asarray(Q[:, rank:].T @ R[:, given:]), rank, given, taken_off / size[:, None])
+
+    def _columns(self, r: int, run: Run) -> Iterator[tuple[slice, RealArray]]:
+        """Yield [p_j, p_j U, p_j Y] of a run, some lines at a time, real parts above imaginary ones."""
+        driving = run.inputs[:, np.any(run.inputs, axis=0)]
+        driving = driving / np.maximum(np.sqrt(np.mean(np.abs(driving) ** 2, axis=0)), 1e-300)
+        factors = np.hstack([np.ones((len(run.points), 1)), driving, run.outputs / self.output_scale])
+        basis = self.basis[self.response.run == r]
+        terms, wide = (1 + driving.shape[1]), factors.shape[1] * basis.shape[1]
+        step = max(_CHUNK * wide // 2, 1)
+        for start in range(0, len(basis), step):
+            s = slice(start, start + step)
+            head = factors[s, :terms, None] * basis[s, None, :]
+            tail = basis[s, :, None] * factors[s, None, terms:]
+            columns = np.hstack([head.reshape(len(head), -1), tail.reshape(len(tail), -1)])
+            yield s, np.vstack([columns.real, columns.imag])
+
+    def on_lines(self, rows: RealArray) -> RealArray:
+        """Return H' X of the matrix over the lines, (2 F, k), inputs and ends eliminated: X (l (q + 1), k)."""
+        found = np.zeros((2, self.response.count, rows.shape[1]))
+        there = [(r, run) for r, run in enumerate(self.response.runs()) if len(run.points)]
+        for (r, run), part in zip(there, self.parts, strict=True):
+            weights = np.vstack([-part.taken_off @ rows, rows])
+            own = np.flatnonzero(self.response.run == r)
+            for s, columns in self._columns(r, run):
+                found[:, own[s]] = (columns @ weights).reshape(2, -1, rows.shape[1])
+        return found.reshape(-1, rows.shape[1])
+
+    def with_columns(self, factors: Factors) -> Factors:
+        """Return the factors with their rows of Q over the lines, for when they are asked."""
+        return replace(factors, right=RecordColumns(self, factors))
+
+    def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
+        """Return shapes from all block rows; participation of inputs and ends, and D, by least squares over the records' lines."""
+        shapes = self.shapes(model.row_states(eigen.vectors), eigen.values)
+        basis = self.response.basis(self.to_s(eigen.values))
+        participation, terms = basis.fit_participation(shapes)
+        return ModalFit(shapes, participation, terms, reach=basis.reach, basis=basis)
+
+    def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> tuple[Array, Array]:
+        """Return the records' lines and what the modes give on them, from the first states that fit best."""
+        values = self.response.evaluated(poles, fit.shapes, fit.participation, fit.terms)
+        return self.judged.values, values[:, :, None]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Inputs that are no directions of their own."""
+        short = [part.given - part.rank for part in self.parts]
+        if not any(short):
+            return ()
+        return (
+            f"{sum(short)} of {sum(part.given for part in self.parts)} rows of inputs and ends depend on the others and were left out: "
+            "inputs that are alike, or that hold few lines",
+        )
+
+    def describe(self) -> str:
+        """Say what the matrix is, in words."""
+        low, high = self.response.span
+        runs = len(self.parts)
+        of = f"{runs} runs" if runs > 1 else "one run"
+        return (
+            f"records of {of} on {self.response.count} lines, {low:g} to {high:g} Hz, polynomials to degree {self.block_rows} "
+            f"({self.plane.name}); inputs and ends eliminated"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class RecordColumns:
+    """The right factor over the lines of all runs, computed when it is first asked for.
+
+    Parameters
+    ----------
+    matrix : RecordLines
+    factors : Factors
+        Of the triangular stand-in.
+    """
+
+    matrix: RecordLines
+    factors: Factors
+
+    @property
+    def blocks(self) -> RealArray:
+        """Rows of Q (1, 2 F, k), all of them."""
+        return self.whole
+
+    @cached_property
+    def whole(self) -> RealArray:
+        """Rows of Q (1, 2 F, k)."""
+        matrix, factors = self.matrix, self.factors
+        n = max(min(factors.rank, factors.d.size), 1)
+        rows = np.zeros((matrix.outputs * (matrix.block_rows + 1), n))
+        kept = np.arange(len(rows)) if len(factors.P) == len(rows) else matrix.kept_rows
+        rows[kept] = factors.P[:, :n] / factors.d[:n]
+        return matrix.on_lines(rows)[None]

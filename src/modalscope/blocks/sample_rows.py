@@ -1,0 +1,63 @@
+"""What projections of records in time have in common: block rows of samples, and one triangular factor that stands in for the times."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+import numpy as np
+
+from modalscope.blocks.matrix import DataMatrix
+from modalscope.blocks.operators import DenseMatrix
+from modalscope.blocks.shift import RowShift
+from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.poles import powers_of, to_continuous, to_discrete
+
+__all__ = ["SampleRows"]
+
+
+class SampleRows(DataMatrix):
+    """Block row k holds what is known of the outputs k samples on; `triangle` is the matrix times an orthonormal one."""
+
+    @property
+    @abstractmethod
+    def triangle(self) -> RealArray:
+        """All block rows, (l (q + 1), k)."""
+
+    @property
+    @abstractmethod
+    def dt(self) -> float:
+        """Sampling interval, seconds."""
+
+    def tall(self) -> DenseMatrix:
+        """Return all q + 1 block rows."""
+        return DenseMatrix(self.triangle)
+
+    def shifted(self, k: int) -> DenseMatrix:
+        """Return H(k): the first q block rows, or the last."""
+        return DenseMatrix(self.row_shift.split(self.triangle)[k])
+
+    @property
+    def row_shift(self) -> RowShift:
+        """E0 drops the last block, E1 the first."""
+        before = np.arange(self.block_rows * self.outputs)
+        return RowShift(block=self.outputs, before=before, after=before + self.outputs)
+
+    def first_rows(self, right: Array, k: int = 0) -> RealArray:
+        """Return the first block row of H(k), times X: C = first_rows(Q d^-1/2)."""
+        return np.asarray(self.triangle[k * self.outputs : (k + 1) * self.outputs] @ right)
+
+    def row_blocks(self, P: Array) -> RealArray:
+        """Return a left factor (rows, k) by block rows, (blocks, l, k)."""
+        return np.asarray(P.reshape(-1, self.outputs, P.shape[1]))
+
+    def to_s(self, poles: Array) -> ComplexArray:
+        """Continuous poles ln(z) fs, rad/s."""
+        return to_continuous(poles, self.dt)
+
+    def from_s(self, poles: Array) -> ComplexArray:
+        """Poles of the sampled system, exp(s / fs)."""
+        return to_discrete(poles, self.dt)
+
+    def evolution(self, poles: Array, blocks: int) -> ComplexArray:
+        """Return z^k for blocks k = 0, 1, ...: how a mode runs down the rows."""
+        return powers_of(poles, blocks)

@@ -1,0 +1,155 @@
+"""Ways from records with inputs into the table, and the rule that chooses one.
+
+    impacts                                        -> frf (hits average)
+    periodic, settled, two or more periods         -> frf by synchronous averages, on the driven lines only
+    all else                                       -> records on lines, in z
+
+Only records on lines are free of leakage whatever the run does before and after. What they cannot take is noise on the inputs, and
+forces that were not measured: see `modalscope.identification.residuals`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from modalscope.identification.table import find_method, methods
+from modalscope.model.checks import DataError
+from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.notes import Note
+from modalscope.model.record_spectra import RecordSpectra, record_spectra
+from modalscope.model.records import Records
+from modalscope.model.signals import Signals
+
+__all__ = ["USUAL", "Way", "by_route", "chosen_route", "one_record", "usual_route"]
+
+#: The row and the domain of each way where none is asked.
+USUAL = {
+    "records": ("alternate", "z"),
+    "frf": ("alternate", "s"),
+    "markov": ("era", "time"),
+    "subspace": ("n4sid", "time"),
+}
+
+#: Periods after the first that a synchronous average needs, and how alike two periods of the outputs are when all has settled.
+_PERIODS, _SETTLED = 2, 0.99
+
+
+class Way(NamedTuple):
+    """A response made of records, and what was done."""
+
+    response: RecordSpectra | FrequencyResponse | ImpulseResponse
+    note: Note
+
+
+def usual_route(records: Records) -> str:
+    """Return the way that suits records with inputs by the rule of this module; runs that do not stack are taken as they are.
+
+    Parameters
+    ----------
+    records : Records
+    """
+    from modalscope.preprocess.excitation import find_excitation
+
+    impacts = all(find_excitation(run) == "impact" for run in records.runs)
+    return "frf" if _alike(records) and (impacts or _periodic(records) is not None) else "records"
+
+
+def chosen_route(records: Records, method: str | None, domain: str | None, asked: str) -> str:
+    """Return the way for a method and a domain: as asked, or the first by the rule that serves them.
+
+    Parameters
+    ----------
+    records : Records
+        With inputs.
+    method, domain : str, optional
+        As asked.
+    asked : str
+        "auto", or a way.
+    """
+    if asked != "auto":
+        return asked
+    usual = usual_route(records)
+    if method is None and domain is None:
+        return usual
+    name = find_method("alternate" if method is None else method, None, "time").name
+    own = {m.route for m in methods() if m.name == name and (domain is None or m.domain == domain)}
+    return next((way for way in (usual, *USUAL) if way in own), usual)
+
+
+def by_route(records: Records, route: str, band: tuple[float, float] | None) -> Way:
+    """Return what a way makes of records with inputs.
+
+    Parameters
+    ----------
+    records : Records
+    route : {"records", "frf", "markov", "subspace"}
+    band : (float, float) or None
+        Hz.
+    """
+    from modalscope.preprocess import estimate_frf, estimate_markov
+
+    if route == "frf":
+        record, period = one_record(records, "frequency responses"), _periodic(records)
+        kind = "auto" if period is None else "periodic"
+        note = Note("estimated", {}, "frequency responses were estimated from the records (H1)")
+        return Way(estimate_frf(record, excitation=kind, period=period).in_band(band), note)
+    if route == "markov":
+        note = Note("estimated", {}, "Markov parameters were estimated from the records by an observer (OKID)")
+        return Way(estimate_markov(one_record(records, "Markov parameters")), note)
+    runs = len(records.runs)
+    of = "the record" if runs == 1 else f"{runs} runs"
+    note = Note("records on lines", {"runs": runs}, f"{of} on lines, nothing estimated: inputs and ends are eliminated")
+    return Way(record_spectra(records, band), note)
+
+
+def one_record(records: Records, what: str) -> Signals:
+    """Return runs of one length and the same inputs as one record, or raise.
+
+    Parameters
+    ----------
+    records : Records
+    what : str
+        What is to be made of it.
+    """
+    first = records.runs[0]
+    if len(records.runs) == 1:
+        return first
+    if not _alike(records):
+        raise DataError(
+            f"{what} of {len(records.runs)} runs were asked",
+            "they differ in length or in their inputs",
+            "Use route='records', which takes runs as they are, or cut them alike.",
+        )
+    inputs = None if first.inputs is None else np.stack([np.asarray(run.inputs) for run in records.runs])
+    outputs = np.stack([run.outputs for run in records.runs])
+    return replace(first, outputs=outputs, inputs=inputs, groups=records.groups)
+
+
+def _alike(records: Records) -> bool:
+    """Whether all runs have one length and the same inputs."""
+    return len(set(records.samples)) == 1 and len({run.input_dofs for run in records.runs}) == 1
+
+
+def _periodic(records: Records) -> int | None:
+    """Return the period in samples where forces repeat at least twice after settling, and the responses with them; None else."""
+    from modalscope.preprocess.excitation import find_period
+
+    if not _alike(records):
+        return None
+    try:
+        record = one_record(records, "a period")
+        outputs, inputs = record.by_run()
+        assert inputs is not None
+        period = find_period(inputs, None)
+    except DataError:
+        return None
+    if outputs.shape[1] < (_PERIODS + 1) * period:
+        return None
+    start = outputs.shape[1] - _PERIODS * period
+    first, second = outputs[:, start : start + period], outputs[:, start + period :]
+    apart = np.linalg.norm(second - first) / max(float(np.linalg.norm(second)), 1e-300)
+    return period if apart < 1 - _SETTLED else None

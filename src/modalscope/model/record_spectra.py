@@ -1,0 +1,365 @@
+"""Records on lines: the transforms of whole runs beside the inputs that drove them, judged where no frequency response is estimated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy import fft
+
+from modalscope.model.checks import (
+    Array,
+    ComplexArray,
+    DataError,
+    IntArray,
+    RealArray,
+    check_band,
+    freeze,
+    locked,
+)
+from modalscope.model.driven_basis import DrivenBasis, Run, driven_basis
+from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.notes import Note
+from modalscope.model.poles import to_discrete
+from modalscope.model.record_picture import picture_of
+from modalscope.model.record_residual import excess, excess_notes, pole_notes
+from modalscope.model.records import Records
+from modalscope.model.response import AsLines, AsSamples, Response
+from modalscope.model.statespace import StateSpace
+
+if TYPE_CHECKING:
+    from modalscope.model.modes import ModalModel
+
+__all__ = ["RecordSpectra", "record_spectra"]
+
+#: The degree below which damping is hardly known.
+_LEAST_DEGREE = 8
+
+#: Neighbouring lines on either side that one value of the smoothed spectrum is made of.
+_NEAR = 3
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class RecordSpectra(Response):
+    """Transforms of the outputs on the lines of all runs, one run after the other, beside those of the inputs.
+
+    A model gives Y = D U + sum_j c_j (l_j' U + w_j x) / (x - s_j) + conj: nothing is estimated, and a run may begin and end anywhere.
+
+    Parameters
+    ----------
+    values : array of complex, (F, l, 1)
+        Outputs, divided by the root of the number of samples.
+    frequencies : array, (F,)
+        Hz; increasing within a run.
+    drive : array of complex, (F, m)
+        Inputs; zero where a run has not this input.
+    run : array of int, (F,)
+        Which run each line belongs to.
+    durations : tuple of float
+        Seconds of every run.
+    sampling_rate : float, optional
+        Samples per second, when the inputs were held between samples (z-plane); None for those of a continuous structure.
+    """
+
+    frequencies: RealArray
+    drive: ComplexArray
+    run: IntArray
+    durations: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        freeze(
+            self,
+            **{name: locked(np.asarray(getattr(self, name))) for name in ("values", "frequencies", "drive", "run")},
+        )
+        self._label(self.values.shape[1], self.drive.shape[1])
+
+    @property
+    def origin(self) -> str:
+        """Records."""
+        return "records"
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Lowest and highest line, Hz."""
+        return float(self.frequencies.min()), float(self.frequencies.max())
+
+    @property
+    def grid(self) -> RealArray:
+        """The lines of all runs, Hz, increasing."""
+        return np.unique(self.frequencies)
+
+    @property
+    def held_input(self) -> bool:
+        """Whether the inputs were held between samples."""
+        return self.sampling_rate is not None
+
+    @property
+    def steps_late(self) -> int:
+        """Lines begin at the impulse itself: 0."""
+        return 0
+
+    @property
+    def points(self) -> ComplexArray:
+        """Where the lines lie: exp(j w dt), or j w."""
+        return self._point(self.frequencies)
+
+    def _point(self, frequencies: Array) -> ComplexArray:
+        s = np.asarray(2j * np.pi * frequencies)
+        return s if self.sampling_rate is None else np.exp(s / self.sampling_rate)
+
+    def _in_plane(self, poles: Array) -> ComplexArray:
+        s = np.asarray(poles, dtype=complex)
+        return s if self.sampling_rate is None else to_discrete(s, 1 / self.sampling_rate)
+
+    def runs(self) -> Iterator[Run]:
+        """Yield the lines of every run."""
+        for r in range(len(self.durations)):
+            own = self.run == r
+            x = self.points[own]
+            ends = np.ones_like(x) if self.sampling_rate is None else x
+            yield Run(x, self.values[own, :, 0], self.drive[own], ends)
+
+    def continuous(self) -> RecordSpectra:
+        """Return the same records as those of a continuous structure, measured through filters (s-plane)."""
+        return replace(self, sampling_rate=None)
+
+    def basis(self, poles: Array, powers: tuple[int, ...] = (0,), weights: Array | None = None) -> DrivenBasis:
+        """Return what poles can contribute on the lines of all runs; see `Response.basis`."""
+        return driven_basis(list(self.runs()), self._in_plane(poles))
+
+    @property
+    def eliminated(self) -> tuple[int, int]:
+        """Functions beside the outputs: at most in one run (its inputs and its ends), and of all runs together."""
+        each = [1 + int(np.any(run.inputs, axis=0).sum()) for run in self.runs() if len(run.points)]
+        return max(each), sum(each)
+
+    @property
+    def room(self) -> int:
+        """Largest number of states worth a try: half of the columns that are left at the least degree."""
+        return max((2 * self.count - (_LEAST_DEGREE + 1) * self.eliminated[1]) // 2, 2)
+
+    @property
+    def outside_powers(self) -> tuple[int, ...]:
+        """The direct term alone."""
+        return (0,)
+
+    def named_terms(self, terms: RealArray, powers: tuple[int, ...]) -> dict[str, RealArray | None]:
+        """Return the direct term by name."""
+        return {"feedthrough": terms[0]}
+
+    def derivatives(self, poles: Array) -> RealArray:
+        """Records have no derivative that is the same for all inputs."""
+        raise DataError(
+            "derivatives of functions of poles alone were asked",
+            "in records every pole is driven by all inputs together",
+            "Use those of a frequency response.",
+        )
+
+    def spectrum(self) -> tuple[RealArray, ComplexArray]:
+        """Return lines in Hz and the outputs on them and their neighbours, (F, l, p), whose singular values are a smoothed spectrum's."""
+        parts = []
+        for r in range(len(self.durations)):
+            own = np.flatnonzero(self.run == r)
+            near = np.clip(own[:, None] + np.arange(-_NEAR, _NEAR + 1), own[0], own[-1]) if own.size else own[:, None]
+            parts.append((self.frequencies[own], self.values[near, :, 0].transpose(0, 2, 1) / np.sqrt(near.shape[1])))
+        order = np.argsort(np.concatenate([f for f, _ in parts]), kind="stable")
+        return np.concatenate([f for f, _ in parts])[order], np.concatenate([v for _, v in parts])[order]
+
+    def doubts(
+        self, poles: Array, shapes: Array, participation: Array, terms: Array, trusted: Array
+    ) -> tuple[Note, ...]:
+        """Return what the fit of a model shows: forces that were not measured, noise on the inputs, drift, delay; see `Response.doubts`."""
+        left = self.values[:, :, 0] - self.evaluated(poles, shapes, participation, terms)
+        found = excess(self.frequencies, left, self.values[:, :, 0], poles[trusted], 1 / max(self.durations))
+        return (*excess_notes(found), *pole_notes(self._in_plane(poles), self.sampling_rate, max(self.durations)))
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """What the last axis of the values is: all inputs act together."""
+        return ("all inputs",)
+
+    def picture(self) -> FrequencyResponse:
+        """Return frequency responses H1 of the lines and their neighbours, for the eye alone: nothing is judged on them."""
+        return picture_of(
+            self.frequencies, self.values[:, :, 0], self.drive, {**self.labelled(), "quantity": self.quantity}
+        )
+
+    def energy(self, decay: Array) -> RealArray:
+        """Return T / (2 decay), T the seconds of all runs: the sum of |1 / (j w - s)|^2 over lines that lie 1 / T apart."""
+        return np.asarray(sum(self.durations) / (2 * np.asarray(decay)))
+
+    def driven(self, poles: Array, participation: Array) -> RealArray:
+        """Return the root mean square of what drives each pole on the lines near its frequency, (n,); see `Response.driven`."""
+        rate = self.sampling_rate or 1.0
+        f, half = np.abs(poles.imag) / (2 * np.pi), np.abs(poles.real) / (2 * np.pi)
+        power, count = np.zeros(len(poles)), np.zeros(len(poles))
+        for r, run in enumerate(self.runs()):
+            own = self.frequencies[self.run == r]
+            if not own.size:
+                continue
+            drives = np.hstack([run.inputs, np.zeros((own.size, len(self.durations)))])
+            drives[:, run.inputs.shape[1] + r] = run.ends
+            middle = np.searchsorted(own, f)
+            low = np.clip(np.minimum(np.searchsorted(own, f - half), middle - _NEAR), 0, own.size - 1)
+            high = np.clip(np.maximum(np.searchsorted(own, f + half), middle + _NEAR), low + 1, own.size)
+            for j, (a, b) in enumerate(zip(low, high, strict=True)):
+                power[j] += np.sum(np.abs(drives[a:b, : participation.shape[1]] @ participation[j]) ** 2)
+                count[j] += b - a
+        return np.asarray(rate * np.sqrt(power / np.maximum(count, 1)))
+
+    @property
+    def exact_samples(self) -> bool:
+        """False: records are no samples of a response."""
+        return False
+
+    @property
+    def exact_lines(self) -> bool:
+        """False: records are no lines of a response."""
+        return False
+
+    def as_samples(self) -> AsSamples:
+        """Records are no response; see `estimate_markov`."""
+        raise self._no_response("samples of a response", "route='markov'")
+
+    def as_lines(self) -> AsLines:
+        """Records are no response; see `estimate_frf`."""
+        raise self._no_response("frequency responses", "route='frf'")
+
+    @staticmethod
+    def _no_response(what: str, change: str) -> DataError:
+        return DataError(f"{what} were asked", "the data are records on lines", f"Use {change}.")
+
+    def in_band(self, band: tuple[float, float] | None) -> RecordSpectra:
+        """Return the lines in a band."""
+        if band is None:
+            return self
+        low, high = check_band(band)
+        inside = (self.frequencies >= low) & (self.frequencies <= high)
+        if not inside.any():
+            raise DataError(
+                f"the band {low:g} to {high:g} Hz was asked",
+                f"the lines lie from {self.span[0]:g} to {self.span[1]:g} Hz, none of them inside",
+                "Choose a band that holds lines.",
+            )
+        return replace(
+            self,
+            values=self.values[inside],
+            frequencies=self.frequencies[inside],
+            drive=self.drive[inside],
+            run=self.run[inside],
+        )
+
+    def reported_band(self, band: tuple[float, float] | None) -> tuple[float, float]:
+        """Return the lowest and the highest line: the band has cut them."""
+        return self.span
+
+    def rebuilt_by(self, model: StateSpace) -> RecordSpectra:
+        """Return what a model gives on these lines under the measured inputs, from the first states that fit best."""
+        s = 2j * np.pi * self.frequencies
+        x = s if model.dt is None else np.exp(s * model.dt)
+        values = np.einsum("flm,fm->fl", model.transfer(x), self.drive)
+        states = StateSpace(A=model.A, B=np.eye(model.order), C=model.C, dt=model.dt)
+        for r in range(len(self.durations)):
+            own = self.run == r
+            free = states.transfer(x[own]) * (1.0 if model.dt is None else x[own, None, None])
+            columns, left = free.reshape(-1, model.order), (self.values[own, :, 0] - values[own]).reshape(-1)
+            first = np.linalg.lstsq(
+                np.concatenate([columns.real, columns.imag]), np.concatenate([left.real, left.imag]), rcond=None
+            )[0]
+            values[own] += free @ first
+        return replace(self, values=values[:, :, None])
+
+    def of_modes(self, modes: ModalModel) -> RecordSpectra:
+        """Return what modes give on these lines under the measured inputs, from the first states that fit best."""
+        participation = modes.known_participation("records rebuilt from modes were asked")
+        direct = modes.feedthrough
+        terms = np.zeros((1, self.values.shape[1], self.drive.shape[1])) if direct is None else direct[None]
+        return replace(self, values=self.evaluated(modes.poles, modes.shapes, participation, terms)[:, :, None])
+
+    def evaluated(self, poles: Array, shapes: Array, participation: Array, terms: Array) -> ComplexArray:
+        """Return the outputs (F, l) that shapes (l, n), participation (n, m) or (n, m + R), and D (1, l, m) give.
+
+        Ends that are not given are fitted.
+        """
+        inputs = self.drive.shape[1]
+        if participation.shape[1] == inputs:
+            ends = self.basis(poles).fit_ends(shapes, participation, terms)
+            participation = np.hstack([participation, ends])
+        p, alone = self._in_plane(poles), np.asarray(poles).imag == 0
+        values = np.zeros(self.values.shape[:2], dtype=complex)
+        for r, run in enumerate(self.runs()):
+            x = run.points[:, None]
+            drives = np.hstack([run.inputs, run.ends[:, None]])
+            own = np.hstack([participation[:, :inputs], participation[:, inputs + r, None]])
+            values[self.run == r] = (
+                (drives @ own.T) / (x - p) @ shapes.T
+                + np.where(alone, 0, (drives @ own.conj().T) / (x - p.conj())) @ shapes.conj().T
+                + run.inputs @ terms[0].T
+            )
+        return values
+
+    def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
+        return {"values": self.values[:, outputs], "drive": self.drive[:, inputs]}
+
+
+def record_spectra(records: Records, band: tuple[float, float] | None = None) -> RecordSpectra:
+    """Return the plain transforms of whole runs, cut to a band: no window, no padding, no detrend; 0 Hz and half the rate are left out.
+
+    Parameters
+    ----------
+    records : Records
+        With inputs.
+    band : (float, float), optional
+        Hz.
+
+    Raises
+    ------
+    DataError
+        Records without inputs, or a band that holds no line.
+
+    Notes
+    -----
+    On the lines of a whole run x X = A X + B U + x w with w = (x(0) - x(N)) / sqrt(N), exactly, whatever the run does before and after.
+    """
+    fs, m = records.sampling_rate, len(records.input_dofs)
+    if not m:
+        raise DataError("records on lines were asked", "they have no inputs", "Give the inputs, or use correlations.")
+    parts = []
+    for r, run in enumerate(records.runs):
+        N = run.samples
+        assert run.inputs is not None
+        f = np.arange(1, (N + 1) // 2) * fs / N
+        inside = slice(None) if band is None else (f >= band[0]) & (f <= band[1])
+        U = np.zeros((f.size, m), dtype=complex)
+        U[:, list(records.inputs_of(r))] = _lines(run.inputs)
+        parts.append((f[inside], _lines(run.outputs)[inside], U[inside]))
+    count = [f.size for f, _, _ in parts]
+    if not sum(count):
+        asked = "all lines" if band is None else f"the band {band[0]:g} to {band[1]:g} Hz"
+        raise DataError(
+            f"{asked} of records were asked",
+            f"runs of {', '.join(map(str, records.samples))} samples at {fs:g} Hz have no line there",
+            "Choose a wider band, or measure longer.",
+        )
+    return RecordSpectra(
+        values=np.concatenate([Y for _, Y, _ in parts])[:, :, None],
+        frequencies=np.concatenate([f for f, _, _ in parts]),
+        drive=np.concatenate([U for _, _, U in parts]),
+        run=np.repeat(np.arange(len(parts)), count),
+        durations=tuple(N / fs for N in records.samples),
+        sampling_rate=fs,
+        quantity=records.quantity,
+        output_dofs=records.output_dofs,
+        input_dofs=records.input_dofs,
+        units=records.units,
+        geometry=records.geometry,
+        processing=records.processing,
+    )
+
+
+def _lines(samples: RealArray) -> ComplexArray:
+    """Return the transform without 0 Hz and half the rate, over the root of the number of samples."""
+    N = len(samples)
+    return np.asarray(fft.rfft(samples, axis=0)[1 : (N + 1) // 2] / np.sqrt(N))
