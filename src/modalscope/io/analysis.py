@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.io.arrays import joined
 from modalscope.io.limits import room
 from modalscope.model.analysis import Analysis, SourceFile
 from modalscope.model.checks import Array, DataError
@@ -103,7 +104,7 @@ def _back(value: Any) -> Any:
     if isinstance(value, Mapping):
         if "array" in value:
             real = _numbers(value["array"])
-            return real + 1j * _numbers(value["imag"]) if "imag" in value else real
+            return joined(real, _numbers(value["imag"])) if "imag" in value else real
         return {key: _back(item) for key, item in value.items()}
     if isinstance(value, list):
         return tuple(_back(item) for item in value)

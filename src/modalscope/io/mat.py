@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy import io as sio
 
-from modalscope.io.arrays import INDICATOR, UNREFINED, to_arrays
+from modalscope.io.arrays import INDICATOR, UNREFINED, joined, to_arrays
 from modalscope.io.contents import Contents, Options, Plain
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.hdf5 import DAMAGED
@@ -117,7 +117,7 @@ def _of_dataset(name: str, item: Any, space: Room) -> Array:
         texts = [_text(name, np.asarray(cell[()]), space) if _holds_text(cell) else "" for cell in cells]
         return space.texts(name, texts)
     if values.dtype.names == ("real", "imag"):
-        values = values["real"] + 1j * values["imag"]
+        values = joined(values["real"], values["imag"])
     if values.dtype.kind not in "biufc":
         raise DataError(
             f"reading {name} in {space.where} was asked",
