@@ -21,6 +21,7 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
         identify as identify,
         realize as realize,
     )
+    from modalscope.identification.refine import refine as refine
     from modalscope.identification.sweep import sweep as sweep
     from modalscope.identification.table import methods as methods
     from modalscope.io import read as read, write as write
@@ -66,6 +67,7 @@ _HOMES = {
     "comparing": ("Comparison", "compare"),
     "identification.dwell": ("Dwell", "tuned_dwell"),
     "identification.identify": ("Identification", "identify", "realize"),
+    "identification.refine": ("refine",),
     "identification.sweep": ("sweep",),
     "identification.table": ("methods",),
     "io": ("read", "write"),

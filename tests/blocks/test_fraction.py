@@ -8,7 +8,6 @@ from hypothesis import given, settings, strategies as st
 
 from modalscope import DataError, FrequencyResponse, identify
 from modalscope.blocks.fraction import fraction, trigonometric_sums
-from modalscope.realizations.fraction import denominator
 from tests.support import FIVE, add_noise, match_poles, random_system, relative
 
 seeds = st.integers(0, 2**32 - 1)
@@ -60,7 +59,7 @@ def test_the_reduced_normal_equations_of_every_degree_minimize_the_equation_erro
     for degree in (1, 4, 7):
         expected = plain_denominator(noisy, degree, matrix.base, matrix.interval, w)
         # normal equations square the condition, about 1e4 here
-        assert relative(denominator(matrix, degree), expected) < 1e-7
+        assert relative(matrix.denominator(degree), expected) < 1e-7
 
 
 @given(seeds)

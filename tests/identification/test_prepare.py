@@ -11,6 +11,7 @@ from modalscope import DataError
 from modalscope.identification.prepare import prepare
 from modalscope.identification.table import methods
 from modalscope.model import FrequencyResponse, ImpulseResponse, Signals
+from modalscope.model.record_spectra import RecordSpectra
 from modalscope.preprocess import estimate_correlation, filter_band
 from tests.support import built
 
@@ -53,7 +54,7 @@ def test_the_method_and_its_domain_are_those_that_suit_the_data() -> None:
     assert cell(lines()) == ("alternate", "s")
     assert cell(lines(rate=50.0)) == ("alternate", "z")
     assert cell(records(inputs=False)) == ("alternate", "time")
-    assert cell(records(inputs=True)) == ("alternate", "s")
+    assert cell(records(inputs=True)) == ("alternate", "z")
 
 
 def test_a_method_asked_for_is_taken_in_the_domain_of_the_data_and_a_domain_with_the_default_method() -> None:
@@ -70,8 +71,48 @@ def test_what_suits_is_handed_on_as_it_is() -> None:
         assert (found.records, found.notes) == (None, ())
 
 
-def test_records_with_inputs_become_frequency_responses_of_all_pairs() -> None:
-    found = prepare(records(inputs=True), None, None)
+def test_records_with_inputs_stay_records_on_their_own_lines() -> None:
+    data = records(inputs=True)
+    found = prepare(data, None, None)
+    assert isinstance(found.response, RecordSpectra)
+    assert found.response.values.shape == (1999, 2, 1)  # 4000 samples without 0 Hz and half the rate
+    assert found.options.route == "records"
+    assert prepare([data, data], None, None).response.durations == (80.0, 80.0)
+
+
+@pytest.mark.parametrize(
+    ("method", "domain", "route"),
+    [
+        (None, None, "records"),
+        (None, "s", "records"),
+        ("era", "z", "records"),
+        ("era", "time", "markov"),
+        ("lscf", None, "frf"),
+        ("prce", None, "frf"),
+        ("polymax", None, "frf"),
+        ("ssi-cov", "time", "markov"),
+    ],
+)
+def test_a_method_given_with_a_domain_takes_the_way_that_serves_it(method, domain, route) -> None:  # type: ignore[no-untyped-def]
+    found = prepare(records(inputs=True), method, domain)
+    assert found.options.route == route
+    assert found.method.served_by(route)
+
+
+def test_the_way_can_be_asked_for_and_one_that_ends_nowhere_says_so() -> None:
+    data = records(inputs=True)
+    assert str(prepare(data, route="frf").method) == "alternate (s)"
+    assert str(prepare(data, route="records", domain="s").method) == "alternate (s, records)"
+    with pytest.raises(DataError, match=r"by route='records' was asked, but .* reached by frf"):
+        prepare(data, "lscf", None, route="records")
+    with pytest.raises(DataError, match="not records with inputs"):
+        prepare(samples(), route="records")
+    with pytest.raises(DataError, match="route='recods' was asked"):
+        prepare(data, route="recods")
+
+
+def test_records_with_inputs_become_frequency_responses_of_all_pairs_where_that_is_asked() -> None:
+    found = prepare(records(inputs=True), None, None, route="frf")
     assert isinstance(found.response, FrequencyResponse)
     assert found.response.values.shape[1:] == (2, 3)
     assert found.records is None

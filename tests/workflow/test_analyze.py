@@ -30,7 +30,10 @@ def same(a: ms.ModalModel, b: ms.ModalModel) -> bool:
 
 def test_it_gives_the_modes_of_its_steps(samples: ImpulseResponse) -> None:
     result = ms.analyze(samples)
-    assert same(result.modes, ms.select(ms.stabilize(samples)))
+    selected = ms.select(ms.stabilize(samples))
+    assert same(ms.analyze(samples, refine=False).modes, selected)
+    assert same(result.modes, ms.refine(samples, selected))
+    assert same(result.modes.unrefined, selected)
     assert result.data is samples
     assert len(result.settings) == 1
     assert result.settings[0] is result.diagram.settings

@@ -43,7 +43,11 @@ class RightFactor(Protocol):
 
     @property
     def blocks(self) -> RealArray:
-        """Rows of Q by input, (m, rows, k)."""
+        """Rows of Q by input that are compared, (m, rows, k)."""
+
+    @property
+    def whole(self) -> RealArray:
+        """All rows of Q by input."""
 
 
 @dataclass(frozen=True, eq=False)

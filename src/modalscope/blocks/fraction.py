@@ -19,6 +19,8 @@ import scipy.linalg as sla
 from numpy.typing import ArrayLike
 
 from modalscope.blocks.factor import Factors
+from modalscope.blocks.fraction_influence import fraction_influence
+from modalscope.blocks.influence import LineInfluence
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_count
@@ -171,14 +173,21 @@ class Fraction(DataMatrix):
         return t[:, 0], t[:, 1:cut].reshape(lags, *H.shape[1:]), t[:, cut:].reshape(lags, self.inputs, self.inputs)
 
     @cached_property
+    def lower_triangle(self) -> RealArray:
+        """L with L L' = R, the Gram matrix of the powers."""
+        lag = np.arange(self.degree + 1)
+        return np.linalg.cholesky(self._sums[0][lag[None, :] - lag[:, None] + self.degree])
+
+    @cached_property
     def gram_blocks(self) -> tuple[RealArray, RealArray]:
         """Return T (p+1, m, p+1, m) and U = L^-1 S (p+1, l, p+1, m), from which M of degree k is T - sum_(i <= k) U_i' U_i."""
-        r, s, t = self._sums
+        _, s, t = self._sums
         p, n = self.degree, self.degree + 1
         lag = np.arange(n)[None, :] - np.arange(n)[:, None] + p  # entry (i, j) depends on j - i
-        L = np.linalg.cholesky(r[lag])
         S, T = s[lag], t[lag]  # (n, n, l, m), (n, n, m, m)
-        U = sla.solve_triangular(L, S.transpose(0, 2, 1, 3).reshape(n, -1), lower=True, check_finite=False)
+        U = sla.solve_triangular(
+            self.lower_triangle, S.transpose(0, 2, 1, 3).reshape(n, -1), lower=True, check_finite=False
+        )
         return T.transpose(0, 2, 1, 3), U.reshape(n, s.shape[1], n, self.inputs)
 
     @cached_property
@@ -193,6 +202,29 @@ class Fraction(DataMatrix):
             running -= rows.T @ rows
             found.append(running[: (k + 1) * m, : (k + 1) * m].copy())
         return tuple(found)
+
+    def denominator(self, degree: int) -> RealArray:
+        """Return A_1, ..., A_p stacked, (p m, m), for A_0 = I: the minimum of the quadratic form of M.
+
+        With the lowest coefficient fixed, what no mode explains goes to roots outside the unit circle: unstable poles,
+        told by their sign.
+        """
+        return self.solved(degree, -self.gram_matrices[degree][self.inputs :, : self.inputs])
+
+    def solved(self, degree: int, target: Array) -> Array:
+        """Return M_in^-1 X of one degree, M without the rows and columns of A_0."""
+        inner = self.gram_matrices[degree][self.inputs :, self.inputs :]
+        try:
+            return np.asarray(sla.cho_solve(sla.cho_factor(inner, check_finite=False), target, check_finite=False))
+        except sla.LinAlgError:  # singular to rounding: data without noise, more degrees than modes
+            return np.asarray(np.linalg.lstsq(inner, target, rcond=inner.shape[0] * np.finfo(float).eps)[0])
+
+    def influence(self, left: Array, right: Array, every: int = 1) -> LineInfluence:
+        """Return the gradient of left_j dA right_j, A = [A_1; ...; A_p] of the degree that the length of the rows says.
+
+        See `modalscope.blocks.fraction_influence`.
+        """
+        return fraction_influence(self, left, right, every)
 
     @cached_property
     def factors(self) -> Factors:

@@ -13,10 +13,11 @@ import numpy as np
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.hankel import Hankel
+from modalscope.blocks.influence import SampleInfluence
 from modalscope.blocks.operators import DenseMatrix
 from modalscope.blocks.shift import RowShift
 from modalscope.blocks.side import Side
-from modalscope.model.checks import Array, DataError, RealArray
+from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray
 
 __all__ = ["GeneralHankel"]
 
@@ -74,6 +75,20 @@ class GeneralHankel(Hankel):
         whole = self.rows.whole
         return RowShift(block=self.values.shape[1], before=before, after=after, weight=side.weights, whole=whole)
 
+    def pencil(self, left: Array, values: Array, *, tall: bool) -> ComplexArray:
+        """Return L_j on the rows of whole consecutive blocks, of which the matrix has some."""
+        if tall:
+            entries = self._tall_rows.entries
+            return _scattered(self.row_shift.pencil(left, values, entries.shape[1]), entries, self.values.shape[1])
+        F, entries = self.rows.taken_back(left), self.rows.entries
+        both = np.hstack([entries, entries + np.array([[1], [0]])])
+        return _scattered(np.hstack([-np.asarray(values)[:, None] * F, F]), both, self.values.shape[1])
+
+    def influence(self, left: Array, right: Array, every: int = 1) -> SampleInfluence:
+        """Return the gradient; columns are taken back to whole consecutive blocks first."""
+        v = _scattered(self.columns.taken_back(right.T), self.columns.entries, self.values.shape[2])
+        return super().influence(left, v.T, every)
+
     def row_blocks(self, P: Array) -> RealArray | None:
         """Return a left factor (rows, k) by block rows, (blocks, l', k); None where the blocks are not whole."""
         return super().row_blocks(P) if self.rows.structured else None
@@ -101,3 +116,10 @@ class GeneralHankel(Hankel):
             w = self.columns.weights
             return factors.Q[:inputs] if w is None else factors.Q[:inputs] / w[:inputs, None]
         return self._first_columns_from(factors)
+
+
+def _scattered(rows: Array, entries: IntArray, channels: int) -> ComplexArray:
+    """Return rows (k, entries) summed into whole blocks by shift and channel, (k, channels x blocks)."""
+    blocks = np.zeros((int(entries[0].max()) + 1, channels, len(rows)), dtype=complex)
+    np.add.at(blocks, (entries[0], entries[1]), rows.T)
+    return np.ascontiguousarray(blocks.reshape(-1, len(rows)).T)

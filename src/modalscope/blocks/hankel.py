@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from modalscope.blocks.compression import adds_channels
 from modalscope.blocks.factor import Factors
+from modalscope.blocks.influence import SampleInfluence, convolved
 from modalscope.blocks.layout import block_shifts
 from modalscope.blocks.matrix import DataMatrix, Evolved
 from modalscope.blocks.operators import BlockHankel, Operator
@@ -208,6 +209,16 @@ class Hankel(DataMatrix):
         tall = factors.P.shape[0] != self.rows.size
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(self.first_block_column(tall=tall).T @ factors.P / factors.d)
+
+    def influence(self, left: Array, right: Array, every: int = 1) -> SampleInfluence:
+        """Return g_j[t] = sum_(a + b = t) L_j[a] (x) v_j[b], with what was combined within blocks taken back to the channels."""
+        _, rows, columns = self.values.shape
+        L, v = left.reshape(len(left), -1, rows), right.T.reshape(len(left), -1, columns)
+        if self.rows.within is not None:
+            L = L @ self.rows.within
+        if self.columns.within is not None:
+            v = v @ self.columns.within
+        return SampleInfluence((convolved(L, v),))
 
     def to_s(self, poles: Array) -> ComplexArray:
         """Continuous poles ln(z) fs, rad/s."""

@@ -138,6 +138,18 @@ class RowsOnLines(DataMatrix):
                 "Use method='era' or 'least_squares', or leave row_shifts out.",
             )
 
+    def pencil(self, left: Array, values: Array, *, tall: bool) -> ComplexArray:
+        """Return L_j on all q + 1 block rows, of which H(0) may keep some."""
+        F = np.zeros((len(left), self.outputs * self.block_rows), dtype=complex)
+        F[:, self.kept_rows] = left
+        return self.full_shift.pencil(F, values, self.outputs * (self.block_rows + 1))
+
+    def right_vectors(self, factors: Factors, coefficients: Array) -> ComplexArray:
+        """Return v_j over the lines (m, 2 F, k), of every input."""
+        if factors.right is None:
+            self._has_no("right factor over lines")
+        return np.asarray(factors.right.whole[:, :, : len(coefficients)] @ coefficients)
+
     def row_blocks(self, P: Array) -> RealArray | None:
         """Return a left factor (rows, k) by block rows, (blocks, l, k); None where it is that of fewer rows than H(0) has."""
         return None if P.shape[0] < self.block_rows * self.outputs else P.reshape(-1, self.outputs, P.shape[1])
@@ -242,14 +254,19 @@ class LineColumns:
     matrix: LineMatrix
     factors: Factors
 
-    @cached_property
+    @property
     def blocks(self) -> RealArray:
-        """Rows of Q (m, 2 F', k) of every input."""
+        """Rows of Q (m, 2 F', k) of every input, on the lines that are compared."""
+        return self.whole[:, self.matrix.both_parts]
+
+    @cached_property
+    def whole(self) -> RealArray:
+        """Rows of Q (m, 2 F, k) of every input."""
         matrix, factors = self.matrix, self.factors
         n = max(min(factors.rank, factors.d.size), 1)
         rows = factors.P.shape[0]
         everything = rows == matrix.outputs * (matrix.block_rows + 1)
         kept = np.arange(rows) if everything else matrix.kept_rows
         back = factors.P[:, :n] / factors.d[:n]
-        lines = matrix.both_parts
-        return np.stack([matrix.columns_array(i)[lines][:, kept] @ back for i in range(matrix.inputs)])
+        pick = slice(None) if kept.size == matrix.triangle.shape[0] else kept
+        return np.stack([matrix.columns_array(i)[:, pick] @ back for i in range(matrix.inputs)])

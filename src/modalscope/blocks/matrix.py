@@ -9,6 +9,7 @@ from typing import NoReturn
 import numpy as np
 
 from modalscope.blocks.factor import Factors
+from modalscope.blocks.influence import Influence
 from modalscope.blocks.operators import Operator
 from modalscope.blocks.shift import RowShift
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
@@ -117,6 +118,49 @@ class DataMatrix(ABC):
     def with_columns(self, factors: Factors) -> Factors:
         """The factors with what the indicators need of the columns, where these are not Q itself."""
         return factors
+
+    # ---------------------------------------------------------------------------------------------------------- influence
+    def pencil(self, left: Array, values: Array, *, tall: bool) -> ComplexArray:
+        """Return L_j with L_j dH = F_j (dH(1) - x_j dH(0)), one row on the whole matrix a pole: (k, rows).
+
+        Parameters
+        ----------
+        left : array, (k, rows of H(0))
+            F_j.
+        values : array of complex, (k,)
+            x_j, eigenvalues.
+        tall : bool
+            Whether F_j lies on the rows that E0 selects of `tall()`, without weights, and not on those of `shifted(0)`.
+        """
+        return self.row_shift.pencil(left, values, self.tall().shape[0])
+
+    def right_vectors(self, factors: Factors, coefficients: Array) -> ComplexArray:
+        """Return columns v_j of the matrix from their coefficients in the factors' own, Q X.
+
+        Parameters
+        ----------
+        factors : Factors
+        coefficients : array, (n, k)
+        """
+        return np.asarray(factors.Q[:, : len(coefficients)] @ coefficients)
+
+    def influence(self, left: Array, right: Array, every: int = 1) -> Influence:
+        """Return the gradient of left_j dH right_j by the response: the adjoint of what makes the matrix of the response.
+
+        Parameters
+        ----------
+        left : array, (k, rows)
+            As `pencil` gives them.
+        right : array
+            As `right_vectors` gives them.
+        every : int
+            Where columns are lines: every so manieth is used, and stands for its neighbours.
+        """
+        self._has_no("way back to the response")
+
+    def as_measured(self, influence: Influence) -> Influence:
+        """Return the gradient by the response as it was measured, from that of the matrix that was factored."""
+        return influence
 
     # ---------------------------------------------------------------------------------------------------- poles and modes
     @abstractmethod

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from modalscope.model.checks import ComplexArray, DataError, RealArray, check_choice
 
-__all__ = ["basis_on", "evaluate", "orthogonal_basis", "remainders"]
+__all__ = ["basis_on", "both_sums", "evaluate", "orthogonal_basis", "remainders"]
 
 
 def orthogonal_basis(
@@ -78,6 +78,20 @@ def evaluate(recurrence: RealArray, first: float, points: ArrayLike) -> ComplexA
         for k in range(degree):
             values[k + 1] = (x * values[k] - recurrence[: k + 1, k] @ values[: k + 1]) / recurrence[k + 1, k]
     return values
+
+
+def both_sums(basis: ComplexArray, coefficients: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    """Return sum_k c_k p_k and sum_k c_k p_k* at the points, each (j, F, o), by four real products for both.
+
+    Parameters
+    ----------
+    basis : array of complex, (F, q + 1)
+    coefficients : array of complex, (j, q + 1, o)
+    """
+    p, q = np.ascontiguousarray(basis.real), np.ascontiguousarray(basis.imag)
+    c, d = np.ascontiguousarray(coefficients.real), np.ascontiguousarray(coefficients.imag)
+    pc, qd, pd, qc = p @ c, q @ d, p @ d, q @ c
+    return (pc - qd) + 1j * (pd + qc), (pc + qd) + 1j * (pd - qc)
 
 
 def basis_on(

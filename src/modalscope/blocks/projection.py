@@ -11,12 +11,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy.linalg as sla
 from numpy.lib.stride_tricks import sliding_window_view
 
+from modalscope.blocks.influence import SampleInfluence, convolved
 from modalscope.blocks.sample_rows import SampleRows
 from modalscope.blocks.sums import TriangleSum
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
-from modalscope.model.checks import DataError, IntArray, RealArray, check_count
+from modalscope.model.checks import Array, DataError, IntArray, RealArray, check_count
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.labels import DofLike, indices_of
 from modalscope.model.signals import Signals
@@ -168,18 +170,36 @@ class Projection(SampleRows):
                 yield np.hstack([before.reshape(count, -1), part[:, p:].reshape(count, -1)])
 
     @cached_property
-    def future(self) -> RealArray:
-        """[L21, L22] (l (q + 1), r p + l (q + 1)): the future in the coordinates of the past and of what it does not predict."""
+    def _both(self) -> RealArray:
+        """[[L11, 0], [L21, L22]], the past above the future."""
         total = TriangleSum(self.rows)
         for chunk in self._chunks():
             total.add(chunk)
-        R = total.finish()
-        return np.asarray(R[:, self.past :].T / np.sqrt(self.columns), order="C")
+        return np.asarray(total.finish().T / np.sqrt(self.columns), order="C")
+
+    @property
+    def past_triangle(self) -> RealArray:
+        """L11 (r p, r p), lower triangular: the past's own covariance is L11 L11'."""
+        return self._both[: self.past, : self.past]
+
+    @property
+    def future(self) -> RealArray:
+        """[L21, L22] (l (q + 1), r p + l (q + 1)): the future in the coordinates of the past and of what it does not predict."""
+        return self._both[self.past :]
 
     @cached_property
     def triangle(self) -> RealArray:
         """L21 (l (q + 1), r p): the projection times an orthonormal matrix, its exact stand-in, from runs and times in turn."""
         return np.ascontiguousarray(self.future[:, : self.past])
+
+    def influence(self, left: Array, right: Array, every: int = 1) -> SampleInfluence:
+        """Return the gradient by the correlation: L21 = R L11^-T with blocks R(a + b + 1), and what L11 changes stays in the range."""
+        v = sla.solve_triangular(self.past_triangle, right, lower=True, trans="T", check_finite=False).T
+        L = left.reshape(len(left), -1, self.outputs)
+        past = v.reshape(len(left), self.past_blocks, self.references.size)
+        columns = np.zeros((*past.shape[:2], self.judged.values.shape[2]), dtype=complex)
+        columns[:, :, self.references] = past
+        return SampleInfluence((convolved(L, columns),))
 
     @property
     def dt(self) -> float:

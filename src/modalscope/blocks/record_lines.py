@@ -11,13 +11,15 @@ polynomials are those of the lines of all runs together: the left factor [C p_0(
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as sla
 
+from modalscope.blocks.factor import Factors
 from modalscope.blocks.plane import Plane, plane_of
 from modalscope.blocks.polynomial_rows import PolynomialRows
 from modalscope.blocks.polynomials import orthogonal_basis
@@ -76,11 +78,12 @@ def record_lines(spectra: RecordSpectra, *, domain: str, block_rows: int, order:
 
 
 class _Left(NamedTuple):
-    """What the elimination leaves of one run: its triangular factor, transposed, and the rank that was eliminated."""
+    """What the elimination leaves of one run: its triangular factor, transposed, the rank that went, and the coefficients taken off."""
 
     rows: RealArray
     rank: int
     given: int
+    taken_off: RealArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +96,7 @@ class RecordLines(PolynomialRows):
     recurrence: RealArray
     output_scale: RealArray
     row_shifts: tuple[int, ...] | None = None
+    weights: RealArray | None = None
 
     @property
     def judged(self) -> RecordSpectra:
@@ -128,35 +132,60 @@ class RecordLines(PolynomialRows):
 
         The triangular factor of [eliminated, outputs] stands in for the lines; the rank of its first columns is seen on it.
         """
+        terms = 1 + int(np.sum(np.any(run.inputs, axis=0)))
+        total = TriangleSum((terms + self.outputs) * self.basis.shape[1])
+        for _, columns in self._columns(r, run):
+            total.add(columns)
+        R = total.finish()
+        given = terms * self.basis.shape[1]
+        known = R[:, :given]
+        size = np.linalg.norm(known, axis=0)
+        size = np.where(size > 0, size, 1)
+        Q, T, order = sla.qr(known / size, pivoting=True, check_finite=False)
+        diagonal = np.abs(np.diag(T))
+        floor = _ROUNDING * max(R.shape) * np.finfo(float).eps
+        rank = int(np.count_nonzero(diagonal > floor * diagonal[0]))
+        taken_off = np.zeros((given, R.shape[1] - given))
+        seen = Q[:, :rank].T @ R[:, given:]
+        taken_off[order[:rank]] = sla.solve_triangular(T[:rank, :rank], seen, check_finite=False)
+        return _Left(np.asarray(Q[:, rank:].T @ R[:, given:]), rank, given, taken_off / size[:, None])
+
+    def _columns(self, r: int, run: Run) -> Iterator[tuple[slice, RealArray]]:
+        """Yield [p_j, p_j U, p_j Y] of a run, some lines at a time, real parts above imaginary ones."""
         driving = run.inputs[:, np.any(run.inputs, axis=0)]
         driving = driving / np.maximum(np.sqrt(np.mean(np.abs(driving) ** 2, axis=0)), 1e-300)
         factors = np.hstack([np.ones((len(run.points), 1)), driving, run.outputs / self.output_scale])
         basis = self.basis[self.response.run == r]
         terms, wide = (1 + driving.shape[1]), factors.shape[1] * basis.shape[1]
-        total = TriangleSum(wide)
         step = max(_CHUNK * wide // 2, 1)
         for start in range(0, len(basis), step):
             s = slice(start, start + step)
             head = factors[s, :terms, None] * basis[s, None, :]
             tail = basis[s, :, None] * factors[s, None, terms:]
             columns = np.hstack([head.reshape(len(head), -1), tail.reshape(len(tail), -1)])
-            total.add(np.vstack([columns.real, columns.imag]))
-        R = total.finish()
-        given = terms * basis.shape[1]
-        known = R[:, :given]
-        size = np.linalg.norm(known, axis=0)
-        Q, T, _ = sla.qr(known / np.where(size > 0, size, 1), pivoting=True, check_finite=False)
-        diagonal = np.abs(np.diag(T))
-        floor = _ROUNDING * max(R.shape) * np.finfo(float).eps
-        rank = int(np.count_nonzero(diagonal > floor * diagonal[0]))
-        return _Left(np.asarray(Q[:, rank:].T @ R[:, given:]), rank, given)
+            yield s, np.vstack([columns.real, columns.imag])
+
+    def on_lines(self, rows: RealArray) -> RealArray:
+        """Return H' X of the matrix over the lines, (2 F, k), inputs and ends eliminated: X (l (q + 1), k)."""
+        found = np.zeros((2, self.response.count, rows.shape[1]))
+        there = [(r, run) for r, run in enumerate(self.response.runs()) if len(run.points)]
+        for (r, run), part in zip(there, self.parts, strict=True):
+            weights = np.vstack([-part.taken_off @ rows, rows])
+            own = np.flatnonzero(self.response.run == r)
+            for s, columns in self._columns(r, run):
+                found[:, own[s]] = (columns @ weights).reshape(2, -1, rows.shape[1])
+        return found.reshape(-1, rows.shape[1])
+
+    def with_columns(self, factors: Factors) -> Factors:
+        """Return the factors with their rows of Q over the lines, for when they are asked."""
+        return replace(factors, right=RecordColumns(self, factors))
 
     def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
         """Return shapes from all block rows; participation of inputs and ends, and D, by least squares over the records' lines."""
         shapes = self.shapes(model.row_states(eigen.vectors), eigen.values)
         basis = self.response.basis(self.to_s(eigen.values))
         participation, terms = basis.fit_participation(shapes)
-        return ModalFit(shapes, participation, terms, reach=basis.reach)
+        return ModalFit(shapes, participation, terms, reach=basis.reach, basis=basis)
 
     def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> tuple[Array, Array]:
         """Return the records' lines and what the modes give on them, from the first states that fit best."""
@@ -183,3 +212,33 @@ class RecordLines(PolynomialRows):
             f"records of {of} on {self.response.count} lines, {low:g} to {high:g} Hz, polynomials to degree {self.block_rows} "
             f"({self.plane.name}); inputs and ends eliminated"
         )
+
+
+@dataclass(frozen=True, eq=False)
+class RecordColumns:
+    """The right factor over the lines of all runs, computed when it is first asked for.
+
+    Parameters
+    ----------
+    matrix : RecordLines
+    factors : Factors
+        Of the triangular stand-in.
+    """
+
+    matrix: RecordLines
+    factors: Factors
+
+    @property
+    def blocks(self) -> RealArray:
+        """Rows of Q (1, 2 F, k), all of them."""
+        return self.whole
+
+    @cached_property
+    def whole(self) -> RealArray:
+        """Rows of Q (1, 2 F, k)."""
+        matrix, factors = self.matrix, self.factors
+        n = max(min(factors.rank, factors.d.size), 1)
+        rows = np.zeros((matrix.outputs * (matrix.block_rows + 1), n))
+        kept = np.arange(len(rows)) if len(factors.P) == len(rows) else matrix.kept_rows
+        rows[kept] = factors.P[:, :n] / factors.d[:n]
+        return matrix.on_lines(rows)[None]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modalscope.model.checks import Array, IntArray, RealArray
+from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
 
 __all__ = ["RowShift"]
 
@@ -59,6 +59,29 @@ class RowShift:
         blocks = V.reshape(h.shape[0], self.block, -1)
         combined = np.tensordot(h.T, blocks, axes=1).reshape(h.shape[1] * self.block, -1)
         return V[: h.shape[1] * self.block], combined
+
+    def pencil(self, left: Array, values: Array, rows: int) -> ComplexArray:
+        """Return L_j = F_j E1 - x_j F_j E0 on the rows that E0 and E1 were given, (k, rows), without weights or mixing.
+
+        Parameters
+        ----------
+        left : array, (k, rows of E0)
+            F_j, one a row.
+        values : array of complex, (k,)
+            x_j.
+        rows : int
+        """
+        F, x = np.asarray(left), np.asarray(values)[:, None]
+        L = np.zeros((len(F), rows), dtype=complex)
+        if self.recurrence is None:
+            L[:, self.after] = F
+            L[:, self.before] -= x * F
+            return L
+        h = self.recurrence
+        blocks = F.reshape(len(F), h.shape[1], self.block)
+        L += np.einsum("ki,fio->fko", h, blocks).reshape(len(F), -1)
+        L[:, : F.shape[1]] -= x * F
+        return L
 
 
 def _rows(V: Array, index: IntArray) -> RealArray:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from modalscope.blocks.influence import LineInfluence, Outer, SampleInfluence, convolved
 from modalscope.blocks.lines import LineMatrix, kept_block_rows, real_columns
 from modalscope.blocks.shift import RowShift
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
@@ -196,6 +197,36 @@ class Shifted(LineMatrix):
     def evolution(self, poles: Array, blocks: int) -> ComplexArray:
         """Return z^k."""
         return np.asarray(np.asarray(poles)[None, :] ** self.block_indices(blocks)[:, None], dtype=complex)
+
+    def influence(self, left: Array, right: Array, every: int = 1) -> SampleInfluence | LineInfluence:
+        """Return the gradient: right vectors go back from lines to the window's samples, where they meet the rows as in a Hankel matrix.
+
+        Where lines were measured the gradient is that by the lines, through their inverse transform.
+        """
+        real, imaginary = (part.transpose(2, 1, 0) for part in np.split(right, 2, axis=1))
+        w = (self.line_weights / np.sqrt(self.window) / 2)[:, None]
+        spectrum = np.zeros((len(left), self.window, self.inputs), dtype=complex)
+        spectrum[:, self.used] += w * (real + 1j * imaginary)
+        spectrum[:, -self.used % self.window] += w * (real - 1j * imaginary)
+        columns = self.window * np.fft.ifft(spectrum, axis=1)
+        L = left.reshape(len(left), -1, self.outputs)
+        if isinstance(self.response, FrequencyResponse):
+            return self._by_lines(L, columns)
+        return SampleInfluence((convolved(L, columns),))
+
+    def _by_lines(self, rows: ComplexArray, columns: ComplexArray) -> LineInfluence:
+        """Return the gradient by the lines: sample k is Re sum_f c_f H_f exp(j (k + 1) angle_f) / M, c = 1 at the ends and 2 between."""
+        length = len(self.samples) + 1
+        lines = np.arange(self.response.count)
+        g = convolved(rows, columns, length)
+        share = np.where((lines == 0) | (2 * lines == length), 1.0, 2.0) / (2 * length)
+        turn = (share * np.exp(2j * np.pi * lines / length))[:, None]
+        back = -lines % length
+        direct, mirrored = (
+            Outer(g.left[:, back], g.right[:, back] * turn),
+            Outer(g.left[:, lines], g.right[:, lines] * turn.conj()),
+        )
+        return LineInfluence((direct,), (mirrored,), lines)
 
     def transformed(self, values: Array) -> ComplexArray:
         """Return Y_0 of samples on the lines used, (F, l, m): what the fit of B is made to and judged on."""

@@ -78,6 +78,11 @@ class Side:
         weighted = rows if self.weights is None else rows * self.weights[:, None]
         return np.asarray(weighted if self.over is None else self.over @ weighted)
 
+    def taken_back(self, left: Array) -> Array:
+        """Return X (k, size) on the rows before they were weighted and combined: the transpose of `apply`."""
+        before = left if self.over is None else left @ self.over
+        return before if self.weights is None else before * self.weights
+
 
 def side_of(
     name: str,

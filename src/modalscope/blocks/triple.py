@@ -8,6 +8,7 @@ import numpy as np
 
 from modalscope.blocks.factor import Factors
 from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.modal_basis import ModalBasis
 
 __all__ = ["Eigen", "ModalFit", "Triple", "inverse_vectors"]
 
@@ -50,6 +51,8 @@ class ModalFit:
         Powers of the relative frequency j f / f_max that the terms are factors of.
     reach : array, (k,), optional
         Norm of each mode's function over the lines.
+    basis : ModalBasis, optional
+        What it was fitted with, where it is dear to make and small to keep.
     """
 
     shapes: ComplexArray
@@ -57,6 +60,7 @@ class ModalFit:
     terms: RealArray
     powers: tuple[int, ...] = (0,)
     reach: RealArray | None = None
+    basis: ModalBasis | None = None
 
 
 @dataclass(frozen=True, eq=False)

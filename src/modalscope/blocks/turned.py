@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from modalscope.blocks.hankel import Hankel, fit_of_samples
+from modalscope.blocks.influence import Influence
 from modalscope.blocks.matrix import DataMatrix, Evolved
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, ComplexArray
@@ -73,6 +74,10 @@ class TurnedHankel(DataMatrix):
     def model(self, triple: Triple) -> Triple:
         """Return the model with inputs and outputs in their own places."""
         return triple.dual()
+
+    def as_measured(self, influence: Influence) -> Influence:
+        """Return the gradient by the response as it was measured."""
+        return influence.transposed()
 
     def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
         """Return shapes C X and participation X^-1 B, referred to the impulse."""

@@ -13,7 +13,7 @@ from modalscope.identification.method import Problem
 from modalscope.identification.options import AllOptions, Options
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
-from modalscope.identification.sweep import cut_order
+from modalscope.identification.sweep import Sweep
 from modalscope.modal.eigenmodes import split_extraneous, state_space
 from modalscope.modal.rebuilt import fit_error
 from modalscope.model.checks import ComplexArray, RealArray, check_count
@@ -79,7 +79,7 @@ class Identification:
         return self.response.rebuilt_by(self.state_space)
 
 
-@named(AllOptions.__annotations__, ("largest_order",))
+@named(AllOptions.__annotations__, ("largest_order", "deviations"))
 @one_thread
 def identify(
     data: Any,
@@ -88,14 +88,15 @@ def identify(
     domain: str | None = None,
     order: int | None = None,
     largest_order: int = 60,
+    deviations: bool = True,
     **options: Unpack[AllOptions],
 ) -> Identification:
     """Identify a structure by one cell of the table of methods, at one order.
 
     Parameters
     ----------
-    data : FrequencyResponse, ImpulseResponse or Signals
-        Records with inputs are turned into frequency responses first, records without into correlations.
+    data : FrequencyResponse, ImpulseResponse, Signals, Records or a list of records
+        Records with inputs are taken on their own lines, or by another `route`; records without are turned into correlations first.
     method : str, optional
         A row of the table (`methods()`): "era", "polyreference", "alternate", "least_squares", ..., or a name from the literature such
         as "ssi-cov" or "polymax". By default "alternate" for frequency responses and records, "era" for impulse responses.
@@ -106,10 +107,15 @@ def identify(
         degree of the polynomials, 30 by default.
     largest_order : int, optional
         How many singular values are looked at when no order is given; 60 by default.
+    deviations : bool
+        Whether standard deviations of the poles are wanted.
     band : (float, float), optional
         Lowest and highest frequency in Hz that is used.
     exclude : labels, optional
         Channels to leave out.
+    route : {"auto", "records", "frf", "markov", "subspace"}, optional
+        The way from records with inputs: on their own lines, by estimated frequency responses, by an observer (OKID), or projected on
+        their past. By default what serves the method, and of several ways the one that suits the records.
     block_rows, block_columns : int, optional
         Blocks of H(0); on lines block_rows is the degree of the polynomials and columns are lines.
     form : {"observable", "controllable", "smaller"}, optional
@@ -155,7 +161,7 @@ def identify(
         choice = problem.method.orders.choose(largest, partial(_factored, problem))
         order, chosen = choice.order, choice.notes
     pipeline = factor(problem, order)
-    return assemble(pipeline, order, chosen)
+    return assemble(pipeline, order, chosen, deviations=deviations)
 
 
 def _factored(problem: Problem, largest: int) -> tuple[DataMatrix, Factors]:
@@ -163,7 +169,7 @@ def _factored(problem: Problem, largest: int) -> tuple[DataMatrix, Factors]:
     return pipeline.matrix.observable, pipeline.factors
 
 
-@named(AllOptions.__annotations__, ("largest_order",))
+@named(AllOptions.__annotations__, ("largest_order", "deviations"))
 def realize(
     data: Any, *, method: str | None = None, domain: str | None = None, order: int | None = None, **options: Any
 ) -> StateSpace:
@@ -177,7 +183,9 @@ def realize(
     return identify(data, method=method, domain=domain, order=order, **options).state_space
 
 
-def assemble(pipeline: Pipeline, order: int, chosen: tuple[Note, ...] = ()) -> Identification:
+def assemble(
+    pipeline: Pipeline, order: int, chosen: tuple[Note, ...] = (), *, deviations: bool = True
+) -> Identification:
     """Wrap one cut: the model itself, what it leaves of the data, and modes told from extraneous poles.
 
     Parameters
@@ -186,8 +194,11 @@ def assemble(pipeline: Pipeline, order: int, chosen: tuple[Note, ...] = ()) -> I
     order : int
     chosen : tuple of Note
         Why this order.
+    deviations : bool
+        Whether standard deviations of the poles are wanted.
     """
-    cut = cut_order(pipeline, order)
+    found = Sweep(pipeline, [order], deviations=deviations)
+    cut = found.cut(order)
     model = state_space(pipeline.matrix, cut.triple, cut.modal)
     measured, rebuilt = pipeline.matrix.compared(model, cut.modal.poles, cut.modal.fit)
     error, by_channel = fit_error(measured, rebuilt)
@@ -210,5 +221,5 @@ def assemble(pipeline: Pipeline, order: int, chosen: tuple[Note, ...] = ()) -> I
         fit_error_by_channel=by_channel,
         response=pipeline.response,
         settings=pipeline.settings,
-        notes=(*pipeline.notes, *chosen, *told),
+        notes=(*pipeline.notes, *chosen, *told, *found.told([cut])),
     )

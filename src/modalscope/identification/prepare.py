@@ -13,7 +13,7 @@ from modalscope.identification.method import Method, Problem, Takes
 from modalscope.identification.options import ROUTES, AllOptions, Options
 from modalscope.identification.routes import USUAL, by_route, chosen_route, one_record
 from modalscope.identification.table import find_method, methods
-from modalscope.model.checks import DataError, check_band, check_choice, check_kind
+from modalscope.model.checks import DataError, check_band, check_choice, check_kind, check_size
 from modalscope.model.errors import check_option_names
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
@@ -135,10 +135,9 @@ def _measured(data: Any, band: tuple[float, float] | None, asked: _Asked) -> Mea
 
 @_measured.register
 def _(data: Response, band: tuple[float, float] | None, asked: _Asked) -> Measured:
-    row, domain = _USUAL.get(data.origin, ("era", "time"))
-    return Measured(
-        data.in_band(band), None, type(data).__name__, row, "z" if data.held_input and domain == "s" else domain
-    )
+    check_size("responses", np.swapaxes(data.values, 1, 2), data.output_dofs)
+    row, domain = _USUAL.get((data.origin, data.held_input), ("era", "time"))
+    return Measured(data.in_band(band), None, type(data).__name__, row, domain)
 
 
 @_measured.register
@@ -150,6 +149,10 @@ def _(data: Signals, band: tuple[float, float] | None, asked: _Asked) -> Measure
 def _(data: Records, band: tuple[float, float] | None, asked: _Asked) -> Measured:
     from modalscope.preprocess import estimate_correlation, filter_band
 
+    for run in data.runs:
+        check_size("records", run.outputs, run.output_dofs)
+        if run.inputs is not None:
+            check_size("records", run.inputs, run.input_dofs)
     if data.input_dofs:
         route = chosen_route(data, asked.method, asked.domain, asked.route)
         response, note = by_route(data, route, band)
@@ -163,8 +166,9 @@ def _(data: Records, band: tuple[float, float] | None, asked: _Asked) -> Measure
     )
 
 
-#: Row and domain that are taken when none is asked, by where a response came from; impulse responses "era", time.
-_USUAL = {"lines": ("alternate", "s")}
+#: Row and domain that are taken when none is asked, by where a response came from and whether its input was held; impulse responses
+#: "era", time.
+_USUAL = {("lines", False): ("alternate", "s"), ("lines", True): ("alternate", "z")}
 
 
 def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem:

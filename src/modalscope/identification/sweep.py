@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,8 @@ from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
 from modalscope.model.poles import frequencies_and_damping
 from modalscope.model.response import output_scale
+from modalscope.uncertainty.deviations import Deviations, deviations_of, unknowns_a_channel
+from modalscope.uncertainty.noise import Noise, Unknown, noise_of, residual_variance
 
 __all__ = ["Cut", "Sweep", "cut_order", "sweep"]
 
@@ -45,8 +47,8 @@ class Cut:
     indicators : mapping of name to array (k,)
     misfit : float
         norm(measured - rebuilt) / norm(measured) over the data, each output divided by its root mean square.
-    std : mapping, optional
-        Standard deviations, where they were asked.
+    std : Deviations, optional
+        Standard deviations of the reported poles, where they were asked.
     """
 
     order: int
@@ -56,53 +58,85 @@ class Cut:
     reported: IntArray
     indicators: Mapping[str, RealArray]
     misfit: float
-    std: Mapping[str, RealArray] | None = None
+    std: Deviations | None = None
 
 
-def cut_order(pipeline: Pipeline, order: int) -> Cut:
+def cut_order(pipeline: Pipeline, order: int, *, deviations: bool = True) -> Cut:
     """Cut one order out of a pipeline and judge it.
 
     Parameters
     ----------
     pipeline : Pipeline
     order : int
+    deviations : bool
+        Whether standard deviations are wanted.
     """
-    return _cut(pipeline, order, _Misfit(pipeline))
+    return _cut(pipeline, order, _Measured(pipeline, deviations))
 
 
-def _cut(pipeline: Pipeline, order: int, misfit: _Misfit) -> Cut:
+def _cut(pipeline: Pipeline, order: int, measured: _Measured) -> Cut:
     model = pipeline.triple(order)
     modal = eigenmodes(pipeline.matrix, model)
     kept, _ = split_extraneous(modal, model)
     f, _ = frequencies_and_damping(modal.poles)
     low, high = pipeline.reported_band
+    reported = kept[(f[kept] >= low) & (f[kept] <= high)]
     indicators = indicators_of(pipeline.matrix, model, modal)
+    modes = modal_model(pipeline.matrix, modal, indicators)
+    left = measured.left_by(modal)
+    std = measured.deviations(order, model, modal, reported, left)
+    if std is not None:
+        modes = replace(modes, frequencies_std=std.frequency, damping_ratios_std=std.damping_ratio)
     return Cut(
         order=order,
         triple=model,
         modal=modal,
-        modes=modal_model(pipeline.matrix, modal, indicators),
-        reported=kept[(f[kept] >= low) & (f[kept] <= high)],
+        modes=modes,
+        reported=reported,
         indicators=indicators,
-        misfit=misfit.of(modal),
+        misfit=measured.misfit(left),
+        std=std,
     )
 
 
-class _Misfit:
-    """What modes leave unexplained, outputs brought level, with what all orders share computed once."""
+class _Measured:
+    """The data that every order is judged on, outputs brought level, and the noise in them: what all orders share, computed once."""
 
-    def __init__(self, pipeline: Pipeline) -> None:
-        self._response = pipeline.response
+    def __init__(self, pipeline: Pipeline, deviations: bool) -> None:
+        self._pipeline, self._response = pipeline, pipeline.response
         self._scale = output_scale(self._response)[:, None]
+        self._complex = bool(np.iscomplexobj(self._response.values))
         self._whole = np.linalg.norm(self._response.values / self._scale)
+        weights = getattr(pipeline.matrix, "weights", None)
+        self._weight = 1.0 if weights is None else float(np.sqrt(np.mean(weights**2)))
+        self.noise = noise_of(self._response, pipeline.problem.records) if deviations else None
 
-    def of(self, modes: Eigenmodes) -> float:
-        basis = self._response.basis(modes.poles, modes.fit.powers)
+    def left_by(self, modes: Eigenmodes) -> RealArray:
+        """Return what modes leave of the level data, real rows."""
+        basis = modes.fit.basis or self._response.basis(modes.poles, modes.fit.powers)
+        terms = modes.fit.terms[: basis.terms.shape[1]]
         with np.errstate(over="ignore", invalid="ignore"):
-            terms = modes.fit.terms[: basis.terms.shape[1]]
             left = basis.data - basis.rebuilt(modes.shapes, modes.participation, terms)
-            ratio = np.linalg.norm(left / self._scale) / self._whole
+            return np.asarray(left / self._scale)
+
+    def misfit(self, left: RealArray) -> float:
+        """Return the norm of what is left over that of the data."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            ratio = np.linalg.norm(left) / self._whole
         return float(ratio) if np.isfinite(ratio) else np.inf
+
+    def deviations(
+        self, order: int, model: Triple, modal: Eigenmodes, index: IntArray, left: RealArray
+    ) -> Deviations | None:
+        """Return the standard deviations of some poles; None where they were not asked."""
+        if self.noise is None:
+            return None
+        with np.errstate(over="ignore", invalid="ignore"):
+            unknowns = unknowns_a_channel(self._response, modal)
+            residual = (self._scale / self._weight) ** 2 * residual_variance(left, unknowns, self._complex)
+        pipeline = self._pipeline
+        noise = self.noise.beside(residual)
+        return deviations_of(pipeline.matrix, pipeline.realization, order, model, modal, index, noise)
 
 
 class Sweep:
@@ -115,14 +149,45 @@ class Sweep:
     pipeline : Pipeline
     orders : iterable of int
         Increasing.
+    deviations : bool
+        Whether standard deviations of the poles are wanted.
     """
 
-    def __init__(self, pipeline: Pipeline, orders: Iterable[int]) -> None:
+    def __init__(self, pipeline: Pipeline, orders: Iterable[int], *, deviations: bool = True) -> None:
         self.pipeline = pipeline
         self.orders = tuple(orders)
         self.notes: list[Note] = []
         self._left = list(self.orders)
-        self._misfit = _Misfit(pipeline)
+        self._measured = _Measured(pipeline, deviations)
+
+    @property
+    def noise(self) -> Noise | None:
+        """What is known of the noise; None where no deviations were asked."""
+        return self._measured.noise
+
+    def cut(self, order: int) -> Cut:
+        """Return one order; the sweep stays where it is.
+
+        Parameters
+        ----------
+        order : int
+        """
+        return _cut(self.pipeline, order, self._measured)
+
+    def told(self, cuts: Iterable[Cut]) -> tuple[Note, ...]:
+        """Return where the deviations of cuts come from, or why there are none; nothing where none were asked.
+
+        Parameters
+        ----------
+        cuts : iterable of Cut
+        """
+        if self.noise is None:
+            return ()
+        known = any(np.any(np.isfinite(cut.std.frequency)) for cut in cuts if cut.std is not None)
+        nothing = Unknown(
+            "it is not known how the data move the poles of this method, or nothing is left to see noise in"
+        )
+        return (self.noise.note if known or isinstance(self.noise, Unknown) else nothing.note,)
 
     @property
     def remaining(self) -> tuple[int, ...]:
@@ -137,7 +202,7 @@ class Sweep:
         while self._left:
             order = self._left.pop(0)
             try:
-                return _cut(self.pipeline, order, self._misfit)
+                return self.cut(order)
             except DataError as error:
                 self.notes.append(Note("orders left out", {"order": order}, f"order {order} left out: {error.found}"))
         raise StopIteration
@@ -151,6 +216,7 @@ def sweep(
     method: str | None = None,
     domain: str | None = None,
     orders: Iterable[int] | None = None,
+    deviations: bool = True,
     **options: Any,
 ) -> Sweep:
     """Identify at many orders from one factorization, one order at a time.
@@ -160,11 +226,13 @@ def sweep(
 
     Parameters
     ----------
-    data : FrequencyResponse, ImpulseResponse or Signals
+    data : FrequencyResponse, ImpulseResponse, Signals, Records or a list of records
     method, domain : str, optional
         A cell of the table of methods, see `identify`.
     orders : iterable of int, optional
         As in `stabilize`.
+    deviations : bool
+        Whether standard deviations of the poles are wanted.
     **options
         Band, channels, block sizes and the rest, as in `identify`.
 
@@ -185,10 +253,10 @@ def sweep(
     """
     problem = prepare(data, method, domain, **options)
     asked = problem.method.orders.ladder(problem.measured) if orders is None else checked_orders(orders)
-    return start(problem, asked, automatic=orders is None)
+    return start(problem, asked, automatic=orders is None, deviations=deviations)
 
 
-def start(problem: Any, asked: list[int], *, automatic: bool) -> Sweep:
+def start(problem: Any, asked: list[int], *, automatic: bool, deviations: bool = True) -> Sweep:
     """Factor for the largest order and return the sweep over those within reach.
 
     Parameters
@@ -197,9 +265,11 @@ def start(problem: Any, asked: list[int], *, automatic: bool) -> Sweep:
     asked : list of int
     automatic : bool
         Whether nobody asked for just these: then some order is always found.
+    deviations : bool
+        Whether standard deviations of the poles are wanted.
     """
     pipeline = factor(problem, asked[-1])
     reach = pipeline.method.orders.reach(pipeline.factors, asked, automatic)
-    made = Sweep(pipeline, reach.orders)
+    made = Sweep(pipeline, reach.orders, deviations=deviations)
     made.notes.extend(reach.notes)
     return made

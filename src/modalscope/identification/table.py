@@ -312,7 +312,7 @@ def find_method(name: str, domain: str | None, default_domain: str, route: str |
         raise _unknown(name)
     cells: dict[str, Method] = {}
     for m in found:
-        if route is None or m.served_by(route):
+        if route is None or not m.route or m.served_by(route):
             cells.setdefault(m.domain, m)
     if not cells:
         ways = dict.fromkeys(m.route for m in found if m.route)

@@ -1,7 +1,7 @@
 """Analyses as JSON: a document of their own, `x.analysis.json`, or a part of the modes that came of them.
 
     {"modalscope": version, "analysis": {"schema", "version", "files": [{"path", "size", "sha256", "reading"}], "bands", "exclude",
-     "route", "method", "domain", "orders", "options", "frequencies", "taken", "refused", "names", "remarks"}}
+     "route", "method", "domain", "orders", "options", "frequencies", "taken", "refused", "refine", "names", "remarks"}}
 
 Arrays among the options are {"array": [...]}, with every digit; complex ones have "imag", too.
 """
@@ -74,7 +74,8 @@ def analysis_from(entries: Mapping[str, Any]) -> Analysis:
             "Use a later version.",
         )
     try:
-        given = {name: _back(value) for name, value in entries.items()}
+        # "refine" is missing where it was written before there was one
+        given = {"refine": False, **{name: _back(value) for name, value in entries.items()}}
         files = tuple(SourceFile(**file) for file in given.pop("files", ()))
         return Analysis(files=files, **given)
     except DataError:

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.identification.table import methods
-from modalscope.io.arrays import INDICATOR, from_json_numbers, to_arrays
+from modalscope.io.arrays import INDICATOR, from_json_numbers, joined, to_arrays
 from modalscope.io.contents import Contents, Finding
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import Room, room
@@ -180,7 +180,7 @@ def _array(name: str, values: Any, space: Room) -> Array:
     if isinstance(values, dict) and "shape" in values:
         return np.zeros(values["shape"] if 0 in values["shape"] else 0, _KINDS[values["kind"]])
     if isinstance(values, dict):
-        return np.asarray(_array(name, values["real"], space) + 1j * _array(name, values["imag"], space))
+        return joined(_array(name, values["real"], space), _array(name, values["imag"], space))
     array = np.array(values, dtype=object)
     texts = [text for text in array.ravel() if isinstance(text, str)]
     if {"NaN", "Infinity", "-Infinity"} & set(texts):

@@ -18,6 +18,8 @@ from modalscope.model.modes import ModalModel
 from modalscope.model.poles import poles_from
 from modalscope.model.response import Response, is_held
 from modalscope.model.robust import scatter
+from modalscope.uncertainty.noise import KIND
+from modalscope.uncertainty.of_modes import typical_deviation, withheld
 
 __all__ = ["modes_of"]
 
@@ -42,13 +44,25 @@ def modes_of(diagram: StabilizationDiagram, poles: Poles, chosen: list[Candidate
         held_input=is_held(response),
         frequencies_spread=np.array([spread["frequency_spread_hz"] for spread in spreads]),
         damping_ratios_spread=np.array([spread["damping_ratio_spread"] for spread in spreads]),
+        **_deviations(diagram, members, poles),
         indicators=_indicators(diagram, members, poles),
         **response.labelled(),
         **fitted,
     )
     facts = [{**c.facts, **spread} for c, spread in zip(chosen, spreads, strict=True)]
     reasons = _reasons(model, response, facts)
-    return replace(model, reasons=reasons).normalized("unit")
+    told = [note for note in diagram.notes if note.kind == KIND]
+    return replace(model, reasons=reasons, notes=(*told, *withheld(model))).normalized("unit")
+
+
+def _deviations(diagram: StabilizationDiagram, members: list[Array], poles: Poles) -> dict[str, Any]:
+    """Return for every mode the deviation of the members that did not split: of those that did it is many times as large."""
+    found = {}
+    for name in ("frequencies_std", "damping_ratios_std"):
+        values = getattr(diagram, name)
+        if values is not None:
+            found[name] = np.array([typical_deviation(values[poles.index[group]]) for group in members])
+    return found
 
 
 def _indicators(diagram: StabilizationDiagram, members: list[Array], poles: Poles) -> dict[str, RealArray]:

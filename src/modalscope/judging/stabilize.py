@@ -22,6 +22,7 @@ from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.keywords import named
 from modalscope.model.notes import Note
 from modalscope.model.poles import frequencies_and_damping
+from modalscope.model.record_residual import UNMEASURED
 
 __all__ = ["TOLERANCES", "collected", "stabilize", "stabilized"]
 
@@ -41,13 +42,14 @@ def stabilize(
     orders: Iterable[int] | None = None,
     tolerances: Mapping[str, float] | None = None,
     progress: Progress | None = None,
+    deviations: bool = True,
     **options: Unpack[AllOptions],
 ) -> StabilizationDiagram:
     """Identify at many orders from one factorization and judge each pole against the order before.
 
     Parameters
     ----------
-    data : FrequencyResponse, ImpulseResponse or Signals
+    data : FrequencyResponse, ImpulseResponse, Signals, Records or a list of records
     method, domain : str, optional
         A cell of the table of methods, see `identify`.
     orders : iterable of int, optional
@@ -57,6 +59,8 @@ def stabilize(
         Limits of stability by name, "frequency", "damping" (relative) and "shape" (1 - MAC); 1 %, 5 % and 5 % by default.
     progress : callable, optional
         Called with (orders done, orders in all).
+    deviations : bool
+        Whether standard deviations of the poles are wanted.
     **options
         Band, channels, block sizes and the rest, as in `identify`.
 
@@ -76,9 +80,37 @@ def stabilize(
     >>> d.orders, d.exact_rank
     ((2, 4, 6, 8, 10), 10)
     """
-    problem = prepare(data, method, domain, **options)
-    asked = problem.method.orders.ladder(problem.measured) if orders is None else checked_orders(orders)
-    return stabilized(problem, asked, automatic=orders is None, tolerances=tolerances, progress=progress)
+
+    def diagram(**way: Any) -> StabilizationDiagram:
+        problem = prepare(data, method, domain, **{**options, **way})
+        asked = problem.method.orders.ladder(problem.measured) if orders is None else checked_orders(orders)
+        return stabilized(
+            problem, asked, automatic=orders is None, tolerances=tolerances, progress=progress, deviations=deviations
+        )
+
+    found = diagram()
+    left_open = method is None and domain is None and options.get("route") in (None, "auto")
+    return found if not left_open else by_instruments(found, diagram)
+
+
+def by_instruments(found: StabilizationDiagram, again: Callable[..., StabilizationDiagram]) -> StabilizationDiagram:
+    """Return the diagram with past inputs and outputs as instruments where `found` shows unmeasured forces; else, or without a way, that.
+
+    Parameters
+    ----------
+    found : StabilizationDiagram
+    again : callable
+        Makes the diagram of a way, `route="subspace"`.
+    """
+    doubt = [note for note in found.notes if note.kind == UNMEASURED]
+    if not doubt:
+        return found
+    try:
+        other = again(route="subspace")
+    except DataError:
+        return found
+    text = "so past inputs and outputs were taken as instruments: that cures forces that were not measured, not noise on the inputs"
+    return replace(other, notes=(*doubt, Note("route changed", {}, text), *other.notes))
 
 
 def stabilized(
@@ -88,6 +120,7 @@ def stabilized(
     automatic: bool = False,
     tolerances: Mapping[str, float] | None = None,
     progress: Progress | None = None,
+    deviations: bool = True,
 ) -> StabilizationDiagram:
     """Return the diagram of a problem; see `stabilize`.
 
@@ -98,10 +131,10 @@ def stabilized(
         Orders, increasing.
     automatic : bool
         Whether nobody asked for just these: then some order is always found.
-    tolerances, progress : optional
+    tolerances, progress, deviations : optional
     """
     limits = _limits(tolerances)
-    found = start(problem, asked, automatic=automatic)
+    found = start(problem, asked, automatic=automatic, deviations=deviations)
     cuts = []
     for cut in found:
         cuts.append(cut)
@@ -111,7 +144,9 @@ def stabilized(
         raise DataError(
             f"orders {asked[0]} to {asked[-1]} were asked", str(found.notes[-1]), "Choose other orders or block sizes."
         )
-    return replace(collected(found.pipeline, cuts, limits, found.notes), asked_orders=tuple(asked))
+    return replace(
+        collected(found.pipeline, cuts, limits, (*found.notes, *found.told(cuts))), asked_orders=tuple(asked)
+    )
 
 
 def _limits(tolerances: Mapping[str, float] | None) -> dict[str, float]:
@@ -162,15 +197,37 @@ def collected(
         stable_frequency=flags[0],
         stable_damping=flags[1],
         stable_shape=flags[2],
+        **_deviations(cuts),
         indicators={name: np.concatenate([c.indicators[name][c.reported] for c in cuts]) for name in sorted(names)},
         singular_values=factors.spectrum,
         fit_errors=np.array([cut.misfit for cut in cuts]),
         exact_rank=factors.rank if factors.rank < factors.P.shape[1] and factors.rank == cuts[-1].order else None,
         tolerances=limits,
         settings=pipeline.settings,
-        notes=(*pipeline.notes, *notes, *left),
+        notes=(*pipeline.notes, *notes, *left, *_doubts(pipeline, cuts, stable)),
         dt=pipeline.matrix.dt,
     )
+
+
+def _doubts(pipeline: Pipeline, cuts: Sequence[Cut], stable: Sequence[Array]) -> tuple[Note, ...]:
+    """Return what the best of the models shows about how the data were measured."""
+    best = min(range(len(cuts)), key=lambda k: cuts[k].misfit)
+    cut = cuts[best]
+    trusted = np.zeros(cut.modal.poles.size, bool)
+    trusted[cut.reported[stable[best].all(axis=0)]] = True
+    fit = cut.modal.fit
+    return pipeline.response.doubts(cut.modal.poles, fit.shapes, fit.participation, fit.terms, trusted)
+
+
+def _deviations(cuts: Sequence[Cut]) -> dict[str, Any]:
+    """Return the standard deviations of the reported poles of all orders, as fields of the diagram."""
+    reported = [(cut.std, cut.reported) for cut in cuts if cut.std is not None]
+    if len(reported) < len(cuts):
+        return {}
+    return {
+        "frequencies_std": np.concatenate([std.frequency[index] for std, index in reported]),
+        "damping_ratios_std": np.concatenate([std.damping_ratio[index] for std, index in reported]),
+    }
 
 
 def _stable(before: Cut, after: Cut, limits: Mapping[str, float]) -> Array:

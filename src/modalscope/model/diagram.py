@@ -36,6 +36,8 @@ class StabilizationDiagram(HasPoles):
     participation : array of complex, (p, m)
     stable_frequency, stable_damping, stable_shape : array of bool, (p,)
         Whether a pole of the order before agrees within the tolerances.
+    frequencies_std, damping_ratios_std : array, (p,), optional
+        Standard deviations from the noise, Hz and ratio; NaN where they are withheld, None where they were not asked.
     indicators : mapping of name to array (p,)
     singular_values : array, (k,)
         Of the data matrix that all orders were cut from.
@@ -66,6 +68,8 @@ class StabilizationDiagram(HasPoles):
     stable_frequency: Array
     stable_damping: Array
     stable_shape: Array
+    frequencies_std: RealArray | None = None
+    damping_ratios_std: RealArray | None = None
     indicators: Mapping[str, RealArray] = field(default_factory=dict)
     singular_values: RealArray
     fit_errors: RealArray
@@ -87,7 +91,8 @@ class StabilizationDiagram(HasPoles):
             "stable_damping",
             "stable_shape",
         )
-        for name in flat:
+        known = [name for name in ("frequencies_std", "damping_ratios_std") if getattr(self, name) is not None]
+        for name in (*flat, *known):
             array = np.asarray(getattr(self, name))
             there = array.shape[-1 if name == "shapes" else 0]
             if there != count:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import ndtri
+from scipy.special import ndtri, stdtrit
 
 from modalscope.model.checks import DataError, RealArray, check_number
 
@@ -20,7 +20,7 @@ def intervals(modes: ModalModel, level: float) -> dict[str, RealArray]:
     probability = check_number("level", level)
     if not 0 < probability < 1:
         raise DataError("a level between 0 and 1 was asked", f"it is {probability:g}", "Give 0.95 for 95 %.")
-    z = float(ndtri((1 + probability) / 2))
+    z = _quantile(modes, (1 + probability) / 2)
     found: dict[str, RealArray] = {}
     for name, values, noise, between in (
         ("frequency", modes.frequencies, modes.frequencies_std, modes.frequencies_repeatability),
@@ -38,3 +38,9 @@ def intervals(modes: ModalModel, level: float) -> dict[str, RealArray]:
         )
     unknown = np.full((len(modes), 2), np.nan)
     return {name: found.get(name, unknown) for name in ("frequency", "damping_ratio")}
+
+
+def _quantile(modes: ModalModel, probability: float) -> float:
+    """Return the normal quantile; Student's where the deviations were estimated from few parts of a record, as their note says."""
+    degrees = [note.numbers["degrees_of_freedom"] for note in modes.notes if "degrees_of_freedom" in note.numbers]
+    return float(stdtrit(min(degrees), probability) if degrees else ndtri(probability))

@@ -20,7 +20,11 @@ from modalscope.model.checks import (
     locked,
 )
 from modalscope.model.driven_basis import DrivenBasis, Run, driven_basis
+from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.notes import Note
 from modalscope.model.poles import to_discrete
+from modalscope.model.record_picture import picture_of
+from modalscope.model.record_residual import excess, excess_notes, pole_notes
 from modalscope.model.records import Records
 from modalscope.model.response import AsLines, AsSamples, Response
 from modalscope.model.statespace import StateSpace
@@ -162,6 +166,25 @@ class RecordSpectra(Response):
             parts.append((self.frequencies[own], self.values[near, :, 0].transpose(0, 2, 1) / np.sqrt(near.shape[1])))
         order = np.argsort(np.concatenate([f for f, _ in parts]), kind="stable")
         return np.concatenate([f for f, _ in parts])[order], np.concatenate([v for _, v in parts])[order]
+
+    def doubts(
+        self, poles: Array, shapes: Array, participation: Array, terms: Array, trusted: Array
+    ) -> tuple[Note, ...]:
+        """Return what the fit of a model shows: forces that were not measured, noise on the inputs, drift, delay; see `Response.doubts`."""
+        left = self.values[:, :, 0] - self.evaluated(poles, shapes, participation, terms)
+        found = excess(self.frequencies, left, self.values[:, :, 0], poles[trusted], 1 / max(self.durations))
+        return (*excess_notes(found), *pole_notes(self._in_plane(poles), self.sampling_rate, max(self.durations)))
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """What the last axis of the values is: all inputs act together."""
+        return ("all inputs",)
+
+    def picture(self) -> FrequencyResponse:
+        """Return frequency responses H1 of the lines and their neighbours, for the eye alone: nothing is judged on them."""
+        return picture_of(
+            self.frequencies, self.values[:, :, 0], self.drive, {**self.labelled(), "quantity": self.quantity}
+        )
 
     def energy(self, decay: Array) -> RealArray:
         """Return T / (2 decay), T the seconds of all runs: the sum of |1 / (j w - s)|^2 over lines that lie 1 / T apart."""

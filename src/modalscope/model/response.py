@@ -10,7 +10,9 @@ import numpy as np
 
 from modalscope.model.channels import Channels
 from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.groups import AUTO, Groups
 from modalscope.model.modal_basis import ModalBasis
+from modalscope.model.notes import Note
 
 if TYPE_CHECKING:
     from modalscope.model.frequency import FrequencyResponse
@@ -50,12 +52,15 @@ class Response(Channels):
         Displacement, velocity or acceleration of the outputs.
     added_damping : float
         Decay rate in 1/s that an exponential window added to every pole: identified poles are shifted back by it.
+    groups : sequence of labels, "auto" or None
+        One label an input: what disagrees between groups is repeatability.
     """
 
     values: Array
     sampling_rate: float | None = None
     quantity: str | None = None
     added_damping: float = 0.0
+    groups: Groups = AUTO
 
     @property
     @abstractmethod
@@ -66,6 +71,11 @@ class Response(Channels):
     def ambient(self) -> bool:
         """Whether the response was estimated from outputs alone, so that its columns are references and it carries estimation errors."""
         return self.origin == "correlation"
+
+    @property
+    def known_variance(self) -> RealArray | None:
+        """Variance E|error|^2 of every value, where the data carry one."""
+        return getattr(self, "variance", None)
 
     @property
     def count(self) -> int:
@@ -148,6 +158,33 @@ class Response(Channels):
     @abstractmethod
     def spectrum(self) -> tuple[RealArray, ComplexArray]:
         """Return lines in Hz and complex values on them, fine enough that a neighbour's peak is not taken for a mode's own."""
+
+    def doubts(
+        self, poles: Array, shapes: Array, participation: Array, terms: Array, trusted: Array
+    ) -> tuple[Note, ...]:
+        """Return what the fit of a model shows about how the data were measured.
+
+        Parameters
+        ----------
+        poles : array of complex, (n,)
+            rad/s, as they are in the data; one of each pair, and real ones.
+        shapes : array of complex, (l, n)
+        participation : array of complex, (n, m) or more columns
+            As a `ModalBasis` gives it.
+        terms : array, (t, l, m)
+        trusted : array of bool, (n,)
+            Poles that are taken for modes.
+        """
+        return ()
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """What the last axis of the values is: the inputs."""
+        return self.input_dofs
+
+    def picture(self) -> Response:
+        """Return what is drawn for these data: themselves, where they are responses."""
+        return self
 
     @abstractmethod
     def energy(self, decay: Array) -> RealArray:

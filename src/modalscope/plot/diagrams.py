@@ -36,6 +36,7 @@ def indicator_curves(response: Response, kind: str = "cmif") -> tuple[RealArray,
     `cmif` gives the singular values of H at each line, `sum` the sum of the magnitudes. An impulse response is
     transformed by FFT as it stands.
     """
+    response = response.picture()
     if isinstance(response, FrequencyResponse):
         lines, values = response.frequencies, response.values
     else:

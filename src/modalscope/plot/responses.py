@@ -14,7 +14,20 @@ from modalscope.model.checks import (
 )
 from modalscope.model.keywords import named
 from modalscope.model.response import Response
-from modalscope.plot._style import DPI, INK, MUTED, SIZE, VERMILLION, aside, channel, dress, headline, key, unit_of
+from modalscope.plot._style import (
+    DPI,
+    INK,
+    MUTED,
+    SIZE,
+    VERMILLION,
+    aside,
+    channel,
+    dress,
+    headline,
+    key,
+    plain,
+    unit_of,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -63,7 +76,8 @@ def response(
     DataError
         A channel that is not there, or modes of other channels than the data's.
     """
-    check_kind("a plot of responses", data, (FrequencyResponse, ImpulseResponse))
+    check_kind("a plot of responses", data, Response)
+    drawn, data = data, data.picture()
     if modes is not None:
         found = modes if isinstance(modes, ModalModel) else getattr(modes, "modes", modes)
         check_kind("what is drawn over responses", found, ModalModel)
@@ -77,10 +91,10 @@ def response(
         _spectrum(data, measured, fit, upper, lower, unit_of(data, i, j))
     elif isinstance(data, ImpulseResponse):
         _samples(data, measured, fit, upper, lower, unit_of(data, i, j))
-    headline(upper, f"output {data.output_dofs[i]}, input {data.input_dofs[j]}")
+    headline(upper, f"output {plain(data.output_dofs[i])}, input {plain(data.input_dofs[j])}")
     if fit is not None:
         norm = float(np.linalg.norm(measured))
-        if norm > 0:
+        if norm > 0 and drawn is data:
             aside(upper, f"fit error {100 * float(np.linalg.norm(measured - fit)) / norm:.3g} %")
     return upper
 

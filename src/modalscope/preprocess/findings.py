@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modalscope.model.checks import Array
+from modalscope.model.records import Records
 from modalscope.model.response import Response
 from modalscope.model.signals import Signals
 
@@ -64,7 +65,7 @@ class Finding(NamedTuple):
         return f"{self.kind}: {', '.join(self.channels)}: {self.reason}. {self.change}"
 
 
-def sides_of(data: Signals | Response) -> list[Side]:
+def sides_of(data: Signals | Records | Response) -> list[Side]:
     """Return outputs and, where there are any, inputs as columns: samples or lines, runs and channels of the other side below each other.
 
     Examples
@@ -75,9 +76,23 @@ def sides_of(data: Signals | Response) -> list[Side]:
     ... ]
     [('output', (9, 3)), ('input', (9, 2))]
     """
+    if isinstance(data, Records):
+        return _sides_of_runs(data)
     both = (data.outputs, data.inputs) if isinstance(data, Signals) else (data.values.swapaxes(1, 2), data.values)
     named = zip(("output", "input"), both, (data.output_dofs, data.input_dofs), strict=True)
     return [(side, x.reshape(-1, x.shape[-1]), labels) for side, x, labels in named if x is not None and x.shape[-1]]
+
+
+def _sides_of_runs(records: Records) -> list[Side]:
+    """Return the same of runs below each other; an input that a run has not is zero in it."""
+    outputs = np.concatenate([run.outputs for run in records.runs])
+    inputs = np.zeros((len(outputs), len(records.input_dofs)))
+    starts = np.cumsum([0, *records.samples])
+    for r, run in enumerate(records.runs):
+        if run.inputs is not None:
+            inputs[starts[r] : starts[r + 1], list(records.inputs_of(r))] = run.inputs
+    sides: list[Side] = [("output", outputs, records.output_dofs), ("input", inputs, records.input_dofs)]
+    return [side for side in sides if side[1].shape[1]]
 
 
 def dead_channels(samples: Array, labels: Sequence[str]) -> list[Finding]:

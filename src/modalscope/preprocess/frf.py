@@ -21,7 +21,10 @@ from modalscope.preprocess.plans import plan_hits, plan_runs, put_zoom, shape_wi
 from modalscope.preprocess.spectra import CrossSpectra, cross_spectra, silent_lines
 from modalscope.preprocess.zoom import ZOOMS
 
-__all__ = ["estimate_frf"]
+__all__ = ["LEAKING", "estimate_frf"]
+
+#: What `processing` says of an estimate whose lines leak into each other: windows cut through the decays.
+LEAKING = "random excitation"
 
 
 @named()

@@ -8,6 +8,7 @@ from modalscope.model.checks import DataError, RealArray, check_kind
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.keywords import named
+from modalscope.model.records import Records
 from modalscope.model.response import Response
 from modalscope.model.signals import Signals
 from modalscope.preprocess.excitation import find_excitation
@@ -28,7 +29,7 @@ _SHOWN_BY_RESPONSES = {"low coherence", "reciprocity", "polarity", "swapped", "w
 
 
 @named()
-def examine(data: Signals | Response) -> tuple[Finding, ...]:
+def examine(data: Signals | Records | Response) -> tuple[Finding, ...]:
     """Look for what commonly goes wrong in a test: each finding names channels and reason, and says what to do.
 
     Looked for are overloaded, double and clipped hits, clipped, dead, noisy, duplicate and swapped channels, wrong polarity,
@@ -38,7 +39,7 @@ def examine(data: Signals | Response) -> tuple[Finding, ...]:
 
     Parameters
     ----------
-    data : Signals, FrequencyResponse or ImpulseResponse
+    data : Signals, Records, FrequencyResponse or ImpulseResponse
 
     Returns
     -------
@@ -55,6 +56,8 @@ def examine(data: Signals | Response) -> tuple[Finding, ...]:
     """
     if isinstance(data, Response):
         return tuple(examine_response(data))
+    if isinstance(data, Records):
+        return tuple(dict.fromkeys(finding for run in data.runs for finding in _examine_record(run)))
     check_kind("examine", data, (FrequencyResponse, ImpulseResponse, Signals))
     return tuple(_examine_record(data))
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
-from modalscope.blocks.triple import Triple
+from modalscope.blocks.triple import Eigen, Triple
 from modalscope.model.checks import Array, RealArray
-from modalscope.realizations.realization import Realization
+from modalscope.realizations.realization import Realization, Sides
 
 __all__ = ["Balanced", "balanced", "first_blocks", "projected", "projected_general"]
 
@@ -49,6 +49,17 @@ class Balanced(Realization):
         B = None if self.B is None else self.B[:n]
         return Triple(self.A[:n, :n], B, self.C[:, :n], n, self.factors)
 
+    def sides(self, n: int, eigen: Eigen) -> tuple[Sides, ...]:
+        """Return F = y d^-1/2 P' and v = Q d^-1/2 x."""
+        root = np.sqrt(self.factors.d[:n])
+        left = (eigen.left / root) @ self.factors.P[:, :n].T
+        return (
+            Sides(
+                self.matrix.pencil(left, eigen.values, tall=False),
+                self.matrix.right_vectors(self.factors, eigen.vectors / root[:, None]),
+            ),
+        )
+
 
 def balanced(matrix: DataMatrix, factors: Factors) -> Balanced:
     """Balanced projection: A = d^-1/2 P' H(1) Q d^-1/2 (Eq. 28, the eigensystem realization algorithm).
@@ -67,7 +78,7 @@ def balanced(matrix: DataMatrix, factors: Factors) -> Balanced:
     with np.errstate(divide="ignore", invalid="ignore"):
         A = K / np.outer(root, root)
     C, B = first_blocks(matrix, factors)
-    return Balanced(factors=factors, A=A, B=B, C=C)
+    return Balanced(factors=factors, matrix=matrix, A=A, B=B, C=C)
 
 
 def projected_general(P: Array, d: Array, Q: Array, shifted: Array, first_row: Array, first_column: Array) -> Triple:

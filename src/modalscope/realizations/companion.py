@@ -16,9 +16,9 @@ import scipy.linalg as sla
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.shift import RowShift
-from modalscope.blocks.triple import Triple
-from modalscope.model.checks import Array, DataError, RealArray
-from modalscope.realizations.realization import Realization
+from modalscope.blocks.triple import Eigen, Triple
+from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
+from modalscope.realizations.realization import Realization, Sides
 from modalscope.realizations.shift import check_blocks, shift_grams
 
 __all__ = [
@@ -88,7 +88,6 @@ class NullSpaceCompanion(Realization):
 
     Parameters
     ----------
-    matrix : DataMatrix
     shift : RowShift
     gram : array, (k, k)
         (E P)'(E P).
@@ -98,7 +97,6 @@ class NullSpaceCompanion(Realization):
         The first block column.
     """
 
-    matrix: DataMatrix
     shift: RowShift
     gram: RealArray
     P: RealArray
@@ -120,6 +118,17 @@ class NullSpaceCompanion(Realization):
         C = _output(self.matrix, self.factors, block, before * self.factors.d[:n])
         span = np.linalg.qr(before)[0] if n < block * r else None
         return Triple(companion_matrix(R, self.shift, r), self.B, C, n, span=span)
+
+    def sides(self, n: int, eigen: Eigen) -> tuple[Sides, ...]:
+        """Return F = y, whose states are the block rows, and v = Q d^-1 (E0 P)# x."""
+        before = self.P[: self.shift.block * self.matrix.block_rows, :n]
+        inner = sla.solve(self.gram[:n, :n], before.T @ eigen.vectors, assume_a="pos", check_finite=False)
+        return (
+            Sides(
+                self.matrix.pencil(eigen.left, eigen.values, tall=True),
+                self.matrix.right_vectors(self.factors, inner / self.factors.d[:n, None]),
+            ),
+        )
 
     def reduced(self, how: str) -> Realization:
         """Return models of minimum order; see `modalscope.realizations.reduction`."""
@@ -160,7 +169,6 @@ class LeastSquaresCompanion(Realization):
 
     Parameters
     ----------
-    matrix : DataMatrix
     shift : RowShift
     stand_in : array, (l (r + 1), k)
         P diag(d) without weights: it differs from the matrix by orthonormal columns only.
@@ -168,7 +176,6 @@ class LeastSquaresCompanion(Realization):
         The first block column.
     """
 
-    matrix: DataMatrix
     shift: RowShift
     stand_in: RealArray
     B: RealArray | None
@@ -191,6 +198,27 @@ class LeastSquaresCompanion(Realization):
         C = _output(self.matrix, self.factors, block, self.stand_in[:n])
         B = None if self.B is None else self.B[:n]
         return Triple(companion_matrix(R, self.shift, p), B, C, min(n, self.factors.rank))
+
+    def sides(self, n: int, eigen: Eigen) -> tuple[Sides, ...]:
+        """Return F = y with v = H' (H H')^-1 x, and what follows from the rest of the regression, changed rows times what they leave.
+
+        With R = H_p H' (H H')^-1 and E = H_p - R H the change is dR = [(dH_p - R dH) H' + E dH'] (H H')^-1.
+        """
+        block, L = self.shift.block, self._triangle[:n, :n]
+        left = np.zeros((len(eigen.values), self.stand_in.shape[0]), dtype=complex)
+        left[:, block : n + block] = eigen.left
+        left[:, :n] -= eigen.values[:, None] * eigen.left
+        weights = np.zeros_like(left)
+        half = sla.solve_triangular(L, eigen.vectors, lower=True, check_finite=False)
+        weights[:, :n] = sla.solve_triangular(L, half, lower=True, trans="T", check_finite=False).T
+        return (Sides(left, self._columns(weights)), Sides(weights, self._columns(left)))
+
+    def _columns(self, left: Array) -> ComplexArray:
+        """Return H' X' of the rows without weights, (columns, k)."""
+        rows = (left if self.shift.weight is None else left / self.shift.weight).T
+        both = self.matrix.tall().transposed_times(np.hstack([rows.real, rows.imag]))
+        real, imaginary = np.split(both, 2, axis=1)
+        return np.asarray(real + 1j * imaginary)
 
     def _last_block_row(self, n: int) -> RealArray:
         """Return L[p, :p] L[:p, :p]^-1; where these blocks have lost rank the minimum-norm one, if they give the next at all."""

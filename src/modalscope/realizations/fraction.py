@@ -5,30 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg as sla
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.fraction import Fraction
 from modalscope.blocks.triple import Eigen, Triple
-from modalscope.model.checks import DataError, RealArray
-from modalscope.realizations.realization import Realization
+from modalscope.model.checks import DataError
+from modalscope.realizations.realization import Realization, Sides
 
-__all__ = ["FractionCompanion", "ReciprocalTriple", "denominator", "fraction_companion"]
-
-
-def denominator(matrix: Fraction, degree: int) -> RealArray:
-    """Return A_1, ..., A_p stacked, (p m, m), for A_0 = I: the minimum of the quadratic form of M.
-
-    With the lowest coefficient fixed, what no mode explains goes to roots outside the unit circle: unstable poles,
-    told by their sign.
-    """
-    m = matrix.inputs
-    M = matrix.gram_matrices[degree]
-    inner, target = M[m:, m:], -M[m:, :m]
-    try:
-        return np.asarray(sla.cho_solve(sla.cho_factor(inner, check_finite=False), target, check_finite=False))
-    except sla.LinAlgError:  # singular to rounding: data without noise, more degrees than modes
-        return np.asarray(np.linalg.lstsq(inner, target, rcond=inner.shape[0] * np.finfo(float).eps)[0])
+__all__ = ["FractionCompanion", "ReciprocalTriple", "fraction_companion"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,9 +58,27 @@ class FractionCompanion(Realization):
         m = self.matrix.inputs
         size = n * m
         A = np.zeros((size, size))
-        A[:, :m] = -denominator(self.matrix, n)
+        A[:, :m] = -self.matrix.denominator(n)
         A[: size - m, m:] = np.eye(size - m)
         return ReciprocalTriple(A, None, np.zeros((0, size)), size)
+
+    def sides(self, n: int, eigen: Eigen) -> tuple[Sides, ...]:
+        """Return y z^2 / (y x) and r, the first block of the right eigenvector x: dmu = -y dA r / (y x), z = 1 / mu.
+
+        r spans the null space of I + sum_j z^j A_j; the other blocks follow from the last, x_i = z (x_(i+1) - A_i r).
+        """
+        m, z = self.matrix.inputs, eigen.values
+        A = self.matrix.denominator(n).reshape(n, m, m)
+        powers = z[:, None] ** np.arange(1, n + 1)
+        polynomial = np.eye(m) + np.einsum("kj,jab->kab", powers, A, optimize=True)
+        r = np.linalg.svd(polynomial)[2][:, -1].conj()  # (k, m)
+        x = np.empty((z.size, n, m), dtype=complex)
+        following = np.zeros((z.size, m), dtype=complex)
+        for i in range(n - 1, -1, -1):
+            following = z[:, None] * (following - r @ A[i].T)
+            x[:, i] = following
+        scale = z**2 / np.sum(eigen.left * x.reshape(z.size, -1), axis=1)
+        return (Sides(scale[:, None] * eigen.left, r.T),)
 
 
 def fraction_companion(matrix: Fraction, factors: Factors) -> FractionCompanion:

@@ -58,7 +58,7 @@ def reduced(companion: NullSpaceCompanion, how: str) -> Reduced:
     ways = {"projection": _projected, "markov": _from_markov, "reversed": _from_reversal}
     way = ways[check_choice("reduction", how, REDUCTIONS)]
     notes = (*companion.notes, f"reduced to minimum order: {how}")
-    return Reduced(factors=companion.factors, notes=notes, companion=companion, way=way)
+    return Reduced(factors=companion.factors, matrix=companion.matrix, notes=notes, companion=companion, way=way)
 
 
 def _projected(companion: NullSpaceCompanion, n: int) -> Triple:

@@ -8,10 +8,10 @@ import numpy as np
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
-from modalscope.blocks.triple import Triple
+from modalscope.blocks.triple import Eigen, Triple
 from modalscope.model.checks import Array, RealArray
 from modalscope.realizations.balanced import projected
-from modalscope.realizations.realization import Realization
+from modalscope.realizations.realization import Realization, Sides
 
 __all__ = ["Regression", "regression", "regression_matrix"]
 
@@ -39,6 +39,14 @@ class Regression(Realization):
         C = np.asarray(np.linalg.lstsq(A.T, self.CA[:, :n].T, rcond=None)[0].T, dtype=float)
         return Triple(A, None if self.B is None else self.B[:n], C, n, self.factors, power=0.0)
 
+    def sides(self, n: int, eigen: Eigen) -> tuple[Sides, ...]:
+        """Return F = y P' and v = Q d^-1 x."""
+        left = eigen.left @ self.factors.P[:, :n].T
+        right = eigen.vectors / self.factors.d[:n, None]
+        return (
+            Sides(self.matrix.pencil(left, eigen.values, tall=False), self.matrix.right_vectors(self.factors, right)),
+        )
+
 
 def regression(matrix: DataMatrix, factors: Factors) -> Regression:
     """Regression A = H(1) H(0)#_n (Eq. 65): the n states in which its nonzero poles lie.
@@ -59,7 +67,7 @@ def regression(matrix: DataMatrix, factors: Factors) -> Regression:
         CA = matrix.first_rows(factors.Q / d, 1)
     first = matrix.first_columns(factors)
     B = None if first is None else np.ascontiguousarray((first * d).T)
-    return Regression(factors=factors, A=A, B=B, CA=CA)
+    return Regression(factors=factors, matrix=matrix, A=A, B=B, CA=CA)
 
 
 def regression_matrix(shifted: Array, P: Array, d: Array, Q: Array) -> RealArray:

@@ -9,10 +9,10 @@ import scipy.linalg as sla
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
-from modalscope.blocks.triple import Triple
+from modalscope.blocks.triple import Eigen, Triple
 from modalscope.model.checks import DataError, RealArray
 from modalscope.realizations.balanced import first_blocks
-from modalscope.realizations.realization import Realization
+from modalscope.realizations.realization import Realization, Sides
 
 __all__ = ["Shift", "check_blocks", "shift", "shift_grams"]
 
@@ -66,6 +66,18 @@ class Shift(Realization):
         B = None if self.B is None else self.B[:n]
         return Triple(A * root / root[:, None], B, self.C[:, :n], n, self.factors)
 
+    def sides(self, n: int, eigen: Eigen) -> tuple[Sides, ...]:
+        """Return F = y d^-1/2 (E0 P)# and v = Q d^-1/2 x."""
+        root = np.sqrt(self.factors.d[:n])
+        before, _ = self.matrix.row_shift.split(self.factors.P[:, :n])
+        left = sla.solve(self.gram[:n, :n], (eigen.left / root).T, assume_a="pos", check_finite=False).T @ before.T
+        return (
+            Sides(
+                self.matrix.pencil(left, eigen.values, tall=True),
+                self.matrix.right_vectors(self.factors, eigen.vectors / root[:, None]),
+            ),
+        )
+
 
 def shift(matrix: DataMatrix, factors: Factors) -> Shift:
     """Shift of the row factor: A = d^-1/2 (E0 P)# (E1 P) d^1/2 (Eqs. 57 and 62, in the frequency domain 110).
@@ -81,4 +93,4 @@ def shift(matrix: DataMatrix, factors: Factors) -> Shift:
     """
     gram, cross = shift_grams(matrix, factors)
     C, B = first_blocks(matrix, factors)
-    return Shift(factors=factors, gram=gram, cross=cross, B=B, C=C, block_rows=matrix.block_rows)
+    return Shift(factors=factors, matrix=matrix, gram=gram, cross=cross, B=B, C=C, block_rows=matrix.block_rows)

@@ -59,13 +59,14 @@ def _extent(response: Response) -> dict[str, str]:
             "kind": f"{response.kind} response",
             "samples": f"{response.samples} at {response.sampling_rate:.6g} Hz, {response.samples / response.sampling_rate:.4g} s",
         }
-    assert isinstance(response, FrequencyResponse)
-    f = response.frequencies
+    assert response.grid is not None
+    f = response.grid
     steps = np.diff(f)
     even = steps.size and np.allclose(steps, steps[0], rtol=1e-6)
     step = f", every {steps[0]:.4g} Hz" if even else ", unevenly spaced" if steps.size else ""
-    facts = {"kind": "frequency responses", "lines": f"{f.size} from {f[0]:.6g} to {f[-1]:.6g} Hz{step}"}
-    if response.averages is not None:
+    kind = "frequency responses" if isinstance(response, FrequencyResponse) else "records on their own lines"
+    facts = {"kind": kind, "lines": f"{f.size} from {f[0]:.6g} to {f[-1]:.6g} Hz{step}"}
+    if isinstance(response, FrequencyResponse) and response.averages is not None:
         facts["averages"] = str(response.averages)
     if response.added_damping:
         facts["exponential window"] = f"added {response.added_damping:.4g} 1/s to every pole; taken out again"

@@ -109,7 +109,11 @@ def modes_section(modes: ModalModel) -> Section:
         ("damping_ratios", "damping [%]", 100.0, 3),
     ):
         columns[title] = [f"{scale * v:.{places}f}" for v in getattr(modes, name)]
-        for suffix, word in (("spread", "spread"), ("std", "standard deviation")):
+        for suffix, word in (
+            ("spread", "spread"),
+            ("std", "± noise"),
+            ("repeatability", "± repeatability"),
+        ):
             found = getattr(modes, f"{name}_{suffix}")
             if found is not None:
                 columns[f"{word} {title[title.index('[') :]}{' ' * (name == 'damping_ratios')}"] = [
@@ -217,7 +221,7 @@ def responses_section(modes: ModalModel, response: Response, fit: Fit) -> Sectio
     chosen = known if len(known) <= 4 else [known[0], known[1], known[len(known) // 2], known[-1]]
     pictures = []
     for i, j in chosen:
-        words = f"Output {response.output_dofs[i]}, input {response.input_dofs[j]}, measured and rebuilt"
+        words = f"Output {response.output_dofs[i]}, input {response.columns[j]}, measured and rebuilt"
         pictures.append(picture(response_svg(response, modes, i, j), words))
     lead = (
         "All channels."
@@ -237,8 +241,8 @@ def _error_table(response: Response, errors: Array, ranked: list[tuple[int, int]
         cells = [[f"{100 * e:.2f}" if np.isfinite(e) else "–" for e in row] for row in errors]
         shades = [[0.0, *(0.75 * min(e / largest, 1.0) if np.isfinite(e) else 0.0 for e in row)] for row in errors]
         rows = [[dof, *row] for dof, row in zip(response.output_dofs, cells, strict=True)]
-        return table(["output \\ input", *response.input_dofs], rows, words=[0], shades=shades, caption=caption)
+        return table(["output \\ input", *response.columns], rows, words=[0], shades=shades, caption=caption)
     if len(ranked) > _ROWS:
         caption += f"; the worst {_ROWS} of {len(ranked)}"
-    rows = [[response.output_dofs[i], response.input_dofs[j], f"{100 * errors[i, j]:.3g}"] for i, j in ranked[:_ROWS]]
+    rows = [[response.output_dofs[i], response.columns[j], f"{100 * errors[i, j]:.3g}"] for i, j in ranked[:_ROWS]]
     return table(["output", "input", "fit error [%]"], rows, words=[0, 1], caption=caption)

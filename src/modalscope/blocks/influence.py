@@ -1,0 +1,208 @@
+"""How small changes of a response move poles: gradients that are kept as outer products, and what noise makes of them.
+
+The first-order change of a pole is dp = L dH v with one row and one column vector, H the data matrix. H is linear in the response, so its
+adjoint turns the pair into an array g of the response's own shape with dp = sum g dY. That array is an outer product (output by input) on
+every line, or at every frequency of its Fourier transform over the samples, and is never formed where the noise is white.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
+import numpy as np
+from scipy import fft
+
+from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
+
+__all__ = ["Influence", "LineInfluence", "Moments", "Outer", "SampleInfluence", "convolved"]
+
+
+class Outer(NamedTuple):
+    """left[k, f, o] right[k, f, i]: an array (k, F, l, m) that is never formed."""
+
+    left: ComplexArray
+    right: ComplexArray
+
+    def times(self, other: Outer) -> Outer:
+        """Return the products of the entries, an outer product again."""
+        return Outer(self.left * other.left, self.right * other.right)
+
+    def conjugate(self) -> Outer:
+        """Return the conjugate entries."""
+        return Outer(self.left.conj(), self.right.conj())
+
+    def transposed(self) -> Outer:
+        """Return the entries with outputs and inputs in each other's places."""
+        return Outer(self.right, self.left)
+
+    def summed(self, weights: RealArray) -> ComplexArray:
+        """Return sum_(f, o, i) weights[f, o, i] left[k, f, o] right[k, f, i], (k,); weights (l, m) are those of every f."""
+        if weights.ndim == 2:
+            return np.asarray(np.sum((self.left @ weights) * self.right, axis=(1, 2)))
+        turned = self.left.transpose(1, 0, 2) @ weights  # (F, k, m)
+        return np.asarray(np.sum(turned * self.right.transpose(1, 0, 2), axis=(0, 2)))
+
+
+class Moments(NamedTuple):
+    """What noise does to poles: E|dp|^2 and E[dp^2], (k,) each."""
+
+    size: RealArray
+    square: ComplexArray
+
+    def scaled(self, factor: Array) -> Moments:
+        """Return the moments of factor times dp."""
+        return Moments(self.size * np.abs(factor) ** 2, self.square * np.asarray(factor) ** 2)
+
+    @property
+    def covariance(self) -> RealArray:
+        """Covariance of real and imaginary part, (k, 2, 2)."""
+        real, imaginary = (self.size + self.square.real) / 2, (self.size - self.square.real) / 2
+        cross = self.square.imag / 2
+        return np.stack([np.stack([real, cross], axis=1), np.stack([cross, imaginary], axis=1)], axis=1)
+
+
+class Influence(ABC):
+    """The gradient of poles by the values of a response."""
+
+    @abstractmethod
+    def white(self, variance: RealArray) -> Moments:
+        """Return what noise does that differs from value to value, of known variance.
+
+        Parameters
+        ----------
+        variance : array, (l, m) or (F, l, m)
+            E|noise|^2 of the values; of lines it may differ from line to line.
+        """
+
+    @abstractmethod
+    def of(self, change: Array) -> ComplexArray:
+        """Return the first-order change of the poles for changes of the response, (d, F or N, l, m) -> (d, k)."""
+
+    @abstractmethod
+    def joined(self, other: Self) -> Self:
+        """Return the sum of two gradients."""
+
+    @abstractmethod
+    def transposed(self) -> Self:
+        """Return the gradient by the transposed response."""
+
+
+@dataclass(frozen=True, eq=False)
+class LineInfluence(Influence):
+    """dp = sum over lines of a dH + b dH*, both sums of outer products.
+
+    Parameters
+    ----------
+    direct, mirrored : tuple of Outer
+        a and b on the lines used.
+    lines : array of int, (F',)
+        Which lines are used.
+    each : int
+        How many lines every one of them stands for.
+    """
+
+    direct: tuple[Outer, ...]
+    mirrored: tuple[Outer, ...]
+    lines: IntArray
+    each: int = 1
+
+    def white(self, variance: RealArray) -> Moments:
+        """Return the moments under circular noise, E|dH|^2 = variance."""
+        used = variance if variance.ndim == 2 else variance[self.lines]
+        size = sum(
+            one.times(two.conjugate()).summed(used).real
+            for part in (self.direct, self.mirrored)
+            for one in part
+            for two in part
+        )
+        square = sum(2 * one.times(two).summed(used) for one in self.direct for two in self.mirrored)
+        return Moments(np.asarray(size) * self.each, np.asarray(square, dtype=complex) * self.each)
+
+    def of(self, change: Array) -> ComplexArray:
+        """Return the change of the poles; where lines were left out an estimate."""
+        return np.stack([self._of(one[self.lines]) for one in change]) * self.each
+
+    def _of(self, change: Array) -> ComplexArray:
+        """Return sum a dH + b dH*, by real and imaginary parts of dH as weights."""
+        parts = ((self.direct, 1.0), (self.mirrored, -1.0))
+        total = sum(
+            one.summed(change.real) + sign * 1j * one.summed(change.imag) for part, sign in parts for one in part
+        )
+        return np.asarray(total)
+
+    def joined(self, other: LineInfluence) -> LineInfluence:
+        """Return the sum of two gradients on the same lines."""
+        return LineInfluence(self.direct + other.direct, self.mirrored + other.mirrored, self.lines, self.each)
+
+    def transposed(self) -> LineInfluence:
+        """Return the gradient by the transposed response."""
+        direct, mirrored = (tuple(one.transposed() for one in part) for part in (self.direct, self.mirrored))
+        return LineInfluence(direct, mirrored, self.lines, self.each)
+
+
+@dataclass(frozen=True, eq=False)
+class SampleInfluence(Influence):
+    """dp = sum_t g[t] dY(t), g by its Fourier transform over t: sums of outer products again (Parseval serves the moments).
+
+    Parameters
+    ----------
+    terms : tuple of Outer
+        sum_t g[t] exp(-2 pi j f t / N), f = 0 ... N - 1.
+    """
+
+    terms: tuple[Outer, ...]
+
+    @property
+    def _length(self) -> int:
+        return int(self.terms[0].left.shape[1])
+
+    def white(self, variance: RealArray) -> Moments:
+        """Return the moments under noise of this variance at every sample, (l, m)."""
+        pairs = [(one, two) for one in self.terms for two in self.terms]
+        size: Array = np.sum([one.times(two.conjugate()).summed(variance).real for one, two in pairs], axis=0)
+        square: Array = np.sum([one.times(_backwards(two)).summed(variance) for one, two in pairs], axis=0)
+        return Moments(np.asarray(size / self._length), np.asarray(square / self._length, dtype=complex))
+
+    def of(self, change: Array) -> ComplexArray:
+        """Return the change of the poles, one pole at a time; samples beyond the last that was read do nothing."""
+        return np.stack([self._of_pole(j, change) for j in range(len(self.terms[0].left))], axis=1)
+
+    def _of_pole(self, j: int, change: Array) -> ComplexArray:
+        g = self.gradient(j)[: change.shape[1]]
+        return np.asarray(change[:, : len(g)].reshape(len(change), -1) @ g.ravel())
+
+    def gradient(self, j: int) -> ComplexArray:
+        """Return g of one pole, (N, l, m): for small problems and for tests."""
+        spectrum = sum(term.left[j][:, :, None] * term.right[j][:, None, :] for term in self.terms)
+        return np.fft.ifft(np.asarray(spectrum), axis=0)
+
+    def joined(self, other: SampleInfluence) -> SampleInfluence:
+        """Return the sum of two gradients of the same length."""
+        return SampleInfluence(self.terms + other.terms)
+
+    def transposed(self) -> SampleInfluence:
+        """Return the gradient by the transposed response."""
+        return SampleInfluence(tuple(term.transposed() for term in self.terms))
+
+
+def _backwards(term: Outer) -> Outer:
+    """Return the values at -f."""
+    left, right = (np.roll(part[:, ::-1], 1, axis=1) for part in term)
+    return Outer(left, right)
+
+
+def convolved(rows: ComplexArray, columns: ComplexArray, length: int | None = None) -> Outer:
+    """Return g[t] = sum_(a + b = t) rows[a] columns[b]' by its Fourier transform.
+
+    Parameters
+    ----------
+    rows : array of complex, (k, block rows, l)
+    columns : array of complex, (k, block columns, m)
+    length : int, optional
+        Samples of the transform; by default as many as block rows and columns need together.
+    """
+    if length is None:
+        length = int(fft.next_fast_len(rows.shape[1] + columns.shape[1] - 1))
+    return Outer(np.fft.fft(rows, n=length, axis=1), np.fft.fft(columns, n=length, axis=1))

@@ -1,0 +1,122 @@
+"""Descent to the optimum of the likelihood: Levenberg and Marquardt's steps, held among decaying oscillations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from modalscope.identification.information import normal
+from modalscope.identification.likelihood import Fitted, Point, Whitened
+from modalscope.model.checks import ComplexArray, RealArray
+
+__all__ = ["Descent", "descend"]
+
+#: The model of the misfit's fall may be wrong beyond this part of a decay rate, and no step crosses an axis.
+_LONGEST = 0.9
+
+#: Data that are explained to this part are explained to rounding.
+_ROUNDING = 1e-14
+
+_FIRST, _LESS, _MORE, _MOST = 1e-3, 6.0, 8.0, 1e10
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Descent:
+    """Where a descent ended.
+
+    Parameters
+    ----------
+    point : Point
+    fitted : Fitted
+    cost : float
+        Squared misfit.
+    converged : bool
+    why : str
+        Why not.
+    iterations : int
+    """
+
+    point: Point
+    fitted: Fitted
+    cost: float
+    converged: bool
+    why: str
+    iterations: int
+
+
+def descend(
+    problem: Whitened,
+    poles: ComplexArray,
+    sides: ComplexArray,
+    *,
+    tolerance: float = 1e-12,
+    most: int = 60,
+    progress: Callable[[int, int], None] | None = None,
+) -> Descent:
+    """Lower the squared misfit from poles (n,) and unit vectors (n, p) on until no step promises more than `tolerance` of it.
+
+    What is promised counts, not what was gained: near the optimum rounding hides the gain.
+
+    Parameters
+    ----------
+    problem : Whitened
+    poles, sides
+        Where to start.
+    tolerance : float
+    most : int
+        Iterations.
+    progress : callable, optional
+        Called with (iterations done, iterations at most).
+    """
+    point = problem.at(poles, sides)
+    fitted = point.fitted()
+    cost, size = point.cost(fitted), float(np.sum(problem.data**2))
+    damping = _FIRST
+    for iteration in range(most):
+        if progress is not None:
+            progress(iteration, most)
+        step = _Step(*normal(point, fitted))
+        if step.promised <= tolerance * cost or cost <= _ROUNDING**2 * size:
+            return Descent(point, fitted, cost, True, "", iteration)
+        while True:
+            trial = problem.at(*point.moved(_held(step.damped(damping), point, problem.light.sampling_rate)))
+            found = trial.fitted()
+            lower = trial.cost(found)
+            if lower < cost:
+                point, fitted, cost, damping = trial, found, lower, max(damping / _LESS, 1e-15)
+                break
+            damping *= _MORE
+            if damping > _MOST:
+                steep = step.promised > 1e-8 * cost
+                return Descent(point, fitted, cost, not steep, "no step lowers the misfit" if steep else "", iteration)
+    return Descent(point, fitted, cost, False, f"{most} iterations were not enough", most)
+
+
+class _Step:
+    """Solutions of (J'J + damping D) step = J'r, D the diagonal of J'J, for any damping from one decomposition."""
+
+    def __init__(self, information: RealArray, slope: RealArray) -> None:
+        self.scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+        self.values, self.vectors = np.linalg.eigh(information / np.outer(self.scale, self.scale))
+        self.slope = self.vectors.T @ (slope / self.scale)
+        known = self.values > 1e-12 * max(self.values.max(initial=0.0), 1e-300)
+        self.promised = float(np.sum(self.slope[known] ** 2 / self.values[known]))
+
+    def damped(self, damping: float) -> ComplexArray:
+        step = self.vectors @ (self.slope / (np.maximum(self.values, 0) + damping)) / self.scale
+        return np.asarray(step[::2] + 1j * step[1::2])
+
+
+def _held(step: ComplexArray, point: Point, rate: float | None) -> ComplexArray:
+    """Shorten the steps of poles to what keeps them apart from the axes and below half the sampling rate, and of b to half a radian."""
+    step = step.reshape(point.sides.shape).copy()
+    poles = point.poles
+    room = np.minimum(-poles.real, poles.imag)
+    if rate is not None:
+        room = np.minimum(room, np.maximum(np.pi * rate - poles.imag, 1e-3 * room))
+    step[:, 0] *= np.minimum(1, _LONGEST * room / np.maximum(np.abs(step[:, 0]), 1e-300))
+    turned = np.linalg.norm(step[:, 1:], axis=1)
+    step[:, 1:] *= np.minimum(1, 0.5 / np.maximum(turned, 1e-300))[:, None]
+    return step

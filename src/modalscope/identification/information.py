@@ -1,0 +1,85 @@
+"""Gradient and information of the likelihood, whole and by parts of the data, from the complex columns of a point.
+
+The derivative of channel o by the real and the imaginary part of an unknown a is Re(c_oa W_a) and Re(j c_oa W_a), where W_a is its
+column without what the modes themselves explain; sums over channels then need nothing but the products W'W, W^H W and c'c, c^H c.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modalscope.identification.likelihood import Fitted, Point
+from modalscope.model.checks import Array, ComplexArray, RealArray
+
+__all__ = ["inverse", "normal", "residual", "scores", "scores_of_rows"]
+
+
+def normal(point: Point, fitted: Fitted) -> tuple[RealArray, RealArray]:
+    """Return the information J'J (2 n p, 2 n p) and J'r (2 n p,), real and imaginary part of every unknown side by side."""
+    W, c = _free(point, fitted), _coefficients(point, fitted)
+    H, S = (W.conj().T @ W) * (c.conj().T @ c), (W.T @ W) * (c.T @ c)
+    J = np.empty((2 * len(H), 2 * len(H)))
+    J[::2, ::2], J[1::2, 1::2] = (H + S).real / 2, (H - S).real / 2
+    J[::2, 1::2], J[1::2, ::2] = -(H + S).imag / 2, (H - S).imag / 2
+    return J, _interleaved(np.einsum("oa,ao->a", c, W.T @ fitted.left))
+
+
+def scores(point: Point, fitted: Fitted) -> RealArray:
+    """Return J'r of every channel, (l, m, 2 n p): at the optimum they sum to zero."""
+    W, c = _free(point, fitted), _coefficients(point, fitted)
+    p = point.sides.shape[1]
+    each = np.einsum("kia,kio->oia", _split(W, p), _split(fitted.left, p), optimize=True) * c[:, None]
+    return _interleaved(each.transpose(1, 0, 2) if point.problem.turned else each)
+
+
+def scores_of_rows(point: Point, fitted: Fitted, blocks: Array) -> RealArray:
+    """Return J'r of every block of rows, all channels together, (blocks, 2 n p).
+
+    Parameters
+    ----------
+    point, fitted
+    blocks : array of int, (K,)
+        The block of every row, counted from zero.
+    """
+    W, c = _free(point, fitted), _coefficients(point, fitted)
+    left = residual(point, fitted)
+    found = []
+    for block in range(int(blocks.max()) + 1):
+        rows = blocks == block
+        part = np.tensordot(point.span[rows].T, left[rows], axes=1)  # (4 n, q, p)
+        found.append(np.sum(c * np.einsum("kia,koi->oa", _split(W, part.shape[2]), part, optimize=True), axis=0))
+    return _interleaved(np.array(found))
+
+
+def residual(point: Point, fitted: Fitted) -> RealArray:
+    """Return the whitened residual on all rows, (K, q, p)."""
+    q, p = point.data.shape[1:]
+    explained = point.data - _split(fitted.left, p).transpose(0, 2, 1)
+    flat = point.span @ explained.reshape(len(explained), q * p)
+    return np.asarray(point.problem.data - flat.reshape(-1, q, p))
+
+
+def inverse(information: RealArray) -> RealArray:
+    """Return the inverse, columns brought to one level first; directions that the data say nothing about are left at zero."""
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    found = np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-13, hermitian=True)
+    return np.asarray(found / np.outer(scale, scale))
+
+
+def _free(point: Point, fitted: Fitted) -> ComplexArray:
+    W = point.directions()
+    return np.asarray(W - fitted.kept @ (fitted.kept.T @ W))
+
+
+def _coefficients(point: Point, fitted: Fitted) -> ComplexArray:
+    """C of the mode of every unknown, (q, n p)."""
+    return np.repeat(fitted.linear, point.sides.shape[1], axis=1)
+
+
+def _split(columns: Array, p: int) -> Array:
+    return columns.reshape(-1, p, columns.shape[1])
+
+
+def _interleaved(values: ComplexArray) -> RealArray:
+    """Derivatives by real and imaginary parts, Re v and Re(j v) = -Im v, side by side on the last axis."""
+    return np.stack([values.real, -values.imag], axis=-1).reshape(*values.shape[:-1], -1)

@@ -1,0 +1,166 @@
+"""Modes refined to the maximum of the likelihood, with their deviations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from modalscope.blocks.threads import one_thread
+from modalscope.identification.prepare import measure
+from modalscope.identification.refined import refined
+from modalscope.identification.settling import Settled, Task, least_gain, settle, task_of
+from modalscope.model.candidates import Candidate
+from modalscope.model.checks import ComplexArray, DataError, check_kind
+from modalscope.model.groups import AUTO, check_groups
+from modalscope.model.keywords import named
+from modalscope.model.modes import ModalModel
+from modalscope.model.notes import Note
+from modalscope.model.response import Response, window_damping
+
+__all__ = ["refine"]
+
+Progress = Callable[[int, int], None]
+
+
+@named()
+@one_thread
+def refine(
+    data: Any,
+    modes: ModalModel,
+    *,
+    groups: Any = AUTO,
+    weights: ArrayLike | None = None,
+    fixed: ArrayLike = (),
+    complete: bool = False,
+    progress: Progress | None = None,
+) -> ModalModel:
+    """Refine modes to the maximum of the likelihood, and say how far each may be from the truth.
+
+    min over poles s, shapes c, participation b and terms of sum |Y - sum_j (c_j b_j g(s_j) + conjugate) - terms|^2 / variance, the variance
+    being that of each channel: given with the data, or that of what is left, settled together with the modes.
+
+    Two deviations come with it. *Noise*: from the information of the data; where the residual is coloured, from the scatter of blocks
+    of neighbouring lines and of channels, too. *Repeatability*: from how far the groups disagree: inputs, runs or setups.
+
+    Parameters
+    ----------
+    data : FrequencyResponse, ImpulseResponse or Signals
+        In the band that the modes were identified in: what no mode explains biases those that are there.
+    modes : ModalModel
+        Where to start. Poles that are no decaying oscillations take part as they are, and are not reported.
+    groups : "auto", None or sequence of labels
+        One an input: those of the data, none, or others.
+    weights : array (F,), optional
+        1 / standard deviation of the lines or samples; by default from the variance of the data where they carry one.
+    fixed : array of complex, optional
+        rad/s: poles that take part with free residues in every channel, are held, and are not reported.
+    complete : bool
+        Whether poles that stand out of the residual are added, where it is white.
+    progress : callable, optional
+        Called with (iterations done, iterations at most), round by round.
+
+    Returns
+    -------
+    ModalModel
+        With `frequencies_std`, `damping_ratios_std`, `shapes_std`, repeatability, `gain`, `unrefined`, `converged` and `notes`.
+
+    Raises
+    ------
+    DataError
+        Correlations, modes of other channels, more unknowns than data.
+
+    Examples
+    --------
+    >>> from modalscope import identify
+    >>> from modalscope.systems import chain5
+    >>> response = chain5().impulse_response(300, noise=0.01, seed=0)
+    >>> found = identify(response, method="era", order=10).modes
+    >>> refined = refine(response, found)
+    >>> refined.converged, bool(refined.frequencies_std[0] < 1e-4)
+    (True, True)
+    """
+    check_kind("modes of refine", modes, ModalModel)
+    response = _response(data, modes)
+    chosen = check_groups(groups, response.values.shape[2], "an input", response.groups)
+    poles = modes.poles - window_damping(response)
+    able = (poles.real < 0) & np.array([kind == "mode" for kind in modes.kinds], dtype=bool)
+    beside = np.asarray(fixed, dtype=complex).ravel() - window_damping(response)
+    task = task_of(
+        response, np.concatenate([beside, poles[~able]]), None if weights is None else np.asarray(weights), progress
+    )
+    notes = [_held(len(task.fixed))] if len(task.fixed) else []
+    start = modes.take(able)
+    settled, kept, lost = _of_their_own(task, start)
+    notes += [] if settled is None else _how(settled)
+    return refined(task, start.take(kept), settled, chosen, lost, notes)
+
+
+def _response(data: Any, modes: ModalModel) -> Response:
+    """Return the response that the modes are of."""
+    response = measure(data).response
+    if response.ambient:
+        raise DataError(
+            "modes of correlations were to be refined",
+            "their errors are correlated from lag to lag, so that least squares is no maximum of their likelihood",
+            "Keep the values as they are; refine modes of frequency or impulse responses.",
+        )
+    there, given = response.values.shape[1:], len(modes.shapes)
+    if given != there[0] or (modes.participation is not None and modes.participation.shape[1] != there[1]):
+        raise DataError(
+            "modes were to be refined",
+            f"the data have {there[0]} outputs and {there[1]} inputs, the modes others",
+            "Give the data that the modes were identified from, or select the same channels in both.",
+        )
+    return response
+
+
+def _of_their_own(task: Task, modes: ModalModel) -> tuple[Settled | None, list[int], list[Candidate]]:
+    """Settle the modes; the weakest that explains no more than noise does goes, and the others are settled again."""
+    kept = list(range(len(modes)))
+    lost: list[Candidate] = []
+    poles, shapes, rows = modes.poles - window_damping(task.response), modes.shapes, _participation(task, modes)
+    while kept:
+        settled = settle(task, poles, shapes, rows)
+        gain = settled.gain
+        weakest = int(np.argmin(gain))
+        if gain[weakest] >= least_gain(task):
+            return settled, kept, lost
+        lost.append(_candidate(modes, kept.pop(weakest), float(gain[weakest])))
+        shapes, rows = settled.residues
+        poles = np.delete(settled.descent.point.poles, weakest)
+        shapes, rows = np.delete(shapes, weakest, axis=1), np.delete(rows, weakest, axis=0)
+    return None, kept, lost
+
+
+def _participation(task: Task, modes: ModalModel) -> ComplexArray:
+    if modes.participation is not None:
+        return modes.participation
+    poles = modes.poles - window_damping(task.response)
+    participation, _ = task.response.basis(poles, task.response.outside_powers).fit_participation(modes.shapes)
+    return participation
+
+
+def _candidate(modes: ModalModel, j: int, gain: float) -> Candidate:
+    return Candidate(
+        frequency=float(modes.frequencies[j]),
+        damping_ratio=float(modes.damping_ratios[j]),
+        gain=float(np.sqrt(gain / 2)),
+        reason="refined together with the others it explains no more than noise does",
+        remedy="Measure longer or with less noise; refine=False reports it as it was found.",
+    )
+
+
+def _held(count: int) -> Note:
+    text = f"{count} poles that are no modes take part in the refinement: they are held, their residues free"
+    return Note("held", {"poles": count}, text)
+
+
+def _how(settled: Settled) -> list[Note]:
+    descent = settled.descent
+    if descent.converged:
+        return []
+    text = f"the refinement did not converge: {descent.why}; the values are those of the best point"
+    return [Note("not converged", {"iterations": descent.iterations}, text)]

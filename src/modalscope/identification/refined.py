@@ -1,0 +1,113 @@
+"""What a refinement gives: modes with both deviations, what was lost, and notes on what the deviations rest on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from modalscope.identification.settling import Settled, Task
+from modalscope.identification.spread import LEAST_GROUPS, Spread, spread_of
+from modalscope.identification.whitening import Colour
+from modalscope.model.candidates import Candidate
+from modalscope.model.checks import ComplexArray
+from modalscope.model.groups import Groups
+from modalscope.model.mode_fields import DIRECT
+from modalscope.model.modes import ModalModel
+from modalscope.model.notes import Note
+from modalscope.model.poles import frequencies_and_damping
+from modalscope.model.response import is_held, window_damping
+
+__all__ = ["refined"]
+
+#: Poles closer than this many deviations of their difference share what is known of them.
+_APART = 3
+
+
+def refined(
+    task: Task,
+    before: ModalModel,
+    settled: Settled | None,
+    groups: Groups,
+    lost: list[Candidate],
+    notes: list[Note],
+) -> ModalModel:
+    """Wrap the optimum: values, deviations, what was lost, and the modes as they were."""
+    response = task.response
+    if lost:
+        listed = ", ".join(f"{each.frequency:.5g} Hz" for each in lost)
+        notes = [*notes, Note("nothing of its own", {"modes": len(lost)}, f"left out, no more than noise: {listed}")]
+    if settled is None:
+        return replace(before, left_out=(*before.left_out, *lost), unrefined=before, converged=True).noted(notes)
+    point, fitted = settled.descent.point, settled.descent.fitted
+    poles = point.poles + window_damping(response)
+    spread = spread_of(point, fitted, poles, settled.variance, response.count, groups, settled.colour)
+    order = np.argsort(np.abs(poles), kind="stable")
+    shapes, participation = settled.residues
+    dt = 1 / response.sampling_rate if is_held(response) and response.sampling_rate else before.dt
+    beside: dict[str, Any] = {**dict.fromkeys(DIRECT), **_terms(task, point.poles, shapes, participation)}
+    model = replace(
+        before,
+        poles=poles,
+        shapes=shapes,
+        participation=participation,
+        dt=dt,
+        held_input=is_held(response),
+        frequencies_std=spread.frequency,
+        damping_ratios_std=spread.damping,
+        shapes_std=spread.shapes,
+        frequencies_repeatability=spread.frequency_between,
+        damping_ratios_repeatability=spread.damping_between,
+        gain=np.sqrt(settled.gain / 2),
+        left_out=(*before.left_out, *lost),
+        converged=settled.descent.converged,
+        **beside,
+    )
+    scaled = replace(model.normalized(_scale(before)), unrefined=before)
+    return scaled.take(order).noted([*notes, *_told(settled.colour, spread, groups, poles)])
+
+
+#: What scaled shapes are said to be scaled to -> how that is asked; others get length one.
+_SCALES = {"unit modal mass": "mass", "largest component": "max"}
+
+
+def _scale(before: ModalModel) -> str:
+    return next((scale for words, scale in _SCALES.items() if before.scaling.startswith(words)), "unit")
+
+
+def _terms(task: Task, poles: ComplexArray, shapes: ComplexArray, participation: ComplexArray) -> dict[str, Any]:
+    """Fit what stands beside the modes, and return the residual terms by name."""
+    modal = task.response.basis(poles, task.powers)
+    nothing = np.zeros((modal.terms.shape[1], *modal.data.shape[1:]))
+    left = modal.data - modal.rebuilt(shapes, participation, nothing)
+    columns = task.response.basis(task.fixed, task.powers).columns / task.rows[:, None]
+    size = np.where((norm := np.linalg.norm(columns, axis=0)) > 0, norm, 1)
+    flat = (left / task.rows[:, None, None]).reshape(len(left), -1)
+    found = np.linalg.lstsq(columns / size, flat, rcond=None)[0] / size[:, None]
+    terms = found[: len(nothing)].reshape(nothing.shape)
+    return task.response.named_terms(terms, task.powers)
+
+
+def _told(seen: Colour, spread: Spread, groups: Groups, poles: ComplexArray) -> list[Note]:
+    """Say what the deviations rest on, and which poles are too close to have deviations of their own."""
+    notes = []
+    if seen.coloured:
+        text = (
+            f"the residual is coloured (neighbours correlate by {seen.correlation:.2g}): deviations are widened "
+            "by the scatter of its blocks; model error may exceed them"
+        )
+        notes.append(Note("coloured residual", {"correlation": seen.correlation, "uneven": seen.uneven}, text))
+    if spread.frequency_between is None:
+        count = 0 if groups is None else len(set(groups))
+        why = "no groups are known" if not count else f"{count} groups are too few, {LEAST_GROUPS} are needed"
+        text = f"deviations hold noise and model only: {why}, so that it is not known how far the test would repeat"
+        notes.append(Note("noise and model only", {"groups": count}, text))
+    f = frequencies_and_damping(poles)[0]
+    distance = np.abs(f[:, None] - f) + np.diag(np.full(f.size, np.inf))
+    near = np.argwhere(np.triu(distance < _APART * np.hypot(spread.frequency[:, None], spread.frequency)))
+    if near.size:
+        pairs = ", ".join(f"{f[i]:.5g} and {f[j]:.5g} Hz" for i, j in near)
+        text = f"closer than {_APART} deviations, so that only their mean and common subspace are sure: {pairs}"
+        notes.append(Note("repeated", {"pairs": len(near)}, text))
+    return notes

@@ -1,0 +1,173 @@
+"""Poles and the noise of every channel settled together: each descent tells what the next one divides the data by."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from modalscope.identification.descent import Descent, descend
+from modalscope.identification.information import residual
+from modalscope.identification.likelihood import whitened
+from modalscope.identification.whitening import Colour, Levels, colour, from_variance, levels_of, row_deviations
+from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
+from modalscope.model.response import Response
+
+__all__ = ["Settled", "Task", "least_gain", "settle", "task_of"]
+
+#: Rounds at most, and the relative change of any deviation at which they end.
+_ROUNDS, _SETTLED = 30, 1e-7
+
+#: One false mode in a thousand sets of noise.
+_FALSE = 1e-3
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Task:
+    """Data to be explained, and what stays as it is while modes are refined.
+
+    Parameters
+    ----------
+    response : Response
+    fixed : array of complex
+        Poles, as they are in the data, that are held and free in every channel.
+    powers : tuple of int
+        Residual terms.
+    rows : array, (K,)
+        Standard deviations of the rows, relative to each other.
+    known : Levels, optional
+        Of the channels, where they are known.
+    progress : callable, optional
+    """
+
+    response: Response
+    fixed: ComplexArray
+    powers: tuple[int, ...]
+    rows: RealArray
+    known: Levels | None
+    progress: Callable[[int, int], None] | None = None
+
+    @property
+    def channels(self) -> tuple[int, int]:
+        """Numbers of outputs and inputs."""
+        _, l, m = self.response.values.shape
+        return l, m
+
+
+def task_of(
+    response: Response, fixed: ComplexArray, weights: Array | None, progress: Callable[[int, int], None] | None
+) -> Task:
+    """Return the task of a response: noise from its variance where it carries one and no weights are given.
+
+    Parameters
+    ----------
+    response : Response
+    fixed : array of complex
+    weights : array, (lines or samples,), optional
+    progress : callable, optional
+    """
+    powers = response.outside_powers
+    rows = len(response.basis(fixed, powers).data)
+    variance = response.known_variance
+    if weights is None and variance is not None:
+        by_row, known = from_variance(variance, rows)
+        return Task(response, fixed, powers, by_row, known, progress)
+    return Task(response, fixed, powers, row_deviations(rows, weights), None, progress)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Settled:
+    """The optimum, and the noise that goes with it.
+
+    Parameters
+    ----------
+    descent : Descent
+    variance : float
+        Of a row of the whitened data.
+    unknown : int
+        Unknowns a channel.
+    colour : Colour
+        Of the residual.
+    """
+
+    descent: Descent
+    variance: float
+    unknown: int
+    colour: Colour
+
+    @property
+    def gain(self) -> RealArray:
+        """Rise of the squared misfit without each mode, in variances, (n,)."""
+        return self.descent.fitted.gain / self.variance
+
+    @property
+    def residues(self) -> tuple[ComplexArray, ComplexArray]:
+        """Shapes (l, n) and participation (n, m)."""
+        return self.descent.point.problem.scaled_back(self.descent.point, self.descent.fitted)
+
+
+def settle(task: Task, poles: ComplexArray, shapes: ComplexArray, participation: ComplexArray) -> Settled:
+    """Return the optimum from modes on.
+
+    The first descent divides the channels by their own size. What it leaves tells the noise of each channel where it is white, and
+    further descents and levels settle together. Where it is coloured it is model error, and no second descent: channels that happen
+    to fit well would draw all weight to themselves.
+
+    Parameters
+    ----------
+    task : Task
+    poles : array of complex, (n,)
+        As they are in the data.
+    shapes, participation : array of complex, (l, n), (n, m)
+        The side with fewer channels is where the descent starts; the other follows.
+
+    Raises
+    ------
+    DataError
+        No more data than unknowns.
+    """
+    _check_freedom(task, len(poles))
+    levels = task.known or levels_of(np.sqrt(np.mean(np.abs(task.response.values) ** 2, axis=0)))
+    for _ in range(_ROUNDS):
+        problem = whitened(task.response, task.fixed, task.powers, task.rows, levels.outputs, levels.inputs)
+        start = (shapes.T if problem.turned else participation) / problem.varying
+        sides = start / np.maximum(np.linalg.norm(start, axis=1, keepdims=True), 1e-300)
+        descent = descend(problem, poles, sides, progress=task.progress)
+        point, fitted = descent.point, descent.fitted
+        unknown = problem.terms.shape[1] + 2 * len(poles)
+        seen = colour(residual(point, fitted), task.response.count, unknown)
+        left = np.sqrt(point.left_by_channel(fitted) / len(task.rows))
+        following = levels_of(left * np.outer(levels.outputs, levels.inputs))
+        if task.known or seen.coloured or not descent.converged or following.change(levels) < _SETTLED:
+            break
+        poles, levels = point.poles, following
+        shapes, participation = problem.scaled_back(point, fitted)
+    variance = descent.cost / (problem.freedom - 2 * len(poles) * sum(task.channels))
+    if (
+        task.known is not None and variance <= 1
+    ):  # what is left is no more than the noise that is known: its colour is none of a model's
+        return Settled(descent, 1.0, unknown, replace(seen, coloured=False))
+    return Settled(descent, variance, unknown, seen)
+
+
+def _check_freedom(task: Task, modes: int) -> None:
+    l, m = task.channels
+    free = (len(task.rows) - len(task.powers) - 2 * len(task.fixed)) * l * m
+    if free <= 2 * modes * (l + m):
+        raise DataError(
+            f"{modes} modes of {l} outputs and {m} inputs were to be refined, {2 * modes * (l + m)} unknowns",
+            f"there are {max(free, 0)} real values beside the residual terms",
+            "Give more lines or samples, or fewer modes.",
+        )
+
+
+def least_gain(task: Task) -> float:
+    """Return half of 2 (sqrt l + sqrt m + sqrt t)^2, t = ln(positions / 1e-3): no noise explains more than half of the whole.
+
+    That is the bound on the largest singular value of an l x m matrix of complex normal numbers (K. R. Davidson and S. J. Szarek, 2001),
+    over all positions on the frequency axis that a pole may take.
+    """
+    l, m = task.channels
+    positions = max(len(task.rows) / 2, 2.0)
+    return float((np.sqrt(l) + np.sqrt(m) + np.sqrt(np.log(positions / _FALSE))) ** 2)

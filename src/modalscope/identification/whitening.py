@@ -1,0 +1,131 @@
+"""What the data are divided by so that their noise is white: deviations of rows, outputs and inputs; and whether what is left is white."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from modalscope.model.checks import Array, DataError, RealArray
+
+__all__ = ["Colour", "Levels", "blocks_of", "colour", "from_variance", "levels_of", "row_deviations"]
+
+#: Quieter channels than this part of the loudest residual are brought to it: what is fitted to rounding must not decide alone.
+_QUIETEST = 1e-7
+
+#: Neighbours over which the level of the residual is smoothed before it is called uneven.
+_SMOOTHED = 41
+
+#: White noise exceeds these in less than one of a thousand sets: standard deviations of the correlation, and of the smoothed level.
+_CORRELATED, _UNEVEN = 5.0, 3.0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Levels:
+    """Standard deviations of one real row of the noise: the product of these, channel by channel.
+
+    Parameters
+    ----------
+    outputs, inputs : array, (l,), (m,)
+    """
+
+    outputs: RealArray
+    inputs: RealArray
+
+    def change(self, other: Levels) -> float:
+        """Return the largest relative difference of any channel's deviation."""
+        ratio = np.outer(self.outputs, self.inputs) / np.outer(other.outputs, other.inputs)
+        return float(np.max(np.abs(np.log(ratio))))
+
+
+def levels_of(deviations: RealArray) -> Levels:
+    """Return the nearest product of an output's and an input's part, in the logarithm.
+
+    Parameters
+    ----------
+    deviations : array, (l, m)
+    """
+    d = np.maximum(deviations, max(_QUIETEST * float(deviations.max(initial=0.0)), 1e-290))
+    log = np.log(d)
+    return Levels(np.exp(log.mean(axis=1)), np.exp(log.mean(axis=0) - log.mean()))
+
+
+def row_deviations(rows: int, weights: Array | None) -> RealArray:
+    """Return what K real rows are divided by: one over the weights of lines, whose real and imaginary parts are rows; ones without."""
+    if weights is None:
+        return np.ones(rows)
+    w = np.asarray(weights, dtype=float)
+    if w.ndim != 1 or w.size == 0 or rows % w.size or not (np.all(np.isfinite(w)) and np.all(w > 0)):
+        raise DataError(
+            "weights need one positive number a line or sample",
+            f"they have shape {w.shape}, and the data {rows} real rows",
+            "Give 1 / standard deviation of each.",
+        )
+    return np.tile(1 / w, rows // w.size)
+
+
+def from_variance(variance: RealArray, rows: int) -> tuple[RealArray, Levels]:
+    """Return deviations of rows and levels of channels from the variance E |error|^2 of every value, (F, l, m)."""
+    known = variance[variance > 0]
+    log = np.log(np.maximum(variance, known.min() if known.size else 1.0)) / 2
+    by_row = np.exp(log.mean(axis=(1, 2)))
+    each = log - np.log(by_row)[:, None, None]
+    parts = rows // len(variance)
+    return np.tile(by_row, parts), levels_of(np.exp(each.mean(axis=0)) / np.sqrt(parts))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Colour:
+    """How far a residual is from white noise.
+
+    Parameters
+    ----------
+    correlation : float
+        Of neighbouring lines or samples.
+    uneven : float
+        Scatter of the smoothed level over that of white noise; 0 with too few rows to smooth.
+    coloured : bool
+    """
+
+    correlation: float
+    uneven: float
+    coloured: bool
+
+
+def colour(left: RealArray, count: int, unknown: int) -> Colour:
+    """Judge a whitened residual by how far neighbours agree, and by how its level changes along lines or samples.
+
+    Parameters
+    ----------
+    left : array, (K, q, p)
+    count : int
+        Lines or samples; K is that, or twice that with real and imaginary parts one after the other.
+    unknown : int
+        Unknowns a channel: a fit itself correlates what it leaves by about unknown / K.
+    """
+    e = left / np.maximum(np.sqrt(np.mean(left**2, axis=0)), 1e-300)
+    e = e.reshape(-1, count, e[0].size)
+    rho = float(np.mean(e[:, 1:] * e[:, :-1])) if count > 1 else 0.0
+    deviation = 1 / np.sqrt(max(e[:, 1:].size, 1))
+    uneven = 0.0
+    if count >= 4 * _SMOOTHED:
+        level = np.convolve(np.mean(e**2, axis=(0, 2)), np.ones(_SMOOTHED) / _SMOOTHED, mode="valid")
+        # the square of a standard normal number scatters by sqrt 2
+        uneven = float(np.std(np.log(level)) * np.sqrt(_SMOOTHED * e.shape[0] * e.shape[2] / 2))
+    coloured = abs(rho) > _CORRELATED * deviation + unknown / len(left) or uneven > _UNEVEN
+    return Colour(rho, uneven, bool(coloured))
+
+
+def blocks_of(rows: int, count: int, correlation: float) -> Array:
+    """Return the block of every row, neighbouring lines or samples together: a correlation length long, eight blocks at least.
+
+    Parameters
+    ----------
+    rows, count : int
+        Real rows, and lines or samples.
+    correlation : float
+        Of neighbours.
+    """
+    rho = float(np.clip(correlation, 0, 0.99))
+    length = int(np.clip(np.ceil((1 + rho) / (1 - rho)), 2, max(count // 8, 1)))
+    return np.tile(np.arange(count) // length, rows // count)

@@ -1,0 +1,97 @@
+"""Covariances carried to what is reported: poles to frequencies and damping ratios, scores of parts to the spread between them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modalscope.model.checks import Array, ComplexArray, RealArray
+
+__all__ = ["deviations_of_poles", "pole_blocks", "sandwich", "shape_deviations"]
+
+
+def deviations_of_poles(poles: Array, blocks: Array) -> tuple[RealArray, RealArray]:
+    """Return the standard deviations of f = |s| / 2 pi (Hz) and of zeta = -Re s / |s|, to first order.
+
+    With s = x + j y and w = |s|: df = (x dx + y dy) / (2 pi w), dzeta = (-y^2 dx + x y dy) / w^3.
+
+    Parameters
+    ----------
+    poles : array of complex, (n,)
+        rad/s.
+    blocks : array, (n, 2, 2)
+        Covariance of (Re s, Im s) of each pole.
+
+    Returns
+    -------
+    frequency, damping : array, (n,)
+
+    Examples
+    --------
+    >>> f, zeta = deviations_of_poles(np.array([-1 + 100j]), np.diag([0.04, 0.01])[None])
+    >>> f.round(4), zeta.round(5)  # about sd(Im s) / 2 pi, and sd(Re s) / |s|
+    (array([0.0159]), array([0.002]))
+    """
+    s = np.asarray(poles)
+    w = np.abs(s)
+    to_f = np.stack([s.real, s.imag], axis=1) / (2 * np.pi * w[:, None])
+    to_zeta = np.stack([-(s.imag**2), s.real * s.imag], axis=1) / w[:, None] ** 3
+    f, zeta = (np.sqrt(np.maximum(np.einsum("na,nab,nb->n", to, np.asarray(blocks), to), 0)) for to in (to_f, to_zeta))
+    return f, zeta
+
+
+def pole_blocks(covariance: RealArray, first: Array) -> RealArray:
+    """Return the 2 x 2 blocks on the diagonal of a covariance that begin at the given rows, (n, 2, 2).
+
+    Parameters
+    ----------
+    covariance : array, (p, p)
+    first : array of int, (n,)
+        Where Re s of each pole stands; Im s follows it.
+    """
+    rows = np.asarray(first)[:, None] + np.arange(2)
+    return np.asarray(covariance[rows[:, :, None], rows[:, None, :]])
+
+
+def sandwich(inverse: RealArray, scores: RealArray) -> RealArray:
+    """Return C (sum_g S_g S_g' G / (G - 1)) C: the covariance of estimates whose G parts disagree as they do.
+
+    Parameters
+    ----------
+    inverse : array, (p, p)
+        C, the inverse of the information J'J (without the noise's variance).
+    scores : array, (G, p)
+        S_g = J_g' r_g of every part, which sum to zero at the optimum.
+
+    Source
+    ------
+    P. J. Huber, The behavior of maximum likelihood estimates under nonstandard conditions, 1967; by clusters: K.-Y. Liang and
+    S. L. Zeger, Biometrika 73, 1986.
+    """
+    parts = len(scores)
+    moved = scores @ inverse
+    return np.asarray(moved.T @ moved * (parts / (parts - 1)))
+
+
+def shape_deviations(shape: ComplexArray, alone: RealArray, moved: ComplexArray, covariance: RealArray) -> RealArray:
+    """Return sqrt(E |d phi_o|^2) of one shape, with what only changes its complex scale taken out, (l,).
+
+    d c_o = n_o + A_o d theta, with n_o independent from output to output; of d c the part along the shape itself is no change of
+    shape: d phi = (I - c c^H / c^H c) d c.
+
+    Parameters
+    ----------
+    shape : array of complex, (l,)
+        c.
+    alone : array, (l,)
+        E |n_o|^2.
+    moved : array of complex, (l, p)
+        A_o.
+    covariance : array, (p, p)
+        Of theta.
+    """
+    unit = shape / max(float(np.linalg.norm(shape)), 1e-300)
+    weight = np.abs(unit) ** 2
+    own = alone * (1 - 2 * weight) + weight * np.sum(weight * alone)
+    across = moved - np.outer(unit, unit.conj() @ moved)
+    carried = np.einsum("op,pq,oq->o", across, covariance, across.conj(), optimize=True).real
+    return np.asarray(np.sqrt(np.maximum(own + carried, 0)))

@@ -1,0 +1,75 @@
+"""The gradient of continuous poles by the response, for any row of the table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from modalscope.blocks.influence import Influence, Moments
+from modalscope.blocks.matrix import DataMatrix
+from modalscope.blocks.triple import Eigen, Triple
+from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.realizations.realization import Realization
+
+__all__ = ["PoleInfluence", "influence_on", "slope_to_s"]
+
+#: Relative step by which the map to continuous poles is differenced: it is analytic, along the ray of the pole.
+_STEP = 1e-6
+
+
+def slope_to_s(matrix: DataMatrix, values: ComplexArray) -> ComplexArray:
+    """Return ds/dx of the map from the plane of a data matrix to rad/s, (k,)."""
+    ahead, behind = (matrix.to_s(values * (1 + sign * _STEP)) for sign in (1, -1))
+    return np.asarray((ahead - behind) / (2 * _STEP * values))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PoleInfluence:
+    """How a response moves continuous poles: ds = slope dx, dx by the gradient.
+
+    Parameters
+    ----------
+    gradient : Influence
+        Of the eigenvalues in the plane of the data matrix.
+    slope : array of complex, (k,)
+    """
+
+    gradient: Influence
+    slope: ComplexArray
+
+    def white(self, variance: RealArray) -> Moments:
+        """Return the moments of the poles under noise of known variance, see `Influence.white`."""
+        return self.gradient.white(variance).scaled(self.slope)
+
+    def of(self, change: Array) -> ComplexArray:
+        """Return the first-order changes (d, k) of the poles, rad/s, for changes (d, F or N, l, m) of the response."""
+        return np.asarray(self.gradient.of(change) * self.slope)
+
+
+def influence_on(
+    matrix: DataMatrix, realization: Realization, order: int, model: Triple, eigen: Eigen, every: int = 1
+) -> PoleInfluence:
+    """Return how the response moves some eigenvalues of a model.
+
+    Parameters
+    ----------
+    matrix : DataMatrix
+    realization : Realization
+    order : int
+    model : Triple
+        Cut out of the realization, with inputs and outputs in their own places.
+    eigen : Eigen
+        Those of its eigenvalues that are asked.
+    every : int
+        Lines that one stands for; see `DataMatrix.influence`.
+
+    Raises
+    ------
+    DataError
+        The row has no first-order formula.
+    """
+    factored = Eigen(eigen.values, eigen.left.T, eigen.vectors.T) if model.turned else eigen
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        found = realization.influence(order, factored, every)
+        return PoleInfluence(matrix.as_measured(found), slope_to_s(matrix, eigen.values))

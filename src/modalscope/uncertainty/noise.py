@@ -1,0 +1,279 @@
+"""What is known of the noise in a response, and what it does to poles: variances of the values, or deviations of parts of a record.
+
+Every kind is one contraction with the influence of the data on the poles (`modalscope.uncertainty.influence`).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from modalscope.blocks.influence import Moments
+from modalscope.model.checks import Array, BoolArray, ComplexArray, DataError, RealArray
+from modalscope.model.notes import Note
+from modalscope.model.response import Response
+from modalscope.model.signals import Signals
+from modalscope.preprocess.correlation import correlation_blocks
+from modalscope.preprocess.frf import LEAKING
+from modalscope.uncertainty.influence import PoleInfluence
+
+__all__ = ["BLOCKS", "KIND", "Noise", "Parts", "Residual", "Unknown", "White", "noise_of", "residual_variance"]
+
+#: The kind of every note on deviations.
+KIND = "deviations"
+
+#: Parts that a record is cut into.
+BLOCKS = 20
+
+#: Fewer parts say too little of their scatter.
+_FEWEST = 5
+
+#: Lines that a mode's bandwidth 2 zeta f must span where leakage is in the data, so that its damping is not biased by it.
+_LEAST_LINES = 4.0
+
+#: Numbers that the deviations of a record's parts may have together.
+_LARGEST = 100_000_000
+
+
+class Noise(ABC):
+    """What is known of the noise."""
+
+    @property
+    @abstractmethod
+    def note(self) -> Note:
+        """Where the deviations come from."""
+
+    @abstractmethod
+    def moments(self, influence: PoleInfluence) -> Moments:
+        """Return what the noise does to poles.
+
+        Parameters
+        ----------
+        influence : PoleInfluence
+        """
+
+    def beside(self, residual: RealArray) -> Noise:
+        """Return the noise, given the variance (l, m) of what a model leaves of the data."""
+        return self
+
+    def damping_is_told(self, poles: ComplexArray) -> BoolArray:
+        """Return for which poles (rad/s) the deviation of the damping ratio means something."""
+        return np.ones(np.shape(poles), bool)
+
+    @abstractmethod
+    def drawn(self, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+        """Return noise of this kind for a response of a given shape (K, l, m)."""
+
+
+@dataclass(frozen=True, eq=False)
+class White(Noise):
+    """Noise that differs from value to value.
+
+    Parameters
+    ----------
+    variance : array, (l, m) or (F, l, m)
+        E|noise|^2.
+    source : str
+        Where it is known from, in words.
+    is_complex : bool
+        Whether the values are lines.
+    resolution : float
+        Distance of lines that leak into each other, Hz; 0 where none do.
+    """
+
+    variance: RealArray
+    source: str
+    is_complex: bool = False
+    resolution: float = 0.0
+
+    @property
+    def note(self) -> Note:
+        """Where the deviations come from, and where leakage forbids them."""
+        text = f"standard deviations from {self.source}"
+        if self.resolution:
+            text += (
+                f"; leakage, lines {self.resolution:.4g} Hz apart: no deviation is given for the damping of modes whose bandwidth "
+                f"2 zeta f is below {_LEAST_LINES:g} lines"
+            )
+        return Note(KIND, {"resolution_hz": self.resolution} if self.resolution else {}, text)
+
+    def moments(self, influence: PoleInfluence) -> Moments:
+        """Return what the noise does to poles."""
+        return influence.white(self.variance)
+
+    def damping_is_told(self, poles: ComplexArray) -> BoolArray:
+        """Return which poles have a bandwidth that leakage does not widen."""
+        return np.asarray(np.abs(np.real(poles)) / np.pi >= _LEAST_LINES * self.resolution)
+
+    def drawn(self, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+        """Return white noise; circular on lines."""
+        size = np.sqrt(np.broadcast_to(self.variance, shape))
+        if not self.is_complex:
+            return np.asarray(size * rng.standard_normal(shape))
+        return np.asarray(size / np.sqrt(2) * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)))
+
+
+@dataclass(frozen=True, eq=False)
+class Residual(Noise):
+    """Noise of which only what a model leaves of the data is known: taken as white, of one variance a channel."""
+
+    is_complex: bool = False
+
+    @property
+    def note(self) -> Note:
+        """Where the deviations come from, and what they are not."""
+        text = (
+            "standard deviations from what the model leaves of the data, taken as white noise; "
+            "what differs between inputs, runs or setups is not in them"
+        )
+        return Note(KIND, {}, text)
+
+    def beside(self, residual: RealArray) -> Noise:
+        """Return white noise of the variance that the model leaves."""
+        return White(residual, "the residual", self.is_complex)
+
+    def moments(self, influence: PoleInfluence) -> Moments:
+        """Raise: a model is needed first."""
+        raise TypeError("the residual of a model is needed first: beside()")
+
+    def drawn(self, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+        """Raise: a model is needed first."""
+        raise TypeError("the residual of a model is needed first: beside()")
+
+
+@dataclass(frozen=True, eq=False)
+class Parts(Noise):
+    """Noise as the deviations of a record's parts from the whole.
+
+    Parameters
+    ----------
+    deviations : array, (K, T, l, m)
+        Scaled so that the sum of their squares is the variance of the whole.
+    duration : float
+        Seconds of a part: a mode that forgets its state more slowly is not seen to scatter.
+    """
+
+    deviations: RealArray
+    duration: float
+
+    @property
+    def note(self) -> Note:
+        """Where the deviations come from."""
+        count = len(self.deviations)
+        text = (
+            f"standard deviations from {count} parts of the record of {self.duration:.4g} s; none is given for modes "
+            "that decay more slowly than a part lasts"
+        )
+        return Note(KIND, {"parts": count, "degrees_of_freedom": count - 1}, text)
+
+    def moments(self, influence: PoleInfluence) -> Moments:
+        """Return sum |dp|^2 and sum dp^2 over the parts."""
+        moved = influence.of(self.deviations)
+        return Moments(np.sum(np.abs(moved) ** 2, axis=0), np.sum(moved**2, axis=0))
+
+    def damping_is_told(self, poles: ComplexArray) -> BoolArray:
+        """Return which poles decay within a part."""
+        return np.asarray(np.abs(np.real(poles)) * self.duration >= 1)
+
+    def drawn(self, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+        """Return a random sum of the deviations: noise of their covariance."""
+        drawn = np.tensordot(rng.standard_normal(len(self.deviations)), self.deviations, axes=1)
+        return np.asarray(drawn[: shape[0]])
+
+
+@dataclass(frozen=True, eq=False)
+class Unknown(Noise):
+    """Noise of which nothing is known: every deviation is withheld."""
+
+    why: str
+    numbers: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def note(self) -> Note:
+        """Why deviations are withheld."""
+        return Note(KIND, {"withheld": 1.0, **self.numbers}, f"standard deviations are withheld: {self.why}")
+
+    def moments(self, influence: PoleInfluence) -> Moments:
+        """Return NaN."""
+        nothing = np.full(influence.slope.shape, np.nan)
+        return Moments(nothing, nothing.astype(complex))
+
+    def drawn(self, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+        """Raise: nothing is known of it."""
+        raise DataError(
+            "noise like that of the data was asked",
+            f"nothing is known of it: {self.why}",
+            "Give the records themselves.",
+        )
+
+
+def noise_of(response: Response, records: Signals | None = None) -> Noise:
+    """Return what is known of the noise in a response.
+
+    The variance of the estimates where the response has it; else their coherence with the number of averages; for correlations the
+    scatter of parts of the record; else the residual of whatever model is fitted.
+
+    Parameters
+    ----------
+    response : Response
+    records : Signals, optional
+        That correlations were made from.
+    """
+    if response.ambient:
+        return _of_parts(response, records)
+    is_complex = bool(np.iscomplexobj(response.values))
+    leaks = any(LEAKING in step for step in response.processing)
+    given = getattr(response, "variance", None)
+    if given is not None:
+        source = "the variance of the frequency responses"
+        return White(given, source, is_complex, _resolution(response) if leaks else 0.0)
+    coherence, averages = getattr(response, "coherence", None), getattr(response, "averages", None)
+    if coherence is not None and averages is not None and averages > 1:
+        g2 = np.clip(coherence.reshape(response.count, response.values.shape[1], -1), 1e-6, 1 - 1e-12)
+        variance = np.abs(response.values) ** 2 * (1 - g2) / (g2 * averages)
+        return White(variance, f"the coherence of {averages} averages", is_complex, _resolution(response))
+    return Residual(is_complex)
+
+
+def _resolution(response: Response) -> float:
+    """Return the distance of the lines, Hz."""
+    grid = response.grid
+    return 0.0 if grid is None or grid.size < 2 else float(np.median(np.diff(grid)))
+
+
+def _of_parts(response: Response, records: Signals | None) -> Noise:
+    """Return D_k = (R_k - R) pairs_k / sum pairs sqrt(K / (K - 1)) over the lags of the correlation."""
+    if records is None:
+        return Unknown("the errors of a correlation are themselves correlated, and its records are not there")
+    lags = response.count
+    size = BLOCKS * response.values[0].size * (lags + 1)
+    if size > _LARGEST:
+        return Unknown(f"{BLOCKS} parts of the record would take {size} numbers", {"numbers": float(size)})
+    most = records.runs * (records.samples // (lags + 2))
+    if most < _FEWEST:
+        return Unknown(f"the record has {most} parts as long as the {lags} lags used, and {_FEWEST} are needed")
+    blocks = correlation_blocks(records, references=response.input_dofs, lags=lags, blocks=min(BLOCKS, most))
+    count = len(blocks.sums)
+    weights = (blocks.pairs / blocks.pairs.sum(axis=0))[:, 1:, None, None]
+    deviations = (blocks.values - blocks.mean)[:, 1:] * weights * np.sqrt(count / (count - 1))
+    duration = records.samples * records.runs / count / records.sampling_rate
+    return Parts(np.asarray(deviations), float(duration))
+
+
+def residual_variance(left: Array, unknowns: float, is_complex: bool) -> RealArray:
+    """Return the variance E|noise|^2 (l, m) of noise by what a model leaves; `unknowns` real numbers were fitted to a channel.
+
+    NaN where there are no more values than unknowns.
+
+    Parameters
+    ----------
+    left : array, (K, l, m)
+        Samples; of lines real parts, then imaginary parts.
+    unknowns : float
+    is_complex : bool
+        Whether they are lines, of two parts each.
+    """
+    free, energy = len(left) - unknowns, np.sum(left**2, axis=0)
+    return np.asarray((1 + is_complex) * energy / free if free > 0 else np.full(energy.shape, np.nan))
