@@ -23,6 +23,7 @@ from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
 from modalscope.model.result import Result
 from modalscope.preprocess.quality import examine
+from modalscope.preprocess.resolution import leakage_note
 from modalscope.workflow.refining import refined_where_it_helps
 from modalscope.workflow.sources import opened
 
@@ -133,6 +134,7 @@ def analyzed(data: Any, document: Analysis, progress: Progress | None = None, to
             *modes.notes,
             *told,
             *seen,
+            *_leaking(data, modes, diagrams),
             *_loud(modes, diagrams),
             *(note for diagram in diagrams for note in diagram.notes),
         ),
@@ -197,6 +199,12 @@ def _examined(data: Any) -> tuple[tuple[Any, ...], tuple[Note, ...]]:
     """Return the findings on the data, each also as a note."""
     findings = examine(data)
     return findings, tuple(Note(f"data: {finding.kind}", {}, str(finding)) for finding in findings)
+
+
+def _leaking(data: Any, modes: ModalModel, diagrams: list[StabilizationDiagram]) -> tuple[Note, ...]:
+    """Return a warning where frequency responses were averaged over segments too short for the modes."""
+    note = leakage_note(data, diagrams[0].response, modes.frequencies, modes.damping_ratios)
+    return () if note is None else (note,)
 
 
 def _loud(modes: ModalModel, diagrams: list[StabilizationDiagram]) -> tuple[Note, ...]:
