@@ -198,7 +198,8 @@ def records_on_lines(problem: Problem, order: int) -> Built:
     """Return the records' own lines, inputs and ends eliminated."""
     options: SpectraOptions = problem.options
     assert isinstance(problem.response, RecordSpectra)
-    degree = options.block_rows or default_record_degree(problem.response, order)
+    truncates = problem.method.orders.truncates
+    degree = options.block_rows or default_record_degree(problem.response, order, truncates=truncates)
     matrix = record_lines(problem.response, domain=problem.method.domain, block_rows=degree)
     return Built(matrix, replace(options, block_rows=degree, form="observable"))
 

@@ -82,16 +82,19 @@ def default_degree(response: FrequencyResponse, order: int) -> int:
     return int(max(min(wanted, carried), 1))
 
 
-def default_record_degree(spectra: RecordSpectra, order: int) -> int:
+def default_record_degree(spectra: RecordSpectra, order: int, *, truncates: bool = True) -> int:
     """Return the degree q of records on lines: as high as the stack and the lines allow, for it decides how well damping is known.
 
     (q + 1)(1 + m + l) stays below a thousand columns, and twice as many lines are there as terms are eliminated; but q is never
     below 8, nor below what the order needs, unless the lines forbid it: q + 1 terms of every input and end, and the order, must be left.
+    Where all block rows are states, there are no more of them than the order needs.
     """
     _, outputs, _ = spectra.values.shape
     channels, terms = spectra.eliminated
     least = max(8, -(-order // outputs) + 4)
-    wanted = min(_DEGREE, _STACK // (channels + outputs) - 1, spectra.count // (2 * terms) - 1)
+    wanted = (
+        least if not truncates else min(_DEGREE, _STACK // (channels + outputs) - 1, spectra.count // (2 * terms) - 1)
+    )
     most = (2 * spectra.count - order) // terms - 1
     return int(max(min(max(wanted, least), most), -(-order // outputs), 1))
 

@@ -108,9 +108,21 @@ def by_instruments(found: StabilizationDiagram, again: Callable[..., Stabilizati
     try:
         other = again(route="subspace")
     except DataError:
-        return found
+        return replace(found, **withheld(found))
     text = "so past inputs and outputs were taken as instruments: that cures forces that were not measured, not noise on the inputs"
-    return replace(other, notes=(*doubt, Note("route changed", {}, text), *other.notes))
+    rest = (note for note in other.notes if note.kind != UNMEASURED)
+    return replace(other, notes=(*doubt, Note("route changed", {}, text), *rest), **withheld(other))
+
+
+def withheld(diagram: StabilizationDiagram) -> dict[str, Any]:
+    """Return what becomes of the deviations where damping is biased by what was not measured: they would not hold it.
+
+    Parameters
+    ----------
+    diagram : StabilizationDiagram
+    """
+    std = diagram.damping_ratios_std
+    return {} if std is None else {"damping_ratios_std": np.full_like(std, np.nan)}
 
 
 def stabilized(

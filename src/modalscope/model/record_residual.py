@@ -22,8 +22,9 @@ UNMEASURED = "unmeasured forces"
 #: by about the square of its share of the data.
 _STANDS_OUT, _MATTERS = 6.0, 0.01
 
-#: A pole of a drift lies within so many times 1 / T of z = 1, that of a delay within this distance of z = 0.
-_DRIFT, _DELAY = 0.5, 0.2
+#: A pole of a drift lies within so many times 1 / T of z = 1, one pole of a delay within this distance of z = 0; more than so many samples
+#: are none, but damped noise.
+_DRIFT, _DELAY, _LATEST = 0.5, 0.01, 6
 
 #: Half bandwidths of a mode that are near it, and from which on lines are away from all modes.
 _NEAR, _AWAY = 2.0, 10.0
@@ -112,7 +113,9 @@ def pole_notes(poles: Array, sampling_rate: float | None, duration: float) -> tu
             Note("drift", {}, "a pole at zero frequency: the records drift, which costs a state and no accuracy")
         )
     if sampling_rate is not None:
-        late = int(np.sum(np.where(poles.imag == 0, 1, 2)[np.abs(poles) < _DELAY]))
+        size = np.sort(np.repeat(np.abs(poles), np.where(poles.imag == 0, 1, 2)))
+        # a pole of multiplicity k is known to the k-th root of what one is known to
+        late = max((k for k in range(1, min(size.size, _LATEST) + 1) if size[k - 1] ** k < _DELAY), default=0)
         if late:
             text = f"{late} poles at z = 0: some channels come about {late} samples late in all"
             notes.append(Note("delay", {"samples": late}, f"a delay of about {late} samples: {text}"))

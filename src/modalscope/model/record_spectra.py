@@ -176,6 +176,11 @@ class RecordSpectra(Response):
         return (*excess_notes(found), *pole_notes(self._in_plane(poles), self.sampling_rate, max(self.durations)))
 
     @property
+    def separable(self) -> bool:
+        """False: all inputs act together."""
+        return False
+
+    @property
     def columns(self) -> tuple[str, ...]:
         """What the last axis of the values is: all inputs act together."""
         return ("all inputs",)

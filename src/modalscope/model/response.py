@@ -178,6 +178,11 @@ class Response(Channels):
         return ()
 
     @property
+    def separable(self) -> bool:
+        """Whether what a pole contributes is the same function for all inputs."""
+        return True
+
+    @property
     def columns(self) -> tuple[str, ...]:
         """What the last axis of the values is: the inputs."""
         return self.input_dofs
