@@ -10,7 +10,7 @@ from modalscope.blocks.record_lines import RecordLines, record_lines
 from modalscope.blocks.transfer import transfer
 from modalscope.identification.pipeline import Pipeline
 from modalscope.modal.eigenmodes import eigenmodes
-from modalscope.model.record_spectra import record_spectra
+from modalscope.model.record_transform import record_spectra
 from modalscope.model.records import Records
 from tests.support import built, match_poles, random_system, relative
 

@@ -20,7 +20,8 @@ from modalscope.blocks.sample_rows import SampleRows
 from modalscope.blocks.sums import TriangleSum
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, DataError, RealArray, check_count
-from modalscope.model.record_spectra import RecordSpectra, record_spectra
+from modalscope.model.record_spectra import RecordSpectra
+from modalscope.model.record_transform import record_spectra
 from modalscope.model.records import Records
 from modalscope.model.statespace import StateSpace
 

@@ -20,7 +20,8 @@ from modalscope.model.checks import DataError
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.notes import Note
-from modalscope.model.record_spectra import RecordSpectra, record_spectra
+from modalscope.model.record_spectra import RecordSpectra
+from modalscope.model.record_transform import record_spectra
 from modalscope.model.records import Records
 from modalscope.model.signals import Signals
 

@@ -24,7 +24,7 @@ _STANDS_OUT, _MATTERS = 6.0, 0.01
 
 #: A pole of a drift lies within so many times 1 / T of z = 1, one pole of a delay within this distance of z = 0; more than so many samples
 #: are none, but damped noise.
-_DRIFT, _DELAY, _LATEST = 0.5, 0.01, 6
+_DRIFT, _DELAY, _LATEST = 0.5, 1e-3, 6
 
 #: Half bandwidths of a mode that are near it, and from which on lines are away from all modes.
 _NEAR, _AWAY = 2.0, 10.0

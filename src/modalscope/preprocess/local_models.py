@@ -18,6 +18,7 @@ import numpy as np
 from scipy import fft
 
 from modalscope.model.checks import ComplexArray, DataError, RealArray, check_choice, check_count
+from modalscope.model.keywords import named
 from modalscope.model.signals import Signals
 
 __all__ = ["LOCAL", "LocalEstimate", "local_models"]
@@ -62,6 +63,7 @@ class LocalEstimate(NamedTuple):
     half_width: int
 
 
+@named()
 def local_models(signals: Signals, kind: str = "lrm", degree: int = 2, half_width: int | None = None) -> LocalEstimate:
     """Estimate frequency responses by a local polynomial or rational model on every line.
 

@@ -130,7 +130,7 @@ def analyzed(data: Any, document: Analysis, progress: Progress | None = None, to
         modes=modes,
         diagrams=tuple(diagrams),
         findings=findings,
-        notes=(
+        notes=_each_once(
             *modes.notes,
             *told,
             *seen,
@@ -215,3 +215,8 @@ def _loud(modes: ModalModel, diagrams: list[StabilizationDiagram]) -> tuple[Note
     if explains_enough(left):
         return ()
     return (Note("little explained", {"share": share_explained(left), "fit_error": left}, explained(left)),)
+
+
+def _each_once(*notes: Note) -> tuple[Note, ...]:
+    """Return notes in order, without those that were told already."""
+    return tuple(dict.fromkeys(notes))
