@@ -210,6 +210,13 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "systems.Structure.modes": lambda t: {},
     "systems.Structure.simulate": lambda t: {"samples": 50, "sampling_rate": 20.0},
     "systems.Structure.state_space": lambda t: {},
+    "StateSpace.predict": lambda t: {"signals": t["records"]},
+    "plot.intervals": lambda t: {"modes": t["modes"]},
+    "preprocess.force_correlation": lambda t: {"signals": t["records"]},
+    "preprocess.local_models": lambda t: {"signals": t["records"]},
+    "preprocess.partial_coherence": lambda t: {"signals": t["records"]},
+    "preprocess.principal_forces": lambda t: {"signals": t["records"]},
+    "refine": lambda t: {"data": t["lines"], "modes": t["modes"]},
 }
 
 #: Methods of what the classes of responses share with their modules; those are for the library itself.
@@ -226,7 +233,9 @@ MADE = (
     "Result",
     "preprocess.Decomposition",
     "preprocess.Finding",
+    "preprocess.LocalEstimate",
     "preprocess.Observer",
+    "preprocess.PrincipalForces",
 )
 
 
