@@ -109,7 +109,8 @@ class _Measured:
         self._whole = np.linalg.norm(self._response.values / self._scale)
         weights = getattr(pipeline.matrix, "weights", None)
         self._weight = 1.0 if weights is None else float(np.sqrt(np.mean(weights**2)))
-        self.noise = noise_of(self._response, pipeline.problem.records) if deviations else None
+        told = deviations and not self._response.deviations_withheld
+        self.noise = noise_of(self._response, pipeline.problem.records) if told else None
 
     def left_by(self, modes: Eigenmodes) -> RealArray:
         """Return what modes leave of the level data, real rows."""
