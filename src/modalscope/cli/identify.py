@@ -87,7 +87,7 @@ def _refuse_page_of(bands: list[Any]) -> None:
 
 def _print(result: Result) -> None:
     """Print how the modes were found, what was noted, and the modes."""
-    from modalscope.identification.table import cell_label
+    from modalscope.identification.lookup import cell_label
     from modalscope.modal.explained import explained
     from modalscope.modal.rebuilt import fit_of
 

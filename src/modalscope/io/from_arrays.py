@@ -180,25 +180,7 @@ def _build(where: str, noun: type[Any], held: dict[str, Array], given: dict[str,
     )
     if noun is Signals and "quantity" in values:
         values["quantities"] = values.pop("quantity")
-    needed = [
-        f.name
-        for f in fields(noun)
-        if f.name in ("values", "frequencies", "sampling_rate", "outputs", "poles", "shapes")
-    ]
-    missing = [
-        name for name in needed if name not in values and not (name == "sampling_rate" and noun is FrequencyResponse)
-    ]
-    if missing:
-        raise DataError(
-            f"reading {where} as {noun.__name__} needs {', '.join(needed)}",
-            f"{', '.join(missing)} are missing",
-            "Add the array, or give it as an option.",
-        )
-    refused = sorted(set(given) - {f.name for f in fields(noun)} - {"quantity"})
-    if refused:
-        raise DataError(
-            f"the options {', '.join(refused)} were asked", f"a {noun.__name__} has no such field", "Leave them out."
-        )
+    _check_fields(where, noun, values, given)
     try:
         thing: Thing = noun(**values)
     except DataError:
@@ -207,6 +189,25 @@ def _build(where: str, noun: type[Any], held: dict[str, Array], given: dict[str,
         # JSON text in it may hold anything
         raise _damaged(where, f"{type(error).__name__}: {error}") from None
     return thing
+
+
+def _check_fields(where: str, noun: type[Any], values: dict[str, Any], given: dict[str, Any]) -> None:
+    """Raise where a field that the noun needs is missing, or one was asked for that it does not have."""
+    present = {f.name for f in fields(noun)}
+    needed = sorted(present & {"values", "frequencies", "sampling_rate", "outputs", "poles", "shapes"})
+    free = {"sampling_rate"} if noun is FrequencyResponse else set()
+    missing = [name for name in needed if name not in values and name not in free]
+    if missing:
+        raise DataError(
+            f"reading {where} as {noun.__name__} needs {', '.join(needed)}",
+            f"{', '.join(missing)} are missing",
+            "Add the array, or give it as an option.",
+        )
+    refused = sorted(set(given) - present - {"quantity"})
+    if refused:
+        raise DataError(
+            f"the options {', '.join(refused)} were asked", f"a {noun.__name__} has no such field", "Leave them out."
+        )
 
 
 def _damaged(where: str, found: str) -> DataError:

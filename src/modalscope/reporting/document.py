@@ -10,7 +10,7 @@ from typing import Protocol
 
 from modalscope.comparing import Comparison
 from modalscope.identification.identify import Identification
-from modalscope.identification.table import cell_label
+from modalscope.identification.lookup import cell_label
 from modalscope.io.atomic import replacing
 from modalscope.io.formats import sources_of
 from modalscope.judging.select import select
