@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import NoReturn, TypeAlias
+from typing import Any, NoReturn, TypeAlias
 
 from modalscope.cli.process import EXIT_WRONG
 
@@ -12,7 +12,24 @@ __all__ = ["Commands", "Parser", "add_choices", "add_file", "add_force", "add_ou
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose errors are one line on stderr."""
+    """A parser whose errors are one line on stderr, and which takes words whole: --order is never taken for --orders."""
+
+    def __init__(self, **given: Any) -> None:
+        super().__init__(**{"allow_abbrev": False, **given})
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
+        """Read what is known; the rest is an error, with the nearest word that is."""
+        options, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            self.error(f"unknown: {' '.join(unknown)}{self._hint(unknown[0])}")
+        return options, unknown
+
+    def _hint(self, word: str) -> str:
+        from difflib import get_close_matches
+
+        known = [option for action in self._actions for option in action.option_strings if option.startswith("--")]
+        near = get_close_matches(word.partition("=")[0], known, n=2)
+        return f" (did you mean {' or '.join(near)}?)" if near else f" (see {self.prog} --help)"
 
     def error(self, message: str) -> NoReturn:
         """Stop with the message on one line."""
