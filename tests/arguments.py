@@ -93,6 +93,8 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "fit_residues": lambda t: {"response": t["lines"], "modes": t["modes"]},
     "identify": lambda t: {"data": t["samples"], "method": "era", "order": 4},
     "identify of lines": lambda t: {"data": t["lines"], "method": "alternate", "order": 4},
+    "comac": lambda t: {"shapes_a": t["modes"].shapes, "shapes_b": t["modes"].shapes},
+    "pair_modes": lambda t: {"a": t["modes"], "b": t["modes"]},
     "merge": lambda t: {"parts": [t["lines"]]},
     "merge_bands": lambda t: {"results": [t["modes"]], "bands": [(0.2, 8.0)]},
     "mac": lambda t: {"shapes_a": t["modes"].shapes},
