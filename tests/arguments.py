@@ -139,6 +139,7 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "plot.deviations": lambda t: {"comparison": t["comparison"]},
     "plot.fit_errors": lambda t: {"diagram": t["diagram"]},
     "plot.indicator": lambda t: {"response": t["lines"]},
+    "plot.spectra": lambda t: {"found": t["decomposition"]},
     "plot.mac": lambda t: {"a": t["modes"]},
     "plot.method_distances": lambda t: {"kin": t["comparison"]},
     "plot.method_map": lambda t: {"kin": t["comparison"]},

@@ -3,14 +3,46 @@
 from __future__ import annotations
 
 from modalscope import __version__
-from modalscope.cli import compare, convert, identify, info, methods, simulate
+from modalscope.cli import (
+    compare,
+    completion,
+    convert,
+    frf,
+    identify,
+    info,
+    mac,
+    merge,
+    methods,
+    plot,
+    psd,
+    realize,
+    refine,
+    report,
+    simulate,
+)
 from modalscope.cli.parser import Parser, add_common
 
 __all__ = ["COMMANDS", "build_parser", "names"]
 
 #: The commands in the order of the help. Each is a module with `add`, what can be written, and `run`, what is done; `run`
 #: imports what it needs itself, so that the help of all costs the import of none.
-COMMANDS = (identify, compare, info, convert, methods, simulate)
+COMMANDS = (
+    identify,
+    compare,
+    refine,
+    report,
+    mac,
+    plot,
+    info,
+    frf,
+    psd,
+    merge,
+    convert,
+    realize,
+    methods,
+    simulate,
+    completion,
+)
 
 
 def names() -> tuple[str, ...]:

@@ -6,17 +6,36 @@ import argparse
 from collections.abc import Iterable
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from modalscope.cli.process import STDOUT
-from modalscope.io.atomic import check_target
-from modalscope.io.marks import is_ours
+from modalscope.io.atomic import check_target, replacing
+from modalscope.io.marks import MARK, is_ours
 from modalscope.model import DataError, ModalModel
 from modalscope.model.result import Result
 
-__all__ = ["check_output", "check_outputs", "is_page", "left_out", "write_data", "write_outputs"]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = [
+    "DATA",
+    "PICTURES",
+    "check_output",
+    "check_outputs",
+    "is_page",
+    "left_out",
+    "needed",
+    "write_data",
+    "write_outputs",
+    "write_picture",
+]
 
 _PAGES = (".html", ".htm")
+
+#: Suffixes of data, and of pictures.
+DATA = (".uff", ".unv", ".npz", ".mat", ".h5", ".hdf5", ".csv")
+PICTURES = (".png", ".svg", ".pdf")
+
 _KNOWN = (".json", ".csv", ".uff", ".unv", *_PAGES, ".npz", ".h5", ".hdf5", ".mat")
 
 
@@ -30,6 +49,8 @@ def check_outputs(options: argparse.Namespace, sources: Iterable[Path], known: t
     for path in options.outputs:
         if str(path) != STDOUT:
             check_output(path, sources, options.force, known)
+        elif ".json" not in known:
+            raise DataError("JSON on stdout was asked", f"this is written as {', '.join(known)}", "Name a file.")
 
 
 def check_output(path: Path, sources: Iterable[Path], force: bool, known: tuple[str, ...] = _KNOWN) -> None:
@@ -79,6 +100,24 @@ def write_outputs(options: argparse.Namespace, found: Any, source: str, **beside
         else:
             told.append(_write(path, found, source, beside))
     return told
+
+
+def needed(options: argparse.Namespace, example: str) -> None:
+    """Raise where a command that has nothing to say without a file was given none."""
+    if not options.outputs:
+        raise DataError("a file to write is needed", "there is no -o", f"Add for instance -o {example}.")
+
+
+def write_picture(path: Path, axes: Axes) -> str:
+    """Write a picture with the mark of the program, and return what is to be said of it."""
+    from matplotlib.figure import Figure
+
+    figure = axes.figure
+    assert isinstance(figure, Figure)
+    where = {".png": "Software", ".svg": "Creator", ".pdf": "Creator"}[path.suffix.lower()]
+    with replacing(path) as temporary:
+        figure.savefig(temporary, format=path.suffix.lower()[1:], dpi=150, metadata={where: MARK}, bbox_inches="tight")
+    return f"written: {path}"
 
 
 def write_data(path: Path, data: Any) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 from modalscope.io.arrays import AXES, GEOMETRY, INDICATOR, JSON, TEXTS, UNREFINED, names_of, noun_of
 from modalscope.io.contents import Contents, Finding, Options, Thing
 from modalscope.io.limits import room
-from modalscope.model import DataError, FrequencyResponse, Geometry, ModalModel, Signals
+from modalscope.model import DataError, FrequencyResponse, Geometry, ModalModel, Signals, StateSpace
 from modalscope.model.checks import Array
 
 __all__ = ["ARRAY_OPTIONS", "FIELD_OPTIONS", "contents_from_arrays"]
@@ -168,6 +168,9 @@ def _build(where: str, noun: type[Any], held: dict[str, Array], given: dict[str,
     }
     if noun is Geometry:
         return _geometry(where, values)
+    if noun is StateSpace:
+        _check_fields(where, noun, values, given)
+        return StateSpace(**values)
     units = (values.pop("output_units", None), values.pop("input_units", None))
     geometry = {name: values.pop(name) for name in GEOMETRY if name in values}
     indicators = {name.removeprefix(INDICATOR): values.pop(name) for name in list(values) if name.startswith(INDICATOR)}
