@@ -42,25 +42,6 @@ def matlab_7_3(path, fill):
         raw.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
 
 
-def chars(file, name, text):
-    item = file.create_dataset(name, data=np.array([[ord(c)] for c in text] or [[0, 0]], "u2"))
-    item.attrs["MATLAB_class"] = np.bytes_("char")
-    if not text:
-        item.attrs["MATLAB_empty"] = 1
-    return item.ref
-
-
-def test_cells_of_text_in_7_3_are_labels_and_an_empty_one_is_empty(tmp_path):
-    def fill(file):
-        file["sampling_rate"], file["outputs"] = [[1.0]], np.ones((2, 4))
-        references = [chars(file, "#refs#/a", "1:+Z"), chars(file, "#refs#/b", "")]
-        cell = file.create_dataset("output_dofs", data=np.array(references, dtype=h5py.ref_dtype), dtype=h5py.ref_dtype)
-        cell.attrs["MATLAB_class"] = np.bytes_("cell")
-
-    matlab_7_3(tmp_path / "a.mat", fill)
-    assert mio.read(tmp_path / "a.mat").output_dofs == ("1:+Z", "")
-
-
 def test_what_7_3_holds_beside_numbers_and_text_is_named(tmp_path):
     def fill(file):
         file.create_dataset("a", data=np.zeros(2, dtype=[("x", "f8"), ("y", "f8")])).attrs["MATLAB_class"] = np.bytes_(
