@@ -31,7 +31,6 @@ __all__ = [
     "check_number",
     "check_path",
     "check_positive",
-    "check_size",
     "complex_array",
     "freeze",
     "locked",
@@ -44,10 +43,6 @@ RealArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.intp]
 BoolArray = NDArray[np.bool_]
-
-
-#: Between these the largest numbers of a channel lie: powers and sums of powers of them can be computed with.
-_SIZES = (1e-30, 1e30)
 
 
 def freeze(data: object, **values: object) -> None:
@@ -126,26 +121,6 @@ def check_positive(name: str, value: float) -> float:
     if not (np.isfinite(number) and number > 0):
         raise DataError(f"{name} needs a positive number", f"it is {value!r}", f"Give {name} in its unit, above zero.")
     return number
-
-
-def check_size(name: str, array: Array, labels: Sequence[str]) -> None:
-    """Raise when a channel's numbers are so large or so small that their fourth powers are no numbers any more.
-
-    Parameters
-    ----------
-    name : str
-    array : array, (samples or lines, ..., channels)
-    labels : sequence of str
-        Of the channels.
-    """
-    size = np.abs(array).max(axis=tuple(range(array.ndim - 1)), initial=0.0)
-    odd = np.flatnonzero((size > 0) & ((size < _SIZES[0]) | (size > _SIZES[1])))
-    if odd.size:
-        raise DataError(
-            f"{name} between {_SIZES[0]:g} and {_SIZES[1]:g} were asked",
-            f"the largest of channel {labels[odd[0]]} is {size[odd[0]]:.3g}, in whatever unit that is",
-            "Give them in another unit, or correct the factor they were multiplied with.",
-        )
 
 
 def check_count(name: str, value: int, least: int = 1) -> int:

@@ -11,6 +11,7 @@ from modalscope.model.checks import Array, DataError, RealArray, check_count
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.keywords import named
 from modalscope.model.robust import noise_threshold
+from modalscope.model.sizes import check_size
 
 __all__ = ["merge_setups"]
 
@@ -91,6 +92,7 @@ def _check(parts: Sequence[ImpulseResponse], depth: int) -> None:
         raise DataError("setups to merge were asked", "parts is empty", "Give the correlations of two setups or more.")
     first = parts[0]
     for number, part in enumerate(parts, 1):
+        check_size(part)
         if part.input_dofs != first.input_dofs or part.sampling_rate != first.sampling_rate:
             raise DataError(
                 "setups with the same references and sampling rate were asked",
