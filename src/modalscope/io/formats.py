@@ -27,6 +27,7 @@ from modalscope.model.checks import check_kind, check_path
 from modalscope.model.entries import plainly
 from modalscope.model.groups import AUTO, input_groups
 from modalscope.model.result import Result
+from modalscope.model.sources import files_of
 
 __all__ = ["FORMATS", "read", "sources_of", "survey", "write"]
 
@@ -182,8 +183,7 @@ def sources_of(thing: Any) -> tuple[Path, ...]:
     document = thing if isinstance(thing, Analysis) else getattr(thing, "analysis", None)
     held = (thing, *(getattr(thing, name, None) for name in ("data", "response")))
     named = (file.path for file in document.files) if isinstance(document, Analysis) else ()
-    found = (getattr(each, "source_path", None) for each in held)
-    return (*(path for path in found if isinstance(path, Path)), *(Path(path) for path in named if path))
+    return (*(path for each in held for path in files_of(each)), *(Path(path) for path in named if path))
 
 
 def _write_analysis(file: Path, document: Analysis) -> None:

@@ -230,6 +230,7 @@ def estimate_correlation(
         units=(signals.units[0], tuple(signals.units[0][i] for i in chosen)),
         geometry=signals.geometry,
         processing=(*signals.processing, note),
+        source_path=signals.source_path,
     )
 
 

@@ -275,9 +275,5 @@ def _response(
         variance=estimate.variance,
         averages=averages,
         added_damping=added_damping,
-        output_dofs=signals.output_dofs,
-        input_dofs=signals.input_dofs,
-        units=signals.units,
-        geometry=signals.geometry,
-        processing=(*signals.processing, note),
+        **signals.processed(note).labelled(),
     )

@@ -12,6 +12,7 @@ from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.keywords import named
 from modalscope.model.robust import noise_threshold
 from modalscope.model.sizes import check_size
+from modalscope.model.sources import source_of
 
 __all__ = ["merge_setups"]
 
@@ -79,6 +80,7 @@ def merge_setups(parts: Sequence[ImpulseResponse], *, depth: int = _DEPTH) -> Im
         output_dofs=tuple(order),
         units=(tuple(units[i] for i in place), first.units[1]),
         geometry=next((part.geometry for part in parts if part.geometry is not None), None),
+        source_path=source_of(parts),
         processing=(
             *first.processing,
             f"{len(parts)} setups merged over the references {', '.join(references)}, {depth} lags deep; R(0) is not carried over",

@@ -11,6 +11,7 @@ from modalscope.model.checks import DataError
 from modalscope.model.keywords import named
 from modalscope.model.kinds import check_kind
 from modalscope.model.result import Result
+from modalscope.model.sources import files_of
 from modalscope.workflow.analyze import Progress, analyzed
 from modalscope.workflow.sources import opened, source_of_data
 
@@ -73,9 +74,9 @@ def _check_same(known: SourceFile, source: SourceFile, thing: Any) -> None:
     """Raise when data are not those that were analysed, by their hash; where only a file's is known, by that of the data's own file."""
     if not known.sha256 or known.sha256 == source.sha256:
         return
-    came_from = getattr(thing, "source_path", None)
-    if known.path and not source.path and came_from is not None and Path(came_from).exists():
-        read_again, of_file, _ = opened(Path(came_from), known.reading)
+    came_from = files_of(thing)
+    if known.path and not source.path and len(came_from) == 1 and came_from[0].exists():
+        read_again, of_file, _ = opened(came_from[0], known.reading)
         if of_file.sha256 == known.sha256 and source.sha256 == source_of_data(read_again).sha256:
             return
     raise DataError(
