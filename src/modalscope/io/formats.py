@@ -198,6 +198,15 @@ def _write_analysis(file: Path, document: Analysis) -> None:
 
 
 def _contents(path: Path, options: Options) -> Contents:
+    try:
+        contents = _whole_contents(path, options)
+    except OSError as error:
+        found = f"the system refuses: {(error.strerror or str(error)).lower()}"
+        raise DataError(f"reading {str(path)!r} was asked", found, "Check that you may read the file.") from None
+    return replace(contents, thing=_overridden(contents.thing, options, path))
+
+
+def _whole_contents(path: Path, options: Options) -> Contents:
     if path.is_dir():
         raise DataError(f"reading {str(path)!r} was asked", "that is a folder", "Name a file in it.")
     row = _format(path, "reading")
@@ -208,14 +217,9 @@ def _contents(path: Path, options: Options) -> Contents:
             f"reading {path.name} was asked", f"a {row.name} is only written", "Give the file that it was made from."
         )
     _check_options(path, options, (*row.read_options, *FIELD_OPTIONS), "reading")
-    try:
-        if path.stat().st_size == 0:
-            raise DataError(f"reading {path.name} was asked", "the file is empty", "Copy or write it again.")
-        contents = row.reader(path, options)
-    except OSError as error:
-        found = f"the system refuses: {(error.strerror or str(error)).lower()}"
-        raise DataError(f"reading {str(path)!r} was asked", found, "Check that you may read the file.") from None
-    return replace(contents, thing=_overridden(contents.thing, options, path))
+    if path.stat().st_size == 0:
+        raise DataError(f"reading {path.name} was asked", "the file is empty", "Copy or write it again.")
+    return row.reader(path, options)
 
 
 def _format(path: Path, doing: str) -> Format:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from os import PathLike, fspath
+from os import PathLike, fsencode, fspath
 from pathlib import Path
 from typing import Any
 
@@ -201,4 +201,9 @@ def check_path(path: Any) -> Path:
         raise DataError("the name of a file was asked", f"it is {type(path).__name__}", "Give it as text or as a Path.")
     if "\0" in fspath(path):
         raise DataError("the name of a file was asked", "it holds a NUL, which no name may", "Take it out.")
+    try:
+        fsencode(path)
+    except UnicodeEncodeError:
+        what = f"{fspath(path)!r} has characters that no name has on this system"
+        raise DataError("the name of a file was asked", what, "Take them out.") from None
     return Path(path)
