@@ -137,4 +137,5 @@ def test_fifty_kills_at_any_time_lose_nothing(tmp_path: Path, suffix: str, numbe
     left = {path.name for path in tmp_path.iterdir()} - {source.name, target.name}
     if number != signal.SIGKILL:
         assert not left
-        assert all(status in (0, 128 + number) or delay < 0.1 for delay, status, _ in told), told
+        # until Python has started nobody can answer, and a shell reports the same 128 + number
+        assert {status for _, status, _ in told} <= {0, 128 + number, -number}, told

@@ -18,6 +18,14 @@ def test_a_missing_file_a_folder_and_an_empty_file(tmp_path):
         refused("the file is empty", mio.read, tmp_path / f"empty{suffix}")
 
 
+def test_names_that_no_file_can_have(tmp_path):
+    refused("file name too long", mio.read, "a" * 300 + ".uff")
+    refused("file name too long", mio.write, tmp_path / ("a" * 300 + ".uff"), samples.records())
+    for name in ("a\0b.uff", "\ud800.uff"):
+        refused("the name of a file was asked", mio.read, name)
+        refused("the name of a file was asked", mio.write, name, samples.records())
+
+
 def test_unknown_suffixes_name_the_known_ones(tmp_path):
     refused(r"the suffix '.xyz' is unknown(.|\n)*\.npz, \.uff", mio.read, tmp_path / "a.xyz")
     refused("it has no suffix", mio.write, tmp_path / "a", samples.records())

@@ -1,5 +1,6 @@
 """MATLAB files: structures, foreign classes, and axes that MATLAB drops."""
 
+import h5py
 import numpy as np
 
 import modalscope.io as mio
@@ -31,3 +32,36 @@ def test_matlab_drops_trailing_axes_and_they_come_back(tmp_path):
         oned_as="row",
     )
     assert mio.read(tmp_path / "a.mat").values.shape == (4, 2, 1)
+
+
+def matlab_7_3(path, fill):
+    """Write a file as MATLAB 7.3 does: HDF5 behind a head of 512 bytes, with the class of every variable."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        fill(file)
+    with path.open("r+b") as raw:
+        raw.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
+
+
+def test_what_7_3_holds_beside_numbers_and_text_is_named(tmp_path):
+    def fill(file):
+        file.create_dataset("a", data=np.zeros(2, dtype=[("x", "f8"), ("y", "f8")])).attrs["MATLAB_class"] = np.bytes_(
+            "table"
+        )
+
+    matlab_7_3(tmp_path / "a.mat", fill)
+    refused("it is of MATLAB's class table", mio.read, tmp_path / "a.mat")
+
+
+def test_characters_outside_of_two_bytes_come_back(tmp_path):
+    """Two units of 16 bits are one character."""
+
+    def fill(file):
+        file["sampling_rate"], file["outputs"] = [[1.0]], np.ones((1, 4))
+        units = np.frombuffer("m\N{GREEK SMALL LETTER MU}\U0001d4cd".encode("utf-16-le"), "u2")[:, None]
+        item = file.create_dataset("#refs#/a", data=units)
+        item.attrs["MATLAB_class"] = np.bytes_("char")
+        cell = file.create_dataset("output_dofs", data=np.array([item.ref], dtype=h5py.ref_dtype), dtype=h5py.ref_dtype)
+        cell.attrs["MATLAB_class"] = np.bytes_("cell")
+
+    matlab_7_3(tmp_path / "a.mat", fill)
+    assert mio.read(tmp_path / "a.mat").output_dofs == ("m\N{GREEK SMALL LETTER MU}\U0001d4cd",)

@@ -184,5 +184,6 @@ def _modal_model(response: FrequencyResponse, found: list[_Isolated]) -> ModalMo
         units=(response.units[0], ()),
         geometry=response.geometry,
         processing=(*response.processing, "tuned sine dwell with appropriated forces"),
+        source_path=response.source_path,
         scaling="length 1",
     )

@@ -15,7 +15,7 @@ from modalscope.identification.options import ROUTES, AllOptions, Options
 from modalscope.identification.routes import USUAL, by_route, chosen_route, one_record
 from modalscope.identification.table import methods
 from modalscope.identification.takes import Takes
-from modalscope.model.checks import DataError, check_band, check_choice, check_kind, check_size
+from modalscope.model.checks import DataError, check_band, check_choice, check_kind
 from modalscope.model.errors import check_option_names
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
@@ -23,6 +23,7 @@ from modalscope.model.notes import Note
 from modalscope.model.records import Records, as_records
 from modalscope.model.response import Response
 from modalscope.model.signals import Signals
+from modalscope.model.sizes import check_size
 
 __all__ = ["Data", "Measured", "measure", "pose", "prepare"]
 
@@ -137,7 +138,7 @@ def _measured(data: Any, band: tuple[float, float] | None, asked: _Asked) -> Mea
 
 @_measured.register
 def _(data: Response, band: tuple[float, float] | None, asked: _Asked) -> Measured:
-    check_size("responses", np.swapaxes(data.values, 1, 2), data.output_dofs)
+    check_size(data)
     row, domain = _USUAL.get((data.origin, data.held_input), ("era", "time"))
     return Measured(data.in_band(band), None, type(data).__name__, row, domain)
 
@@ -151,10 +152,7 @@ def _(data: Signals, band: tuple[float, float] | None, asked: _Asked) -> Measure
 def _(data: Records, band: tuple[float, float] | None, asked: _Asked) -> Measured:
     from modalscope.preprocess import estimate_correlation, filter_band
 
-    for run in data.runs:
-        check_size("records", run.outputs, run.output_dofs)
-        if run.inputs is not None:
-            check_size("records", run.inputs, run.input_dofs)
+    check_size(data)
     if data.input_dofs:
         route = chosen_route(data, asked.method, asked.domain, asked.route)
         response, note = by_route(data, route, band)

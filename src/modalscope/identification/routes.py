@@ -128,7 +128,7 @@ def one_record(records: Records, what: str) -> Signals:
         )
     inputs = None if first.inputs is None else np.stack([np.asarray(run.inputs) for run in records.runs])
     outputs = np.stack([run.outputs for run in records.runs])
-    return replace(first, outputs=outputs, inputs=inputs, groups=records.groups)
+    return replace(first, outputs=outputs, inputs=inputs, groups=records.groups, source_path=records.source_path)
 
 
 def _alike(records: Records) -> bool:

@@ -28,6 +28,7 @@ from modalscope.model.checks import check_kind, check_path
 from modalscope.model.entries import plainly
 from modalscope.model.groups import AUTO, input_groups
 from modalscope.model.result import Result
+from modalscope.model.sources import files_of
 
 __all__ = ["FORMATS", "read", "sources_of", "survey", "write"]
 
@@ -194,8 +195,7 @@ def sources_of(thing: Any) -> tuple[Path, ...]:
     document = thing if isinstance(thing, Analysis) else getattr(thing, "analysis", None)
     held = (thing, *(getattr(thing, name, None) for name in ("data", "response")))
     named = (file.path for file in document.files) if isinstance(document, Analysis) else ()
-    found = (getattr(each, "source_path", None) for each in held)
-    return (*(path for path in found if isinstance(path, Path)), *(Path(path) for path in named if path))
+    return (*(path for each in held for path in files_of(each)), *(Path(path) for path in named if path))
 
 
 def _write_analysis(file: Path, document: Analysis) -> None:
@@ -210,6 +210,15 @@ def _write_analysis(file: Path, document: Analysis) -> None:
 
 
 def _contents(path: Path, options: Options) -> Contents:
+    try:
+        contents = _whole_contents(path, options)
+    except OSError as error:
+        found = f"the system refuses: {(error.strerror or str(error)).lower()}"
+        raise DataError(f"reading {str(path)!r} was asked", found, "Check that you may read the file.") from None
+    return replace(contents, thing=_overridden(contents.thing, options, path))
+
+
+def _whole_contents(path: Path, options: Options) -> Contents:
     if path.is_dir():
         raise DataError(f"reading {str(path)!r} was asked", "that is a folder", "Name a file in it.")
     row = _format(path, "reading")
@@ -220,14 +229,9 @@ def _contents(path: Path, options: Options) -> Contents:
             f"reading {path.name} was asked", f"a {row.name} is only written", "Give the file that it was made from."
         )
     _check_options(path, options, (*row.read_options, *FIELD_OPTIONS), "reading")
-    try:
-        if path.stat().st_size == 0:
-            raise DataError(f"reading {path.name} was asked", "the file is empty", "Copy or write it again.")
-        contents = row.reader(path, options)
-    except OSError as error:
-        found = f"the system refuses: {(error.strerror or str(error)).lower()}"
-        raise DataError(f"reading {str(path)!r} was asked", found, "Check that you may read the file.") from None
-    return replace(contents, thing=_overridden(contents.thing, options, path))
+    if path.stat().st_size == 0:
+        raise DataError(f"reading {path.name} was asked", "the file is empty", "Copy or write it again.")
+    return row.reader(path, options)
 
 
 def _format(path: Path, doing: str) -> Format:

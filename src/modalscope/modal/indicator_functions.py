@@ -9,6 +9,7 @@ from modalscope.model.channels import known_quantity
 from modalscope.model.checks import Array, RealArray, check_kind, complex_array
 from modalscope.model.entries import plainly
 from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.sizes import check_size
 
 __all__ = ["cmif", "mmif", "prominence"]
 
@@ -57,6 +58,7 @@ def mmif(response: FrequencyResponse) -> tuple[RealArray, RealArray]:
     decomposition [Re H; Im H] = U S V' the eigenvalues are those of U_re' U_re, and f = V S^-1 w.
     """
     check_kind("a mode indicator function", response, FrequencyResponse)
+    check_size(response)
     lost = ", and with it the phase at resonance"
     quantity = known_quantity(response.quantity, "a mode indicator function was asked", lost=lost)
     H = response.values / (1j if quantity == "velocity" else 1)

@@ -14,6 +14,7 @@ from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.keywords import named
 from modalscope.model.modal_basis import ModalBasis, residual_powers, scaled_terms
 from modalscope.model.modes import ModalModel
+from modalscope.model.sizes import check_size
 
 __all__ = ["fit_residues"]
 
@@ -75,6 +76,7 @@ def fit_residues(
     """
     check_kind("fit_residues", response, FrequencyResponse)
     check_kind("modes of fit_residues", modes, ModalModel)
+    check_size(response)
     check_choice("kind", kind, ("complex", "real"))
     check_choice("participation", participation, ("given", "free"))
     powers = _powers(response, residuals, kind)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields, replace
-from pathlib import Path
 from typing import Any, Self
 
-from modalscope.model.checks import DataError, check_choice, check_each, check_kind, check_path, freeze
+from modalscope.model.checks import DataError, check_choice, check_each, check_kind, freeze
 from modalscope.model.geometry import Geometry
 from modalscope.model.labels import DofLike, check_labels, indices_of
+from modalscope.model.sources import SourcePath, check_source
 
 __all__ = [
     "KINDS",
@@ -107,8 +107,8 @@ class Channels(ABC):
         Where the channels are.
     processing : sequence of str, optional
         What was done to the data so far, in words.
-    source_path : path, optional
-        The file that the data came from.
+    source_path : path or paths, optional
+        The file that the data came from, or the files: none of them is overwritten.
     """
 
     output_dofs: tuple[str, ...] = None  # type: ignore[assignment]
@@ -116,7 +116,7 @@ class Channels(ABC):
     units: Units = None  # type: ignore[assignment]
     geometry: Geometry | None = None
     processing: tuple[str, ...] = ()
-    source_path: Path | None = field(default=None, compare=False)
+    source_path: SourcePath = field(default=None, compare=False)
 
     def _label(self, outputs: int, inputs: int) -> None:
         units: Any = self.units
@@ -140,7 +140,7 @@ class Channels(ABC):
             input_dofs=check_labels("input_dofs", self.input_dofs, inputs, "u"),
             units=(_one_side("outputs", pair[0], outputs), _one_side("inputs", pair[1], inputs)),
             processing=tuple(str(step) for step in check_each("processing", steps, "one text a step")),
-            source_path=None if self.source_path is None else check_path(self.source_path),
+            source_path=check_source(self.source_path),
         )
 
     def _cut(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:

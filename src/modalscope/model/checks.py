@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from os import PathLike, fspath
+from os import PathLike, fsencode, fspath
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,6 @@ __all__ = [
     "check_number",
     "check_path",
     "check_positive",
-    "check_size",
     "complex_array",
     "freeze",
     "locked",
@@ -44,10 +43,6 @@ RealArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.intp]
 BoolArray = NDArray[np.bool_]
-
-
-#: Between these the largest numbers of a channel lie: powers and sums of powers of them can be computed with.
-_SIZES = (1e-30, 1e30)
 
 
 def freeze(data: object, **values: object) -> None:
@@ -128,26 +123,6 @@ def check_positive(name: str, value: float) -> float:
     return number
 
 
-def check_size(name: str, array: Array, labels: Sequence[str]) -> None:
-    """Raise when a channel's numbers are so large or so small that their fourth powers are no numbers any more.
-
-    Parameters
-    ----------
-    name : str
-    array : array, (samples or lines, ..., channels)
-    labels : sequence of str
-        Of the channels.
-    """
-    size = np.abs(array).max(axis=tuple(range(array.ndim - 1)), initial=0.0)
-    odd = np.flatnonzero((size > 0) & ((size < _SIZES[0]) | (size > _SIZES[1])))
-    if odd.size:
-        raise DataError(
-            f"{name} between {_SIZES[0]:g} and {_SIZES[1]:g} were asked",
-            f"the largest of channel {labels[odd[0]]} is {size[odd[0]]:.3g}, in whatever unit that is",
-            "Give them in another unit, or correct the factor they were multiplied with.",
-        )
-
-
 def check_count(name: str, value: int, least: int = 1) -> int:
     """Return a whole number not below `least`, or raise."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value < 2**62:
@@ -226,4 +201,9 @@ def check_path(path: Any) -> Path:
         raise DataError("the name of a file was asked", f"it is {type(path).__name__}", "Give it as text or as a Path.")
     if "\0" in fspath(path):
         raise DataError("the name of a file was asked", "it holds a NUL, which no name may", "Take it out.")
+    try:
+        fsencode(path)
+    except UnicodeEncodeError:
+        what = f"{fspath(path)!r} has characters that no name has on this system"
+        raise DataError("the name of a file was asked", what, "Take them out.") from None
     return Path(path)

@@ -24,6 +24,7 @@ from modalscope.model.checks import (
 )
 from modalscope.model.mode_table import COLUMNS
 from modalscope.model.notes import notes_of
+from modalscope.model.sources import source_of
 
 if TYPE_CHECKING:
     from modalscope.model.modes import ModalModel
@@ -211,5 +212,6 @@ def joined(parts: Sequence[ModalModel]) -> ModalModel:
         left_out=tuple(each for part in parts for each in part.left_out),
         harmonics=tuple(dict.fromkeys(each for part in parts for each in part.harmonics)),
         unrefined=joined(before) if len(before) == len(parts) else None,
+        source_path=source_of(parts),
         converged=None if None in converged else all(converged),
     )

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from modalscope.model.channels import Chosen, choose_channels
-from modalscope.model.checks import DataError, check_count, check_each, check_kind, check_path, freeze
+from modalscope.model.checks import DataError, check_count, check_each, check_kind, freeze
 from modalscope.model.geometry import Geometry
 from modalscope.model.groups import AUTO, Groups, check_groups, chosen_groups, run_groups
 from modalscope.model.signals import Signals
+from modalscope.model.sources import SourcePath, check_source, source_of
 
 __all__ = ["Records", "as_records"]
 
@@ -28,8 +28,8 @@ class Records:
         Several runs in one `Signals` are taken apart.
     groups : sequence of labels, "auto" or None
         One label a run; runs of the same label belong together. By default every run is a group of its own.
-    source_path : path, optional
-        The file that they were read from.
+    source_path : path or paths, optional
+        The files that they were read from; by default those of the runs.
 
     Raises
     ------
@@ -47,7 +47,7 @@ class Records:
 
     runs: tuple[Signals, ...]
     groups: Groups = AUTO
-    source_path: Path | None = field(default=None, compare=False)
+    source_path: SourcePath = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         parts = check_each("runs", self.runs, "records, one a run")
@@ -61,7 +61,7 @@ class Records:
             self,
             runs=tuple(runs),
             groups=check_groups(self.groups, len(runs), "a run", _inherited(parts, len(runs))),
-            source_path=None if self.source_path is None else check_path(self.source_path),
+            source_path=check_source(self.source_path) or source_of(runs),
         )
 
     @property

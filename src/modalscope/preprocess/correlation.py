@@ -15,6 +15,7 @@ from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.keywords import named
 from modalscope.model.labels import DofLike, indices_of
 from modalscope.model.signals import Signals
+from modalscope.model.sizes import check_size
 from modalscope.preprocess.spectra import check_window, segment_starts, window_samples
 
 __all__ = ["CorrelationBlocks", "correlation_blocks", "estimate_correlation"]
@@ -76,6 +77,7 @@ def _lags(signals: Signals, lags: int | None) -> int:
 
 def _centred(signals: Signals) -> RealArray:
     """Return the outputs (R, N, l) without the mean of every channel and run."""
+    check_size(signals)
     outputs, _ = signals.by_run()
     return np.asarray(outputs - outputs.mean(axis=1, keepdims=True))
 
@@ -228,6 +230,7 @@ def estimate_correlation(
         units=(signals.units[0], tuple(signals.units[0][i] for i in chosen)),
         geometry=signals.geometry,
         processing=(*signals.processing, note),
+        source_path=signals.source_path,
     )
 
 

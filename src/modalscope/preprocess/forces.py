@@ -13,6 +13,7 @@ from modalscope.blocks.threads import one_thread
 from modalscope.model.checks import ComplexArray, DataError, RealArray, check_kind
 from modalscope.model.keywords import named
 from modalscope.model.signals import Signals
+from modalscope.model.sizes import check_size
 from modalscope.preprocess.plans import plan_runs
 from modalscope.preprocess.spectra import CrossSpectra, cross_spectra, silent_lines
 
@@ -135,6 +136,7 @@ def _explained(spectra: CrossSpectra, chosen: list[int]) -> RealArray:
 
 def _spectra(signals: Signals, segment: int | None) -> CrossSpectra:
     check_kind("signals", signals, Signals)
+    check_size(signals)
     if signals.inputs is None:
         raise DataError("spectra of forces were asked", "the record has no inputs", "Give the forces as inputs.")
     plan = plan_runs(signals, "random", segment, None, None)

@@ -13,6 +13,7 @@ from modalscope.model.checks import DataError, RealArray, check_choice, check_co
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.keywords import named
 from modalscope.model.signals import Signals
+from modalscope.model.sizes import check_size
 from modalscope.preprocess.estimators import ESTIMATORS, Estimate, check_inputs, coherence_of, noise_powers, solve
 from modalscope.preprocess.excitation import find_excitation, find_period
 from modalscope.preprocess.local_models import LOCAL, local_models
@@ -130,6 +131,7 @@ def estimate_frf(
     (15, True)
     """
     check_kind("estimate_frf", signals, Signals)
+    check_size(signals)
     check_choice("estimator", estimator, (*ESTIMATORS, *LOCAL))
     check_choice("zoom_by", zoom_by, ZOOMS)
     _check_forces(signals)
@@ -273,9 +275,5 @@ def _response(
         variance=estimate.variance,
         averages=averages,
         added_damping=added_damping,
-        output_dofs=signals.output_dofs,
-        input_dofs=signals.input_dofs,
-        units=signals.units,
-        geometry=signals.geometry,
-        processing=(*signals.processing, note),
+        **signals.processed(note).labelled(),
     )

@@ -20,6 +20,7 @@ from scipy import fft
 from modalscope.model.checks import ComplexArray, DataError, RealArray, check_choice, check_count
 from modalscope.model.keywords import named
 from modalscope.model.signals import Signals
+from modalscope.model.sizes import check_size
 
 __all__ = ["LOCAL", "LocalEstimate", "local_models"]
 
@@ -133,6 +134,7 @@ def local_models(signals: Signals, kind: str = "lrm", degree: int = 2, half_widt
 
 def _lines(signals: Signals) -> tuple[ComplexArray, ComplexArray]:
     """Return the transforms (R, F, channels) of whole runs, without 0 Hz and half the rate."""
+    check_size(signals)
     outputs, inputs = signals.by_run()
     if inputs is None:
         raise DataError(

@@ -16,6 +16,7 @@ from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.keywords import named
 from modalscope.model.records import Records
 from modalscope.model.signals import Signals
+from modalscope.model.sources import source_of
 from modalscope.preprocess.correlation import estimate_correlation
 from modalscope.preprocess.frf import estimate_frf
 from modalscope.preprocess.setups import merge_setups
@@ -142,6 +143,7 @@ def _runs(parts: list[Signals], options: dict[str, Any]) -> Signals:
         outputs=np.concatenate([y for y, _ in records]),
         inputs=np.concatenate(inputs) if inputs else None,
         groups=Records(runs=tuple(parts)).groups,
+        source_path=source_of(parts),
     ).processed(f"merged from {len(parts)} records, {sum(part.runs for part in parts)} runs in all")
 
 
@@ -283,6 +285,7 @@ def _labels(parts: Sequence[Any], table: _Table) -> dict[str, Any]:
         "units": table.units,
         "groups": _groups(parts, table.inputs),
         "geometry": next((part.geometry for part in parts if part.geometry is not None), None),
+        "source_path": source_of(parts),
         "processing": (*parts[0].processing, f"merged from {len(parts)} parts by their labels"),
     }
 

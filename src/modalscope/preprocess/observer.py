@@ -22,6 +22,7 @@ from modalscope.model.checks import DataError, IntArray, RealArray, check_count
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.keywords import named
 from modalscope.model.signals import Signals
+from modalscope.model.sizes import check_size
 from modalscope.model.statespace import StateSpace
 from modalscope.preprocess.observer_order import Tried, tried_orders
 from modalscope.preprocess.regression import Regression
@@ -168,6 +169,7 @@ def _growing(tried: Tried, given: int | None) -> DataError:
 
 def driven_records(signals: Signals) -> tuple[RealArray, RealArray]:
     """Return outputs (R, N, l) and inputs (R, N, m) of records, or raise when nothing was driven."""
+    check_size(signals)
     outputs, inputs = signals.by_run()
     if inputs is None:
         raise DataError(

@@ -9,6 +9,7 @@ from modalscope.model.checks import Array, DataError, check_count, check_kind
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.keywords import named
+from modalscope.model.sizes import check_size
 
 __all__ = ["half_spectra"]
 
@@ -40,6 +41,7 @@ def half_spectra(correlation: ImpulseResponse, *, lines: int | None = None) -> F
         A response that is no correlation, or whose R(0) is missing.
     """
     check_kind("half_spectra", correlation, ImpulseResponse)
+    check_size(correlation)
     if correlation.kind != "correlation" or correlation.feedthrough is None:
         raise DataError(
             "half spectra of a correlation were asked",

@@ -11,6 +11,7 @@ from modalscope.model.keywords import named
 from modalscope.model.records import Records
 from modalscope.model.response import Response
 from modalscope.model.signals import Signals
+from modalscope.model.sizes import check_size
 from modalscope.preprocess.excitation import find_excitation
 from modalscope.preprocess.findings import Finding, dead_channels, identical_channels, sides_of
 from modalscope.preprocess.frf import estimate_frf
@@ -54,11 +55,12 @@ def examine(data: Signals | Records | Response) -> tuple[Finding, ...]:
     ...     print(finding)
     dead: y2: it never changes. Check cable and sensor, or leave it out: exclude=['y2'].
     """
+    check_kind("examine", data, (FrequencyResponse, ImpulseResponse, Signals, Records))
+    check_size(data)
     if isinstance(data, Response):
         return tuple(examine_response(data.picture()))
     if isinstance(data, Records):
         return tuple(dict.fromkeys(finding for run in data.runs for finding in _examine_record(run)))
-    check_kind("examine", data, (FrequencyResponse, ImpulseResponse, Signals))
     return tuple(_examine_record(data))
 
 

@@ -11,6 +11,8 @@ from modalscope.model.checks import Array, DataError, RealArray, check_count
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.keywords import named
 from modalscope.model.robust import noise_threshold
+from modalscope.model.sizes import check_size
+from modalscope.model.sources import source_of
 
 __all__ = ["merge_setups"]
 
@@ -78,6 +80,7 @@ def merge_setups(parts: Sequence[ImpulseResponse], *, depth: int = _DEPTH) -> Im
         output_dofs=tuple(order),
         units=(tuple(units[i] for i in place), first.units[1]),
         geometry=next((part.geometry for part in parts if part.geometry is not None), None),
+        source_path=source_of(parts),
         processing=(
             *first.processing,
             f"{len(parts)} setups merged over the references {', '.join(references)}, {depth} lags deep; R(0) is not carried over",
@@ -91,6 +94,7 @@ def _check(parts: Sequence[ImpulseResponse], depth: int) -> None:
         raise DataError("setups to merge were asked", "parts is empty", "Give the correlations of two setups or more.")
     first = parts[0]
     for number, part in enumerate(parts, 1):
+        check_size(part)
         if part.input_dofs != first.input_dofs or part.sampling_rate != first.sampling_rate:
             raise DataError(
                 "setups with the same references and sampling rate were asked",

@@ -10,6 +10,7 @@ import scipy
 from modalscope.model.checks import ComplexArray, RealArray, check_count, check_kind
 from modalscope.model.keywords import named
 from modalscope.model.signals import Signals
+from modalscope.model.sizes import check_size
 from modalscope.preprocess.spectra import Segments, check_window, cross_spectra, segment_starts, window_samples
 
 __all__ = ["Decomposition", "decomposition"]
@@ -90,6 +91,7 @@ def decomposition(
     (array([5.]), -1.0)
     """
     check_kind("decomposition", signals, Signals)
+    check_size(signals)
     outputs, _ = signals.by_run()
     y = outputs - outputs.mean(axis=1, keepdims=True)
     length = max(2, min(signals.samples * signals.runs // 20, signals.samples)) if segment is None else segment

@@ -11,6 +11,7 @@ from modalscope.model.checks import DataError
 from modalscope.model.keywords import named
 from modalscope.model.kinds import check_kind
 from modalscope.model.result import Result
+from modalscope.model.sources import files_of
 from modalscope.workflow.analyze import Progress, analyzed
 from modalscope.workflow.sources import are_paths, opened, source_of_data
 
@@ -71,10 +72,11 @@ def _check_same(known: tuple[SourceFile, ...], sources: tuple[SourceFile, ...], 
     hashes = [file.sha256 for file in known]
     if not all(hashes) or hashes == [file.sha256 for file in sources]:
         return
-    came_from = getattr(thing, "source_path", None)
-    if len(known) == 1 and known[0].path and not sources[0].path and came_from is not None and Path(came_from).exists():
-        read_again, (of_file,), _ = opened(Path(came_from), known[0].reading)
-        if of_file.sha256 == hashes[0] and sources[0].sha256 == source_of_data(read_again).sha256:
+    came_from = files_of(thing)
+    if not sources[0].path and len(came_from) == len(known) and all(path.exists() for path in came_from):
+        read_again, of_files, _ = opened(list(came_from), known[0].reading)
+        same = sources[0].sha256 == source_of_data(read_again).sha256
+        if same and [file.sha256 for file in of_files] == hashes:
             return
     raise DataError(
         f"the data of {', '.join(file.path for file in known if file.path) or 'the analysis'} were expected",
