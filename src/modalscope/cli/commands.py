@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from modalscope import __version__
-from modalscope.cli import compare, convert, identify, info, methods, simulate
+from modalscope.cli import certify, compare, convert, identify, info, methods, selfcheck, simulate
 from modalscope.cli.parser import Parser
 
 __all__ = ["COMMANDS", "build_parser"]
 
 #: The commands in the order of the help. Each is a module with `add`, what can be written, and `run`, what is done; `run`
 #: imports what it needs itself, so that the help of all costs the import of none.
-COMMANDS = (identify, compare, info, convert, methods, simulate)
+COMMANDS = (identify, compare, certify, info, convert, methods, simulate, selfcheck)
 
 
 def build_parser() -> Parser:

@@ -262,18 +262,20 @@ def _of_parts(response: Response, records: Signals | None) -> Noise:
     return Parts(np.asarray(deviations), float(duration))
 
 
-def residual_variance(left: Array, unknowns: float, is_complex: bool) -> RealArray:
-    """Return the variance E|noise|^2 (l, m) of noise by what a model leaves; `unknowns` real numbers were fitted to a channel.
+def residual_variance(left: Array, free: float, is_complex: bool) -> RealArray:
+    """Return the variance E|noise|^2 (l, m) of noise by what a model leaves.
 
     NaN where there are no more values than unknowns.
 
     Parameters
     ----------
     left : array, (K, l, m)
-        Samples; of lines real parts, then imaginary parts.
-    unknowns : float
+        Real rows.
+    free : float
+        Real values of a channel less the real numbers that were fitted to it.
     is_complex : bool
-        Whether they are lines, of two parts each.
+        Whether the values are lines, of two real numbers each.
     """
-    free, energy = len(left) - unknowns, np.sum(left**2, axis=0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        energy = np.sum(left**2, axis=0)
     return np.asarray((1 + is_complex) * energy / free if free > 0 else np.full(energy.shape, np.nan))
