@@ -18,12 +18,15 @@ SINGLE := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 QUIET_PLOTS := MPLBACKEND=Agg
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test mutants lint format architecture changelog bench study clean
+.PHONY: help setup demo test coverage mutants lint format architecture changelog versions licences bench study clean
 
 help:
 	@echo "make setup         .venv with everything in it"
 	@echo "make demo          modes of a measured beam, next to the published ones"
 	@echo "make test          lint, then every test and every example in a docstring"
+	@echo "make coverage      the same tests, and which lines they run (95 % of them at least)"
+	@echo "make versions      formats, data classes and methods with the earliest and the newest packages (minutes)"
+	@echo "make licences      what modalscope needs, and under which licences"
 	@echo "make mutants       faults put in on purpose, each of which its tests must notice (minutes)"
 	@echo "make lint          ruff, mypy, floors"
 	@echo "make format        let ruff write what it can"
@@ -69,6 +72,24 @@ changelog: setup
 test: lint
 	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m pytest -q -n $(WORKERS)
 
+coverage: lint
+	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m pytest -q -n $(WORKERS) --cov --cov-report=term:skip-covered
+
+licences: setup
+	@$(BIN)/python -m tools.licences
+
+# Each in an environment of its own. Earlier packages beside newer ones warn of each other: that is nobody's fault here.
+VERSIONED := tests/io tests/model tests/blocks tests/realizations tests/plot tests/methods/test_exact_identities.py
+
+versions: setup
+	@for which in min:lowest-direct new:highest; do \
+		place=.venv-$${which%%:*}; echo "== $$place ($${which##*:})"; \
+		[ -x $$place/bin/python ] || $(BIN)/uv venv --quiet --python $(BIN)/python $$place || exit 1; \
+		UV_LINK_MODE=copy $(BIN)/uv pip install --quiet --upgrade --python $$place/bin/python \
+			--resolution $${which##*:} -e '.[dev]' || exit 1; \
+		$(SINGLE) $(QUIET_PLOTS) $$place/bin/python -m pytest -q -n $(WORKERS) -W default -p no:cacheprovider $(VERSIONED) || exit 1; \
+	done
+
 mutants: setup
 	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m tests.mutants --processes $(WORKERS)
 
@@ -82,5 +103,5 @@ study: setup
 	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m pytest -m study -s -v
 
 clean:
-	rm -rf .venv build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf .venv .venv-min .venv-new build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
 	find src tests tools examples benchmarks -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true

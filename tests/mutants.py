@@ -90,7 +90,7 @@ def misfits(mutants: Sequence[Mutant], root: Path = ROOT) -> list[str]:
 
 def copy_to(folder: Path, root: Path = ROOT) -> Path:
     """Copy what tests need; compiled files carry the hash of their source, so that a fault of the same size is never missed."""
-    for name in ("src", "tests"):
+    for name in (folder_name for folder_name in ("src", "tests", "examples") if (root / folder_name).exists()):
         shutil.copytree(root / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
     for name in BESIDE:
         if (root / name).exists():

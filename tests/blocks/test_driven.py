@@ -9,7 +9,7 @@ import pytest
 import scipy.linalg as sla
 from hypothesis import given, settings, strategies as st
 
-from modalscope.blocks.driven import driven_projection
+from modalscope.blocks.driven import driven_projection, intervals
 from modalscope.blocks.factor import factorize
 from modalscope.modal.eigenmodes import eigenmodes, state_space
 from modalscope.model import Records, Signals, StateSpace
@@ -69,6 +69,23 @@ def test_exact_without_noise_whatever_the_start_and_the_offset(seed):
     assert np.abs(found.innovation_covariance).max() < 1e-15  # nothing is new
 
 
+def test_a_long_past_in_few_rows_is_exact_too():
+    model = random_system(np.random.default_rng(8), outputs=2, inputs=1, modes=3, direct=True)
+    matrix = driven_projection(Records(runs=(record(model, 900),)), 12, 60, single=4)
+    assert matrix.past == 3 * len(intervals(60, 4)) == 3 * 12  # 4, then 2, 2, 3, 5, 8, 11, 17 and what is left of 60
+    triple = shift(matrix, factorize(matrix.tall(), 6)).triple(6)
+    assert match_poles(eigenmodes(matrix, triple).poles, np.log(model.poles)).frequency_error < 1e-9
+
+
+@pytest.mark.parametrize(("samples", "single"), [(1, 1), (5, 9), (9, 9), (60, 4), (120, 1)])
+def test_intervals_take_every_sample_once_and_keep_lengths(samples, single):
+    T = intervals(samples, single)
+    assert np.array_equal(np.count_nonzero(T, axis=0), np.ones(samples))
+    assert np.allclose(T @ T.T, np.eye(len(T)))
+    kept = min(samples, single)
+    assert np.array_equal(T[:kept, :kept], np.eye(kept))
+
+
 def test_runs_of_unequal_length_and_roving_inputs():
     model = random_system(np.random.default_rng(3), outputs=3, inputs=2, modes=3, direct=True)
     one = record(model, 400, 1, input_dofs=["a", "b"])
@@ -108,7 +125,7 @@ def damping_bias(seeds, colour, order=4):
         model, records = unmeasured(seed, colour=colour)
         truth = np.log(model.poles)
         truth = truth[truth.imag > 0]
-        poles = identified(records, order, 20, 8)[1].poles
+        poles = identified(records, order, 20, 12)[1].poles
         nearest = poles[np.argmin(np.abs(poles - truth[:, None]), axis=1)]
         errors.append((nearest.real / np.abs(nearest)) / (truth.real / np.abs(truth)) - 1)
     return np.mean(errors, axis=0), np.std(errors, axis=0)

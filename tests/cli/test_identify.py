@@ -24,9 +24,20 @@ def test_identify_writes_modes_that_read_back_as_they_were_printed(test_file, tm
     assert len(modes) == len(document["modes"]) == 5
     for mode, f in zip(document["modes"], modes.frequencies, strict=True):
         assert mode["frequency_hz"] == pytest.approx(f, rel=1e-12)
-        assert mode["frequency_std_hz"] > 0
+        assert 0 < mode["frequency_std_hz"] < 1e-4 * f
+        assert mode["frequency_repeatability_hz"] is None  # two inputs are too few to disagree
         assert mode["reasons"]["orders_found"] >= 5
         assert f"{f:.4f}" in out
+
+
+def test_values_are_refined_unless_that_is_refused(test_file, tmp_path):
+    refined, plain = tmp_path / "refined.json", tmp_path / "plain.json"
+    assert main(["identify", str(test_file), "-o", str(refined)]) == 0
+    assert main(["identify", str(test_file), "--no-refine", "-o", str(plain)]) == 0
+    first, second = (json.loads(path.read_text()) for path in (refined, plain))
+    assert [mode["frequency_hz"] for mode in first["unrefined"]] == [mode["frequency_hz"] for mode in second["modes"]]
+    assert second["unrefined"] is None
+    assert (first["analysis"]["refine"], second["analysis"]["refine"]) == (True, False)
 
 
 @pytest.mark.parametrize("suffix", [".json", ".csv", ".html", ".uff"])

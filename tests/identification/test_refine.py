@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from modalscope.modal.rebuilt import fit_of
 from modalscope.model import FrequencyResponse, ImpulseResponse, ModalModel
 from modalscope.model.poles import poles_from
 from tests.identification.bound import bound, shape_bound
-from tests.support import FIVE, add_noise
+from tests.support import BEAM, FIVE, add_noise, refused
 
 F, ZETA = np.array([3.0, 5.0, 5.3]), np.array([0.02, 0.03, 0.01])
 RNG = np.random.default_rng(1)
@@ -144,34 +145,39 @@ def clean_data(name: str, kind: str) -> FrequencyResponse | ImpulseResponse:
     )
 
 
-def errors_over_bound(name: str, kind: str, snr_db: float, seeds: range) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Return errors of refined f and zeta over their bounds (seeds, 2, n), which lie in the 95 % interval, and what went wrong."""
+def against_the_bound(name: str, kind: str, snr_db: float, seeds: range) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Return errors and told deviations of f and zeta over their bounds, each (seeds, 2, n), and what went wrong.
+
+    Starts at 20 dB may lack a mode, or hold one of noise in its place: there the list may be completed.
+    """
     clean = clean_data(name, kind)
     n = len(FIVE[name]().modes())
     exact = ms.identify(clean, order=2 * n).modes
     deviation = 10 ** (-snr_db / 20) * np.sqrt(np.mean(np.abs(clean.values) ** 2, axis=0))
-    f, zeta, _ = bound(clean, exact, deviation / (1 if kind == "samples" else np.sqrt(2)))
-    errors, covered, told = [], [], []
+    least = np.array(bound(clean, exact, deviation / (1 if kind == "samples" else np.sqrt(2)))[:2])
+    errors, told, wrong = [], [], []
     for seed in seeds:
         data = add_noise(clean, snr_db, seed)
-        found = ms.refine(data, start(data, 2 * n, 0 if snr_db >= 40 else 4))
-        if len(found) < n or not found.converged:
-            told.append(f"seed {seed}: {[str(note) for note in found.notes]}")
+        noisy = snr_db < 40
+        found = ms.refine(data, start(data, 2 * n, 4 * noisy), complete=noisy)
+        if len(found) != n or not found.converged:
+            wrong.append(f"seed {seed}: {len(found)} modes, {[note.kind for note in found.notes]}")
             continue
         both = np.array([found.frequencies - exact.frequencies, found.damping_ratios - exact.damping_ratios])
-        own = np.array([found.frequencies_std, found.damping_ratios_std])
-        errors.append(both / np.array([f, zeta]))
-        covered.append(np.abs(both) <= 1.96 * own)
-    return np.array(errors), np.array(covered), told
+        errors.append(both / least)
+        told.append(np.array([found.frequencies_std, found.damping_ratios_std]) / least)
+    return np.array(errors), np.array(told), wrong
 
 
 @pytest.mark.parametrize(("name", "kind"), CELLS)
 def test_errors_are_no_larger_than_the_bound(name, kind):
-    errors, covered, told = errors_over_bound(name, kind, 40, range(100, 115))
-    assert not told
+    errors, told, wrong = against_the_bound(name, kind, 40, range(100, 115))
+    assert not wrong
+    # noise of a channel is taken for a product of its output's and its input's: where it is none, 12 % are lost (close4)
+    assert np.all((told.mean(axis=0) > 0.9) & (told.mean(axis=0) < 1.15))
     # 15 seeds of n modes, f and zeta: the mean square lies below chi2's 99.99 % quantile (errors of modes are nearly independent)
-    assert np.mean(errors**2) < chi2.ppf(0.9999, errors.size) / errors.size
-    assert np.mean(covered) > 0.88
+    assert np.mean((errors / told) ** 2) < chi2.ppf(0.9999, errors.size) / errors.size
+    assert np.mean(np.abs(errors) < 1.96 * told) > 0.88
 
 
 @pytest.mark.study
@@ -179,14 +185,178 @@ def test_errors_are_no_larger_than_the_bound(name, kind):
 @pytest.mark.parametrize(("name", "kind"), CELLS)
 def test_refinement_reaches_the_bound_over_two_hundred_seeds(name, kind, snr_db):
     """The table of docs/refinement.md."""
-    errors, covered, told = errors_over_bound(name, kind, snr_db, range(200))
-    ratio, share = np.sqrt(np.mean(errors**2, axis=0)), 100 * np.mean(covered, axis=0)
+    errors, told, wrong = against_the_bound(name, kind, snr_db, range(200))
+    ratio, level = np.sqrt(np.mean(errors**2, axis=0)), told.mean(axis=0)
+    share = 100 * np.mean(np.abs(errors) < 1.96 * told, axis=0)
     print(
         f"\n{name} {kind} {snr_db} dB: RMSE/CRB f {ratio[0].min():.2f}-{ratio[0].max():.2f}, zeta {ratio[1].min():.2f}-"
-        f"{ratio[1].max():.2f}, coverage f {share[0].min():.0f}-{share[0].max():.0f}, zeta {share[1].min():.0f}-"
-        f"{share[1].max():.0f} %, largest {np.abs(errors).max():.1f}, told {len(told)} {told[:3]}"
+        f"{ratio[1].max():.2f}; told/CRB {level.min():.2f}-{level.max():.2f}; coverage f {share[0].min():.0f}-"
+        f"{share[0].max():.0f}, zeta {share[1].min():.0f}-{share[1].max():.0f} %; largest {np.abs(errors).max():.1f}; "
+        f"wrong {len(wrong)} {wrong[:3]}"
     )
-    heavy = name == "heavy4" and kind == "samples" and snr_db == 20
-    assert np.max(ratio) < (1.35 if heavy else 1.18)  # 200 seeds: 5 % sampling error, the largest of ten
-    assert np.min(share) >= 89  # 95 % of 200: a standard deviation of 1.5 %
+    assert np.max(level) < 1.15
+    assert np.max(ratio / level) < 1.2  # 200 seeds tell a ratio to 5 %: the largest of ten
+    assert np.min(share) >= 90  # 95 % of 200: a standard deviation of 1.5 %
     assert np.abs(errors).max() < 6  # a failure that nobody told would lie far outside
+    assert len(wrong) <= 4
+
+
+# ------------------------------------------------------------------------------------------------ what it cannot do
+
+
+@pytest.mark.parametrize("kind", ["samples", "lines"])
+def test_exactly_repeated_poles_are_no_failure_and_are_told(kind):
+    structure = FIVE["ring5"]()
+    clean = (
+        structure.impulse_response(400) if kind == "samples" else structure.frequency_response(np.linspace(0.3, 8, 340))
+    )
+    data = add_noise(clean, 40, 1)
+    found = ms.refine(data, ms.select(ms.stabilize(data)))
+    assert found.converged
+    assert len(found) == 5
+    f = np.sort(structure.modes().frequencies)
+    mean = np.array([found.frequencies[0], *(found.frequencies[k : k + 2].mean() for k in (1, 3))])
+    assert np.allclose(mean, f[[0, 1, 3]], rtol=1e-4)  # a few deviations at 40 dB
+    assert "only their mean and common subspace" in " ".join(str(n) for n in found.notes if n.kind == "repeated")
+
+
+def test_a_mode_with_nothing_of_its_own_is_left_out_and_told():
+    truth = model(4, 2)
+    data = add_noise(lines(truth), 40)
+    more = replace(
+        truth,
+        poles=np.append(truth.poles, poles_from(6.9, 0.01)),
+        shapes=np.column_stack([truth.shapes, np.ones(4)]),
+        participation=np.vstack([truth.participation, np.ones(2)]),
+    )
+    found = ms.refine(data, more)
+    assert len(found) == len(found.unrefined) == 3
+    assert found.left_out[0].frequency == pytest.approx(6.9)
+    assert "6.9 Hz" in " ".join(str(n) for n in found.notes if n.kind == "nothing of its own")
+    assert np.allclose(found.poles, ms.refine(data, truth).poles, rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", DATA)
+@pytest.mark.parametrize("missing", [0, 1, 2])
+def test_a_missing_mode_is_added_when_that_is_asked(kind, missing):
+    truth = model(4, 2)
+    data = add_noise(DATA[kind](truth), 40)
+    start = truth.take(np.delete(np.arange(3), missing))
+    found = ms.refine(data, start, complete=True)
+    assert np.allclose(found.poles, ms.refine(data, truth).poles, rtol=1e-8)
+    assert len(found.unrefined) == 3
+    assert len(ms.refine(data, truth, complete=True)) == 3
+
+
+def test_nothing_is_added_to_a_coloured_residual():
+    truth = model(4, 2)
+    data = lines(truth)
+    ripple = 0.02 * np.abs(data.values).max() * np.exp(2j * np.pi * data.frequencies / 0.9)[:, None, None]
+    spoilt = add_noise(replace(data, values=data.values + ripple * np.ones((1, 4, 2))), 50)
+    found = ms.refine(spoilt, truth, complete=True)
+    assert len(found) == 3
+    assert any(note.kind == "coloured residual" for note in found.notes)
+
+
+def test_what_cannot_be_refined_is_refused():
+    truth = model(4, 2)
+    data = samples(truth)
+    refused("errors are correlated from lag to lag", ms.refine, replace(data, kind="correlation"), truth)
+    refused("4 outputs and 2 inputs, the modes others", ms.refine, data, model(3, 2))
+    refused("36 unknowns", ms.refine, replace(data, values=data.values[:4]), truth)
+    refused("one positive number a line", ms.refine, lines(truth), truth, weights=np.ones(7))
+    assert len(ms.refine(data, truth.take([]))) == 0
+
+
+# ----------------------------------------------------------------------------------------------------- repeatability
+
+
+def shifting(seed: int, inputs: int = 6) -> FrequencyResponse:
+    """Return responses in which every input sees poles of its own, 1e-3 of |s| around the mean."""
+    rng = np.random.default_rng(seed)
+    truth = model(4, inputs)
+    moved = truth.poles.imag * 1e-3 * rng.standard_normal((inputs, 3))
+    columns = [
+        lines(replace(truth.select(inputs=[i]), poles=truth.poles + 1j * moved[i])).values for i in range(inputs)
+    ]
+    data = replace(lines(truth), values=np.concatenate(columns, axis=2))
+    return add_noise(data, 60, seed)
+
+
+def test_poles_that_shift_from_input_to_input_scatter_as_repeatability_says():
+    truth = model(4, 6)
+    errors, told = [], []
+    for seed in range(30):
+        found = ms.refine(shifting(seed), truth)
+        errors.append(found.frequencies - truth.frequencies)
+        told.append(found.frequencies_repeatability)
+    ratio = np.sqrt(np.mean(np.square(errors), axis=0) / np.mean(np.square(told), axis=0))
+    # 30 seeds tell a ratio to 13 %, and six groups tell a deviation low by a tenth or two
+    assert np.all((ratio > 0.6) & (ratio < 1.6)), ratio
+
+
+def test_fewer_than_four_groups_say_nothing_and_are_told():
+    truth = model(4, 6)
+    data = shifting(0)
+    found = ms.refine(data, truth, groups=["a", "a", "b", "b", "c", "c"])
+    assert found.frequencies_repeatability is None
+    assert "3 groups are too few" in " ".join(str(n) for n in found.notes if n.kind == "noise and model only")
+    assert ms.refine(data, truth, groups=["a", "a", "b", "b", "c", "d"]).frequencies_repeatability is not None
+
+
+def test_without_groups_the_colour_of_the_residual_widens_the_deviations():
+    truth = model(4, 6)
+    data = shifting(1)
+    known, unknown = ms.refine(data, truth), ms.refine(data, truth, groups=None)
+    assert unknown.frequencies_repeatability is None
+    assert np.all(unknown.frequencies_std >= 0.99 * known.frequencies_repeatability)
+    assert any(note.kind == "coloured residual" for note in unknown.notes)
+
+
+# ------------------------------------------------------------------------------------------------------ measured data
+
+
+@pytest.fixture(scope="module")
+def beam() -> tuple[FrequencyResponse, ModalModel]:
+    data = ms.read(BEAM / "beam_hammer.uff").band(100, 4300)
+    return data, ms.analyze(data, refine=False).modes
+
+
+def test_the_measured_beam_has_one_optimum(beam):
+    data, modes = beam
+    first = ms.refine(data, modes)
+    for seed in range(3):
+        turned = 0.3 * np.exp(2j * np.pi * np.random.default_rng(seed).uniform(size=len(modes)))
+        other = ms.refine(data, replace(modes, poles=modes.poles + turned * np.abs(modes.poles.real)))
+        assert np.max(np.abs(other.poles / first.poles - 1)) < 1e-8
+
+
+@pytest.mark.study
+def test_the_measured_beam_has_one_optimum_from_any_row(beam):
+    data, _ = beam
+    where = (177, 477.4, 933, 1376.6, 1535.4, 2287, 3162.2, 4181.4)
+    found = []
+    for method, domain in (("era", "z"), ("alternate", "s"), ("lscf", "z")):
+        modes = ms.select(ms.stabilize(data, method=method, domain=domain))
+        found.append(ms.refine(data, modes.take([int(np.argmin(np.abs(modes.frequencies - f))) for f in where])))
+        print(f"\n{method} {domain}: {found[-1].frequencies.round(5)}")
+    for other in found[1:]:
+        assert np.max(np.abs(other.poles / found[0].poles - 1)) < 1e-8
+
+
+def test_repeatability_of_the_measured_beam_is_how_far_its_halves_disagree(beam):
+    """All ten ways of halving six hammer points; the whole scatters by half of what two halves differ by."""
+    data, modes = beam
+    found = ms.refine(data, modes)
+    differences = []
+    for half in [(0, *pair) for pair in combinations(range(1, 6), 2)]:
+        both = [list(half), [i for i in range(6) if i not in half]]
+        a, b = (ms.refine(data.select(inputs=part), modes.select(inputs=part)) for part in both)
+        differences.append([a.frequencies - b.frequencies, a.damping_ratios - b.damping_ratios])
+    halves = np.sqrt(np.mean(np.square(differences), axis=0)) / 2
+    ratio = halves / np.array([found.frequencies_repeatability, found.damping_ratios_repeatability])
+    print(f"\nhalves over repeatability: f {ratio[0].round(2)}, zeta {ratio[1].round(2)}")
+    assert np.all((ratio > 1 / 2.5) & (ratio < 2.5))
+    assert np.all((np.median(ratio, axis=1) > 1 / 1.5) & (np.median(ratio, axis=1) < 1.5))
+    # noise alone would say ten times less of the strong modes
+    assert np.median(found.frequencies_repeatability / found.frequencies_std) > 10

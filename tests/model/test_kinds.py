@@ -88,7 +88,7 @@ VERBS: dict[str, tuple[Callable[[Any], Any], tuple[str, ...]]] = {
     "filter_band": (lambda x: ms.preprocess.filter_band(x, 1, 3), ("record",)),
     "half_spectra": (ms.preprocess.half_spectra, ("pulse",)),
     "decomposition": (ms.preprocess.decomposition, ("record",)),
-    "examine": (ms.preprocess.examine, ("frf", "pulse", "record")),
+    "examine": (ms.preprocess.examine, ("frf", "pulse", "record", "records")),
     "merge": (lambda x: ms.merge([x]), ("frf", "pulse", "record", "records")),
     "identify": (lambda x: ms.identify(x, order=4), ("frf", "pulse", "record", "records")),
     "realize": (lambda x: ms.realize(x, order=4), ("frf", "pulse", "record", "records")),

@@ -125,8 +125,8 @@ def test_links_lead_to_the_sections_in_order(written: Path) -> None:
     page = read(written)
     anchors = page.values("section", "id")
     assert page.values("a", "href") == [f"#{anchor}" for anchor in anchors]
-    assert anchors[:3] == ["summary", "modes", "stabilization"]
-    assert {"shapes", "mac", "responses", "reasons", "data", "settings", "notes", "repeat"} == set(anchors[3:])
+    assert anchors[:4] == ["summary", "modes", "intervals", "stabilization"]
+    assert {"shapes", "mac", "responses", "reasons", "data", "settings", "notes", "repeat"} == set(anchors[4:])
 
 
 def test_the_verdict_counts_the_modes_tells_the_fit_and_names_the_least_sure(written: Path) -> None:

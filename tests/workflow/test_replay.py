@@ -27,7 +27,13 @@ DRIVEN = CHAIN.simulate(samples=4000, sampling_rate=20.0, noise=0.02, seed=0)
 CASES: dict[str, tuple[Any, dict[str, Any]]] = {
     **{
         f"{m.name} {m.domain}": (
-            AMBIENT if m.takes.name == "PAST" else LINES if m.domain == "s" else SAMPLES,
+            AMBIENT
+            if m.takes.name == "PAST"
+            else DRIVEN
+            if m.takes.name in ("DRIVEN", "RECORDS")
+            else LINES
+            if m.domain == "s"
+            else SAMPLES,
             {"method": m.name, "domain": m.domain, "orders": range(2, 25, 2)},
         )
         for m in ms.methods()

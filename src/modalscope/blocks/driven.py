@@ -10,43 +10,56 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from modalscope.blocks.innovations import kalman_gain
+from modalscope.blocks.innovations import innovations
 from modalscope.blocks.sample_rows import SampleRows
 from modalscope.blocks.sums import TriangleSum
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, DataError, RealArray, check_count
-from modalscope.model.record_spectra import RecordSpectra, record_spectra
+from modalscope.model.record_spectra import RecordSpectra
+from modalscope.model.record_transform import record_spectra
 from modalscope.model.records import Records
 from modalscope.model.statespace import StateSpace
 
-__all__ = ["DrivenProjection", "driven_projection"]
+__all__ = ["DrivenProjection", "driven_projection", "intervals"]
 
 #: Times that the triangular factorization takes at once, in multiples of the rows.
 _CHUNK = 4
 
+#: How intervals of the past grow.
+_GROWTH = 1.5
+
 
 def driven_projection(
-    records: Records, block_rows: int = 10, block_columns: int = 10, spectra: RecordSpectra | None = None
+    records: Records,
+    block_rows: int = 10,
+    block_columns: int = 10,
+    single: int = 10,
+    spectra: RecordSpectra | None = None,
 ) -> DrivenProjection:
     """Project future outputs on past inputs and outputs, future inputs eliminated: what PO-MOESP and N4SID factor.
 
     With q = block_rows and p = block_columns, the columns for all times t of all runs are
 
-        inputs  [1; u(t); ...; u(t + q)],  past  [y(t - 1); u(t - 1); ...; y(t - p); u(t - p)],  future  [y(t); ...; y(t + q)],
+        inputs  [1; u(t); ...; u(t + q)],  past  T [y(t - 1); u(t - 1); ...; y(t - p); u(t - p)],  future  [y(t); ...; y(t + q)],
 
     each channel divided by its root mean square, the whole by the root of the number of times. With [inputs; past; future] =
-    [[L11, 0, 0], [L21, L22, 0], [L31, L32, L33]] Q the matrix is L32. The constant, one a run, takes any offset away exactly.
+    [[L11, 0, 0], [L21, L22, 0], [L31, L32, L33]] Q the matrix is L32. The constant, one a run, takes any offset away exactly. T keeps
+    the latest samples one by one and sums those before over intervals that grow by a half (`intervals`): slow modes need a long past to
+    be told from noise, and every row of the past predicts some noise by chance, which biases damping.
 
     Parameters
     ----------
     records : Records
         Runs of any length and any of the inputs.
     block_rows, block_columns : int
-        Blocks of the future but one, and of the past.
+        Blocks of the future but one, and samples of the past.
+    single : int
+        Samples of the past that stay one by one.
     spectra : RecordSpectra, optional
         The same records on their lines: what participation is fitted to and a model is compared with.
 
@@ -74,7 +87,7 @@ def driven_projection(
     """
     future, past = check_count("block_rows", block_rows), check_count("block_columns", block_columns)
     lines = record_spectra(records) if spectra is None else spectra
-    made = DrivenProjection(records, lines, future, past)
+    made = DrivenProjection(records, lines, future, past, intervals(past, check_count("single", single)))
     if made.columns < made.rows:
         raise DataError(
             f"driven_projection(block_rows={future}, block_columns={past}) of {made.outputs} outputs and {made.inputs} inputs was asked",
@@ -83,6 +96,34 @@ def driven_projection(
             "Lower block_rows and block_columns, or measure longer.",
         )
     return made
+
+
+def intervals(samples: int, single: int) -> RealArray:
+    """Return T (b, p): the latest samples one by one, those before in sums over intervals that grow by a half, of length one each.
+
+    Parameters
+    ----------
+    samples : int
+        p.
+    single : int
+
+    Examples
+    --------
+    >>> (intervals(7, 2) != 0).astype(int)
+    array([[1, 0, 0, 0, 0, 0, 0],
+           [0, 1, 0, 0, 0, 0, 0],
+           [0, 0, 1, 1, 0, 0, 0],
+           [0, 0, 0, 0, 1, 1, 0],
+           [0, 0, 0, 0, 0, 0, 1]])
+    """
+    ends, length = list(range(min(single, samples) + 1)), 1.0
+    while ends[-1] < samples:
+        length *= _GROWTH
+        ends.append(min(ends[-1] + round(length), samples))
+    T = np.zeros((len(ends) - 1, samples))
+    for row, (first, last) in zip(T, pairwise(ends), strict=True):
+        row[first:last] = 1 / np.sqrt(last - first)
+    return T
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,13 +136,16 @@ class DrivenProjection(SampleRows):
     response : RecordSpectra
         The records on their lines.
     future_blocks, past_blocks : int
-        Blocks of the future but one, and of the past.
+        Blocks of the future but one, and samples of the past.
+    sums : array, (b, p)
+        T: what the rows of the past are of its samples, the latest first.
     """
 
     records: Records
     response: RecordSpectra
     future_blocks: int
     past_blocks: int
+    sums: RealArray
 
     @property
     def judged(self) -> RecordSpectra:
@@ -145,8 +189,8 @@ class DrivenProjection(SampleRows):
 
     @property
     def past(self) -> int:
-        """Rows of the past, p (l + m)."""
-        return self.past_blocks * (self.outputs + self.inputs)
+        """Rows of the past, b (l + m)."""
+        return len(self.sums) * (self.outputs + self.inputs)
 
     @property
     def rows(self) -> int:
@@ -187,7 +231,8 @@ class DrivenProjection(SampleRows):
                 ones[:, r] = 1.0
                 after = part[:, p:]
                 driving, future = after[:, :, self.outputs :], after[:, :, : self.outputs]
-                yield np.hstack([each.reshape(count, -1) for each in (ones, driving, part[:, p - 1 :: -1], future)])
+                before = np.einsum("bp,tpc->tbc", self.sums, part[:, p - 1 :: -1])
+                yield np.hstack([each.reshape(count, -1) for each in (ones, driving, before, future)])
 
     @cached_property
     def factor(self) -> RealArray:
@@ -199,7 +244,7 @@ class DrivenProjection(SampleRows):
 
     @cached_property
     def triangle(self) -> RealArray:
-        """L32 (l (q + 1), p (l + m)): the projection times an orthonormal matrix, its exact stand-in."""
+        """L32 (l (q + 1), b (l + m)): the projection times an orthonormal matrix, its exact stand-in."""
         first, last = self.known, self.known + self.past
         return np.ascontiguousarray(self.factor[first:last, last:].T)
 
@@ -225,10 +270,13 @@ class DrivenProjection(SampleRows):
 
     def with_noise(self, model: StateSpace) -> StateSpace:
         """Return a model of these records with the gain of its innovations and their covariance."""
-        k, of_outputs = self.known + self.past, self.scales[0]
-        new = self.factor[k : k + self.outputs, k:]
-        freedom = self.columns / max(self.columns - k, 1)
-        gain, covariance = kalman_gain(new, model.A, model.C / of_outputs[:, None], freedom)
+        of_outputs, of_inputs = self.scales
+        C, D = model.C / of_outputs[:, None], model.D * of_inputs / of_outputs[:, None]
+        level = StateSpace(A=model.A, B=model.B * of_inputs, C=C, D=D, dt=model.dt)
+        found = innovations(level, ((y / of_outputs, u / of_inputs) for y, u in self._runs()))
+        if found is None:
+            return model
+        gain, covariance = found
         return replace(
             model, gain=gain / of_outputs, innovation_covariance=covariance * np.outer(of_outputs, of_outputs)
         )
@@ -236,6 +284,6 @@ class DrivenProjection(SampleRows):
     def describe(self) -> str:
         """Say what the matrix is, in words."""
         return (
-            f"{self.block_rows + 1} future blocks of {self.outputs} outputs projected on {self.past_blocks} past blocks "
-            f"of {self.outputs} outputs and {self.inputs} inputs, future inputs eliminated, over {self.columns} times"
+            f"{self.block_rows + 1} future blocks of {self.outputs} outputs projected on {len(self.sums)} sums of {self.past_blocks} past "
+            f"samples of {self.outputs} outputs and {self.inputs} inputs, future inputs eliminated, over {self.columns} times"
         )

@@ -146,7 +146,8 @@ class RowsOnLines(DataMatrix):
 
     def right_vectors(self, factors: Factors, coefficients: Array) -> ComplexArray:
         """Return v_j over the lines (m, 2 F, k), of every input."""
-        assert factors.right is not None
+        if factors.right is None:
+            self._has_no("right factor over lines")
         return np.asarray(factors.right.whole[:, :, : len(coefficients)] @ coefficients)
 
     def row_blocks(self, P: Array) -> RealArray | None:

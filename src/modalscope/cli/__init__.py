@@ -2,33 +2,60 @@
 
 from __future__ import annotations
 
-import argparse
-import shlex
 import sys
 from collections.abc import Sequence
 
-from modalscope.cli.commands import build_parser
-from modalscope.cli.parser import EXIT_WRONG
+from modalscope.cli.process import EXIT_WRONG, complain, hang_up, take_over
 
 __all__ = ["main"]
 
+#: Exit status after Ctrl-C.
+_STOPPED = 130
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; 0 when it is done, 2 with one line on stderr for wrong use or unusable data."""
+    """Run one command; 0 when it is done, 2 with one line on stderr for wrong use or unusable data.
+
+    Without arguments those of the process are taken, whose signals and streams are then ours, too.
+    """
+    if arguments is None:
+        take_over()
     words = sys.argv[1:] if arguments is None else list(arguments)
-    options = build_parser().parse_args(words, argparse.Namespace(command_line=shlex.join(["modalscope", *words])))
     try:
-        options.run(options)
+        _run(words)
     except ValueError as error:
         from modalscope.model import DataError  # a ValueError: an answer to a question alone does not load it
 
         if not isinstance(error, DataError):
             raise
-        print(f"modalscope: {' '.join(str(error).split())}", file=sys.stderr)
+        complain(error)
         return EXIT_WRONG
-    except BrokenPipeError:  # the reader of our output has enough, `| head` for instance
-        sys.stderr.close()
+    except BrokenPipeError:  # the reader of our output has enough, `| head` for instance; files were written before
+        hang_up()
+    except OSError as error:
+        hang_up()
+        complain(f"the system refuses: {(error.strerror or str(error)).lower()}")
+        return EXIT_WRONG
+    except MemoryError:
+        complain("the memory of this machine does not suffice; give fewer orders, channels, lines or samples")
+        return EXIT_WRONG
     except KeyboardInterrupt:
-        print("modalscope: stopped; no file was written", file=sys.stderr)
-        return 130
+        complain("stopped; no file was written")
+        return _STOPPED
     return 0
+
+
+def _run(words: Sequence[str]) -> None:
+    """Do what the words say; what was printed has left the process when this returns."""
+    import argparse
+    import shlex
+
+    from modalscope.cli.commands import build_parser
+
+    command_line = shlex.join(["modalscope", *words])
+    try:
+        options = build_parser().parse_args(words, argparse.Namespace(command_line=command_line))
+        options.run(options)
+    finally:
+        if sys.stdout is not None:
+            sys.stdout.flush()

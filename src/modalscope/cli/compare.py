@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
+from dataclasses import replace
 
-from modalscope.cli.parser import Commands, add_choices, add_file
+from modalscope.cli.parser import Commands, add_choices, add_file, add_output
+from modalscope.cli.process import say
 
 __all__ = ["add", "run"]
 
@@ -26,20 +27,20 @@ def add(commands: Commands) -> None:
         help="rows or cells of the table, such as era alternate/s (default: all)",
     )
     add_choices(parser)
-    parser.add_argument("-o", "--output", type=Path, help="write .json, .csv, .uff (the consensus) or an .html report")
+    add_output(parser, "write .json, .csv, .uff (the consensus) or an .html report")
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> None:
-    """Identify a file by many methods, print what they agree on, and write the comparison where that is asked."""
+    """Identify a file by many methods, write the comparison where that is asked, and print what they agree on."""
     from modalscope.cli.output import check_output, is_page, write_modes, write_page
     from modalscope.cli.progress import progress
     from modalscope.cli.reading import parse_orders, read_responses
     from modalscope.comparing import compare
 
     orders = parse_orders(options.orders)
-    check_output(options.output)
-    data = read_responses(options, "methods compared")
+    check_output(options, options.file)
+    data, told = read_responses(options, "methods compared")
     with progress("comparing") as show:
         found = compare(
             data,
@@ -49,10 +50,11 @@ def run(options: argparse.Namespace) -> None:
             exclude=options.exclude,
             progress=show,
         )
-    print(found.table())
-    if options.output is None:
-        return
-    if is_page(options.output):
-        write_page(options, found)
-    else:
-        write_modes(options, found.modes, method="consensus", domain="all", orders=orders or ())
+    found = replace(found, notes=(*told, *found.notes))
+    written = None
+    if options.output is not None and is_page(options.output):
+        written = write_page(options, found)
+    elif options.output is not None:
+        written = write_modes(options, found.modes, method="consensus", domain="all", orders=orders or ())
+    for line in (*told, found.table(), *([written] if written else [])):
+        say(line)

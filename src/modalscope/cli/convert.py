@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from modalscope.cli.parser import Commands, add_reading
+from modalscope.cli.parser import Commands, add_force, add_reading
+from modalscope.cli.process import say
 
 __all__ = ["add", "run"]
 
@@ -16,15 +17,18 @@ def add(commands: Commands) -> None:
     parser.add_argument("input", type=Path)
     parser.add_argument("output", type=Path)
     add_reading(parser)
+    add_force(parser)
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> None:
     """Read one format and write another."""
-    from modalscope.cli.output import left_out
+    from modalscope.cli.output import check_output, left_out
     from modalscope.cli.reading import read_data
     from modalscope.io import describe, write
 
-    data = read_data(options, options.input)
+    check_output(options, options.input)
+    data, told = read_data(options, options.input)
     write(options.output, data)
-    print(f"written: {options.output}, {describe(data)}{left_out(options.output, data)}")
+    for line in (*told, f"written: {options.output}, {describe(data)}{left_out(options.output, data)}"):
+        say(line)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from modalscope.cli.parser import Commands, add_choices, add_file
+from modalscope.cli.parser import Commands, add_choices, add_file, add_output
+from modalscope.cli.process import say
 
 if TYPE_CHECKING:
     from modalscope.model.result import Result
@@ -30,22 +30,29 @@ def add(commands: Commands) -> None:
     )
     parser.add_argument("--take", nargs="+", type=float, metavar="HZ", help="report these modes, too")
     parser.add_argument("--refuse", nargs="+", type=float, metavar="HZ", help="do not report these modes")
-    parser.add_argument("-o", "--output", type=Path, help="write .json, .csv, .uff or an .html report")
+    parser.add_argument(
+        "--no-refine",
+        dest="refine",
+        action="store_false",
+        help="report the values of the diagram, not those of the maximum of the likelihood",
+    )
+    add_output(parser, "write .json, .csv, .uff or an .html report")
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> None:
-    """Find the modes in a file, print them, and write them where that is asked."""
+    """Find the modes in a file, write them where that is asked, and print them: a closed pipe loses no file."""
     from modalscope.cli.output import check_output, is_page, write_page, write_result
     from modalscope.cli.progress import progress
     from modalscope.cli.reading import parse_orders, reading_options
     from modalscope.workflow.analyze import analyze
 
-    check_output(options.output)
+    check_output(options, options.file)
     orders, bands = parse_orders(options.orders), [tuple(band) for band in options.band or ()]
     if len(bands) > 1 and options.output is not None and is_page(options.output):
         _refuse_page_of(bands)
     given: dict[str, Any] = {"band": bands[0] if len(bands) == 1 else bands or None, "exclude": options.exclude}
+    given["route"] = options.route
     with progress("identifying") as show:
         result = analyze(
             options.file,
@@ -55,17 +62,17 @@ def run(options: argparse.Namespace) -> None:
             frequencies=options.frequencies,
             take=options.take or (),
             refuse=options.refuse or (),
+            refine=options.refine,
             reading=reading_options(options),
             progress=show,
             **given,
         )
+    written = None
+    if options.output is not None:
+        written = write_page(options, result) if is_page(options.output) else write_result(options, result)
     _print(result)
-    if options.output is None:
-        return
-    if is_page(options.output):
-        write_page(options, result)
-    else:
-        write_result(options, result)
+    if written:
+        say(written)
 
 
 def _refuse_page_of(bands: list[Any]) -> None:
@@ -84,18 +91,23 @@ def _print(result: Result) -> None:
     from modalscope.modal.explained import explained
     from modalscope.modal.rebuilt import fit_of
 
+    for note in result.notes:
+        if note.kind == "file":
+            say(note)
     for diagram in result.diagrams:
-        print(f"{cell_label(diagram.method, diagram.domain)}, orders {diagram.orders[0]} to {diagram.orders[-1]}")
+        say(f"{cell_label(diagram.method, diagram.domain)}, orders {diagram.orders[0]} to {diagram.orders[-1]}")
         for note in diagram.notes:
-            print(f"  {note}")
+            say(f"  {note}")
     if result.findings:
-        print("quality:")
+        say("quality:")
         for finding in result.findings:
-            print(f"  {finding}")
+            say(f"  {finding}")
     if not len(result.modes):
-        print("no mode stands out of the data")
+        say("no mode stands out of the data")
         return
     several = f"{len(result.diagrams)} bands merged\n\n" if len(result.diagrams) > 1 else ""
-    print(f"\n{several}{result.modes.table()}")
+    say(f"\n{several}{result.modes.table()}")
+    for note in result.modes.notes:
+        say(f"  {note}")
     if len(result.diagrams) == 1:
-        print(f"\n{explained(fit_of(result.modes, result.diagram.response))}")
+        say(f"\n{explained(fit_of(result.modes, result.diagram.response))}")

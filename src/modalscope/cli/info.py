@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from modalscope.cli.parser import Commands, add_file
+from modalscope.cli.process import say
 
 __all__ = ["add", "run"]
 
@@ -24,14 +25,14 @@ def run(options: argparse.Namespace) -> None:
     from modalscope.preprocess import examine
 
     told = survey(options.file, **reading_options(options))
-    print(told)
+    say(told)
     data = told.thing
     if isinstance(data, ModalModel):
-        print(data.table())
+        say(data.table())
         return
     if isinstance(data, Geometry | StabilizationDiagram):  # nothing was measured
         return
     findings = examine(data)
-    print("quality: nothing to report" if not findings else "quality:")
+    say("quality: nothing to report" if not findings else "quality:")
     for finding in findings:
-        print(f"  {finding}")
+        say(f"  {finding}")

@@ -6,13 +6,15 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from modalscope.io.atomic import check_target
+from modalscope.io.marks import is_ours
 from modalscope.model import DataError, ModalModel
 from modalscope.model.result import Result
 
 __all__ = ["check_output", "is_page", "left_out", "write_modes", "write_page", "write_result"]
 
 _PAGES = (".html", ".htm")
-_KNOWN = (".json", ".csv", ".uff", ".unv", *_PAGES, ".npz", ".h5", ".mat")
+_KNOWN = (".json", ".csv", ".uff", ".unv", *_PAGES, ".npz", ".h5", ".hdf5", ".mat")
 
 
 def is_page(path: Path) -> bool:
@@ -20,8 +22,12 @@ def is_page(path: Path) -> bool:
     return path.suffix.lower() in _PAGES
 
 
-def check_output(path: Path | None) -> None:
-    """Refuse a name that cannot be written before the work is done, not after it; None is nothing to write."""
+def check_output(options: argparse.Namespace, *sources: Path) -> None:
+    """Refuse a name that cannot be written before the work is done, not after it; without an output there is nothing to write.
+
+    A source is never overwritten, and a file that modalscope did not write only with --force.
+    """
+    path = options.output
     if path is None:
         return
     if path.suffix.lower() not in _KNOWN:
@@ -30,34 +36,41 @@ def check_output(path: Path | None) -> None:
             f"results are written as {', '.join(_KNOWN)}",
             "Choose one of these suffixes.",
         )
-    if path.is_dir() or not path.resolve().parent.is_dir():
-        what = "that is a folder" if path.is_dir() else f"there is no folder {path.resolve().parent}"
+    target = check_target(path, sources)
+    if not target.parent.is_dir():
+        what = f"there is no folder {target.parent}"
         raise DataError(f"writing {str(path)!r} was asked", what, "Name a file in a folder that is there.")
+    if not options.force and target.exists() and target.stat().st_size and not is_ours(target):
+        raise DataError(
+            f"writing {str(path)!r} was asked",
+            "that file is there, and modalscope did not write it",
+            "Choose another name, or say --force.",
+        )
 
 
-def write_page(options: argparse.Namespace, result: Any) -> None:
+def write_page(options: argparse.Namespace, result: Any) -> str:
     """Write a report with the command that repeats it, and say where."""
     from modalscope.reporting import report
 
     report(result, options.output, source=str(options.file), command=options.command_line)
-    print(f"written: {options.output}")
+    return f"written: {options.output}"
 
 
-def write_result(options: argparse.Namespace, result: Result) -> None:
+def write_result(options: argparse.Namespace, result: Result) -> str:
     """Write the modes of a result, in JSON with its analysis, and say where and what the format leaves out."""
     from modalscope.io import write
 
     write(options.output, result)
-    print(f"written: {options.output}{left_out(options.output, result.modes)}")
+    return f"written: {options.output}{left_out(options.output, result.modes)}"
 
 
-def write_modes(options: argparse.Namespace, modes: ModalModel, **found: Any) -> None:
+def write_modes(options: argparse.Namespace, modes: ModalModel, **found: Any) -> str:
     """Write modes, in JSON with what was `found` beside them, and say where and what the format leaves out."""
     from modalscope.io import write
 
     beside = {**found, "data": {"file": options.file.name}} if options.output.suffix.lower() == ".json" else {}
     write(options.output, modes, **beside)
-    print(f"written: {options.output}{left_out(options.output, modes)}")
+    return f"written: {options.output}{left_out(options.output, modes)}"
 
 
 def left_out(path: Path, thing: Any) -> str:

@@ -6,10 +6,9 @@ import argparse
 from pathlib import Path
 from typing import NoReturn, TypeAlias
 
-__all__ = ["EXIT_WRONG", "Commands", "Parser", "add_choices", "add_file", "add_reading"]
+from modalscope.cli.process import EXIT_WRONG
 
-#: Exit status for wrong use or unusable data.
-EXIT_WRONG = 2
+__all__ = ["Commands", "Parser", "add_choices", "add_file", "add_force", "add_output", "add_reading"]
 
 
 class Parser(argparse.ArgumentParser):
@@ -17,7 +16,9 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Stop with the message on one line."""
-        self.exit(EXIT_WRONG, f"{self.prog}: {message}\n")
+        from modalscope.model.errors import shortened
+
+        self.exit(EXIT_WRONG, f"{self.prog}: {' '.join(shortened(message).split())}\n")
 
 
 #: The list that a command adds its parser to.
@@ -71,6 +72,17 @@ def memory(text: str) -> int:
     return int(size)
 
 
+def add_output(parser: argparse.ArgumentParser, what: str) -> None:
+    """Take the file to write, and whether it may take the place of one that modalscope did not write."""
+    parser.add_argument("-o", "--output", type=Path, help=what)
+    add_force(parser)
+
+
+def add_force(parser: argparse.ArgumentParser) -> None:
+    """Take whether a file that modalscope did not write may be replaced."""
+    parser.add_argument("--force", action="store_true", help="replace a file that modalscope did not write, too")
+
+
 def add_choices(parser: argparse.ArgumentParser, *, bands: bool = False) -> None:
     """Take orders, band (several where `bands` says so) and the channels left out."""
     parser.add_argument("--orders", metavar="A:B:STEP", help="orders to try, both ends included, such as 2:60:2")
@@ -81,5 +93,9 @@ def add_choices(parser: argparse.ArgumentParser, *, bands: bool = False) -> None
         action="append" if bands else "store",
         metavar=("F1", "F2"),
         help="lowest and highest frequency, Hz" + ("; given several times, the bands are merged" if bands else ""),
+    )
+    parser.add_argument(
+        "--route",
+        help="from records with inputs: auto, records (their own lines), frf, markov or subspace; by default what suits them",
     )
     parser.add_argument("--exclude", nargs="+", metavar="DOF", help="channels to leave out")

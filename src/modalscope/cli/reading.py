@@ -6,27 +6,28 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from modalscope.io import read, set_max_memory
-from modalscope.model import DataError, ModalModel
+from modalscope.io import set_max_memory, survey
+from modalscope.model import DataError, ModalModel, Note
 
 __all__ = ["parse_orders", "read_data", "read_responses", "reading_options"]
 
 
-def read_data(options: argparse.Namespace, path: Path) -> Any:
-    """Read a file with the options given on the command line."""
-    return read(path, **reading_options(options))
+def read_data(options: argparse.Namespace, path: Path) -> tuple[Any, tuple[Note, ...]]:
+    """Read a file with the options given on the command line; say what of it was left out."""
+    found = survey(path, **reading_options(options))
+    return found.thing, found.told
 
 
-def read_responses(options: argparse.Namespace, asked: str) -> Any:
+def read_responses(options: argparse.Namespace, asked: str) -> tuple[Any, tuple[Note, ...]]:
     """Read a file of responses or records; one that holds modes already is refused."""
-    data = read_data(options, options.file)
+    data, told = read_data(options, options.file)
     if isinstance(data, ModalModel):
         raise DataError(
             f"{asked} in {options.file} were asked",
             "the file holds modes already",
             "Give a file of responses or records.",
         )
-    return data
+    return data, told
 
 
 def reading_options(options: argparse.Namespace) -> dict[str, Any]:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
-from modalscope.cli.parser import Commands
+from modalscope.cli.parser import Commands, add_output
+from modalscope.cli.process import say
 
 __all__ = ["add", "run"]
 
@@ -14,7 +14,7 @@ def add(commands: Commands) -> None:
     """Add the command to the list."""
     parser = commands.add_parser("simulate", help="write a simulated test of a known structure")
     parser.add_argument("system", help="a structure of the catalog; 'list' prints their names")
-    parser.add_argument("-o", "--output", type=Path, help="file to write")
+    add_output(parser, "file to write")
     parser.add_argument("--kind", default="frf", help="frf, impulse, records or ambient (default: frf)")
     parser.add_argument(
         "--samples", type=int, help="samples or lines (default: 1000 lines, 2000 samples, 20000 of a record)"
@@ -28,13 +28,14 @@ def add(commands: Commands) -> None:
 def run(options: argparse.Namespace) -> None:
     """Write a simulated test of a structure of the catalog, or list them."""
     from modalscope import systems
+    from modalscope.cli.output import check_output
     from modalscope.io import describe, write
     from modalscope.model import DataError
     from modalscope.systems.trial import trial
 
     if options.system == "list":
         for name, make in systems.catalog().items():
-            print(f"{name:15s} {(make.__doc__ or '').strip().splitlines()[0]}")
+            say(f"{name:15s} {(make.__doc__ or '').strip().splitlines()[0]}")
         return
     structure = systems.build(options.system)
     if options.output is None:
@@ -43,6 +44,7 @@ def run(options: argparse.Namespace) -> None:
             "there is no file to write it to",
             "Add -o FILE, for instance -o test.npz.",
         )
+    check_output(options)
     data = trial(
         structure,
         options.kind,
@@ -52,4 +54,4 @@ def run(options: argparse.Namespace) -> None:
         seed=options.seed,
     )
     write(options.output, data)
-    print(f"written: {options.output}, {describe(data)}")
+    say(f"written: {options.output}, {describe(data)}")

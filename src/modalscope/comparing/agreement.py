@@ -121,11 +121,11 @@ def _flatten(kept: Sequence[MethodResult]) -> _Flat:
 
 
 def _voters(kept: Sequence[MethodResult], kin: Kinship) -> list[int]:
-    """Return the methods with a vote, one of each class of equals."""
-    seen: set[int] = set()
+    """Return the methods with a vote, one of each class of equals, or one of each way from records."""
+    seen: set[int | str] = set()
     votes = []
     for k, r in enumerate(kept):
-        kind = kin.class_of(r.name)
+        kind = r.route or kin.class_of(r.name)
         if r.exact and kind not in seen:
             seen.add(kind)
             votes.append(k)
@@ -183,6 +183,9 @@ def _summed(
 ) -> Group:
     count = np.array([i for i in members if flat.method[i] in votes] or list(members))
     central = _central(flat, list(count))
+    # of several ways from records the usual one says the value, and the others are its witnesses
+    said = [i for i in members if flat.method[i] == votes[0]] if kept[votes[0]].route else []
+    said = said or list(count)
     of = {names[flat.method[i]]: i for i in members}
     spreads = np.array([_over_orders(kept[flat.method[i]], int(flat.index[i])) for i in count])
     like = mac(flat.shape[list(members)].T, flat.shape[central][:, None])[:, 0]
@@ -194,8 +197,8 @@ def _summed(
         mac={names[flat.method[i]]: float(v) for i, v in zip(members, like, strict=True)},
         votes=tuple(names[flat.method[i]] for i in voted),
         voters=len(votes),
-        frequency=float(np.median(flat.f[count])),
-        damping=float(np.median(flat.zeta[count])),
+        frequency=float(np.median(flat.f[said])),
+        damping=float(np.median(flat.zeta[said])),
         frequency_between=scatter(flat.f[count]),
         damping_between=scatter(flat.zeta[count]),
         frequency_over_orders=float(np.median(spreads[:, 0])),

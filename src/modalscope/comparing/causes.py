@@ -19,6 +19,11 @@ CAUSES = {
     "weak mode": "Put an input or a sensor where this mode moves, or average more.",
     "edge of the band": "Widen the band.",
     "transformed data": "Prefer the methods that work on the data as they were measured.",
+    "leakage": "Trust the records on their own lines; for frequency responses use longer segments or periodic forces.",
+    "unmeasured forces": "Measure all forces, and look for noise on the force sensors; take no damping from this record.",
+    "delay": "Look for channels of other acquisition units or filters, and align them.",
+    "too short": "Measure a longer record.",
+    "poor excitation": "Drive the inputs independently of each other, and over the whole band.",
     "not separated": "Look at the stabilization diagrams of the methods that miss it.",
 }
 

@@ -14,23 +14,24 @@ from modalscope.comparing.channels import channel_causes, sign_causes, without_d
 from modalscope.comparing.diagnosis import disagreements, mode_causes, order_cause
 from modalscope.comparing.identities import check_identities
 from modalscope.comparing.kinship import Kinship, kinship
-from modalscope.comparing.plan import plan
 from modalscope.comparing.result import Comparison
+from modalscope.comparing.routes import route_causes, tasks_of, witnesses
 from modalscope.comparing.run import MethodResult, Progress, run
 from modalscope.comparing.scatter import noise_floor, stated
 from modalscope.comparing.verdict import judge, words
 from modalscope.identification.options import AllOptions
-from modalscope.identification.prepare import Data, measure
+from modalscope.identification.prepare import Data
 from modalscope.modal.explained import explained, explains_enough
 from modalscope.modal.joint import joint_residues
 from modalscope.modal.rebuilt import fit_error, rebuilt
-from modalscope.model.checks import check_kind
+from modalscope.model.checks import check_count, check_kind
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.keywords import named
 from modalscope.model.labels import DofLike
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import notes_of
+from modalscope.model.records import Records, as_records
 from modalscope.model.response import Response, is_held, window_damping
 from modalscope.model.signals import Signals
 
@@ -94,20 +95,24 @@ def compare(
     >>> len(c.modes), c.results[0].name, bool(c.kinship.distances[0, 1] < 1e-9)
     (5, 'era (time)', True)
     """
+    data = as_records(data) if isinstance(data, list | tuple) else data
     if exclude is not None:
         data = data.select(exclude=exclude)
-    check_kind("compare", data, (FrequencyResponse, ImpulseResponse, Signals))
+    check_kind("compare", data, (FrequencyResponse, ImpulseResponse, Signals, Records))
+    if workers is not None:
+        check_count("workers", workers)
     data, findings = without_dead(data)
-    measured = measure(data, band)
-    response = measured.response
-    cells, more = plan(response, methods, orders, records=measured.records is not None)
-    results = run(measured, cells, progress=progress, workers=workers, **options)
-    judged = _judged(response, results, findings, _duration(data))
+    ways, failed = witnesses(data, band, options.pop("route", None))
+    tasks, more = tasks_of(ways, methods, orders)
+    given, cells = [w for w, _ in tasks], [cell for _, cell in tasks]
+    results, causes = route_causes(run(given, cells, progress=progress, workers=workers, **options))
+    response = ways[0].response
+    judged = _judged(response, results, [*findings, *causes], _duration(data))
     return Comparison(
         response=response,
         results=results,
         settings=_settings(methods, orders, band, exclude, options),
-        notes=notes_of((*measured.notes, *more, *_equals(judged["kinship"]))),
+        notes=notes_of((*ways[0].notes, *failed, *more, *_equals(judged["kinship"]))),
         **judged,
     )
 
@@ -122,8 +127,11 @@ def _judged(
     fitted = rebuilt(response, modes) if groups else 0 * response.values
     left = fit_error(response.values, fitted)[0]
     if groups:
-        findings += sign_causes(response)
-        findings += channel_causes(response, fitted, modes.poles - window_damping(response), _best_fit(results))
+        # channels are looked at one by one: of records that is their picture
+        drawn = response.picture()
+        shown = fitted if drawn is response else rebuilt(drawn, modes)
+        findings += sign_causes(drawn)
+        findings += channel_causes(drawn, shown, modes.poles - window_damping(response), _best_fit(results))
     low = order_cause(results)
     findings += [] if low is None else [low]
     scatter = stated(groups, noise_floor(response, modes, fitted, duration))
@@ -140,7 +148,7 @@ def _judged(
         "fit_error": left,
         "trust": trust,
         "kinship": kin,
-        "identities": check_identities(response, min(max(2 * len(groups), 2), _IDENTITY_ORDER)),
+        "identities": check_identities(response.picture(), min(max(2 * len(groups), 2), _IDENTITY_ORDER)),
         "disagreements": disagreements(groups, response, results, findings),
         "findings": tuple(findings),
         "verdict": f"{warned}{words(groups, trust, scatter, results, findings)}",

@@ -36,7 +36,12 @@ class Cell:
 
 
 def plan(
-    response: Response, wanted: str | Iterable[Any], orders: Iterable[int] | None, *, records: bool = False
+    response: Response,
+    wanted: str | Iterable[Any],
+    orders: Iterable[int] | None,
+    *,
+    records: bool = False,
+    route: str | None = None,
 ) -> tuple[tuple[Cell, ...], tuple[str, ...]]:
     """Return the cells to try and notes on those that the data do not allow.
 
@@ -49,6 +54,8 @@ def plan(
         By default 2, 4, ... up to 80 for frequency responses, 60 for impulse responses and 40 for correlations.
     records : bool
         Whether the records without inputs that the response was estimated from are there.
+    route : str, optional
+        From records with inputs: only rows that this way was made for.
 
     Raises
     ------
@@ -59,13 +66,15 @@ def plan(
     found: list[Method] = []
     if isinstance(wanted, str) and wanted != "all":
         wanted = [wanted]
+    table = [m for m in methods() if (not m.driven if route is None else m.route == route)]
     if isinstance(wanted, str):
-        found = [m for m in methods() if _allowed(m, response, out, records)]
+        found = [m for m in table if _allowed(m, response, out, records)]
     else:
         for item in wanted:
-            found += [m for m in _named(item, response, out, records) if m not in found]
+            allowed = _named(item, response, out, records, None if route is None else table)
+            found += [m for m in allowed if m not in found]
     notes = tuple(f"{', '.join(dict.fromkeys(names))} left out: {why}" for why, names in out.items())
-    if not found:
+    if not found and route is None:
         raise DataError(
             "a comparison was asked", notes[0] if notes else "no method was named", 'Name methods, or methods="all".'
         )
@@ -73,14 +82,26 @@ def plan(
     return tuple(_cell(m, response, asked) for m in found), notes
 
 
-def _named(item: Any, response: Response, out: dict[str, list[str]], records: bool) -> list[Method]:
+def _named(
+    item: Any, response: Response, out: dict[str, list[str]], records: bool, served: list[Method] | None
+) -> list[Method]:
+    """Return the cells that a name means, of those that a way from records serves where there is one."""
     if isinstance(item, Method):
-        return [item]
+        return [item] if served is None or item in served else []
+    if not isinstance(item, str) and not (isinstance(item, tuple | list) and len(item) == 2):
+        raise DataError(
+            "methods to compare were asked",
+            f"one of methods is {type(item).__name__}",
+            'Name rows such as "era", or cells such as "era/s".',
+        )
     name, _, domain = item.partition("/") if isinstance(item, str) else (item[0], "", item[1])
+    if served is not None:
+        row = find_method(name, None, "time").name
+        return [m for m in served if m.name == row and domain in ("", m.domain)]
     if domain:
         return [find_method(name, check_choice("domain", domain, DOMAINS), domain)]
     row = find_method(name, None, "time").name  # an unknown name is an error
-    return [m for m in methods() if m.name == row and _allowed(m, response, out, records)]
+    return [m for m in methods() if m.name == row and not m.driven and _allowed(m, response, out, records)]
 
 
 def _allowed(method: Method, response: Response, out: dict[str, list[str]], records: bool) -> bool:

@@ -39,6 +39,8 @@ class MethodResult:
         None when the method failed.
     fit_error : float, optional
         norm(measured - rebuilt from the modes) / norm(measured), in the method's own domain.
+    route : str
+        The way from records with inputs; empty for other data. Each way has one vote.
     seconds : float
         From the response to the selected modes.
     failure : str
@@ -50,6 +52,7 @@ class MethodResult:
     diagram: StabilizationDiagram | None = None
     modes: ModalModel | None = None
     fit_error: float | None = None
+    route: str = ""
     seconds: float = 0.0
     failure: str = ""
 
@@ -79,7 +82,7 @@ class _Count:
 
 
 def run(
-    measured: Measured,
+    measured: Measured | Sequence[Measured],
     cells: Sequence[Cell],
     *,
     progress: Progress | None = None,
@@ -90,7 +93,7 @@ def run(
 
     Parameters
     ----------
-    measured : Measured
+    measured : Measured, or one a cell
         The response, and the records behind it where there are any: prepared once, for all methods.
     cells : sequence of Cell
     progress : callable, optional
@@ -101,10 +104,11 @@ def run(
         Of `stabilize`, for every method.
     """
     count = _Count(cells, progress)
+    given = [measured] * len(cells) if isinstance(measured, Measured) else measured
 
     def one(index: int) -> MethodResult:
         cell = cells[index]
-        found = _one(measured, cell, lambda done, _: count.report(index, done), options)
+        found = _one(given[index], cell, lambda done, _: count.report(index, done), options)
         count.report(index, len(cell.orders))
         return found
 
@@ -131,9 +135,16 @@ def _one(measured: Measured, cell: Cell, progress: Progress, options: dict[str, 
         return MethodResult(
             method=method,
             exact=cell.exact,
+            route=measured.route or "",
             diagram=diagram,
             modes=modes,
             fit_error=error,
             seconds=time.perf_counter() - started,
         )
-    return MethodResult(method=method, exact=cell.exact, seconds=time.perf_counter() - started, failure=failure)
+    return MethodResult(
+        method=method,
+        exact=cell.exact,
+        route=measured.route or "",
+        seconds=time.perf_counter() - started,
+        failure=failure,
+    )

@@ -81,6 +81,8 @@ def noise_floor(
         Length in seconds of the ambient record behind correlations.
     """
     n = len(modes)
+    if not response.separable:
+        return np.full(n, np.nan), np.full(n, np.nan)
     if response.ambient:
         f, zeta = modes.frequencies, modes.damping_ratios
         if cycles is None or not n:

@@ -95,8 +95,8 @@ def identify(
 
     Parameters
     ----------
-    data : FrequencyResponse, ImpulseResponse or Signals
-        Records with inputs are turned into frequency responses first, records without into correlations.
+    data : FrequencyResponse, ImpulseResponse, Signals, Records or a list of records
+        Records with inputs are taken on their own lines, or by another `route`; records without are turned into correlations first.
     method : str, optional
         A row of the table (`methods()`): "era", "polyreference", "alternate", "least_squares", ..., or a name from the literature such
         as "ssi-cov" or "polymax". By default "alternate" for frequency responses and records, "era" for impulse responses.
@@ -113,6 +113,9 @@ def identify(
         Lowest and highest frequency in Hz that is used.
     exclude : labels, optional
         Channels to leave out.
+    route : {"auto", "records", "frf", "markov", "subspace"}, optional
+        The way from records with inputs: on their own lines, by estimated frequency responses, by an observer (OKID), or projected on
+        their past. By default what serves the method, and of several ways the one that suits the records.
     block_rows, block_columns : int, optional
         Blocks of H(0); on lines block_rows is the degree of the polynomials and columns are lines.
     form : {"observable", "controllable", "smaller"}, optional

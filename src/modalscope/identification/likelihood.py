@@ -55,6 +55,11 @@ class Whitened:
     turned: bool
 
     @property
+    def sides(self) -> tuple[RealArray, RealArray]:
+        """What outputs and inputs are divided by, (l,), (m,)."""
+        return (self.varying, self.linear) if self.turned else (self.linear, self.varying)
+
+    @property
     def freedom(self) -> int:
         """Real values that the terms leave."""
         return int((len(self.data) - self.terms.shape[1]) * self.data[0].size)

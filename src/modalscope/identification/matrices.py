@@ -198,7 +198,8 @@ def records_on_lines(problem: Problem, order: int) -> Built:
     """Return the records' own lines, inputs and ends eliminated."""
     options: SpectraOptions = problem.options
     assert isinstance(problem.response, RecordSpectra)
-    degree = options.block_rows or default_record_degree(problem.response, order)
+    truncates = problem.method.orders.truncates
+    degree = options.block_rows or default_record_degree(problem.response, order, truncates=truncates)
     matrix = record_lines(problem.response, domain=problem.method.domain, block_rows=degree)
     return Built(matrix, replace(options, block_rows=degree, form="observable"))
 
@@ -208,8 +209,8 @@ def driven_records(problem: Problem, order: int) -> Built:
     options: DrivenOptions = problem.options
     assert problem.driven is not None
     assert isinstance(problem.response, RecordSpectra)
-    rows, columns = default_driven(problem.driven, order, options.block_rows, options.block_columns)
-    matrix = driven_projection(problem.driven, rows, columns, problem.response)
+    rows, columns, single = default_driven(problem.driven, order, options.block_rows, options.block_columns)
+    matrix = driven_projection(problem.driven, rows, columns, single, problem.response)
     settings = replace(options, block_rows=rows, block_columns=columns, form="observable")
     return Built(matrix, settings, _unfiltered(problem))
 

@@ -163,6 +163,11 @@ class Method:
         return route == self.route or (route == "frf" and self.takes is Takes.SAMPLES)
 
     @property
+    def driven(self) -> bool:
+        """Whether it takes nothing but records with inputs."""
+        return _REFUSALS[self.takes] is _no_spectra
+
+    @property
     def _told(self) -> tuple[str, ...]:
         """What tells the row from one of the same name and domain."""
         return ("records",) if self.takes is Takes.RECORDS else ()

@@ -22,6 +22,9 @@ _LARGEST = {"lines": 80, "records": 80, "correlation": 40}
 #: Canonical forms have a block for every block row: beyond about this many states their eigenvalues cost more than they tell.
 _COMPANION_STATES = 200
 
+#: ... and where every input has functions of its own beyond this many.
+_DRIVEN_STATES = 80
+
 #: ... and of that many orders every second one will do.
 _COMPANION_ORDERS = 30
 
@@ -135,7 +138,8 @@ class _Companions(_States):
         if response.room is None:
             return tuple(asked), {}
         outputs = response.values.shape[1]
-        degree = max(min(48, _COMPANION_STATES // outputs), -(-asked[-1] // outputs) + 2)
+        most = _COMPANION_STATES if response.separable else _DRIVEN_STATES
+        degree = max(min(48, most // outputs), -(-asked[-1] // outputs) + 2)
         few = asked if len(asked) <= _COMPANION_ORDERS else [n for n in asked if (asked[-1] - n) % 4 == 0]
         return tuple(few or asked), {"block_rows": degree}
 

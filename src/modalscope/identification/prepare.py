@@ -13,7 +13,7 @@ from modalscope.identification.method import Method, Problem, Takes
 from modalscope.identification.options import ROUTES, AllOptions, Options
 from modalscope.identification.routes import USUAL, by_route, chosen_route, one_record
 from modalscope.identification.table import find_method, methods
-from modalscope.model.checks import DataError, check_band, check_choice, check_kind
+from modalscope.model.checks import DataError, check_band, check_choice, check_kind, check_size
 from modalscope.model.errors import check_option_names
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
@@ -135,6 +135,7 @@ def _measured(data: Any, band: tuple[float, float] | None, asked: _Asked) -> Mea
 
 @_measured.register
 def _(data: Response, band: tuple[float, float] | None, asked: _Asked) -> Measured:
+    check_size("responses", np.swapaxes(data.values, 1, 2), data.output_dofs)
     row, domain = _USUAL.get((data.origin, data.held_input), ("era", "time"))
     return Measured(data.in_band(band), None, type(data).__name__, row, domain)
 
@@ -148,6 +149,10 @@ def _(data: Signals, band: tuple[float, float] | None, asked: _Asked) -> Measure
 def _(data: Records, band: tuple[float, float] | None, asked: _Asked) -> Measured:
     from modalscope.preprocess import estimate_correlation, filter_band
 
+    for run in data.runs:
+        check_size("records", run.outputs, run.output_dofs)
+        if run.inputs is not None:
+            check_size("records", run.inputs, run.input_dofs)
     if data.input_dofs:
         route = chosen_route(data, asked.method, asked.domain, asked.route)
         response, note = by_route(data, route, band)

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.blocks.threads import one_thread
+from modalscope.identification.completion import completed
 from modalscope.identification.prepare import measure
 from modalscope.identification.refined import refined
 from modalscope.identification.settling import Settled, Task, least_gain, settle, task_of
 from modalscope.model.candidates import Candidate
-from modalscope.model.checks import ComplexArray, DataError, check_kind
+from modalscope.model.checks import ComplexArray, DataError, RealArray, check_kind
 from modalscope.model.groups import AUTO, check_groups
 from modalscope.model.keywords import named
 from modalscope.model.modes import ModalModel
@@ -91,8 +92,12 @@ def refine(
     task = task_of(
         response, np.concatenate([beside, poles[~able]]), None if weights is None else np.asarray(weights), progress
     )
-    notes = [] if able.all() else [_held(int(np.sum(~able)))]
+    notes = [_held(len(task.fixed))] if len(task.fixed) else []
     start = modes.take(able)
+    if complete and len(start):
+        more = completed(task, start, _participation(task, start))
+        notes.append(_added(more.frequencies[len(start) :]))
+        start = more
     settled, kept, lost = _of_their_own(task, start)
     notes += [] if settled is None else _how(settled)
     return refined(task, start.take(kept), settled, chosen, lost, notes)
@@ -154,8 +159,14 @@ def _candidate(modes: ModalModel, j: int, gain: float) -> Candidate:
 
 
 def _held(count: int) -> Note:
-    text = f"{count} poles that are no decaying oscillations took part as they are, and are not refined"
+    text = f"{count} poles that are no modes take part in the refinement: they are held, their residues free"
     return Note("held", {"poles": count}, text)
+
+
+def _added(frequencies: RealArray) -> Note:
+    listed = ", ".join(f"{f:.5g} Hz" for f in frequencies)
+    text = f"modes added, which stand out of the residual: {listed}" if listed else "no mode was added"
+    return Note("added", {"modes": len(frequencies)}, text)
 
 
 def _how(settled: Settled) -> list[Note]:

@@ -20,7 +20,8 @@ from modalscope.model.checks import DataError
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.notes import Note
-from modalscope.model.record_spectra import RecordSpectra, record_spectra
+from modalscope.model.record_spectra import RecordSpectra
+from modalscope.model.record_transform import record_spectra
 from modalscope.model.records import Records
 from modalscope.model.signals import Signals
 
@@ -45,8 +46,8 @@ class Way(NamedTuple):
     note: Note
 
 
-def usual_route(records: Records) -> tuple[str, str]:
-    """Return the way that suits records with inputs by the rule of this module, and why.
+def usual_route(records: Records) -> str:
+    """Return the way that suits records with inputs by the rule of this module; runs that do not stack are taken as they are.
 
     Parameters
     ----------
@@ -54,11 +55,8 @@ def usual_route(records: Records) -> tuple[str, str]:
     """
     from modalscope.preprocess.excitation import find_excitation
 
-    if all(find_excitation(run) == "impact" for run in records.runs):
-        return "frf", "the forces are impacts"
-    if _periodic(records) is not None:
-        return "frf", "the forces are periodic and the responses have settled"
-    return "records", ""
+    impacts = all(find_excitation(run) == "impact" for run in records.runs)
+    return "frf" if _alike(records) and (impacts or _periodic(records) is not None) else "records"
 
 
 def chosen_route(records: Records, method: str | None, domain: str | None, asked: str) -> str:
@@ -75,7 +73,7 @@ def chosen_route(records: Records, method: str | None, domain: str | None, asked
     """
     if asked != "auto":
         return asked
-    usual = usual_route(records)[0]
+    usual = usual_route(records)
     if method is None and domain is None:
         return usual
     name = find_method("alternate" if method is None else method, None, "time").name
@@ -121,8 +119,7 @@ def one_record(records: Records, what: str) -> Signals:
     first = records.runs[0]
     if len(records.runs) == 1:
         return first
-    alike = len(set(records.samples)) == 1 and len({run.input_dofs for run in records.runs}) == 1
-    if not alike:
+    if not _alike(records):
         raise DataError(
             f"{what} of {len(records.runs)} runs were asked",
             "they differ in length or in their inputs",
@@ -133,10 +130,17 @@ def one_record(records: Records, what: str) -> Signals:
     return replace(first, outputs=outputs, inputs=inputs, groups=records.groups)
 
 
+def _alike(records: Records) -> bool:
+    """Whether all runs have one length and the same inputs."""
+    return len(set(records.samples)) == 1 and len({run.input_dofs for run in records.runs}) == 1
+
+
 def _periodic(records: Records) -> int | None:
     """Return the period in samples where forces repeat at least twice after settling, and the responses with them; None else."""
     from modalscope.preprocess.excitation import find_period
 
+    if not _alike(records):
+        return None
     try:
         record = one_record(records, "a period")
         outputs, inputs = record.by_run()

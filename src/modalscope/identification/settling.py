@@ -107,7 +107,9 @@ class Settled:
         return self.descent.point.problem.scaled_back(self.descent.point, self.descent.fitted)
 
 
-def settle(task: Task, poles: ComplexArray, shapes: ComplexArray, participation: ComplexArray) -> Settled:
+def settle(
+    task: Task, poles: ComplexArray, shapes: ComplexArray, participation: ComplexArray, most: int = 60
+) -> Settled:
     """Return the optimum from modes on.
 
     The first descent divides the channels by their own size. What it leaves tells the noise of each channel where it is white, and
@@ -121,6 +123,8 @@ def settle(task: Task, poles: ComplexArray, shapes: ComplexArray, participation:
         As they are in the data.
     shapes, participation : array of complex, (l, n), (n, m)
         The side with fewer channels is where the descent starts; the other follows.
+    most : int
+        Iterations of a descent.
 
     Raises
     ------
@@ -133,7 +137,7 @@ def settle(task: Task, poles: ComplexArray, shapes: ComplexArray, participation:
         problem = whitened(task.response, task.fixed, task.powers, task.rows, levels.outputs, levels.inputs)
         start = (shapes.T if problem.turned else participation) / problem.varying
         sides = start / np.maximum(np.linalg.norm(start, axis=1, keepdims=True), 1e-300)
-        descent = descend(problem, poles, sides, progress=task.progress)
+        descent = descend(problem, poles, sides, most=most, progress=task.progress)
         point, fitted = descent.point, descent.fitted
         unknown = problem.terms.shape[1] + 2 * len(poles)
         seen = colour(residual(point, fitted), task.response.count, unknown)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.record_spectra import RecordSpectra
@@ -27,8 +29,8 @@ _STACK, _DEGREE = 1000, 60
 #: Rows of the past beyond which the triangular factor takes long.
 _PAST_ROWS = 600
 
-#: The same where inputs are known, too: rows of the past over times, rows of all over times, and rows of the future.
-_DRIVEN_PAST, _DRIVEN_ROWS, _DRIVEN_FUTURE = 0.01, 3, 800
+#: Samples of the past that records with inputs are predicted from, and rows of their future.
+_DRIVEN_PAST, _DRIVEN_FUTURE = 120, 800
 
 
 def default_blocks(
@@ -80,29 +82,36 @@ def default_degree(response: FrequencyResponse, order: int) -> int:
     return int(max(min(wanted, carried), 1))
 
 
-def default_record_degree(spectra: RecordSpectra, order: int) -> int:
+def default_record_degree(spectra: RecordSpectra, order: int, *, truncates: bool = True) -> int:
     """Return the degree q of records on lines: as high as the stack and the lines allow, for it decides how well damping is known.
 
     (q + 1)(1 + m + l) stays below a thousand columns, and twice as many lines are there as terms are eliminated; but q is never
     below 8, nor below what the order needs, unless the lines forbid it: q + 1 terms of every input and end, and the order, must be left.
+    Where all block rows are states, there are no more of them than the order needs.
     """
     _, outputs, _ = spectra.values.shape
     channels, terms = spectra.eliminated
     least = max(8, -(-order // outputs) + 4)
-    wanted = min(_DEGREE, _STACK // (channels + outputs) - 1, spectra.count // (2 * terms) - 1)
+    wanted = (
+        least if not truncates else min(_DEGREE, _STACK // (channels + outputs) - 1, spectra.count // (2 * terms) - 1)
+    )
     most = (2 * spectra.count - order) // terms - 1
     return int(max(min(max(wanted, least), most), -(-order // outputs), 1))
 
 
-def default_driven(records: Records, order: int, block_rows: int | None, block_columns: int | None) -> tuple[int, int]:
-    """Return block sizes of records with inputs: a long future, which steadies damping, and a short past.
+def default_driven(
+    records: Records, order: int, block_rows: int | None, block_columns: int | None
+) -> tuple[int, int, int]:
+    """Return block rows, samples of the past and how many of these stay one by one, of records with inputs.
 
-    The future has up to 60 blocks, and with the inputs up to 800 rows. The past is what noise is predicted from by chance: one row in
-    a hundred times, and no more than the order needs twice. A short record lowers both, down to the order's own.
+    A long future steadies damping: as many block rows as have up to 800 rows with the inputs, and half as many rows as times in all. The
+    past reaches 120 samples back, or a tenth of a run, but has few rows: one by one only what the order needs.
     """
-    outputs, channels = len(records.output_dofs), len(records.output_dofs) + len(records.input_dofs)
-    times, least = sum(records.samples), -(-order // outputs) + 1
-    past = block_columns or max(min(2 * least, int(_DRIVEN_PAST * times / channels)), -(-order // channels) + 1)
-    room = (times / _DRIVEN_ROWS - past * channels) / channels
-    future = block_rows or max(min(60, _DRIVEN_FUTURE // channels, int(room)), least)
-    return future, past
+    outputs, inputs = len(records.output_dofs), len(records.input_dofs)
+    least = -(-order // outputs) + 1
+    past = block_columns or max(min(_DRIVEN_PAST, min(records.samples) // 10), least)
+    single = min(max(-(-order // (outputs + inputs)) + 1, 4), past)
+    rows = (single + 2.5 * np.log1p(past / 2)) * (outputs + inputs)  # about: intervals grow by a half
+    room = (sum(records.samples) / 2 - rows) / (outputs + inputs)
+    future = block_rows or max(min(100, _DRIVEN_FUTURE // (outputs + inputs), int(room)), least)
+    return future, past, single

@@ -61,13 +61,15 @@ def spread_of(
         Of the residual.
     """
     information = inverse(normal(point, fitted)[0])
+    between = _between(point, fitted, information, groups)
     candidates = [(variance * information, 1.0)]
     if seen.coloured:
         longer = (1 + max(seen.correlation, 0)) / max(1 - max(seen.correlation, 0), 0.01)
-        candidates += [(each, longer) for each in _coloured(point, fitted, information, count, seen)]
+        parts = [scores_of_rows(point, fitted, blocks_of(len(point.span), count, seen.correlation))]
+        parts += [] if between is not None else _by_channels(point, fitted)
+        candidates += [(sandwich(information, part), longer) for part in parts if len(part) >= LEAST_GROUPS]
     found = [_of_poles(poles, covariance, point) for covariance, _ in candidates]
     shapes = [_of_shapes(point, fitted, covariance, variance * longer) for covariance, longer in candidates]
-    between = _between(point, fitted, information, groups)
     apart = (None, None) if between is None else _of_poles(poles, between, point)
     return Spread(
         np.max([f for f, _ in found], axis=0),
@@ -82,17 +84,10 @@ def _of_poles(poles: ComplexArray, covariance: RealArray, point: Point) -> tuple
     return deviations_of_poles(poles, pole_blocks(covariance, 2 * p * np.arange(n)))
 
 
-def _coloured(point: Point, fitted: Fitted, information: RealArray, count: int, seen: Colour) -> list[RealArray]:
-    """Sandwiches over blocks of neighbouring lines, over outputs, over inputs and over channels, where there are enough of them."""
+def _by_channels(point: Point, fitted: Fitted) -> list[RealArray]:
+    """Return the scores of outputs, of inputs and of channels: where no groups are known, model error may lie in any of them."""
     each = scores(point, fitted)
-    outputs, inputs, unknowns = each.shape
-    parts = [
-        scores_of_rows(point, fitted, blocks_of(len(point.span), count, seen.correlation)),
-        each.sum(axis=1),
-        each.sum(axis=0),
-        each.reshape(outputs * inputs, unknowns),
-    ]
-    return [sandwich(information, part) for part in parts if len(part) >= LEAST_GROUPS]
+    return [each.sum(axis=1), each.sum(axis=0), each.reshape(-1, each.shape[2])]
 
 
 def _between(point: Point, fitted: Fitted, information: RealArray, groups: Groups) -> RealArray | None:

@@ -228,7 +228,7 @@ def sweep(
 
     Parameters
     ----------
-    data : FrequencyResponse, ImpulseResponse or Signals
+    data : FrequencyResponse, ImpulseResponse, Signals, Records or a list of records
     method, domain : str, optional
         A cell of the table of methods, see `identify`.
     orders : iterable of int, optional

@@ -1,7 +1,7 @@
 """Analyses as JSON: a document of their own, `x.analysis.json`, or a part of the modes that came of them.
 
     {"modalscope": version, "analysis": {"schema", "version", "files": [{"path", "size", "sha256", "reading"}], "bands", "exclude",
-     "route", "method", "domain", "orders", "options", "frequencies", "taken", "refused", "names", "remarks"}}
+     "route", "method", "domain", "orders", "options", "frequencies", "taken", "refused", "refine", "names", "remarks"}}
 
 Arrays among the options are {"array": [...]}, with every digit; complex ones have "imag", too.
 """
@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.io.arrays import joined
 from modalscope.io.limits import room
 from modalscope.model.analysis import Analysis, SourceFile
 from modalscope.model.checks import Array, DataError
@@ -74,7 +75,8 @@ def analysis_from(entries: Mapping[str, Any]) -> Analysis:
             "Use a later version.",
         )
     try:
-        given = {name: _back(value) for name, value in entries.items()}
+        # "refine" is missing where it was written before there was one
+        given = {"refine": False, **{name: _back(value) for name, value in entries.items()}}
         files = tuple(SourceFile(**file) for file in given.pop("files", ()))
         return Analysis(files=files, **given)
     except DataError:
@@ -102,7 +104,7 @@ def _back(value: Any) -> Any:
     if isinstance(value, Mapping):
         if "array" in value:
             real = _numbers(value["array"])
-            return real + 1j * _numbers(value["imag"]) if "imag" in value else real
+            return joined(real, _numbers(value["imag"])) if "imag" in value else real
         return {key: _back(item) for key, item in value.items()}
     if isinstance(value, list):
         return tuple(_back(item) for item in value)

@@ -27,7 +27,7 @@ import numpy as np
 from modalscope.io.contents import Plain
 from modalscope.model import FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Note, Signals
 from modalscope.model.candidates import Candidate, Harmonic
-from modalscope.model.checks import Array
+from modalscope.model.checks import Array, ComplexArray
 from modalscope.model.groups import Groups, input_groups, run_groups
 
 __all__ = [
@@ -38,6 +38,7 @@ __all__ = [
     "TEXTS",
     "UNREFINED",
     "from_json_numbers",
+    "joined",
     "names_of",
     "noun_of",
     "to_arrays",
@@ -144,6 +145,15 @@ def _geometry_arrays(geometry: Geometry) -> dict[str, Array]:
     if geometry.motions:
         arrays["geometry_motions"] = np.asarray(json.dumps(geometry.motions))
     return {name: array for name, array in arrays.items() if array.size}
+
+
+def joined(real: Array, imaginary: Array) -> ComplexArray:
+    """Return real and imaginary parts as one array; parts of other types or shapes are a `ValueError`, infinite ones are kept."""
+    if real.shape != imaginary.shape or real.dtype.kind not in "biuf" or imaginary.dtype.kind not in "biuf":
+        raise ValueError(f"its parts are {real.dtype} {real.shape} and {imaginary.dtype} {imaginary.shape}")
+    values = np.empty(real.shape, complex)
+    values.real, values.imag = real, imaginary
+    return values
 
 
 def from_json_numbers(value: object) -> object:

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from modalscope.model import FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals, StabilizationDiagram
+from modalscope.model import (
+    FrequencyResponse,
+    Geometry,
+    ImpulseResponse,
+    ModalModel,
+    Note,
+    Signals,
+    StabilizationDiagram,
+)
 from modalscope.model.response import Response
 
 __all__ = ["Contents", "Finding", "Format", "Options", "Plain", "Survey", "Thing", "describe"]
@@ -116,6 +125,17 @@ class Survey:
     def left(self) -> tuple[Finding, ...]:
         """The parts that were not taken."""
         return tuple(finding for finding in self.found if not finding.taken)
+
+    @property
+    def told(self) -> tuple[Note, ...]:
+        """What of the file was left and is missing, and what to know of it, as one note; none where all was taken."""
+        reasons = Counter(finding.reason for finding in self.left).most_common()
+        said = [f"{count} of {len(self.found)} parts left: {reason}" for reason, count in reasons[:_TOGETHER]]
+        said += ["other parts left"] if len(reasons) > _TOGETHER else []
+        said += [f"missing: {text}" for text in self.missing]
+        said += self.notes
+        numbers = {"parts": len(self.found), "left": len(self.left)}
+        return (Note("file", numbers, f"{self.path.name}: {'; '.join(said)}"),) if said else ()
 
     def __str__(self) -> str:
         lines = [f"{self.path.name}: {self.format}", f"read gives {self.result}"]

@@ -25,13 +25,13 @@ from typing import Any, NamedTuple, TextIO
 
 import numpy as np
 
+from modalscope.io.arrays import joined
 from modalscope.io.contents import Contents, Finding, Options, Thing
-from modalscope.io.csv_writer import write
 from modalscope.io.limits import Room, room
 from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, Signals
 from modalscope.model.checks import Array, RealArray
 
-__all__ = ["read", "write"]
+__all__ = ["read"]
 
 _PAIR = re.compile(
     r"^(?:(?P<part>real|imag)\s+)?(?P<out>[^/\[\]]+?)\s*/\s*(?P<in>[^/\[\]]+?)\s*(?:\[(?P<unit>.*?)(?: / (?P<unit_in>.*))?\])?$"
@@ -109,11 +109,15 @@ def _table(path: Path, space: Room) -> _Table:
             return _Table(notes, header, _cells(path, reader, len(header), space))
     except UnicodeDecodeError:
         raise DataError(
-            f"reading {path.name} as CSV was asked", "it is not text", "Give it the suffix of what it is."
+            f"reading {path.name} as CSV was asked",
+            "it is not text in UTF-8",
+            "Save it as UTF-8, or give it the suffix of what it is.",
         ) from None
     except csv.Error as error:
         raise DataError(
-            f"reading {path.name} as CSV was asked", f"its cells do not read ({error})", "Check its quotes."
+            f"reading {path.name} as CSV was asked",
+            f"a quotation mark is left open, or stands where none may ({error})",
+            "Close it, or take it out.",
         ) from None
 
 
@@ -209,7 +213,7 @@ def _frequency_response(
     path: Path, labels: list[str], lines: Array, values: Array, given: dict[str, Any]
 ) -> FrequencyResponse:
     outputs, inputs, columns, units = _matrix(path, labels, {"real", "imag"})
-    both = values[:, columns["real"]] + 1j * values[:, columns["imag"]]
+    both = joined(values[:, columns["real"]], values[:, columns["imag"]])
     return FrequencyResponse(values=both, frequencies=lines, units=units, **_dofs(outputs, inputs), **given)
 
 

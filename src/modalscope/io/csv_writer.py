@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,47 +11,68 @@ from typing import Any
 import numpy as np
 
 from modalscope.io.contents import Options, Thing
+from modalscope.io.csv import read
+from modalscope.io.marks import MARK
 from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, ModalModel, Signals
 from modalscope.model.checks import Array
 from modalscope.model.mode_table import known_columns
+from modalscope.model.response import Response
 
 __all__ = ["write"]
 
+#: What stands in a header without doubt.
+_PLAIN = re.compile(r"[\w :+.²³µ-]*|\w+/\w+²?")
+
 
 def write(path: Path, thing: Thing, options: Options) -> None:
-    """Write a response, a record of one run or a table of modes."""
+    """Write a response, a record of one run or a table of modes.
+
+    Raises
+    ------
+    DataError
+        A direct term, several runs, or labels that a header of columns does not give back.
+    """
     if isinstance(thing, ModalModel):
-        _put(path, {}, *_modes_table(thing))
-    elif isinstance(thing, FrequencyResponse):
-        _put(path, _notes(thing, "quantity", "sampling_rate"), *_frequency_table(thing))
+        _put(path, None, *_modes_table(thing))
+        return
+    if isinstance(thing, FrequencyResponse):
+        notes, table = _notes(thing, "quantity", "sampling_rate"), _frequency_table(thing)
     elif isinstance(thing, ImpulseResponse):
-        if thing.feedthrough is not None:
-            raise DataError(
-                "writing an impulse response as .csv was asked",
-                "its direct term has no column there",
-                "Use .npz, .h5 or .uff.",
-            )
-        header = [
-            "time_s",
-            *(_pair(thing, i, j) for i in range(thing.values.shape[1]) for j in range(thing.values.shape[2])),
-        ]
-        _put(
-            path,
-            _notes(thing, "quantity", "sampling_rate", "kind", "first_sample"),
-            header,
-            np.column_stack([thing.times, _flat(thing.values)]).tolist(),
-        )
+        notes, table = _notes(thing, "quantity", "sampling_rate", "kind", "first_sample"), _impulse_table(thing)
     elif isinstance(thing, Signals):
-        _put(path, _notes(thing, "sampling_rate") | _quantities(thing), *_record_table(thing))
+        notes, table = _notes(thing, "sampling_rate") | _quantities(thing), _record_table(thing)
     else:
         raise DataError(
             f"writing {type(thing).__name__} as .csv was asked", "there is no such table", "Use .npz, .h5 or .uff."
         )
+    _check_header(path, thing, table[0])
+    _put(path, notes, *table)
 
 
-def _put(path: Path, notes: dict[str, str], header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+def _check_header(path: Path, thing: Signals | Response, header: Sequence[str]) -> None:
+    """Raise when the header does not give the labels and units back: it parts them by signs that they may hold themselves."""
+    _put(
+        path, {} if header[0] == "frequency_hz" else {"sampling_rate": "1"}, header, [[k] * len(header) for k in (1, 2)]
+    )
+    try:
+        again: Any = read(path, {}).thing
+        kept = (again.output_dofs, again.input_dofs, again.units) == (thing.output_dofs, thing.input_dofs, thing.units)
+    except DataError:
+        kept = False
+    if not kept:
+        labels = (*thing.output_dofs, *thing.input_dofs, *thing.units[0], *thing.units[1])
+        odd = [repr(label) for label in dict.fromkeys(labels) if not _PLAIN.fullmatch(label)]
+        raise DataError(
+            f"writing the labels and units {', '.join(odd or map(repr, labels))} as .csv was asked",
+            "its header of columns would not give them back",
+            "Rename them, or use .npz or .h5.",
+        )
+
+
+def _put(path: Path, notes: dict[str, str] | None, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
-        file.writelines(f"# {name}: {value}\n" for name, value in notes.items())
+        if notes is not None:
+            file.writelines(f"# {name}: {value}\n" for name, value in {"written by": MARK, **notes}.items())
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(header)
         writer.writerows(rows)
@@ -71,6 +93,18 @@ def _flat(values: Array) -> Array:
 def _pair(thing: Any, i: int, j: int) -> str:
     units = (thing.units[0][i], thing.units[1][j])
     return f"{thing.output_dofs[i]} / {thing.input_dofs[j]}" + (f" [{units[0]} / {units[1]}]" if any(units) else "")
+
+
+def _impulse_table(response: ImpulseResponse) -> tuple[list[str], list[list[float]]]:
+    if response.feedthrough is not None:
+        raise DataError(
+            "writing an impulse response as .csv was asked",
+            "its direct term has no column there",
+            "Use .npz, .h5 or .uff.",
+        )
+    _, outputs, inputs = response.values.shape
+    header = ["time_s", *(_pair(response, i, j) for i in range(outputs) for j in range(inputs))]
+    return header, np.column_stack([response.times, _flat(response.values)]).tolist()
 
 
 def _frequency_table(frf: FrequencyResponse) -> tuple[list[str], list[list[float]]]:

@@ -21,12 +21,13 @@ from typing import Any
 import numpy as np
 
 from modalscope.identification.table import methods
-from modalscope.io.arrays import INDICATOR, from_json_numbers, to_arrays
+from modalscope.io.arrays import INDICATOR, from_json_numbers, joined, names_of, to_arrays
 from modalscope.io.contents import Contents, Finding
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import Room, room
-from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, StabilizationDiagram
+from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, Signals, StabilizationDiagram
 from modalscope.model.checks import Array
+from modalscope.model.record_spectra import RecordSpectra
 from modalscope.model.settings import Settings
 from modalscope.model.version import VERSION
 
@@ -138,8 +139,8 @@ def _plain(value: Any) -> Any:
 
 def _contents(where: str, rest: Mapping[str, Any], arrays: Mapping[str, Array]) -> Contents:
     measured = {name.removeprefix(_RESPONSE): a for name, a in arrays.items() if name.startswith(_RESPONSE)}
-    response = contents_from_arrays(where, measured, {}).thing
-    if not isinstance(response, FrequencyResponse | ImpulseResponse):
+    response = _records_of(where, measured) if "drive" in measured else contents_from_arrays(where, measured, {}).thing
+    if not isinstance(response, FrequencyResponse | ImpulseResponse | RecordSpectra):
         raise _damaged(where, "its response is missing")
     values: dict[str, Any] = {name: _tuples(value) for name, value in rest.items()}
     values |= {name: a for name, a in arrays.items() if not name.startswith((_RESPONSE, INDICATOR, _SETTING))}
@@ -151,9 +152,38 @@ def _contents(where: str, rest: Mapping[str, Any], arrays: Mapping[str, Array]) 
     return Contents(thing=diagram, findings=(Finding(part=DIAGRAM, what=what),))
 
 
+def _records_of(where: str, arrays: dict[str, Array]) -> RecordSpectra:
+    """Return records on their own lines; their labels are read as those of a record are."""
+    rate = float(arrays["sampling_rate"]) if "sampling_rate" in arrays else None
+    rest = {name: a for name, a in arrays.items() if name in names_of(Signals) - {"groups"}}
+    frame = {
+        **rest,
+        "outputs": np.zeros((2, arrays["values"].shape[1])),
+        "inputs": np.zeros((2, arrays["drive"].shape[1])),
+        "sampling_rate": np.asarray(rate or 1.0),
+    }
+    signals = contents_from_arrays(where, frame, {}).thing
+    assert isinstance(signals, Signals)
+    return RecordSpectra(
+        values=arrays["values"],
+        frequencies=arrays["frequencies"],
+        drive=arrays["drive"],
+        run=arrays["run"],
+        durations=tuple(arrays["durations"].tolist()),
+        sampling_rate=rate,
+        quantity=str(arrays["quantity"]) if "quantity" in arrays else None,
+        **signals.labelled(),
+    )
+
+
 def _settings(method: str, domain: str, options: dict[str, Any]) -> Settings:
     """Return options as the type that their method has; of what the table has not, those that every method has."""
-    types = [m.options_type for m in methods() if (m.name, m.domain) == (method, domain)]
+    route = options.get("route")
+    types = [
+        m.options_type
+        for m in methods()
+        if (m.name, m.domain) == (method, domain) and (m.served_by(route) if route else not m.driven)
+    ]
     return (types[0] if types else Settings)(**options)
 
 
@@ -180,7 +210,7 @@ def _array(name: str, values: Any, space: Room) -> Array:
     if isinstance(values, dict) and "shape" in values:
         return np.zeros(values["shape"] if 0 in values["shape"] else 0, _KINDS[values["kind"]])
     if isinstance(values, dict):
-        return np.asarray(_array(name, values["real"], space) + 1j * _array(name, values["imag"], space))
+        return joined(_array(name, values["real"], space), _array(name, values["imag"], space))
     array = np.array(values, dtype=object)
     texts = [text for text in array.ravel() if isinstance(text, str)]
     if {"NaN", "Infinity", "-Infinity"} & set(texts):

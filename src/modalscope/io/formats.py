@@ -6,11 +6,12 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from modalscope.io import csv, hdf5, json, mat, npz, uff
+from modalscope.io import csv, csv_writer, hdf5, json, mat, npz, uff
 from modalscope.io.analysis import write_analysis
 from modalscope.io.atomic import replacing
 from modalscope.io.contents import Contents, Format, Options, Survey, Thing, describe
 from modalscope.io.from_arrays import ARRAY_OPTIONS, FIELD_OPTIONS
+from modalscope.io.texts import check_texts
 from modalscope.model import (
     DataError,
     FrequencyResponse,
@@ -23,10 +24,11 @@ from modalscope.model import (
 from modalscope.model.analysis import Analysis
 from modalscope.model.channels import Channels
 from modalscope.model.checks import check_kind, check_path
+from modalscope.model.entries import plainly
 from modalscope.model.groups import AUTO, input_groups
 from modalscope.model.result import Result
 
-__all__ = ["FORMATS", "read", "survey", "write"]
+__all__ = ["FORMATS", "read", "sources_of", "survey", "write"]
 
 _UNIVERSAL = Format(
     name="universal file",
@@ -43,7 +45,7 @@ FORMATS: dict[str, Format] = {
     ".uff": _UNIVERSAL,
     ".unv": _UNIVERSAL,
     ".json": Format(name="JSON", reader=json.read, writer=json.write, write_options=json.WRITE_OPTIONS),
-    ".csv": Format(name="CSV table", reader=csv.read, writer=csv.write),
+    ".csv": Format(name="CSV table", reader=csv.read, writer=csv_writer.write),
     ".mat": Format(name="MATLAB file", reader=mat.read, writer=mat.write, read_options=ARRAY_OPTIONS),
     ".h5": _HDF5,
     ".hdf5": _HDF5,
@@ -55,6 +57,7 @@ _WRITTEN = (FrequencyResponse, ImpulseResponse, Signals, ModalModel, Geometry, S
 _DIAGRAMS = (".npz", ".json")
 
 
+@plainly
 def read(path: str | Path, **options: Any) -> Thing:
     """Read a measurement, modes or a stabilization diagram from a file; the format by suffix.
 
@@ -94,6 +97,7 @@ def read(path: str | Path, **options: Any) -> Thing:
     return _contents(check_path(path), options).thing
 
 
+@plainly
 def survey(path: str | Path, **options: Any) -> Survey:
     """Tell what a file holds: every part, taken or left and why, and what is missing.
 
@@ -121,10 +125,11 @@ def survey(path: str | Path, **options: Any) -> Survey:
     )
 
 
+@plainly
 def write(path: str | Path, thing: Any, **options: Any) -> None:
     """Write data, modes or a stabilization diagram to a file; the format by suffix.
 
-    An earlier file is replaced only when the new one is complete.
+    An earlier file is replaced only when the new one is complete, and never the file that the data came from (`source_path`).
 
     Parameters
     ----------
@@ -140,13 +145,15 @@ def write(path: str | Path, thing: Any, **options: Any) -> None:
     Raises
     ------
     DataError
-        An unknown suffix or option, something that the format cannot hold, or a place that cannot be written.
+        An unknown suffix or option, something that the format cannot hold, a place that cannot be written, or the file that the
+        data came from.
     """
     file = check_path(path)
     check_kind("what is written", thing, _WRITTEN)
     if isinstance(thing, Analysis):
         _write_analysis(file, thing)
         return
+    sources = sources_of(thing)
     if isinstance(thing, Result):
         options = {**options, "result": thing} if file.suffix.lower() == ".json" else options
         thing = thing.modes
@@ -160,8 +167,23 @@ def write(path: str | Path, thing: Any, **options: Any) -> None:
     if row.writer is None:
         raise DataError(f"writing {file.name} was asked", f"a {row.name} is only read", "Choose another suffix.")
     _check_options(file, options, row.write_options, "writing")
-    with replacing(file) as temporary:
+    check_texts(file.suffix, thing)
+    with replacing(file, sources) as temporary:
         row.writer(temporary, thing, options)
+
+
+def sources_of(thing: Any) -> tuple[Path, ...]:
+    """Return the files that data, modes, a diagram, a result or its document came from, as far as they are known.
+
+    Parameters
+    ----------
+    thing : data object, StabilizationDiagram, Result, Analysis, or what has a response
+    """
+    document = thing if isinstance(thing, Analysis) else getattr(thing, "analysis", None)
+    held = (thing, *(getattr(thing, name, None) for name in ("data", "response")))
+    named = (file.path for file in document.files) if isinstance(document, Analysis) else ()
+    found = (getattr(each, "source_path", None) for each in held)
+    return (*(path for path in found if isinstance(path, Path)), *(Path(path) for path in named if path))
 
 
 def _write_analysis(file: Path, document: Analysis) -> None:
@@ -171,7 +193,7 @@ def _write_analysis(file: Path, document: Analysis) -> None:
             "its document is JSON",
             "End the name in .analysis.json.",
         )
-    with replacing(file) as temporary:
+    with replacing(file, sources_of(document)) as temporary:
         write_analysis(temporary, document)
 
 
@@ -227,7 +249,9 @@ def _overridden(thing: Thing, options: Options, path: Path) -> Thing:
             "Leave them out.",
         )
     if isinstance(thing, Channels):
-        given["source_path"] = path
+        given["source_path"] = path.absolute()
         if "input_dofs" in given and getattr(thing, "groups", None) == input_groups(thing.input_dofs):
             given.setdefault("groups", AUTO)
+    if isinstance(thing, StabilizationDiagram):
+        given["response"] = replace(thing.response, source_path=path.absolute())
     return replace(thing, **given) if given else thing

@@ -8,12 +8,13 @@ checksum, which HDF5 itself compares, and the whole file ends in a seal (`hdf5_g
 
 from __future__ import annotations
 
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from modalscope.io.arrays import to_arrays
+from modalscope.io.arrays import joined, to_arrays
 from modalscope.io.contents import Contents, Options, Plain
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.hdf5_guard import check_hdf5, seal
@@ -54,8 +55,10 @@ def write(path: Path, thing: Plain, options: Options) -> None:
     """Write a data object; binary, so that it is read back exactly."""
     h5py = optional_package(f"writing {path.suffix}", "h5py", "hdf5")
     axes: dict[str, tuple[str, ...]] = {}
+    # in memory: HDF5 that meets a full disk while it closes a file can take the whole process with it
+    image = BytesIO()
     # metadata of version 1.10 have checksums of their own
-    with h5py.File(path, "w", libver=("v110", "v110")) as file:
+    with h5py.File(image, "w", libver=("v110", "v110")) as file:
         file.attrs["modalscope_layout"] = _LAYOUT
         for name, array in to_arrays(thing).items():
             if array.dtype.kind == "U":
@@ -72,6 +75,7 @@ def write(path: Path, thing: Plain, options: Options) -> None:
         # the frequencies are a scale of their own, so that all datasets are there before their axes are named
         for name, names in axes.items():
             _label(file, name, names)
+    path.write_bytes(image.getbuffer())
     seal(path)
 
 
@@ -114,6 +118,8 @@ def read(path: Path, options: Options) -> Contents:
                 for name, item in file.items()
                 if isinstance(item, h5py.Dataset) and not _is_axis(name, item)
             }
+            if not all(isinstance(name, str) for name in arrays):
+                raise ValueError("a name in it is no text")
     except DAMAGED as error:
         if isinstance(error, DataError):
             raise
@@ -124,20 +130,15 @@ def read(path: Path, options: Options) -> Contents:
         ) from None
     for name in [name for name in arrays if name.endswith("_real") and name.removesuffix("_real") + "_imag" in arrays]:
         base = name.removesuffix("_real")
-        arrays[base] = _joined(path, base, arrays.pop(name), arrays.pop(base + "_imag"))
+        try:
+            arrays[base] = joined(arrays.pop(name), arrays.pop(base + "_imag"))
+        except ValueError as error:
+            raise DataError(
+                f"{base} in {path.name} needs real and imaginary parts of one shape",
+                str(error),
+                "Write the file again.",
+            ) from None
     return contents_from_arrays(path.name, arrays, options)
-
-
-def _joined(path: Path, name: str, real: Array, imaginary: Array) -> Array:
-    if real.shape != imaginary.shape or real.dtype.kind not in "biuf" or imaginary.dtype.kind not in "biuf":
-        raise DataError(
-            f"{name} in {path.name} needs real and imaginary parts of one shape",
-            f"they are {real.dtype} {real.shape} and {imaginary.dtype} {imaginary.shape}",
-            "Write the file again.",
-        )
-    values = np.empty(real.shape, complex)
-    values.real, values.imag = real, imaginary
-    return values
 
 
 def _is_axis(name: str, item: Any) -> bool:

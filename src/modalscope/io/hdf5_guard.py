@@ -24,8 +24,8 @@ _MARK = b"\nmodalscope sha256 "
 _DIGEST = 64
 #: Seconds, and bytes a second, that a walk may take of a processor; and of the clock, which other programs hold up.
 _SECONDS, _CLOCK = (2, 50_000_000), (20, 10_000_000)
-#: Memory that Python and HDF5 take for themselves.
-_OWN_MEMORY = 1_000_000_000
+#: An array, a piece of it as it is packed, and one as it is inflated.
+_COPIES = 3
 
 
 def seal(path: Path) -> None:
@@ -103,9 +103,10 @@ def _here(path: Path, room: Room) -> list[str]:
 def _apart(path: Path, room: Room) -> list[str]:
     """Walk in a Python of its own, which finds h5py where this one does and nothing else."""
     seconds, clock = (first + room.size // rate for first, rate in (_SECONDS, _CLOCK))
-    numbers = (room.left, seconds, 2 * room.left + _OWN_MEMORY)
+    numbers = (room.left, seconds, _COPIES * room.left)
     command = [_python(), "-P", "-S", "-B", hdf5_walk.__file__, str(path), *map(str, numbers)]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(folder for folder in sys.path if folder)}
+    folders = os.pathsep.join(folder for folder in sys.path if folder)
+    environment = os.environ | {"PYTHONPATH": folders, "OPENBLAS_NUM_THREADS": "1"}  # a thread is much memory
     try:
         done = subprocess.run(command, env=environment, capture_output=True, timeout=clock, check=False)
     except subprocess.TimeoutExpired:
@@ -113,6 +114,6 @@ def _apart(path: Path, room: Room) -> list[str]:
     try:
         answer: list[str] = json.loads(done.stdout)
     except ValueError:
-        found = f"the HDF5 library breaks off in it (status {done.returncode}): it is damaged"
+        found = f"the HDF5 library breaks off in it or comes to no end (status {done.returncode}): it is damaged"
         return [found, "Copy or write the file again."]
     return answer

@@ -21,9 +21,11 @@ ATTRIBUTES = ("CLASS", "MATLAB_class", "MATLAB_empty", "modalscope_layout")
 
 #: Deflate, shuffle, Fletcher's checksum and LZF.
 _FILTERS = (1, 2, 3, 32000)
-_DEEPEST, _MOST_OBJECTS, _MOST_CHUNKS = 32, 100_000, 10_000
-#: Bytes of the file for each chunk beyond; of an attribute, at most; of a text as an object.
-_A_CHUNK, _AN_ATTRIBUTE, _A_TEXT = 64, 4096, 64
+_DEEPEST, _MOST_OBJECTS, _MOST_CHUNKS, _MOST_CELLS = 32, 100_000, 10_000, 20_000
+#: Bytes of the file for each chunk beyond; of a chunk of a small array; of an attribute, at most; of a text as an object.
+_A_CHUNK, _A_PIECE, _AN_ATTRIBUTE, _A_TEXT = 64, 16_000_000, 4096, 64
+#: Memory that Python and HDF5 take for themselves, where the system does not say.
+_OWN_MEMORY = 1_000_000_000
 #: What h5py raises on damaged files.
 _DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError, MemoryError, OverflowError)
 
@@ -139,8 +141,8 @@ def _chunks(name: str, item: Any, plist: Any, visit: _Visit) -> None:
         raise Refused(
             f"{name} is packed by the filter {foreign[0]}", "Write it with gzip, for instance h5repack -f GZIP=4."
         )
-    if prod(item.chunks) * item.dtype.itemsize > visit.left:
-        raise Refused(f"{name} comes in pieces of the shape {item.chunks}, where {visit.left} bytes are left", "")
+    if prod(item.chunks) * item.dtype.itemsize > max(_A_PIECE, item.size * item.dtype.itemsize):
+        raise Refused(f"{name} has the shape {item.shape}, and comes in pieces of the shape {item.chunks}")
     count = prod(-(-n // c) for n, c in zip(item.shape, item.chunks, strict=True))
     if count > max(_MOST_CHUNKS, visit.size // _A_CHUNK) or item.id.get_storage_size() > visit.size:
         raise Refused(f"{name} has {count} pieces of {item.id.get_storage_size()} bytes in a file of {visit.size}")
@@ -151,6 +153,8 @@ def _objects(name: str, item: Any, visit: _Visit) -> None:
     texts = visit.h5py.check_string_dtype(item.dtype) is not None
     if not texts and visit.h5py.check_ref_dtype(item.dtype) is not visit.h5py.Reference:
         raise Refused(f"{name} holds neither numbers nor texts", "Store plain arrays.")
+    if not texts and item.size > _MOST_CELLS:
+        raise Refused(f"{name} has {item.size} cells, where at most {_MOST_CELLS} are expected")
     if item.ndim == 0 or not texts:
         values = [item[()]] if item.ndim == 0 else item[()].ravel()
         for value in values:
@@ -189,13 +193,20 @@ def _bound(seconds: int, memory: int) -> None:
         import resource
     except ImportError:  # Windows: the parent waits a while and ends it
         return
-    for kind, most in ((resource.RLIMIT_CPU, seconds), (resource.RLIMIT_AS, memory), (resource.RLIMIT_CORE, 0)):
+    status = Path("/proc/self/statm")
+    own = int(status.read_text().split()[0]) * resource.getpagesize() if status.exists() else _OWN_MEMORY
+    for kind, most in (
+        (resource.RLIMIT_CPU, seconds),
+        (resource.RLIMIT_AS, own + memory),
+        (resource.RLIMIT_CORE, 0),
+    ):
         hard = resource.getrlimit(kind)[1]
-        most = most if hard == resource.RLIM_INFINITY else min(most, hard)
-        resource.setrlimit(kind, (most, most))
+        resource.setrlimit(kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
 
 
 def _main(path: str, left: int, seconds: int, memory: int) -> None:
+    import h5py  # noqa: F401 - what it takes for itself is not bounded
+
     _bound(seconds, memory)
     answer: list[str] = []
     try:

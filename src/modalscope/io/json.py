@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.io.analysis import analysis_to
-from modalscope.io.arrays import from_json_numbers
+from modalscope.io.arrays import from_json_numbers, joined
 from modalscope.io.contents import Contents, Finding, Options
 from modalscope.io.diagrams import DIAGRAM, document_contents, write_document
 from modalscope.io.limits import room
@@ -80,7 +80,7 @@ def write(path: Path, modes: Any, options: Options) -> None:
         "unrefined": None if (u := modes.unrefined) is None else [_mode(u, j) for j in range(len(u))],
         "converged": modes.converged,
         "route": options.get("route"),
-        "notes": [note.to_dict() for note in (*modes.notes, *options.get("notes", ()))],
+        "notes": [note.to_dict() for note in dict.fromkeys((*modes.notes, *options.get("notes", ())))],
         "analysis": options.get("analysis"),
         "geometry": None if modes.geometry is None else _geometry_out(modes.geometry),
     }
@@ -103,6 +103,8 @@ def _of_result(result: Result | None) -> dict[str, Any]:
         found["data"] = files[0]
     if result.diagrams:
         diagram = result.diagram
+        route = diagram.settings.get("route")
+        found |= {} if route is None else {"route": route}
         found |= {"method": diagram.method, "domain": diagram.domain, "orders": diagram.orders}
     return found
 
@@ -246,7 +248,7 @@ def _units(units: Any, known: bool) -> Any:
 
 
 def _complex(parts: dict[str, list[float]]) -> ComplexArray:
-    return np.asarray(np.array(parts["real"], dtype=float) + 1j * np.array(parts["imag"], dtype=float))
+    return joined(np.array(parts["real"], dtype=float), np.array(parts["imag"], dtype=float))
 
 
 def _pole(row: dict[str, Any]) -> complex:

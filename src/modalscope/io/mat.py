@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 from scipy import io as sio
 
-from modalscope.io.arrays import INDICATOR, UNREFINED, to_arrays
+from modalscope.io.arrays import INDICATOR, UNREFINED, joined, to_arrays
 from modalscope.io.contents import Contents, Options, Plain
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.hdf5 import DAMAGED
 from modalscope.io.hdf5_guard import check_hdf5
 from modalscope.io.limits import Room, room
+from modalscope.io.marks import MARK
 from modalscope.io.mat5 import read_mat5
 from modalscope.model import DataError
 from modalscope.model.checks import Array
@@ -29,6 +30,7 @@ __all__ = ["read", "write"]
 
 _VECTORS = ("frequencies", "poles", *PER_MODE)
 _THREE_AXES = ("values", "variance")
+_DESCRIPTION = 116
 _HDF5_SIGNATURE = b"MATLAB 7.3"
 
 
@@ -46,6 +48,8 @@ def write(path: Path, thing: Plain, options: Options) -> None:
             "Use .npz or .h5.",
         )
     sio.savemat(str(path), arrays, appendmat=False, long_field_names=True, oned_as="column")
+    with path.open("r+b") as file:  # no date: the same data give the same file
+        file.write(f"MATLAB 5.0 MAT-file, written by {MARK}".ljust(_DESCRIPTION).encode())
 
 
 def read(path: Path, options: Options) -> Contents:
@@ -113,7 +117,7 @@ def _of_dataset(name: str, item: Any, space: Room) -> Array:
         texts = [_text(name, np.asarray(cell[()]), space) if _holds_text(cell) else "" for cell in cells]
         return space.texts(name, texts)
     if values.dtype.names == ("real", "imag"):
-        values = values["real"] + 1j * values["imag"]
+        values = joined(values["real"], values["imag"])
     if values.dtype.kind not in "biufc":
         raise DataError(
             f"reading {name} in {space.where} was asked",

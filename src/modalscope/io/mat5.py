@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from modalscope.io.arrays import joined
 from modalscope.io.limits import MOST_PARTS, Room
 from modalscope.model import DataError
 from modalscope.model.checks import Array
@@ -153,7 +154,7 @@ def _matrix(name: str, body: memoryview, file: _Reading, depth: int = 0) -> dict
     kind = flags & 0xFF
     if _FIRST_NUMBER <= kind <= _LAST_NUMBER:
         values = _numbers(name, parts[:1], shape, file)
-        return {name: values + 1j * _numbers(name, parts[1:2], shape, file) if flags & _IS_COMPLEX else values}
+        return {name: joined(values, _numbers(name, parts[1:2], shape, file)) if flags & _IS_COMPLEX else values}
     if kind == _CHARACTERS:
         return {name: _characters(name, parts[:1], shape, file)}
     if kind == _CELL:

@@ -17,6 +17,7 @@ from modalscope.io.contents import Contents, Options, Thing
 from modalscope.io.diagrams import DIAGRAM, diagram_arrays, diagram_contents
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import Room, room
+from modalscope.io.marks import MARK
 from modalscope.model import DataError, StabilizationDiagram
 from modalscope.model.checks import Array
 
@@ -131,3 +132,5 @@ def write(path: Path, thing: Thing, options: Options) -> None:
     arrays: dict[str, Any] = diagram_arrays(thing) if isinstance(thing, StabilizationDiagram) else to_arrays(thing)
     with path.open("wb") as file:
         np.savez(file, **arrays)
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.comment = MARK.encode()

@@ -11,6 +11,9 @@ from modalscope.model.checks import Array
 
 __all__ = ["geometry_from_tables"]
 
+#: Characters of a cell, at most: in an array each takes the width of the longest.
+_LONGEST = 400
+
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
@@ -82,7 +85,10 @@ def _rows(path: Path) -> list[list[str]]:
         raise _wrong(path, "a text table", str(getattr(error, "strerror", None) or "it is not text").lower()) from None
     rows = [line.split() for line in text.splitlines() if line.strip()]
     if not rows or len({len(row) for row in rows}) != 1:
-        raise _wrong(path, "rows of equal length", f"their lengths are {sorted({len(row) for row in rows})}")
+        raise _wrong(path, "rows of equal length", f"their lengths are {sorted({len(row) for row in rows})[:6]}")
+    longest = max(len(cell) for row in rows for cell in row)
+    if longest > _LONGEST:
+        raise _wrong(path, f"cells of at most {_LONGEST} characters", f"the longest has {longest}")
     return rows
 
 

@@ -22,6 +22,7 @@ from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.keywords import named
 from modalscope.model.notes import Note
 from modalscope.model.poles import frequencies_and_damping
+from modalscope.model.record_residual import UNMEASURED
 
 __all__ = ["TOLERANCES", "collected", "stabilize", "stabilized"]
 
@@ -48,7 +49,7 @@ def stabilize(
 
     Parameters
     ----------
-    data : FrequencyResponse, ImpulseResponse or Signals
+    data : FrequencyResponse, ImpulseResponse, Signals, Records or a list of records
     method, domain : str, optional
         A cell of the table of methods, see `identify`.
     orders : iterable of int, optional
@@ -79,11 +80,49 @@ def stabilize(
     >>> d.orders, d.exact_rank
     ((2, 4, 6, 8, 10), 10)
     """
-    problem = prepare(data, method, domain, **options)
-    asked = problem.method.orders.ladder(problem.measured) if orders is None else checked_orders(orders)
-    return stabilized(
-        problem, asked, automatic=orders is None, tolerances=tolerances, progress=progress, deviations=deviations
-    )
+
+    def diagram(**way: Any) -> StabilizationDiagram:
+        problem = prepare(data, method, domain, **{**options, **way})
+        asked = problem.method.orders.ladder(problem.measured) if orders is None else checked_orders(orders)
+        return stabilized(
+            problem, asked, automatic=orders is None, tolerances=tolerances, progress=progress, deviations=deviations
+        )
+
+    found = diagram()
+    left_open = method is None and domain is None and options.get("route") in (None, "auto")
+    return found if not left_open else by_instruments(found, diagram)
+
+
+def by_instruments(found: StabilizationDiagram, again: Callable[..., StabilizationDiagram]) -> StabilizationDiagram:
+    """Return the diagram with past inputs and outputs as instruments where `found` shows unmeasured forces; else, or without a way, that.
+
+    Parameters
+    ----------
+    found : StabilizationDiagram
+    again : callable
+        Makes the diagram of a way, `route="subspace"`.
+    """
+    doubt = [note for note in found.notes if note.kind == UNMEASURED]
+    if not doubt:
+        return found
+    try:
+        other = again(route="subspace")
+    except DataError:
+        return replace(found, **withheld(found))
+    text = "so past inputs and outputs were taken as instruments: that cures forces that were not measured, not noise on the inputs"
+    rest = (note for note in other.notes if note.kind != UNMEASURED)
+    return replace(other, notes=(*doubt, Note("route changed", {}, text), *rest), **withheld(other))
+
+
+def withheld(diagram: StabilizationDiagram) -> dict[str, Any]:
+    """Return what becomes of the deviations where damping is biased by what was not measured: they would not hold it.
+
+    Parameters
+    ----------
+    diagram : StabilizationDiagram
+    """
+    std = diagram.damping_ratios_std
+    return {} if std is None else {"damping_ratios_std": np.full_like(std, np.nan)}
 
 
 def stabilized(
@@ -177,9 +216,19 @@ def collected(
         exact_rank=factors.rank if factors.rank < factors.P.shape[1] and factors.rank == cuts[-1].order else None,
         tolerances=limits,
         settings=pipeline.settings,
-        notes=(*pipeline.notes, *notes, *left),
+        notes=(*pipeline.notes, *notes, *left, *_doubts(pipeline, cuts, stable)),
         dt=pipeline.matrix.dt,
     )
+
+
+def _doubts(pipeline: Pipeline, cuts: Sequence[Cut], stable: Sequence[Array]) -> tuple[Note, ...]:
+    """Return what the best of the models shows about how the data were measured."""
+    best = min(range(len(cuts)), key=lambda k: cuts[k].misfit)
+    cut = cuts[best]
+    trusted = np.zeros(cut.modal.poles.size, bool)
+    trusted[cut.reported[stable[best].all(axis=0)]] = True
+    fit = cut.modal.fit
+    return pipeline.response.doubts(cut.modal.poles, fit.shapes, fit.participation, fit.terms, trusted)
 
 
 def _deviations(cuts: Sequence[Cut]) -> dict[str, Any]:

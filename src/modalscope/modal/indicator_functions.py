@@ -7,11 +7,13 @@ from numpy.typing import ArrayLike
 
 from modalscope.model.channels import known_quantity
 from modalscope.model.checks import Array, RealArray, check_kind, complex_array
+from modalscope.model.entries import plainly
 from modalscope.model.frequency import FrequencyResponse
 
 __all__ = ["cmif", "mmif", "prominence"]
 
 
+@plainly
 def cmif(values: ArrayLike) -> RealArray:
     """Complex mode indicator function: the singular values of H at every line, (F, min(l, m)), largest first.
 
@@ -24,6 +26,7 @@ def cmif(values: ArrayLike) -> RealArray:
     return np.asarray(np.linalg.svd(H, compute_uv=False))
 
 
+@plainly
 def mmif(response: FrequencyResponse) -> tuple[RealArray, RealArray]:
     """Multivariate mode indicator function: the least in-phase share of the response that a force pattern can reach.
 
@@ -65,6 +68,7 @@ def mmif(response: FrequencyResponse) -> tuple[RealArray, RealArray]:
     return np.clip(curves, 0, 1), forces / np.linalg.norm(forces, axis=1, keepdims=True)
 
 
+@plainly
 def prominence(curves: ArrayLike, frequencies: ArrayLike, frequency: float, damping_ratio: float) -> float:
     """Largest topographic prominence, as a ratio, of a peak at a frequency in any of several curves over lines.
 

@@ -17,8 +17,10 @@ from modalscope.model.checks import (
     ComplexArray,
     DataError,
     RealArray,
+    check_axes,
     complex_array,
 )
+from modalscope.model.entries import plainly
 from modalscope.model.keywords import named
 from modalscope.model.modes import ModalModel
 
@@ -93,6 +95,7 @@ def _same_outputs(a: ModalModel, b: ModalModel) -> None:
         )
 
 
+@plainly
 def mpc(shapes: ArrayLike) -> RealArray:
     """Modal phase collinearity ((Sxx - Syy)^2 + 4 Sxy^2) / (Sxx + Syy)^2 of each column, x and y its real and imaginary parts.
 
@@ -110,6 +113,7 @@ def mpc(shapes: ArrayLike) -> RealArray:
     return np.asarray(np.divide((xx - yy) ** 2 + 4 * xy**2, total, out=np.zeros_like(total), where=total > 0))
 
 
+@plainly
 def mpd(shapes: ArrayLike) -> RealArray:
     """Mean phase deviation of each column, degrees: amplitude-weighted mean angle between components and the best straight line.
 
@@ -131,6 +135,7 @@ def mpd(shapes: ArrayLike) -> RealArray:
     )
 
 
+@plainly
 def cluster_mpc(shapes: ArrayLike) -> float:
     """Phase collinearity of k repeated modes together: 1 - (s_{k+1} / s_k)^2 of [Re F, Im F], F an orthonormal basis of their span.
 
@@ -141,13 +146,14 @@ def cluster_mpc(shapes: ArrayLike) -> float:
     ----------
     shapes : array, (l, k)
     """
-    phi = np.asarray(shapes, dtype=np.complex128)
+    phi = complex_array("shapes", shapes, "(channels, modes)", 2)
     k = phi.shape[1]
     basis = np.linalg.qr(phi)[0]
     s = np.linalg.svd(np.hstack([basis.real, basis.imag]), compute_uv=False)
     return float(1 - (s[k] / s[k - 1]) ** 2) if s.size > k and s[k - 1] > 0 else 1.0
 
 
+@plainly
 def clusters(poles: ArrayLike, width: float = 2e-3) -> list[Array]:
     """Group poles that lie within `width` (relative) of a neighbour: modes that may be repeated.
 
@@ -176,6 +182,7 @@ def clusters(poles: ArrayLike, width: float = 2e-3) -> list[Array]:
     return groups
 
 
+@plainly
 def amplitude_coherence(identified: Array, first: Array, evolution: Array) -> RealArray:
     """Modal amplitude coherence |q* qbar| / (|q| |qbar|) of each mode (Juang and Pappa 1985).
 
@@ -188,6 +195,7 @@ def amplitude_coherence(identified: Array, first: Array, evolution: Array) -> Re
     evolution : array, (K, n)
         The factor by which a mode's block k must follow from the first.
     """
+    check_axes(identified=(identified, 3), first=(first, 2), evolution=(evolution, 2))
     inner = np.abs(np.einsum("kcn,cn,kn->n", identified.conj(), first, evolution, optimize=True))
     size = np.sqrt(np.sum(np.abs(identified) ** 2, axis=(0, 1)))
     ideal = np.sqrt(np.sum(np.abs(first) ** 2, axis=0) * np.sum(np.abs(evolution) ** 2, axis=0))
@@ -196,6 +204,7 @@ def amplitude_coherence(identified: Array, first: Array, evolution: Array) -> Re
     return np.where(np.isfinite(value), np.minimum(value, 1.0), 0.0)
 
 
+@plainly
 def decay_step(evolution: Array, least: float = 0.1) -> Array:
     """Return for each mode the last block whose evolution (K, n) is at least `least` of the first block's.
 
@@ -209,12 +218,14 @@ def decay_step(evolution: Array, least: float = 0.1) -> Array:
     least : float
         Share of the first block's amplitude that must be left.
     """
+    check_axes(evolution=(evolution, 2))
     size = np.abs(evolution)
     alive = size >= least * size[0]
     # the last block of the unbroken run from the start, so that a growing tail of polynomials does not count
     return np.asarray(np.maximum(np.argmin(np.vstack([alive, np.zeros((1, alive.shape[1]), bool)]), axis=0) - 1, 0))
 
 
+@plainly
 def emac_channels(identified: Array, expected: Array) -> RealArray:
     """Agreement of identified and expected amplitude in each channel and mode (Pappa, Elliott and Schenk 1993).
 
@@ -225,6 +236,7 @@ def emac_channels(identified: Array, expected: Array) -> RealArray:
     identified, expected : array of complex, (c, n)
         Amplitudes a of c channels in n modes, and what the modes' evolution predicts for them, e.
     """
+    check_axes(identified=(identified, 2), expected=(expected, 2))
     a, e = np.abs(identified), np.abs(expected)
     largest = np.maximum(a, e)
     ratio = np.divide(np.minimum(a, e), largest, out=np.zeros_like(largest), where=largest > 0)
@@ -232,6 +244,7 @@ def emac_channels(identified: Array, expected: Array) -> RealArray:
     return np.asarray(ratio * np.clip(1 - 4 * phase / np.pi, 0, None))
 
 
+@plainly
 def weighted_mean(values: Array, amplitude: Array) -> RealArray:
     """Mean over channels, weighted by the squared amplitude: sum_c |a|^2 v / sum_c |a|^2 of each mode, (n,).
 
@@ -242,11 +255,13 @@ def weighted_mean(values: Array, amplitude: Array) -> RealArray:
     amplitude : array, (c, n)
         a; a mode without any has the mean 0.
     """
-    weight = np.abs(amplitude) ** 2
+    check_axes(values=(values, 2), amplitude=(amplitude, 2))
+    weight = np.asarray(np.abs(amplitude), dtype=float) ** 2
     total = weight.sum(axis=0)
     return np.asarray(np.divide((values * weight).sum(axis=0), total, out=np.zeros_like(total), where=total > 0))
 
 
+@plainly
 def modal_singular_values(shapes: Array, participation: Array, z: ComplexArray, samples: int) -> RealArray:
     """Return MSV = sqrt(|c| |b| (1 + |z| + ... + |z|^(samples-2))), the share of a mode in the pulse response, unscaled (OKID).
 
@@ -261,6 +276,7 @@ def modal_singular_values(shapes: Array, participation: Array, z: ComplexArray, 
     samples : int
         Of the response.
     """
+    check_axes(shapes=(shapes, 2), participation=(participation, 2), z=(z, 1))
     size = np.linalg.norm(shapes, axis=0) * np.linalg.norm(participation, axis=1)
     # an unstable pole counts as an undamped one: its sum would grow without bound
     modulus = np.minimum(np.abs(z), 1)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from modalscope.modal.indicators import clusters, mpc, mpd
 from modalscope.model.channels import QUANTITIES, known_quantity
-from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_choice, check_kind
+from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_choice, check_kind, real_array
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.keywords import named
 from modalscope.model.modal_basis import ModalBasis, residual_powers, scaled_terms
@@ -81,7 +81,7 @@ def fit_residues(
     if len(modes) == 0:
         raise DataError("a fit of residues was asked", "there are no modes", "Identify modes first.")
     _check_lines(response, len(modes), len(powers))
-    w = None if weights is None else np.asarray(weights, dtype=float)
+    w = None if weights is None else _one_a_line(response, weights)
     poles, groups = _distinct(modes.poles - response.added_damping)
     basis = _basis(response, poles, kind, powers, w)
     if participation == "given":
@@ -138,6 +138,15 @@ def _distinct(poles: ComplexArray) -> tuple[ComplexArray, list[Array]]:
     """Return one pole for each group of repeated ones, and the groups."""
     groups = clusters(poles, _REPEATED)
     return np.array([poles[group].mean() for group in groups]), groups
+
+
+def _one_a_line(response: FrequencyResponse, weights: ArrayLike) -> RealArray:
+    w = real_array("weights", weights, "(lines,)", 1)
+    if w.size != response.lines:
+        raise DataError(
+            f"weights of {response.lines} lines were asked", f"there are {w.size}", "Give weights one number a line."
+        )
+    return w
 
 
 def _basis(

@@ -1,8 +1,10 @@
 """Data classes: measurements, models and results, checked when they are made, and what they convert to."""
 
+from modalscope.model.analysis import Analysis
 from modalscope.model.candidates import Candidate, Harmonic
 from modalscope.model.checks import DataError
 from modalscope.model.diagram import StabilizationDiagram
+from modalscope.model.entries import plain_methods
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.geometry import Geometry
 from modalscope.model.impulse import ImpulseResponse
@@ -11,6 +13,7 @@ from modalscope.model.mode import Mode
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
 from modalscope.model.records import Records, as_records
+from modalscope.model.result import Result
 from modalscope.model.signals import Signals
 from modalscope.model.statespace import StateSpace
 
@@ -32,3 +35,17 @@ __all__ = [
     "as_records",
     "parse_dof",
 ]
+
+plain_methods(
+    Analysis,
+    FrequencyResponse,
+    Geometry,
+    ImpulseResponse,
+    ModalModel,
+    Note,
+    Records,
+    Result,
+    Signals,
+    StabilizationDiagram,
+    StateSpace,
+)

@@ -64,6 +64,8 @@ class Analysis:
         Hz: nothing but the modes there is reported.
     taken, refused : tuple of float
         Modes taken beside the automatic ones, and automatic ones refused, Hz.
+    refine : bool
+        Whether the selected modes are refined.
     names : mapping of frequency as text to name
         What the user calls modes.
     remarks : tuple of str
@@ -88,6 +90,7 @@ class Analysis:
     frequencies: tuple[float, ...] | None = None
     taken: tuple[float, ...] = ()
     refused: tuple[float, ...] = ()
+    refine: bool = True
     names: Mapping[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
 
@@ -99,6 +102,7 @@ class Analysis:
                 "Use the version that wrote it, or a later one.",
             )
         check_kind("options of an analysis", self.options, Mapping)
+        check_kind("refine", self.refine, bool)
         freeze(
             self,
             bands=tuple(check_band(band) for band in self.bands),
@@ -116,11 +120,13 @@ class Analysis:
         named = {
             "band": bands,
             "exclude": self.exclude or None,
+            "route": None if self.route == "auto" else self.route,
             "method": self.method,
             "domain": self.domain,
             "orders": self.orders,
             "frequencies": self.frequencies,
             "take": self.taken or None,
             "refuse": self.refused or None,
+            "refine": None if self.refine else False,
         }
         return {**{name: value for name, value in named.items() if value is not None}, **self.options}

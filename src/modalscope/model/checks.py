@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from os import PathLike
+from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
 
@@ -20,15 +20,18 @@ __all__ = [
     "DataError",
     "IntArray",
     "RealArray",
+    "check_axes",
     "check_band",
     "check_choice",
     "check_count",
     "check_each",
     "check_finite",
+    "check_index",
     "check_kind",
     "check_number",
     "check_path",
     "check_positive",
+    "check_size",
     "complex_array",
     "freeze",
     "locked",
@@ -41,6 +44,10 @@ RealArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.intp]
 BoolArray = NDArray[np.bool_]
+
+
+#: Between these the largest numbers of a channel lie: powers and sums of powers of them can be computed with.
+_SIZES = (1e-30, 1e30)
 
 
 def freeze(data: object, **values: object) -> None:
@@ -121,6 +128,26 @@ def check_positive(name: str, value: float) -> float:
     return number
 
 
+def check_size(name: str, array: Array, labels: Sequence[str]) -> None:
+    """Raise when a channel's numbers are so large or so small that their fourth powers are no numbers any more.
+
+    Parameters
+    ----------
+    name : str
+    array : array, (samples or lines, ..., channels)
+    labels : sequence of str
+        Of the channels.
+    """
+    size = np.abs(array).max(axis=tuple(range(array.ndim - 1)), initial=0.0)
+    odd = np.flatnonzero((size > 0) & ((size < _SIZES[0]) | (size > _SIZES[1])))
+    if odd.size:
+        raise DataError(
+            f"{name} between {_SIZES[0]:g} and {_SIZES[1]:g} were asked",
+            f"the largest of channel {labels[odd[0]]} is {size[odd[0]]:.3g}, in whatever unit that is",
+            "Give them in another unit, or correct the factor they were multiplied with.",
+        )
+
+
 def check_count(name: str, value: int, least: int = 1) -> int:
     """Return a whole number not below `least`, or raise."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value < 2**62:
@@ -128,6 +155,33 @@ def check_count(name: str, value: int, least: int = 1) -> int:
             f"{name} needs a whole number of at least {least}", f"it is {value!r}", f"Raise {name} to {least} or more."
         )
     return int(value)
+
+
+def check_axes(**arrays: tuple[Any, int]) -> None:
+    """Raise when one of several arrays has not the number of axes that it should have.
+
+    Parameters
+    ----------
+    **arrays : (array, int)
+        What each is, and how many axes it needs.
+    """
+    for name, (array, axes) in arrays.items():
+        if getattr(array, "ndim", None) != axes:
+            raise DataError(
+                f"{name} needs an array of {axes} axes",
+                f"it is {type(array).__name__} of shape {np.shape(array)}",
+                "Add or move the missing axis, and give a NumPy array.",
+            )
+
+
+def check_index(name: str, index: Any, count: int) -> None:
+    """Raise when an index does not choose from `count` things."""
+    try:
+        np.empty(count)[index]
+    except IndexError as error:
+        raise DataError(
+            f"some of {count} {name} were asked", f"{name} is not of them: {error}", "Count from 0."
+        ) from None
 
 
 def check_number(name: str, value: Any) -> float:
@@ -168,6 +222,8 @@ def check_each(name: str, values: Any, what: str) -> list[Any]:
 
 def check_path(path: Any) -> Path:
     """Return the name of a file as a path, or raise."""
-    if not isinstance(path, str | PathLike):
+    if not isinstance(path, str | PathLike) or isinstance(fspath(path), bytes):
         raise DataError("the name of a file was asked", f"it is {type(path).__name__}", "Give it as text or as a Path.")
+    if "\0" in fspath(path):
+        raise DataError("the name of a file was asked", "it holds a NUL, which no name may", "Take it out.")
     return Path(path)

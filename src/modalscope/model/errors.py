@@ -6,11 +6,47 @@ from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from typing import Any
 
-__all__ = ["DataError", "check_choice", "check_option_names"]
+__all__ = ["DataError", "check_choice", "check_option_names", "printable", "shortened"]
+
+#: Characters of a message: it is read on a terminal, whatever the data are called and however many channels they have.
+_LONGEST = 600
+
+#: No part of a message is cut below this.
+_PART = 120
+
+
+def printable(text: str) -> str:
+    r"""Return text with an escape for every character that has no sign of its own; lines stay lines.
+
+    Examples
+    --------
+    >>> print(printable("a\x1b[2Jb"))
+    a\x1b[2Jb
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)
+
+
+def shortened(text: str) -> str:
+    """Return text as a message may be: printable, and cut in the middle where it has more than 600 characters."""
+    return _within([printable(text)], _LONGEST)[0]
+
+
+def _within(parts: Iterable[str], limit: int) -> list[str]:
+    """Return the parts, the longest of them cut in the middle until all fit."""
+    kept = list(parts)
+    for k in sorted(range(len(kept)), key=lambda k: -len(kept[k])):
+        size = max(len(kept[k]) - max(sum(map(len, kept)) - limit, 0), _PART)
+        if size < len(kept[k]):
+            kept[k] = f"{kept[k][: size - size // 3 - 5]} ... {kept[k][-(size // 3) :]}"
+    return kept
 
 
 class DataError(ValueError):
     """Data that cannot be used, or an option that cannot be met.
+
+    The message is printable, and cut in the middle of its longest part where it has more than 600 characters.
 
     Parameters
     ----------
@@ -31,6 +67,8 @@ class DataError(ValueError):
     """
 
     def __init__(self, asked: str, found: str, change: str, text: str | None = None) -> None:
+        asked, found, change = _within(map(printable, (asked, found, change)), _LONGEST - len(", but .\n"))
+        text = None if text is None else shortened(text)
         self.asked, self.found, self.change, self.text = asked, found, change, text
         super().__init__(f"{asked}, but {found}.\n{change}" if text is None else text)
 

@@ -15,6 +15,7 @@ from modalscope.model.checks import (
     RealArray,
     check_band,
     check_count,
+    check_index,
     check_number,
     complex_array,
     freeze,
@@ -256,6 +257,7 @@ class FrequencyResponse(Response):
         lines : slice or array of int or bool
             Which, by index.
         """
+        check_index("lines", lines, self.lines)
         cut: dict[str, Any] = {
             name: None if (a := getattr(self, name)) is None else a[lines]
             for name in ("values", "frequencies", "coherence", "variance")

@@ -127,7 +127,13 @@ class Geometry:
         shape : array, (l,)
             One value a channel.
         """
-        moved = np.zeros((len(self.nodes), 3), dtype=np.asarray(shape).dtype)
+        if np.shape(shape) != (len(labels),):
+            raise DataError(
+                f"a shape of {len(labels)} channels was asked",
+                f"shape has {np.shape(shape)} entries",
+                "Give shape one value a channel.",
+            )
+        moved = np.zeros((len(self.nodes), 3), dtype=np.result_type(np.asarray(shape), float))
         position = {node: i for i, node in enumerate(self.nodes)}
         for label, value in zip(labels, shape, strict=True):
             for node, direction in self.motion_of(label):

@@ -1,4 +1,4 @@
-"""Keywords of verbs: one that is misspelt is answered by the nearest there is, not by a traceback of Python's own."""
+"""Verbs as users call them: a misspelt keyword is answered by the nearest there is, a wrong value by its name (`entries`)."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
+from modalscope.model.entries import plainly
 from modalscope.model.errors import check_option_names
 
 __all__ = ["named"]
@@ -16,7 +17,7 @@ R = TypeVar("R")
 
 
 def named(*options: Iterable[str]) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Return a decorator that checks the names of keywords before the function is called.
+    """Return a decorator that checks the names of keywords before the function is called, and names wrong values when it fails.
 
     Parameters
     ----------
@@ -38,10 +39,12 @@ def named(*options: Iterable[str]) -> Callable[[Callable[P, R]], Callable[P, R]]
         parameters = inspect.signature(verb).parameters.values()
         own = [p.name for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
 
+        plain = plainly(verb)
+
         @wraps(verb)
         def run(*args: P.args, **kwargs: P.kwargs) -> R:
             check_option_names(verb.__name__, kwargs, [*own, *more])
-            return verb(*args, **kwargs)
+            return plain(*args, **kwargs)
 
         return run
 

@@ -48,7 +48,7 @@ def parse_dof(label: str) -> Dof | None:
     if match is None:
         return None
     node, direction = match["node"], match["direction"]
-    if ":" not in label and not node.isdigit():
+    if ":" not in label and not node.isdecimal():
         return None
     sign = "-" if "-" in direction else "+"
     bare = direction.strip("+-")

@@ -46,13 +46,13 @@ def as_text(modes: ModalModel) -> str:
         columns["kind"] = list(modes.kinds)
     for word, frequencies, damping_ratios in (
         ("spread", modes.frequencies_spread, modes.damping_ratios_spread),
-        ("std", modes.frequencies_std, modes.damping_ratios_std),
-        ("repeat", modes.frequencies_repeatability, modes.damping_ratios_repeatability),
+        ("+-noise", modes.frequencies_std, modes.damping_ratios_std),
+        ("+-repeat", modes.frequencies_repeatability, modes.damping_ratios_repeatability),
     ):
         if frequencies is not None:
-            columns[f"f {word}"] = [f"{v:.4f}" for v in frequencies]
+            columns[f"f {word}"] = [f"{v:.2g}" for v in frequencies]
         if damping_ratios is not None:
-            columns[f"zeta {word}"] = [f"{100 * v:.3f}" for v in damping_ratios]
+            columns[f"zeta {word}"] = [f"{100 * v:.2g}" for v in damping_ratios]
     if modes.gain is not None:
         columns["gain"] = [f"{v:.1f}" for v in modes.gain]
     for name, values in modes.indicators.items():

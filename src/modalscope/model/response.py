@@ -12,6 +12,7 @@ from modalscope.model.channels import Channels
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.groups import AUTO, Groups
 from modalscope.model.modal_basis import ModalBasis
+from modalscope.model.notes import Note
 
 if TYPE_CHECKING:
     from modalscope.model.frequency import FrequencyResponse
@@ -157,6 +158,29 @@ class Response(Channels):
     @abstractmethod
     def spectrum(self) -> tuple[RealArray, ComplexArray]:
         """Return lines in Hz and complex values on them, fine enough that a neighbour's peak is not taken for a mode's own."""
+
+    def doubts(
+        self, poles: Array, shapes: Array, participation: Array, terms: Array, trusted: Array
+    ) -> tuple[Note, ...]:
+        """Return what the fit of a model shows about how the data were measured.
+
+        Parameters
+        ----------
+        poles : array of complex, (n,)
+            rad/s, as they are in the data; one of each pair, and real ones.
+        shapes : array of complex, (l, n)
+        participation : array of complex, (n, m) or more columns
+            As a `ModalBasis` gives it.
+        terms : array, (t, l, m)
+        trusted : array of bool, (n,)
+            Poles that are taken for modes.
+        """
+        return ()
+
+    @property
+    def separable(self) -> bool:
+        """Whether what a pole contributes is the same function for all inputs."""
+        return True
 
     @property
     def columns(self) -> tuple[str, ...]:

@@ -1,6 +1,7 @@
 """Pictures: results drawn on Matplotlib axes. Nothing is identified here, and no global setting is changed."""
 
 from modalscope.plot.diagrams import fit_errors, indicator, stabilization
+from modalscope.plot.intervals import intervals
 from modalscope.plot.matrices import mac, singular_values
 from modalscope.plot.methods import deviations, method_distances, method_map
 from modalscope.plot.phases import complexity
@@ -12,6 +13,7 @@ __all__ = [
     "deviations",
     "fit_errors",
     "indicator",
+    "intervals",
     "mac",
     "method_distances",
     "method_map",

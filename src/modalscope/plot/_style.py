@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from modalscope.model.checks import Array, DataError, RealArray
+from modalscope.model.errors import printable
 from modalscope.model.response import Response
 
 if TYPE_CHECKING:
@@ -29,6 +30,9 @@ INK = "#1F2933"
 MUTED = "#6B7785"
 PALE = "#B4BEC9"
 GRID = "#E4E8EC"
+
+#: Characters of a label; more would leave no place for the picture.
+_LABEL = 40
 
 #: Inches; 1200 x 800 at the 133 dots an inch that new figures have.
 SIZE = (9.0, 6.0)
@@ -105,6 +109,19 @@ def sequential() -> Colormap:
     return LinearSegmentedColormap.from_list("modalscope", ["#FFFFFF", "#D3E5F1", "#7DB4D8", BLUE, "#003A5D"])
 
 
+def plain(text: str) -> str:
+    r"""Return a label as it is drawn: one line of printable signs, a dollar as a dollar and not as the beginning of a formula.
+
+    Examples
+    --------
+    >>> print(plain("$x$"), plain("tip" * 30))
+    \$x\$ tiptiptiptiptiptiptiptiptip...ptiptiptip
+    """
+    line = printable(text).replace("\n", " ")
+    short = line if len(line) <= _LABEL else f"{line[: _LABEL - 13]}...{line[-10:]}"
+    return short.replace("$", r"\$")
+
+
 def unit_of(response: Response, output: int | None = None, input: int | None = None) -> str:
     """Return ` [out/in]` for a channel, or for all channels when they share their units; nothing when not known."""
     outs, ins = response.units
@@ -112,7 +129,7 @@ def unit_of(response: Response, output: int | None = None, input: int | None = N
     inn = {ins[input]} if input is not None else set(ins)
     if len(out) != 1 or len(inn) != 1:
         return ""
-    top, bottom = (unit.replace("^2", "²").replace("s2", "s²") for unit in (out.pop(), inn.pop()))
+    top, bottom = (plain(unit).replace("^2", "²").replace("s2", "s²") for unit in (out.pop(), inn.pop()))
     if not top:
         return ""
     return f" [({top})/{bottom}]" if bottom and "/" in top else f" [{top}/{bottom}]" if bottom else f" [{top}]"

@@ -14,7 +14,20 @@ from modalscope.model.checks import (
 )
 from modalscope.model.keywords import named
 from modalscope.model.response import Response
-from modalscope.plot._style import DPI, INK, MUTED, SIZE, VERMILLION, aside, channel, dress, headline, key, unit_of
+from modalscope.plot._style import (
+    DPI,
+    INK,
+    MUTED,
+    SIZE,
+    VERMILLION,
+    aside,
+    channel,
+    dress,
+    headline,
+    key,
+    plain,
+    unit_of,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -78,7 +91,7 @@ def response(
         _spectrum(data, measured, fit, upper, lower, unit_of(data, i, j))
     elif isinstance(data, ImpulseResponse):
         _samples(data, measured, fit, upper, lower, unit_of(data, i, j))
-    headline(upper, f"output {data.output_dofs[i]}, input {data.input_dofs[j]}")
+    headline(upper, f"output {plain(data.output_dofs[i])}, input {plain(data.input_dofs[j])}")
     if fit is not None:
         norm = float(np.linalg.norm(measured))
         if norm > 0 and drawn is data:

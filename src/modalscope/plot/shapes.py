@@ -31,6 +31,7 @@ from modalscope.plot._style import (
     frameless,
     key,
     new_axes,
+    plain,
 )
 
 if TYPE_CHECKING:
@@ -155,8 +156,8 @@ def _bars(ax: Axes, labels: tuple[str, ...], values: RealArray) -> None:
     ax.set_ylim(-1.12, 1.12)
     ax.set_xlim(-0.6, values.size - 0.4)
     every = max(1, -(-values.size // _LABELS))
-    long = sum(len(label) for label in labels[::every]) > 60
-    ax.set_xticks(places[::every], labels[::every], rotation=90 if long else 0)
+    shown = [plain(label) for label in labels[::every]]
+    ax.set_xticks(places[::every], shown, rotation=90 if sum(map(len, shown)) > 60 else 0)
 
 
 def _over_length(ax: Axes, geometry: Geometry, motion: RealArray, measured: Array, view: View) -> None:

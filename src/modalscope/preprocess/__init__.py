@@ -1,10 +1,13 @@
 """Floor 1: from records to responses, and their quality."""
 
+from modalscope.model.entries import plain_methods
 from modalscope.preprocess.conditioning import decimate, detrend, differentiate, filter_band, integrate
 from modalscope.preprocess.correlation import correlation_blocks, estimate_correlation
 from modalscope.preprocess.findings import Finding
+from modalscope.preprocess.forces import PrincipalForces, force_correlation, partial_coherence, principal_forces
 from modalscope.preprocess.frf import estimate_frf
 from modalscope.preprocess.impacts import exponential_decay
+from modalscope.preprocess.local_models import LocalEstimate, local_models
 from modalscope.preprocess.markov import estimate_markov
 from modalscope.preprocess.merging import merge
 from modalscope.preprocess.observer import Observer, estimate_observer
@@ -16,7 +19,9 @@ from modalscope.preprocess.singular_spectra import Decomposition, decomposition
 __all__ = [
     "Decomposition",
     "Finding",
+    "LocalEstimate",
     "Observer",
+    "PrincipalForces",
     "correlation_blocks",
     "decimate",
     "decomposition",
@@ -29,8 +34,14 @@ __all__ = [
     "examine",
     "exponential_decay",
     "filter_band",
+    "force_correlation",
     "half_spectra",
     "integrate",
+    "local_models",
     "merge",
     "merge_setups",
+    "partial_coherence",
+    "principal_forces",
 ]
+
+plain_methods(Decomposition, Observer)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +15,7 @@ from modalscope.model.keywords import named
 from modalscope.model.signals import Signals
 from modalscope.preprocess.estimators import ESTIMATORS, Estimate, check_inputs, coherence_of, noise_powers, solve
 from modalscope.preprocess.excitation import find_excitation, find_period
+from modalscope.preprocess.local_models import LOCAL, local_models
 from modalscope.preprocess.periodic import synchronous
 from modalscope.preprocess.plans import plan_hits, plan_runs, put_zoom, shape_windows, without_offset
 from modalscope.preprocess.spectra import CrossSpectra, cross_spectra, silent_lines
@@ -46,6 +48,8 @@ def estimate_frf(
     zoom_lines: int | None = None,
     zoom_by: str = "chirp-z",
     held: bool = False,
+    degree: int | None = None,
+    half_width: int | None = None,
 ) -> FrequencyResponse:
     """Frequency responses of all outputs to all inputs, with coherence and variance, from records of any excitation.
 
@@ -53,16 +57,17 @@ def estimate_frf(
     ----------
     signals : Signals
         Outputs and inputs, one run or several; runs are averaged. Their mean is removed (at hits: their median).
-    estimator : {"h1", "h2", "hv"}
+    estimator : {"h1", "h2", "hv", "lpm", "lrm"}
         Where the noise is: on the outputs (H1 = S_yu S_uu^-1), on the inputs (H2), or on both (Hv, total least squares).
-        Correlated inputs are solved for together.
+        Correlated inputs are solved for together. "lpm" and "lrm" fit local polynomials or rational functions to the lines of whole
+        runs, without window, average or leakage (`modalscope.preprocess.local_models`); noise is on the outputs.
     excitation : {"auto", "random", "burst", "sweep", "periodic", "impact"}
         What the forces are; by default told from them, periodic ones excepted. Random forces are averaged over overlapping
         segments; runs of bursts and sweeps, which begin and end within the run, are transformed whole; periodic forces are averaged
         over periods; impacts are cut at the hits.
     segment : int, optional
-        Samples of a segment. By default an eighth of a run times the number of runs for random forces, the whole run for
-        bursts and sweeps, up to the next hit for impacts.
+        Samples of a segment. By default an eighth of a run times the number of runs for random forces, and up to a quarter where
+        the narrowest resonance needs it; the whole run for bursts and sweeps, up to the next hit for impacts.
     overlap : float, optional
         Part of a segment that the next one shares; for random forces one half with a window, else none.
     window : str, optional
@@ -92,6 +97,10 @@ def estimate_frf(
     held : bool
         Whether the forces were held between samples (simulations, converters without a filter). The response is then that
         of a sampled system and keeps its sampling rate, for the domain "z".
+    degree : int, optional
+        Of the polynomials of "lpm" and "lrm"; 2 by default.
+    half_width : int, optional
+        Lines on either side that they are fitted to.
 
     Returns
     -------
@@ -121,9 +130,12 @@ def estimate_frf(
     (15, True)
     """
     check_kind("estimate_frf", signals, Signals)
-    check_choice("estimator", estimator, ESTIMATORS)
+    check_choice("estimator", estimator, (*ESTIMATORS, *LOCAL))
     check_choice("zoom_by", zoom_by, ZOOMS)
     _check_forces(signals)
+    if estimator in LOCAL:
+        averaging = (segment, overlap, window, noise, force_window, exponential, period, zoom)
+        return _local(signals, estimator, degree, half_width, excitation, averaging, held)
     kind = find_excitation(signals, excitation)
     _check_options(
         kind, period=period, force_window=force_window, exponential=exponential, zoom=zoom, estimator=estimator
@@ -146,6 +158,31 @@ def estimate_frf(
     return _response(
         signals, spectra.frequencies, estimate, coherence_of(spectra), spectra.averages, note, plan.added_damping, held
     )
+
+
+def _local(
+    signals: Signals,
+    estimator: str,
+    degree: int | None,
+    half_width: int | None,
+    excitation: str,
+    averaging: tuple[object, ...],
+    held: bool,
+) -> FrequencyResponse:
+    kind = find_excitation(signals, excitation)
+    if kind in ("periodic", "impact") or any(option is not None for option in averaging):
+        raise DataError(
+            f"estimator={estimator!r} was asked",
+            f"the excitation is {kind}"
+            if kind in ("periodic", "impact")
+            else "an option of averaged segments was given",
+            "Use estimator='h1' for these; local models take whole runs of random forces, sweeps and bursts.",
+        )
+    found = local_models(signals, estimator, 2 if degree is None else degree, half_width)
+    words = {"lpm": "local polynomial", "lrm": "local rational"}[estimator]
+    note = f"{words} models on {2 * found.half_width + 1} lines of whole runs, no window, no average"
+    estimate = Estimate(found.values, found.variance)
+    return replace(_response(signals, found.frequencies, estimate, found.coherence, 1, note, 0.0, held), averages=None)
 
 
 def _check_forces(signals: Signals) -> None:

@@ -10,13 +10,27 @@ import numpy as np
 from modalscope.model.checks import Array, DataError, RealArray, check_choice, check_positive
 from modalscope.model.signals import Signals
 from modalscope.preprocess.impacts import Hit, cut_hits, exponential_decay, find_hits
-from modalscope.preprocess.spectra import Segments, Transform, check_window, segment_starts, window_samples
+from modalscope.preprocess.resolution import narrowest_peak
+from modalscope.preprocess.spectra import (
+    Segments,
+    Transform,
+    check_window,
+    cross_spectra,
+    segment_starts,
+    window_samples,
+)
 from modalscope.preprocess.zoom import chirp_z, heterodyne, zoom_lines
 
 __all__ = ["Plan", "plan_hits", "plan_runs", "put_zoom", "shape_windows", "without_offset"]
 
 #: Random records are cut into segments of this part of a run (more runs, longer segments), which overlap by half.
 _SEGMENTS_A_RUN = 8
+
+#: ... and where a resonance is narrow of this part: seven averages are left.
+_FEWEST_SEGMENTS = 4
+
+#: Shorter segments have too few lines to see a width on.
+_LEAST = 256
 
 
 @dataclass(kw_only=True, slots=True)
@@ -50,8 +64,7 @@ def plan_runs(signals: Signals, kind: str, segment: int | None, overlap: float |
     random = kind == "random"
     name = check_window(("hann" if random else "none") if window is None else window)
     if segment is None:
-        part = signals.samples * signals.runs // _SEGMENTS_A_RUN
-        segment = max(2, min(part, signals.samples)) if random else signals.samples
+        segment = _for_the_narrowest(signals, outputs) if random else signals.samples
     share = (0.5 if random and name != "none" else 0.0) if overlap is None else overlap
     starts = segment_starts(signals.samples, segment, share)
     w = window_samples(name, segment)
@@ -67,6 +80,20 @@ def plan_runs(signals: Signals, kind: str, segment: int | None, overlap: float |
         sampling_rate=signals.sampling_rate,
         notes=notes,
     )
+
+
+def _for_the_narrowest(signals: Signals, outputs: RealArray) -> int:
+    """Return an eighth of all samples, or up to a quarter where the narrowest resonance wants segments of eight over its width."""
+    total = signals.samples * signals.runs
+    least, most = (max(2, min(total // parts, signals.samples)) for parts in (_SEGMENTS_A_RUN, _FEWEST_SEGMENTS))
+    if most == least or most < _LEAST:
+        return least
+    level = np.sqrt(np.mean(outputs**2, axis=(0, 1)))
+    w = window_samples("hann", most)
+    segments = Segments(segment_starts(signals.samples, most, 0.5), w, w)
+    spectra = cross_spectra(outputs / np.where(level > 0, level, 1.0), None, signals.sampling_rate, segments)
+    width = narrowest_peak(spectra.frequencies, spectra.output_powers.sum(axis=1))
+    return least if width is None else int(np.clip(8 * signals.sampling_rate / width, least, most))
 
 
 def plan_hits(

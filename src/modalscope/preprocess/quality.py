@@ -55,7 +55,7 @@ def examine(data: Signals | Records | Response) -> tuple[Finding, ...]:
     dead: y2: it never changes. Check cable and sensor, or leave it out: exclude=['y2'].
     """
     if isinstance(data, Response):
-        return tuple(examine_response(data))
+        return tuple(examine_response(data.picture()))
     if isinstance(data, Records):
         return tuple(dict.fromkeys(finding for run in data.runs for finding in _examine_record(run)))
     check_kind("examine", data, (FrequencyResponse, ImpulseResponse, Signals))

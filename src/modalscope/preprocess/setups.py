@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from modalscope.model.checks import Array, DataError, RealArray
+from modalscope.model.checks import Array, DataError, RealArray, check_count
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.keywords import named
 from modalscope.model.robust import noise_threshold
@@ -86,6 +86,9 @@ def merge_setups(parts: Sequence[ImpulseResponse], *, depth: int = _DEPTH) -> Im
 
 
 def _check(parts: Sequence[ImpulseResponse], depth: int) -> None:
+    check_count("depth", depth)
+    if not parts:
+        raise DataError("setups to merge were asked", "parts is empty", "Give the correlations of two setups or more.")
     first = parts[0]
     for number, part in enumerate(parts, 1):
         if part.input_dofs != first.input_dofs or part.sampling_rate != first.sampling_rate:

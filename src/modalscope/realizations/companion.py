@@ -205,6 +205,8 @@ class LeastSquaresCompanion(Realization):
         With R = H_p H' (H H')^-1 and E = H_p - R H the change is dR = [(dH_p - R dH) H' + E dH'] (H H')^-1.
         """
         block, L = self.shift.block, self._triangle[:n, :n]
+        if L.shape[1] < n:  # more rows than columns: the regression is of minimum norm
+            return super().sides(n, eigen)
         left = np.zeros((len(eigen.values), self.stand_in.shape[0]), dtype=complex)
         left[:, block : n + block] = eigen.left
         left[:, :n] -= eigen.values[:, None] * eigen.left

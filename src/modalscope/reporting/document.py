@@ -12,6 +12,7 @@ from modalscope.comparing import Comparison
 from modalscope.identification.identify import Identification
 from modalscope.identification.table import cell_label
 from modalscope.io.atomic import replacing
+from modalscope.io.formats import sources_of
 from modalscope.judging.select import select
 from modalscope.model import DataError, ModalModel, StabilizationDiagram
 from modalscope.model.checks import check_path
@@ -25,6 +26,7 @@ from modalscope.reporting import record, sections
 from modalscope.reporting.comparison import comparison_sections
 from modalscope.reporting.html import Section, page
 from modalscope.reporting.identification import identification_sections
+from modalscope.reporting.intervals import intervals_section
 from modalscope.reporting.scripts import result_script, stabilization_script
 
 __all__ = ["Origin", "report", "stabilization_sections", "write_page"]
@@ -78,11 +80,11 @@ def report(
     if isinstance(thing, Comparison):
         heading = title or _heading("Methods compared", " on ", source)
         parts = comparison_sections(thing, source=source, command=command)
-        return write_page(path, heading, _subtitle(thing.response), parts)
+        return write_page(path, heading, _subtitle(thing.response), parts, sources_of(thing))
     if isinstance(thing, Identification):
         heading = title or _heading(f"{cell_label(thing.method, thing.domain)}, order {thing.order}", ": ", source)
         parts = identification_sections(thing, source=source, command=command)
-        return write_page(path, heading, _subtitle(thing.response), parts)
+        return write_page(path, heading, _subtitle(thing.response), parts, sources_of(thing))
     origin = Origin(source, command)
     if isinstance(thing, Result):
         files = [file.path for file in thing.analysis.files if file.path]
@@ -90,7 +92,8 @@ def report(
         origin = Origin(known, command, thing.findings, thing.notes, result_script(thing))
     modes, diagram = _selected(thing)
     heading = title or _heading("Modes" if origin.source else "Modal identification", " of ", origin.source)
-    return write_page(path, heading, _subtitle(diagram.response), stabilization_sections(modes, diagram, origin))
+    parts = stabilization_sections(modes, diagram, origin)
+    return write_page(path, heading, _subtitle(diagram.response), parts, (*sources_of(thing), *sources_of(diagram)))
 
 
 def _selected(thing: object) -> tuple[ModalModel, StabilizationDiagram]:
@@ -138,6 +141,8 @@ def stabilization_sections(modes: ModalModel, diagram: StabilizationDiagram, ori
     fit = sections.fit_of(modes, response)
     yield sections.summary_section(modes, diagram, fit)
     yield sections.modes_section(modes)
+    if len(modes):
+        yield intervals_section(modes)
     yield sections.stabilization_section(diagram, modes)
     yield from sections.mode_pictures(modes, response, fit)
     if modes.reasons:
@@ -153,10 +158,13 @@ def _subtitle(response: Response) -> str:
     return f"{counts}, {date.today().isoformat()}"
 
 
-def write_page(path: str | Path, title: str, subtitle: str, parts: Iterable[Section]) -> Path:
+def write_page(
+    path: str | Path, title: str, subtitle: str, parts: Iterable[Section], sources: Iterable[Path] = ()
+) -> Path:
     """Write sections as a page; an earlier file stays as it was until the new one is complete.
 
-    Sections may come from a generator: a file that cannot be written is found before any picture is drawn.
+    Sections may come from a generator: a file that cannot be written is found before any picture is drawn. The sources, which the
+    data came from, are never overwritten.
 
     Raises
     ------
@@ -166,7 +174,7 @@ def write_page(path: str | Path, title: str, subtitle: str, parts: Iterable[Sect
     target = check_path(path)
     if target.suffix.lower() not in (".html", ".htm"):
         raise DataError(f"a report in {target.name!r} was asked", "reports are HTML files", "End the name in .html.")
-    with replacing(target) as temporary:
+    with replacing(target, sources) as temporary:
         text = page(title, subtitle, parts, f"written by modalscope {VERSION}")
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
     return target

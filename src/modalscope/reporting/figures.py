@@ -15,7 +15,16 @@ from modalscope.model.response import Response
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["draw", "fit_errors_svg", "mac_svg", "response_svg", "shape_svg", "singular_values_svg", "stabilization_svg"]
+__all__ = [
+    "draw",
+    "fit_errors_svg",
+    "intervals_svg",
+    "mac_svg",
+    "response_svg",
+    "shape_svg",
+    "singular_values_svg",
+    "stabilization_svg",
+]
 
 
 def draw(size: tuple[float, float], paint: Callable[[Figure], object]) -> bytes:
@@ -63,6 +72,11 @@ def shape_svg(modes: ModalModel, index: int) -> bytes:
     known = geometry is not None and any(geometry.motion_of(label) for label in modes.output_dofs)
     drawn = modes if known else replace(modes, geometry=None)
     return draw((6.4, 4.0), lambda figure: plot.shape(drawn, index, ax=figure.add_subplot()))
+
+
+def intervals_svg(modes: ModalModel, of: str) -> bytes:
+    """Draw the 95 % intervals of all modes."""
+    return draw((7.0, 4.0), lambda figure: plot.intervals(modes, figure.add_subplot(), of=of))
 
 
 def mac_svg(modes: ModalModel) -> bytes:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from html import escape
 from string import Template
 
+from modalscope.model.errors import printable
 from modalscope.reporting.style import STYLE
 
 __all__ = ["Section", "listing", "numbered", "page", "paragraph", "picture", "script", "table"]
@@ -40,6 +41,11 @@ $sections
 """)
 
 
+def _escaped(text: str) -> str:
+    """Return plain text as HTML: what means something there is escaped, and so is what a page cannot hold."""
+    return escape(printable(text))
+
+
 @dataclass(frozen=True)
 class Section:
     """A heading and what stands below it, already HTML.
@@ -60,7 +66,7 @@ class Section:
 
     def html(self) -> str:
         """Return the section as HTML."""
-        return f'<section id="{escape(self.anchor)}">\n<h2>{escape(self.title)}</h2>\n{self.body}\n</section>'
+        return f'<section id="{_escaped(self.anchor)}">\n<h2>{_escaped(self.title)}</h2>\n{self.body}\n</section>'
 
 
 def page(title: str, subtitle: str, sections: Iterable[Section], generator: str) -> str:
@@ -75,18 +81,18 @@ def page(title: str, subtitle: str, sections: Iterable[Section], generator: str)
     """
     kept = list(sections)
     return _PAGE.substitute(
-        title=escape(title),
-        subtitle=escape(subtitle),
-        generator=escape(generator),
+        title=_escaped(title),
+        subtitle=_escaped(subtitle),
+        generator=_escaped(generator),
         style=STYLE,
-        links="".join(f'<a href="#{escape(s.anchor)}">{escape(s.title)}</a>' for s in kept),
+        links="".join(f'<a href="#{_escaped(s.anchor)}">{_escaped(s.title)}</a>' for s in kept),
         sections="\n".join(s.html() for s in kept),
     )
 
 
 def paragraph(text: str, kind: str = "") -> str:
     """Return plain text as a paragraph of a class of the style."""
-    return f'<p class="{kind}">{escape(text)}</p>' if kind else f"<p>{escape(text)}</p>"
+    return f'<p class="{kind}">{_escaped(text)}</p>' if kind else f"<p>{_escaped(text)}</p>"
 
 
 def table(
@@ -112,15 +118,15 @@ def table(
     kinds = [' class="words"' if i in words else "" for i in range(len(head))]
     parts = ['<div class="scroll"><table>']
     if caption:
-        parts.append(f"<caption>{escape(caption)}</caption>")
-    top = "".join(f'<th scope="col"{kind}>{escape(cell)}</th>' for cell, kind in zip(head, kinds, strict=True))
+        parts.append(f"<caption>{_escaped(caption)}</caption>")
+    top = "".join(f'<th scope="col"{kind}>{_escaped(cell)}</th>' for cell, kind in zip(head, kinds, strict=True))
     parts.append(f"<thead><tr>{top}</tr></thead><tbody>")
     for i, row in enumerate(rows):
         cells = []
         for j, (cell, kind) in enumerate(zip(row, kinds, strict=True)):
             shade = 0.0 if shades is None else shades[i][j]
             style = f' style="--shade:{100 * shade:.0f}%"' if shade > 0 else ""
-            cells.append(f"<td{kind}{style}>{escape(cell)}</td>")
+            cells.append(f"<td{kind}{style}>{_escaped(cell)}</td>")
         parts.append(f"<tr>{''.join(cells)}</tr>")
     parts.append("</tbody></table></div>")
     return "".join(parts)
@@ -128,21 +134,21 @@ def table(
 
 def listing(pairs: Iterable[tuple[str, str]]) -> str:
     """Return names and values as a list of definitions."""
-    return f"<dl>{''.join(f'<dt>{escape(k)}</dt><dd>{escape(v)}</dd>' for k, v in pairs)}</dl>"
+    return f"<dl>{''.join(f'<dt>{_escaped(k)}</dt><dd>{_escaped(v)}</dd>' for k, v in pairs)}</dl>"
 
 
 def numbered(items: Iterable[tuple[str, str]]) -> str:
     """Return a numbered list of a name, set off, and a sentence."""
-    return f"<ol>{''.join(f'<li><b>{escape(name)}</b> {escape(text)}</li>' for name, text in items)}</ol>"
+    return f"<ol>{''.join(f'<li><b>{_escaped(name)}</b> {_escaped(text)}</li>' for name, text in items)}</ol>"
 
 
 def script(text: str) -> str:
     """Return lines of a program."""
-    return f"<pre><code>{escape(text)}</code></pre>"
+    return f"<pre><code>{_escaped(text)}</code></pre>"
 
 
 def picture(svg: bytes, description: str, caption: str = "") -> str:
     """Return a figure that holds its picture as data; the description serves who cannot see it."""
     data = base64.b64encode(svg).decode("ascii")
-    below = f"<figcaption>{escape(caption)}</figcaption>" if caption else ""
-    return f'<figure><img src="data:image/svg+xml;base64,{data}" alt="{escape(description)}">{below}</figure>'
+    below = f"<figcaption>{_escaped(caption)}</figcaption>" if caption else ""
+    return f'<figure><img src="data:image/svg+xml;base64,{data}" alt="{_escaped(description)}">{below}</figure>'

@@ -109,7 +109,11 @@ def modes_section(modes: ModalModel) -> Section:
         ("damping_ratios", "damping [%]", 100.0, 3),
     ):
         columns[title] = [f"{scale * v:.{places}f}" for v in getattr(modes, name)]
-        for suffix, word in (("spread", "spread"), ("std", "standard deviation")):
+        for suffix, word in (
+            ("spread", "spread"),
+            ("std", "± noise"),
+            ("repeatability", "± repeatability"),
+        ):
             found = getattr(modes, f"{name}_{suffix}")
             if found is not None:
                 columns[f"{word} {title[title.index('[') :]}{' ' * (name == 'damping_ratios')}"] = [

@@ -1,5 +1,6 @@
 """Structures to simulate: with exact modes, exact sampling and records that can be repeated."""
 
+from modalscope.model.entries import plain_methods
 from modalscope.systems.beam import clamped_beam, clamped_beam_frequencies
 from modalscope.systems.chains import chain, chain5, heavy4, over4, spring_chain, spring_chain_modes
 from modalscope.systems.examples import close4, ring5, three_masses, three_masses_record
@@ -30,3 +31,5 @@ __all__ = [
     "three_masses",
     "three_masses_record",
 ]
+
+plain_methods(Structure)

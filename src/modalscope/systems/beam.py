@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from modalscope.model.checks import RealArray, check_choice, check_count, check_positive
+from modalscope.model.entries import plainly
 from modalscope.systems.chains import row_geometry
 from modalscope.systems.modal import modal_damping
 from modalscope.systems.structure import Structure
@@ -18,6 +19,7 @@ FAR_ENDS = {"free": (True, True), "pinned": (False, True), "clamped": (False, Fa
 _MODULUS, _DENSITY, _LENGTH, _WIDTH, _HEIGHT = 70e9, 2700.0, 1.0, 0.04, 0.01
 
 
+@plainly
 def clamped_beam(
     elements: int = 20,
     *,
@@ -107,6 +109,7 @@ def _element(h: float) -> tuple[RealArray, RealArray]:
     return K, M
 
 
+@plainly
 def clamped_beam_frequencies(
     modes: int,
     *,

@@ -17,6 +17,7 @@ from modalscope.model.checks import (
     check_positive,
     real_array,
 )
+from modalscope.model.entries import plainly
 from modalscope.model.geometry import Geometry
 from modalscope.model.modes import ModalModel
 from modalscope.model.poles import poles_from
@@ -26,6 +27,7 @@ from modalscope.systems.structure import Structure
 __all__ = ["chain", "chain5", "heavy4", "joined", "over4", "row_geometry", "spring_chain", "spring_chain_modes"]
 
 
+@plainly
 def chain(
     masses: ArrayLike,
     stiffnesses: ArrayLike,
@@ -136,6 +138,7 @@ def over4() -> Structure:
     return chain(np.ones(4), np.full(4, 400.0), [70.0, 0.3, 0.3, 0.3], inputs=[0, 3], dt=0.05, name="over4")
 
 
+@plainly
 def spring_chain(n: int = 5, *, mass: float = 25.91, stiffness: float = 1e4, damping_ratio: float = 0.02) -> Structure:
     """Return n equal masses in a row with one damping ratio in every mode: a five-storey building known in closed form.
 
@@ -160,6 +163,7 @@ def spring_chain(n: int = 5, *, mass: float = 25.91, stiffness: float = 1e4, dam
     return chain(m, k, damping_ratios=damping_ratio, dt=0.01, name="spring_chain")
 
 
+@plainly
 def spring_chain_modes(
     n: int = 5,
     *,

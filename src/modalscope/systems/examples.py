@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.linalg as sla
 
+from modalscope.model.entries import plainly
 from modalscope.model.geometry import Geometry
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.systems.chains import row_geometry
@@ -64,6 +65,7 @@ def three_masses() -> Structure:
     return Structure(mass=np.eye(3), stiffness=K, damping=D, dt=0.01, geometry=row_geometry(3), name="three_masses")
 
 
+@plainly
 def three_masses_record(*, noisy: bool = True) -> ImpulseResponse:
     """Return 100 samples of the velocities of `three_masses` after all start at 1 m/s, with the published noise.
 

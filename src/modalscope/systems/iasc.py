@@ -13,6 +13,7 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope.model.checks import DataError
+from modalscope.model.entries import plainly
 from modalscope.model.geometry import Geometry
 from modalscope.systems.chains import joined
 from modalscope.systems.modal import modal_damping
@@ -31,6 +32,7 @@ _MASS = (3452.4, 2652.4, 2652.4, 1809.9)
 _INERTIA = (3819.4, 2986.1, 2986.1, 2056.9)
 
 
+@plainly
 def iasc_asce(*, without_braces: Iterable[int] = (), damping_ratio: float = 0.01) -> Structure:
     """Return the 12-DOF shear building of the IASC-ASCE benchmark: 9.41, 11.79, 16.38, 25.54 ... 83.62 Hz.
 

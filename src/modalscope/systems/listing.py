@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from modalscope.model.checks import check_choice
+from modalscope.model.entries import plainly
 from modalscope.systems.beam import clamped_beam
 from modalscope.systems.chains import chain5, heavy4, over4, spring_chain
 from modalscope.systems.examples import close4, ring5, three_masses
@@ -37,6 +38,7 @@ def names() -> tuple[str, ...]:
     return tuple(catalog())
 
 
+@plainly
 def build(name: str) -> Structure:
     """Return a structure by its name in the catalog.
 

@@ -9,6 +9,7 @@ import scipy.linalg as sla
 
 from modalscope.model.channels import QUANTITIES
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
+from modalscope.model.entries import plainly
 from modalscope.model.modes import ModalModel
 from modalscope.model.poles import one_of_each_pair
 
@@ -37,6 +38,7 @@ def undamped_modes(M: RealArray, K: RealArray) -> tuple[RealArray, RealArray]:
     return np.sqrt(np.where(squares <= 100 * noise, 0, squares)), Phi
 
 
+@plainly
 def modal_damping(M: RealArray, K: RealArray, ratios: Array | float) -> RealArray:
     """Return the damping matrix M Phi diag(2 zeta w) Phi' M that gives the modes, by rising frequency, these ratios.
 

@@ -13,6 +13,7 @@ from modalscope.model.checks import (
     check_count,
     check_number,
 )
+from modalscope.model.entries import plainly
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.signals import Signals
@@ -46,6 +47,7 @@ def white_noise(values: Array, fraction: float, rng: np.random.Generator, axis: 
     return np.asarray(scale * rng.standard_normal(values.shape))
 
 
+@plainly
 def add_noise(data: Noisy, fraction: float, seed: Seed = None) -> Noisy:
     """Return a response or record with white noise on every channel, as a fraction of the channel's RMS.
 

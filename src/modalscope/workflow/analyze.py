@@ -23,6 +23,8 @@ from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
 from modalscope.model.result import Result
 from modalscope.preprocess.quality import examine
+from modalscope.preprocess.resolution import leakage_note
+from modalscope.workflow.refining import refined_where_it_helps
 from modalscope.workflow.sources import opened
 
 __all__ = ["analyze"]
@@ -41,6 +43,7 @@ def analyze(
     frequencies: Iterable[float] | None = None,
     take: Iterable[float] = (),
     refuse: Iterable[float] = (),
+    refine: bool = True,
     reading: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
     **options: Unpack[AllOptions],
@@ -60,6 +63,9 @@ def analyze(
         Hz: the modes there, and no others.
     take, refuse : iterable of float, optional
         Hz: modes to report beside the automatic ones, and automatic ones not to report.
+    refine : bool
+        Whether the selected modes are refined to the maximum of the likelihood where the data allow it: see `refine`. It brings
+        deviations with it; `modes.unrefined` has the values before.
     reading : mapping, optional
         How the file is read: options of `read`, such as {"quantity": "acceleration"}.
     progress : callable, optional
@@ -85,13 +91,14 @@ def analyze(
     >>> len(result.modes), result.analysis.method is None
     (5, True)
     """
-    thing, source = opened(data, {} if reading is None else reading)
+    thing, source, told = opened(data, {} if reading is None else reading)
     bands = _bands(options.pop("band", None))
-    exclude = options.pop("exclude", None)
+    exclude, route = options.pop("exclude", None), options.pop("route", None)
     document = Analysis(
         files=(source,),
         bands=bands,
         exclude=() if exclude is None else labels_of(exclude),
+        route=route or "auto",
         method=method,
         domain=domain,
         orders=None if orders is None else tuple(check_each("orders", orders, "whole numbers")),
@@ -99,11 +106,12 @@ def analyze(
         frequencies=None if frequencies is None else tuple(check_each("frequencies", frequencies, "numbers in Hz")),
         taken=tuple(check_each("take", take, "numbers in Hz")),
         refused=tuple(check_each("refuse", refuse, "numbers in Hz")),
+        refine=refine,
     )
-    return analyzed(thing, document, progress)
+    return analyzed(thing, document, progress, told)
 
 
-def analyzed(data: Any, document: Analysis, progress: Progress | None = None) -> Result:
+def analyzed(data: Any, document: Analysis, progress: Progress | None = None, told: tuple[Note, ...] = ()) -> Result:
     """Return the result of the choices in a document on data that were read; see `analyze`.
 
     Parameters
@@ -111,16 +119,25 @@ def analyzed(data: Any, document: Analysis, progress: Progress | None = None) ->
     data : FrequencyResponse, ImpulseResponse or Signals
     document : Analysis
     progress : callable, optional
+    told : tuple of Note
+        What of the data's file was left.
     """
     check_kind("document", document, Analysis)
     diagrams = [_diagram(data, document, band, progress) for band in document.bands or (None,)]
     modes = _selected(document, diagrams)
-    findings, told = _examined(data)
+    findings, seen = _examined(data)
     return Result(
         modes=modes,
         diagrams=tuple(diagrams),
         findings=findings,
-        notes=(*told, *_loud(modes, diagrams), *(note for diagram in diagrams for note in diagram.notes)),
+        notes=_each_once(
+            *modes.notes,
+            *told,
+            *seen,
+            *_leaking(data, modes, diagrams),
+            *_loud(modes, diagrams),
+            *(note for diagram in diagrams for note in diagram.notes),
+        ),
         analysis=document,
         data=data,
     )
@@ -144,6 +161,7 @@ def _diagram(
         orders=document.orders,
         band=band,
         exclude=document.exclude or None,
+        route=document.route,
         progress=progress,
         **document.options,
     )
@@ -151,8 +169,10 @@ def _diagram(
 
 def _selected(document: Analysis, diagrams: list[StabilizationDiagram]) -> ModalModel:
     """Return the modes of every band; a frequency given by hand belongs to the band that it lies in."""
+    improved = refined_where_it_helps if document.refine else _as_they_are
     if len(diagrams) == 1:
-        return select(diagrams[0], frequencies=document.frequencies, take=document.taken, refuse=document.refused)
+        found = select(diagrams[0], frequencies=document.frequencies, take=document.taken, refuse=document.refused)
+        return improved(diagrams[0], found)
     parts = []
     for diagram, (low, high) in zip(diagrams, document.bands, strict=True):
         by_hand = [
@@ -162,7 +182,8 @@ def _selected(document: Analysis, diagrams: list[StabilizationDiagram]) -> Modal
         if document.frequencies is not None and not by_hand[0]:
             continue
         wanted = None if document.frequencies is None else by_hand[0]
-        parts.append(((low, high), select(diagram, frequencies=wanted, take=by_hand[1], refuse=by_hand[2])))
+        found = select(diagram, frequencies=wanted, take=by_hand[1], refuse=by_hand[2])
+        parts.append(((low, high), improved(diagram, found)))
     if not parts:
         raise DataError(
             "modes at given frequencies were asked", "none of these lies in a band", "Give bands that hold them."
@@ -170,10 +191,20 @@ def _selected(document: Analysis, diagrams: list[StabilizationDiagram]) -> Modal
     return merge_bands([modes for _, modes in parts], [band for band, _ in parts])
 
 
+def _as_they_are(diagram: StabilizationDiagram, modes: ModalModel) -> ModalModel:
+    return modes
+
+
 def _examined(data: Any) -> tuple[tuple[Any, ...], tuple[Note, ...]]:
     """Return the findings on the data, each also as a note."""
     findings = examine(data)
     return findings, tuple(Note(f"data: {finding.kind}", {}, str(finding)) for finding in findings)
+
+
+def _leaking(data: Any, modes: ModalModel, diagrams: list[StabilizationDiagram]) -> tuple[Note, ...]:
+    """Return a warning where frequency responses were averaged over segments too short for the modes."""
+    note = leakage_note(data, diagrams[0].response, modes.frequencies, modes.damping_ratios)
+    return () if note is None else (note,)
 
 
 def _loud(modes: ModalModel, diagrams: list[StabilizationDiagram]) -> tuple[Note, ...]:
@@ -184,3 +215,8 @@ def _loud(modes: ModalModel, diagrams: list[StabilizationDiagram]) -> tuple[Note
     if explains_enough(left):
         return ()
     return (Note("little explained", {"share": share_explained(left), "fit_error": left}, explained(left)),)
+
+
+def _each_once(*notes: Note) -> tuple[Note, ...]:
+    """Return notes in order, without those that were told already."""
+    return tuple(dict.fromkeys(notes))

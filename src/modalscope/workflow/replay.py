@@ -59,10 +59,10 @@ def replay(
             "its data came from no file",
             "Give the data: replay(document, data).",
         )
-    thing, source = opened(known.path if data is None else data, known.reading if _is_path(data) else {})
+    thing, source, told = opened(known.path if data is None else data, known.reading if _is_path(data) else {})
     if not force:
         _check_same(known, source, thing)
-    return analyzed(thing, document, progress)
+    return analyzed(thing, document, progress, told)
 
 
 def _is_path(data: Any) -> bool:
@@ -75,8 +75,8 @@ def _check_same(known: SourceFile, source: SourceFile, thing: Any) -> None:
         return
     came_from = getattr(thing, "source_path", None)
     if known.path and not source.path and came_from is not None and Path(came_from).exists():
-        _, of_file = opened(Path(came_from), known.reading)
-        if of_file.sha256 == known.sha256 and source.sha256 == source_of_data(_).sha256:
+        read_again, of_file, _ = opened(Path(came_from), known.reading)
+        if of_file.sha256 == known.sha256 and source.sha256 == source_of_data(read_again).sha256:
             return
     raise DataError(
         f"the data of {known.path or 'the analysis'} were expected",

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.io import read
+from modalscope.io import survey
 from modalscope.io.arrays import to_arrays
-from modalscope.model import ModalModel
+from modalscope.model import ModalModel, Note
 from modalscope.model.analysis import SourceFile
 from modalscope.model.checks import DataError
 
@@ -21,8 +21,8 @@ __all__ = ["opened", "source_of_data", "source_of_file"]
 _CHUNK = 1 << 20
 
 
-def opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile]:
-    """Return the data and where they came from; a path is read.
+def opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile, tuple[Note, ...]]:
+    """Return the data, where they came from, and what of a file was left; a path is read.
 
     Parameters
     ----------
@@ -42,14 +42,14 @@ def opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile]:
                 f"the data are {type(data).__name__} already",
                 "Give a path, or make the data with these values.",
             )
-        return data, source_of_data(data)
+        return data, source_of_data(data), ()
     path = Path(data)
-    thing = read(path, **reading)
-    if isinstance(thing, ModalModel):
+    found = survey(path, **reading)
+    if isinstance(found.thing, ModalModel):
         raise DataError(
             f"modes in {path} were asked", "the file holds modes already", "Give a file of responses or records."
         )
-    return thing, source_of_file(path, reading)
+    return found.thing, source_of_file(path, reading), found.told
 
 
 def source_of_file(path: Path, reading: Mapping[str, Any]) -> SourceFile:

@@ -1,5 +1,8 @@
 """Rules by which the sets of a universal file become one noun, as `survey` tells them."""
 
+import dataclasses
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -8,6 +11,7 @@ from modalscope.io.uff.function import Function
 from modalscope.io.uff.function_writer import write_function
 from modalscope.model import DataError, FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals
 from tests.io import samples
+from tests.support import refused
 
 F = np.arange(1.0, 6.0)
 T = np.arange(6) / 100.0
@@ -280,6 +284,29 @@ def test_labels_without_a_place_in_the_format_are_refused(tmp_path):
     with pytest.raises(DataError, match="up to 10 ASCII characters"):
         mio.write(tmp_path / "a.uff", long)
     modes = ModalModel(poles=[-1 + 10j], shapes=[[1], [2]])
-    with pytest.raises(DataError, match="y1, y2 are not node numbers"):
+    with pytest.raises(DataError, match="'y1', 'y2' are not node numbers"):
         mio.write(tmp_path / "a.uff", modes)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_two_kinds_of_impulse_response_in_one_file_are_told_apart(tmp_path: Path) -> None:
+    """The commoner is taken, and the other said; where both are as common, or one is wanted, that is said by `kind`."""
+    few = ImpulseResponse(
+        values=np.ones((5, 1, 1)), sampling_rate=1.0, kind="dirac", output_dofs=["1:+X"], input_dofs=["2:+X"]
+    )
+    same = dataclasses.replace(few, values=2 * few.values, kind="free decay", units=None)
+    more = dataclasses.replace(same, units=None, values=3 * np.ones((5, 2, 1)), output_dofs=["1:+X", "3:+X"])
+    both = {}
+    for name, others in (("tie", same), ("more", more)):
+        parts = []
+        for k, data in enumerate((few, others)):
+            part = tmp_path / f"{k}.uff"
+            mio.write(part, data)
+            parts.append(part.read_bytes())
+        both[name] = tmp_path / f"{name}.uff"
+        both[name].write_bytes(b"".join(parts))
+    refused("1 dirac responses and 1 free decay responses", mio.read, both["tie"])
+    assert mio.read(both["tie"], kind="dirac").values[0, 0, 0] == 1
+    assert mio.read(both["tie"], kind="free decay").values[0, 0, 0] == 2
+    assert mio.read(both["more"]).values.shape == (5, 2, 1)
+    assert "it is a dirac response" in str(mio.survey(both["more"]))

@@ -60,9 +60,10 @@ def dof_fields(label: str) -> tuple[str, int, int]:
     """Return entity name, node and direction code of a label; `label_from` is the inverse."""
     dof = parse_dof(label)
     node, direction = (label, 0) if dof is None else (dof.node, _CODES.get(dof.direction, 0))
-    if dof is not None and node.isdigit() and int(node) < 10**10 and str(int(node)) == node:
+    if dof is not None and node.isdecimal() and int(node) < 10**10 and str(int(node)) == node:
         return "NONE", int(node), direction
-    if len(node) > _ENTITY or not node.isascii() or node != node.strip() or node.upper() == "NONE" or not node:
+    kept = node.isascii() and node.isprintable() and 0 < len(node) <= _ENTITY
+    if not kept or label_from("", node, 0, direction) != label:
         raise DataError(
             f"the channel {label!r} was to be written to a universal file",
             f"that has a node number or a name of up to {_ENTITY} ASCII characters",
@@ -82,6 +83,6 @@ def sort_key(label: str) -> tuple[int, int, str, int, int]:
     if dof is None:
         return (1, 0, label, 0, 0)
     code = _CODES.get(dof.direction, 0)
-    if dof.node.isdigit():
+    if dof.node.isdecimal():
         return (0, int(dof.node), "", abs(code), code < 0)
     return (1, 0, dof.node, abs(code), code < 0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from modalscope.io.texts import in_ascii
 from modalscope.io.uff.dofs import dof_fields
 from modalscope.io.uff.function import AXIS, DOFS, TEXT, Function
 from modalscope.io.uff.layout import form
@@ -11,6 +12,9 @@ from modalscope.io.uff.scan import BINARY, FORM, HEADER_LINES
 from modalscope.model.checks import RealArray
 
 __all__ = ["write_function"]
+
+#: Characters of a unit.
+_UNIT = 20
 
 
 def write_function(function: Function, *, text: bool = False) -> bytes:
@@ -24,7 +28,7 @@ def write_function(function: Function, *, text: bool = False) -> bytes:
     records = _header(function, (6 if cplx else 4, points, int(even), first * even, step * even), (first, last))
     if text:
         body = _text_body(y, None if even else function.x)
-        return b"    -1\n    58\n" + (records + body).encode("ascii", "replace") + b"    -1\n"
+        return b"    -1\n    58\n" + (records + body).encode("ascii") + b"    -1\n"
     table = y if even else np.column_stack([function.x, y])
     payload = np.ascontiguousarray(table, dtype="<f8").tobytes()
     # the flag stands right behind the number
@@ -40,7 +44,7 @@ def write_function(function: Function, *, text: bool = False) -> bytes:
             },
         )[7:]
     )
-    return b"    -1\n" + (head + "\n" + records).encode("ascii", "replace") + payload + b"    -1\n"
+    return b"    -1\n" + (head + "\n" + records).encode("ascii") + payload + b"    -1\n"
 
 
 def _header(function: Function, shape: tuple[int, int, int, float, float], ends: tuple[float, float]) -> str:
@@ -58,8 +62,8 @@ def _header(function: Function, shape: tuple[int, int, int, float, float], ends:
     lines.append(form(FORM, dict(zip(names, shape, strict=True))))
     units = {17: "s", 18: "Hz"}
     lines.append(form(AXIS, {"data type": function.abscissa_type, "unit": units.get(function.abscissa_type)}))
-    lines.append(form(AXIS, {"data type": function.quantity, "unit": function.unit}))
-    lines.append(form(AXIS, {"data type": function.denominator, "unit": function.unit_in}))
+    lines.append(form(AXIS, {"data type": function.quantity, "unit": in_ascii("unit", function.unit, _UNIT)}))
+    lines.append(form(AXIS, {"data type": function.denominator, "unit": in_ascii("unit", function.unit_in, _UNIT)}))
     lines.append(form(AXIS, {}))
     return "\n".join(lines) + "\n"
 

@@ -62,8 +62,16 @@ def parse(record: Record, line: bytes, where: str) -> dict[str, Any]:
         elif kind == "e":
             values[name] = number(where, name, columns)
         elif kind == "a":
-            values[name] = columns.strip()
+            values[name] = _in_words(columns)
     return values
+
+
+def _in_words(columns: str) -> str:
+    """Return text as it was meant: in UTF-8 where the bytes are that, else in Latin-1."""
+    try:
+        return columns.encode("latin-1").decode("utf-8").strip()
+    except UnicodeDecodeError:
+        return columns.strip()
 
 
 def form(record: Record, values: Mapping[str, Any]) -> str:
@@ -90,7 +98,7 @@ def form(record: Record, values: Mapping[str, Any]) -> str:
 
 def one_set(dataset: int, lines: Iterable[str]) -> bytes:
     """Return one set of text records between its delimiters."""
-    return ("\n".join(["    -1", f"{dataset:6d}", *lines]) + "\n    -1\n").encode("ascii", "replace")
+    return ("\n".join(["    -1", f"{dataset:6d}", *lines]) + "\n    -1\n").encode("ascii")
 
 
 def thirteen(value: float) -> str:

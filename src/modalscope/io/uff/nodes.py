@@ -220,7 +220,7 @@ def _motions(parts: Parts, nodes: dict[int, _Node], labels: Iterable[str]) -> di
     motions: dict[str, Any] = {}
     for label in labels:
         dof = parse_dof(label)
-        node = nodes.get(int(dof.node)) if dof is not None and dof.node.isdigit() else None
+        node = nodes.get(int(dof.node)) if dof is not None and dof.node.isdecimal() else None
         if dof is None or dof.vector is None or node is None or node.displacement not in parts.systems:
             continue
         kind, matrix = parts.systems[node.displacement]
@@ -234,7 +234,7 @@ def _motions(parts: Parts, nodes: dict[int, _Node], labels: Iterable[str]) -> di
 
 def _numbered(geometry: Geometry) -> list[int]:
     odd = [
-        node for node in geometry.nodes if not (node.isdigit() and str(int(node)) == node and 0 < int(node) < 10**10)
+        node for node in geometry.nodes if not (node.isdecimal() and str(int(node)) == node and 0 < int(node) < 10**10)
     ]
     if odd:
         raise DataError(

@@ -27,6 +27,8 @@ _NORMAL, _COMPLEX, _COMPLEX_SECOND = 2, 3, 7
 _LABELS = {1: (0,), 2: (1, 2, 3), 3: (1, 2, 3, 4, 5, 6)}
 _REAL_TYPES, _COMPLEX_TYPES = (2, 4), (5, 6)
 _WIDTH = 13
+#: Nodes have ten columns.
+_NODES = 10**10
 _A_LINE = 6
 
 
@@ -181,12 +183,12 @@ def _places(modes: ModalModel) -> tuple[tuple[int, ...], list[tuple[int, int, fl
     odd = [
         label
         for label, dof in zip(modes.output_dofs, dofs, strict=True)
-        if dof is None or not dof.node.isdigit() or int(dof.node) < 1
+        if dof is None or not dof.node.isdecimal() or not 1 <= int(dof.node) < _NODES
     ]
     if odd:
         raise DataError(
             "mode shapes were to be written to a universal file",
-            f"the channels {', '.join(odd[:5])} are not node numbers with a direction",
+            f"the channels {', '.join(map(repr, odd[:5]))} are not node numbers with a direction",
             "Give the data output_dofs such as 3:+Z, or write .json or .npz.",
         )
     found = [(int(dof.node), code_of_direction(dof.direction)) for dof in dofs if dof is not None]

@@ -130,10 +130,15 @@ def sort_impulse(functions: Sequence[Function], options: dict[str, Any], si: boo
     """
     out = Sorted(room=space)
     kinds = Counter(_impulse_kind(f) for f in functions)
-    kind = options.get("kind") or max(kinds, key=lambda k: kinds[k])
-    others = [f for f in functions if not options.get("kind") and _impulse_kind(f) != kind]
-    out.left |= {f.place: f"it is a {_impulse_kind(f)} response where most are {kind}" for f in others}
-    chosen = [f for f in functions if f.place not in out.left]
+    kind = options.get("kind") or _commonest(kinds)
+    # a kind that is asked for and not there is what the functions are meant to be
+    chosen = [f for f in functions if kind not in kinds or _impulse_kind(f) == kind]
+    kept = {f.place for f in chosen}
+    out.left |= {
+        f.place: f'it is a {_impulse_kind(f)} response where {kind} responses are taken; kind="{_impulse_kind(f)}" takes it'
+        for f in functions
+        if f.place not in kept
+    }
     group = largest_group(_evenly(chosen, out, "impulse responses"), out, options.get("quantity"), by_quantity=True)
     pairs = by_pair(group, out, options.get("repeated"))
     outputs, inputs = complete_block(pairs, out)
@@ -155,6 +160,19 @@ def sort_impulse(functions: Sequence[Function], options: dict[str, Any], si: boo
         **fields,
     )
     return out
+
+
+def _commonest(kinds: Counter[str]) -> str:
+    """Return the kind that most functions are of, or raise when two are as common: neither is what was meant before the other."""
+    first, *rest = kinds.most_common()
+    if rest and rest[0][1] == first[1]:
+        held = " and ".join(f"{count} {kind} responses" for kind, count in kinds.items())
+        raise DataError(
+            "impulse responses of one kind were asked",
+            f"the file holds {held}",
+            f'Choose one, read(..., kind="{first[0]}"), and read the other by itself.',
+        )
+    return first[0]
 
 
 def _impulse_kind(function: Function) -> str:

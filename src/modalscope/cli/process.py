@@ -1,0 +1,73 @@
+"""The program around a command: what it prints, and how it ends when somebody stops it."""
+
+from __future__ import annotations
+
+import io
+import os
+import signal
+import sys
+from contextlib import suppress
+from types import FrameType
+from typing import NoReturn
+
+__all__ = ["EXIT_WRONG", "complain", "hang_up", "say", "take_over"]
+
+#: Exit status for wrong use or unusable data.
+EXIT_WRONG = 2
+
+_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
+
+_STOPPED = b"modalscope: stopped; an output file is complete or what it was before\n"
+
+
+def take_over() -> None:
+    """Prepare the process of the command line: characters that a terminal lacks are escaped, and signals end it cleanly.
+
+    The handler ends the process itself, without an exception that some library could take for one of its own. What was ignored
+    before, as by nohup, stays ignored.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+    for number in _numbers():
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _stop)
+
+
+def _numbers() -> list[signal.Signals]:
+    """Return the signals that this system has."""
+    return [getattr(signal, name) for name in _SIGNALS if hasattr(signal, name)]
+
+
+def _stop(number: int, frame: FrameType | None) -> NoReturn:
+    """Take half-written files away, say one line, and end with the status that shells expect."""
+    for other in _numbers():
+        signal.signal(other, signal.SIG_IGN)
+    atomic = sys.modules.get("modalscope.io.atomic")
+    for path in tuple(getattr(atomic, "PENDING", ())):
+        with suppress(OSError):
+            path.unlink()
+    with suppress(OSError):
+        os.write(2, _STOPPED)
+    os._exit(128 + number)
+
+
+def say(text: object) -> None:
+    """Print lines on stdout; what is no sign of its own, such as the codes that move a terminal's cursor, is escaped."""
+    from modalscope.model.errors import printable
+
+    print(printable(str(text)))
+
+
+def complain(text: object) -> None:
+    """Print one line on stderr, if there is one."""
+    if sys.stderr is not None:
+        with suppress(OSError):
+            print(f"modalscope: {' '.join(str(text).split())}", file=sys.stderr)
+
+
+def hang_up() -> None:
+    """Send what is still to be printed nowhere: nobody reads it, and Python would complain of that when it ends."""
+    if sys.stdout is sys.__stdout__ and sys.stdout is not None:
+        with suppress(OSError, ValueError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,0 +1,154 @@
+"""Ways from records with inputs as independent witnesses: each is measured once, and what can make them disagree is named.
+
+leakage
+    Lines of estimated frequency responses lie less than four to the half bandwidth of the narrowest mode: their damping is too high, and
+    they have no vote.
+unmeasured forces
+    What the fit on the records' lines leaves stands out at the modes (or there is noise on the inputs: one record cannot tell).
+delay
+    Poles at z = 0: some channels come late.
+too short
+    The record holds fewer than three decay times of a mode.
+poor excitation
+    Inputs that depend on each other, or hold few lines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from modalscope.comparing.causes import Cause
+from modalscope.comparing.plan import Cell, plan
+from modalscope.comparing.run import MethodResult
+from modalscope.identification.prepare import Measured, measure
+from modalscope.identification.routes import USUAL
+from modalscope.model.checks import DataError
+from modalscope.model.record_residual import UNMEASURED
+
+__all__ = ["route_causes", "tasks_of", "witnesses"]
+
+#: Lines to a half bandwidth below which a window broadens a mode, and decay times below which a record hardly shows one.
+_LINES, _DECAYS = 4, 3
+
+#: Notes of a diagram that are causes here.
+_NOTED = {UNMEASURED: "unmeasured forces", "delay": "delay", "warning": "poor excitation"}
+
+
+def witnesses(data: Any, band: Any, route: str | None) -> tuple[tuple[Measured, ...], tuple[str, ...]]:
+    """Return what every way makes of the data, the usual one first, and why others failed; data that are no records have one way.
+
+    Parameters
+    ----------
+    data : FrequencyResponse, ImpulseResponse, Signals or Records
+    band : (float, float), optional
+        Hz.
+    route : str, optional
+        The only way, where one is asked.
+    """
+    first = measure(data, band, route=route)
+    if first.route is None or route not in (None, "auto"):
+        return (first,), ()
+    found, failed = [first], []
+    for other in USUAL:
+        if other != first.route:
+            try:
+                found.append(measure(data, band, route=other))
+            except DataError as error:
+                failed.append(f"route {other} left out: {error.found}")
+    return tuple(found), tuple(failed)
+
+
+def tasks_of(
+    ways: Sequence[Measured], methods: Any, orders: Any
+) -> tuple[list[tuple[Measured, Cell]], tuple[str, ...]]:
+    """Return what is to be run, each cell with the data of its way, and notes on what the data do not allow.
+
+    A way's usual row comes first: its vote is the way's. Of all methods, rows of a way stand in its usual domain alone where they can.
+
+    Parameters
+    ----------
+    ways : sequence of Measured
+    methods, orders : as in `compare`
+    """
+    tasks: list[tuple[Measured, Cell]] = []
+    notes: list[str] = []
+    for way in ways:
+        cells, more = plan(way.response, methods, orders, records=way.records is not None, route=way.route)
+        notes += more
+        kept = [c for c in cells if methods != "all" or way.route is None or _at_home(c, cells, way)]
+        usual = (way.row, way.domain)
+        ordered = kept if way.route is None else sorted(kept, key=lambda c: (c.method.name, c.method.domain) != usual)
+        tasks += [(way, cell) for cell in ordered]
+    if not tasks:
+        raise DataError("a comparison was asked", "no way serves the methods that were named", 'Use methods="all".')
+    return tasks, tuple(dict.fromkeys(notes))
+
+
+def _at_home(cell: Cell, cells: Sequence[Cell], way: Measured) -> bool:
+    """Whether a cell stands in the usual domain of its way, or its row has none there."""
+    return cell.method.domain == way.domain or all(
+        c.method.domain != way.domain for c in cells if c.method.name == cell.method.name
+    )
+
+
+def route_causes(results: Sequence[MethodResult]) -> tuple[tuple[MethodResult, ...], list[Cause]]:
+    """Return the results, those that leak without a vote, and what makes the ways disagree.
+
+    Parameters
+    ----------
+    results : sequence of MethodResult
+        Of one way or of several.
+    """
+    if not any(r.route for r in results):
+        return tuple(results), []
+    half = _narrowest([r for r in results if r.route == "records"]) or _narrowest(results)
+    causes: dict[str, Cause] = {}
+    judged = []
+    for r in results:
+        leak = _leaks(r, half)
+        if leak:
+            causes["leakage"] = Cause("leakage", leak)
+        judged.append(replace(r, exact=r.exact and not leak))
+        for note in r.diagram.notes if r.diagram is not None and r.route == "records" else ():
+            if note.kind in _NOTED:
+                causes.setdefault(_NOTED[note.kind], Cause(_NOTED[note.kind], str(note)))
+    short = _short(results, half)
+    return tuple(judged), [*causes.values(), *([] if short is None else [short])]
+
+
+def _narrowest(results: Sequence[MethodResult]) -> float | None:
+    """Return the least half bandwidth of any mode in Hz: the median over the methods of the least of each."""
+    each = [
+        float(np.min(r.modes.frequencies * r.modes.damping_ratios))
+        for r in results
+        if r.modes is not None and len(r.modes)
+    ]
+    return float(np.median(each)) if each else None
+
+
+def _leaks(result: MethodResult, half: float | None) -> str:
+    """Return why the lines of estimated responses are too coarse for the narrowest mode; empty when they are not."""
+    if result.route != "frf" or result.diagram is None or half is None:
+        return ""
+    grid = result.diagram.response.grid
+    windowed = any("window" in step and "no window" not in step for step in result.diagram.response.processing)
+    if grid is None or grid.size < 2 or not windowed:
+        return ""
+    step = float(np.median(np.diff(grid)))
+    if _LINES * step <= half:
+        return ""
+    return f"segments have lines every {step:.2g} Hz, and the narrowest mode a half bandwidth of {half:.2g} Hz"
+
+
+def _short(results: Sequence[MethodResult], half: float | None) -> Cause | None:
+    durations = [
+        max(d) for r in results if r.diagram is not None and (d := getattr(r.diagram.response, "durations", None))
+    ]
+    if half is None or not durations or 2 * np.pi * half * max(durations) >= _DECAYS:
+        return None
+    decays = 2 * np.pi * half * max(durations)
+    return Cause("too short", f"{max(durations):.3g} s hold {decays:.2g} decay times of the narrowest mode")

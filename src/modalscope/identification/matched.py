@@ -1,0 +1,84 @@
+"""The pole that stands out of a residual: a filter that is matched to a decaying oscillation, on a grid of frequencies and damping."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.poles import poles_from
+from modalscope.model.response import Response
+
+__all__ = ["Peak", "strongest_peak"]
+
+#: Damping ratios of the grid: neighbours lose less than a tenth of the gain between them.
+_RATIOS = (0.001, 0.003, 0.007, 0.015, 0.03, 0.06)
+
+#: Numbers held at a time.
+_HELD = 1 << 23
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Peak:
+    """A pole that stands out.
+
+    Parameters
+    ----------
+    pole : complex
+        As it is in the data, rad/s.
+    shape, participation : array of complex, (l,), (m,)
+        Of length one, of the residual's largest singular value there.
+    """
+
+    pole: complex
+    shape: ComplexArray
+    participation: ComplexArray
+
+
+def strongest_peak(response: Response, left: RealArray, rows: RealArray, known: Array, least: float) -> Peak | None:
+    """Return where a residual holds the strongest oscillation, None where none lowers the squared misfit by `least`.
+
+    A pole's functions g1 and g2 are orthogonal but for their overlap with the mirror image; with A = <g1, E> + j <g2, E> over |g|, an
+    l x m matrix, a residue of rank one lowers the misfit by the square of its largest singular value.
+
+    Parameters
+    ----------
+    response : Response
+        One channel of the data.
+    left : array, (K, l, m)
+        Whitened residual, on rows divided by `rows`.
+    rows : array, (K,)
+    known : array of complex
+        Poles that are there already: nothing is taken within half a half bandwidth of them.
+    least : float
+    """
+    grid = _grid(response)
+    flat = left.reshape(len(left), -1)
+    A = np.empty((grid.size, *left.shape[1:]), dtype=complex)
+    few = max(1, _HELD // (2 * len(left)))
+    for first in range(0, grid.size, few):
+        g = response.basis(grid[first : first + few], ()).functions / rows[:, None]
+        size = np.sqrt(np.maximum(np.sum(g.reshape(len(g), -1, 2) ** 2, axis=(0, 2)) / 2, 1e-300))
+        both = (g.T @ flat).reshape(-1, 2, *left.shape[1:])
+        A[first : first + few] = (both[:, 0] + 1j * both[:, 1]) / size[:, None, None]
+    gain = np.linalg.norm(A, ord=2, axis=(1, 2)) ** 2
+    near = np.any(np.abs(grid[:, None] - known) < -0.5 * known.real, axis=1)
+    best = int(np.argmax(np.where(near, 0, gain)))
+    if near[best] or gain[best] < least:
+        return None
+    U, _, Vh = np.linalg.svd(A[best])
+    return Peak(complex(grid[best]), U[:, 0], Vh[0])
+
+
+def _grid(response: Response) -> ComplexArray:
+    """Return poles in the band of the data: every line, or every half bandwidth where lines lie closer than that."""
+    low, high = response.span
+    low = max(low, high / 1000)
+    lines = response.grid if response.grid is not None else np.linspace(low, high, max(response.count // 2, 2))
+    found = []
+    for ratio in _RATIOS:
+        even = low * (1 + ratio) ** np.arange(int(np.log(high / low) / np.log1p(ratio)) + 1)
+        places = even if even.size < lines.size else lines[lines > 0]
+        found.append(poles_from(places, np.full(places.size, ratio)))
+    return np.concatenate(found)

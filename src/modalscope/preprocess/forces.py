@@ -1,0 +1,148 @@
+"""Several forces at once: how alike they are, how many independent ones there are, and which output follows from which.
+
+With the spectral matrices S_uu, S_yu and S_yy of averaged segments.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from modalscope.blocks.threads import one_thread
+from modalscope.model.checks import ComplexArray, DataError, RealArray, check_kind
+from modalscope.model.keywords import named
+from modalscope.model.signals import Signals
+from modalscope.preprocess.plans import plan_runs
+from modalscope.preprocess.spectra import CrossSpectra, cross_spectra, silent_lines
+
+__all__ = ["PrincipalForces", "force_correlation", "partial_coherence", "principal_forces"]
+
+
+class PrincipalForces(NamedTuple):
+    """Independent forces on every line.
+
+    Attributes
+    ----------
+    frequencies : array, (F,)
+        Hz.
+    powers : array, (F, m)
+        Eigenvalues of S_uu, decreasing: power spectral densities of forces that are not correlated.
+    vectors : array of complex, (F, m, m)
+        Columns: what each of them is made of.
+    """
+
+    frequencies: RealArray
+    powers: RealArray
+    vectors: ComplexArray
+
+
+@named()
+@one_thread
+def force_correlation(signals: Signals, *, segment: int | None = None) -> tuple[RealArray, RealArray]:
+    """Return lines (F,) in Hz and |S_ij|^2 / (S_ii S_jj) of all pairs of forces (F, m, m): 1 where two forces are one.
+
+    Forces that are alike cannot be told apart: where an entry comes near to 1, responses to single forces scatter by
+    1 / (1 - coherence) more.
+
+    Parameters
+    ----------
+    signals : Signals
+        With inputs.
+    segment : int, optional
+        Samples of a segment; an eighth of a run by default.
+
+    Raises
+    ------
+    DataError
+        A record without inputs, or fewer than two segments.
+    """
+    spectra = _spectra(signals, segment)
+    power = np.einsum("fii->fi", spectra.inputs).real
+    return spectra.frequencies, np.asarray(np.abs(spectra.inputs) ** 2 / (power[:, :, None] * power[:, None, :]))
+
+
+@named()
+@one_thread
+def principal_forces(signals: Signals, *, segment: int | None = None) -> PrincipalForces:
+    """Return the eigenvalues of S_uu on every line: where the last is far below the first there are fewer forces than inputs.
+
+    Parameters
+    ----------
+    signals : Signals
+        With inputs, in one unit.
+    segment : int, optional
+        As in `force_correlation`.
+
+    Raises
+    ------
+    DataError
+        As there.
+    """
+    spectra = _spectra(signals, segment)
+    powers, vectors = np.linalg.eigh(spectra.inputs)
+    return PrincipalForces(spectra.frequencies, np.clip(powers[:, ::-1], 0, None), vectors[:, :, ::-1])
+
+
+@named()
+@one_thread
+def partial_coherence(signals: Signals, *, segment: int | None = None) -> tuple[RealArray, RealArray]:
+    """Return lines (F,) in Hz and, of every output and force (F, l, m), the coherence that is left when all other forces are taken out.
+
+    With S conditioned on the other forces o, S_ab.o = S_ab - S_ao S_oo^-1 S_ob, it is |S_yu.o|^2 / (S_yy.o S_uu.o): the ordinary
+    coherence of one force alone, and near 0 where what an output shares with a force comes by way of the others.
+
+    Parameters
+    ----------
+    signals : Signals
+        With inputs.
+    segment : int, optional
+        As in `force_correlation`.
+
+    Raises
+    ------
+    DataError
+        As there.
+
+    References
+    ----------
+    Bendat and Piersol, "Random Data", chapter 7.
+    """
+    spectra = _spectra(signals, segment)
+    F, l, m = spectra.cross.shape
+    found = np.zeros((F, l, m))
+    for j in range(m):
+        o = [i for i in range(m) if i != j]
+        weights = (
+            np.linalg.solve(spectra.inputs[:, o][:, :, o], spectra.inputs[:, o, j, None]) if o else np.zeros((F, 0, 1))
+        )
+        own = spectra.inputs[:, j, j] - (spectra.inputs[:, None, j, o] @ weights)[:, 0, 0]
+        cross = spectra.cross[:, :, j] - (spectra.cross[:, :, o] @ weights)[:, :, 0]
+        rest = spectra.output_powers - _explained(spectra, o)
+        size = rest * own.real[:, None]
+        found[:, :, j] = np.divide(np.abs(cross) ** 2, size, out=np.zeros((F, l)), where=size > 0)
+    return spectra.frequencies, np.clip(found, 0, 1)
+
+
+def _explained(spectra: CrossSpectra, chosen: list[int]) -> RealArray:
+    """Return the power of every output that some forces explain, (F, l)."""
+    if not chosen:
+        return np.zeros(spectra.cross.shape[:2])
+    S = spectra.cross[:, :, chosen]
+    solved = np.linalg.solve(spectra.inputs[:, chosen][:, :, chosen], S.conj().transpose(0, 2, 1))
+    return np.asarray(np.einsum("fli,fil->fl", S, solved).real)
+
+
+def _spectra(signals: Signals, segment: int | None) -> CrossSpectra:
+    check_kind("signals", signals, Signals)
+    if signals.inputs is None:
+        raise DataError("spectra of forces were asked", "the record has no inputs", "Give the forces as inputs.")
+    plan = plan_runs(signals, "random", segment, None, None)
+    spectra = cross_spectra(plan.outputs, plan.inputs, plan.sampling_rate, plan.segments)
+    if spectra.averages < len(signals.input_dofs) + 1:
+        raise DataError(
+            f"spectra of {len(signals.input_dofs)} forces were asked",
+            f"there are {spectra.averages} segments, which any forces fit",
+            "Give shorter segments, or measure longer.",
+        )
+    return spectra.at_lines(~silent_lines(spectra))

@@ -1,0 +1,69 @@
+"""Refinement as a part of the whole job: where it makes values better, and why not where it does not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from modalscope.identification.beside import needed_beside
+from modalscope.identification.refine import refine
+from modalscope.modal.sufficient import usable_orders
+from modalscope.model.checks import DataError
+from modalscope.model.diagram import StabilizationDiagram
+from modalscope.model.modes import ModalModel
+from modalscope.model.notes import Note
+
+__all__ = ["refined_where_it_helps"]
+
+#: The optimum near a mode lies within a fraction of its decay rate; one further than this away is another.
+_ASTRAY = 2.0
+
+
+def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> ModalModel:
+    """Return the selected modes refined, or as they are with a note that says why.
+
+    Poles of the diagram that the data need beside the modes take part, held: real poles, and what was not selected.
+
+    Parameters
+    ----------
+    diagram : StabilizationDiagram
+    modes : ModalModel
+        Selected from it.
+    """
+    if not len(modes):
+        return modes
+    why = _unfit(diagram)
+    if why:
+        return modes.noted(_kept(why))
+    last = usable_orders(diagram)[0][-1]
+    beside = needed_beside(diagram.response, modes.poles, diagram.poles[diagram.order_of_pole == last])
+    try:
+        found = refine(diagram.response, modes, fixed=beside)
+    except DataError as error:
+        return modes.noted(_kept(f"{error.asked}, but {error.found}"))
+    if not found.converged:
+        reasons = [str(note) for note in found.notes if note.kind == "not converged"]
+        return replace(modes, converged=False).noted(_kept(*reasons))
+    before = modes.poles if found.unrefined is None else found.unrefined.poles
+    astray = np.abs(found.poles - before) > _ASTRAY * np.abs(before.real)
+    if np.any(astray):
+        where = ", ".join(f"{abs(s) / (2 * np.pi):.5g} Hz" for s in before[astray])
+        return modes.noted(_kept(f"the optimum lies far from {where}: the data hold more than these modes"))
+    return found
+
+
+def _unfit(diagram: StabilizationDiagram) -> str:
+    """Say why the data of a diagram have no likelihood that modes alone can maximize; nothing where they have."""
+    response, band = diagram.response, diagram.settings.band
+    if response.ambient:
+        return "errors of correlations are correlated from lag to lag"
+    if any(note.kind == "transformed" for note in diagram.notes):
+        return "the data were transformed before they were identified; choose a domain that takes them as they are"
+    if band is not None and response.in_band(band) is response:
+        return "samples are not filtered, so that modes outside the band are in them, too"
+    return ""
+
+
+def _kept(why: str) -> Note:
+    return Note("not refined", {}, f"values are not refined: {why}")

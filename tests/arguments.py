@@ -1,0 +1,332 @@
+"""One right call of every public callable, and values that are wrong nearly everywhere: `tests.test_every_argument` puts them together."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import modalscope as ms
+from modalscope import preprocess, systems
+from modalscope.identification.options import AllOptions
+from modalscope.preprocess import Finding
+from tests.test_docstrings import CALLABLES
+
+__all__ = ["WRONG", "calls", "judge"]
+
+CHAIN = systems.chain5()
+LINES = np.linspace(0.2, 8, 60)
+FOLDER = Path(tempfile.mkdtemp(prefix="modalscope-arguments-"))
+
+
+@cache
+def right() -> dict[str, Any]:
+    """Return one small thing of every kind, by the names that arguments have for it."""
+    lines = CHAIN.frequency_response(LINES, quantity="acceleration", noise=0.01, seed=0)
+    samples = CHAIN.impulse_response(60, noise=0.01, seed=0)
+    records = CHAIN.simulate(samples=600, sampling_rate=20.0)
+    ambient = CHAIN.simulate(inputs="ambient", samples=600, sampling_rate=20.0)
+    result = ms.analyze(lines, orders=range(2, 13, 2), method="alternate")
+    ms.write(FOLDER / "data.npz", lines)
+    return {
+        "lines": lines,
+        "samples": samples,
+        "records": records,
+        "ambient": ambient,
+        "displacements": CHAIN.simulate(samples=600, sampling_rate=20.0, quantity="displacement"),
+        "correlation": ms.estimate_correlation(ambient),
+        "result": result,
+        "diagram": result.diagram,
+        "modes": result.modes,
+        "model": CHAIN.state_space(dt=0.05),
+        "found": ms.identify(samples, method="era", order=10),
+        "comparison": ms.compare(samples, ["era/time", "least_squares/time"], orders=range(4, 13, 4)),
+        "geometry": ms.Geometry(nodes=[1, 2], coordinates=[[0, 0, 0], [1, 0, 0]], lines=[[1, 2]]),
+        "dwell": ms.tuned_dwell(lines),
+        "motion": ms.equations_of_motion(ms.systems.three_masses().state_space()),
+        "many": ms.Records(runs=(records, records)),
+        "decomposition": preprocess.decomposition(ambient),
+        "observer": preprocess.estimate_observer(records, observer_order=10),
+    }
+
+
+#: The thing whose method is called, or that is taken apart to be made again, by its class.
+OWNERS = {
+    "Analysis": lambda t: t["result"].analysis,
+    "Comparison": lambda t: t["comparison"],
+    "DataError": lambda t: ms.DataError("a", "b", "c"),
+    "Dwell": lambda t: t["dwell"],
+    "EquationsOfMotion": lambda t: t["motion"],
+    "FrequencyResponse": lambda t: t["lines"],
+    "Geometry": lambda t: t["geometry"],
+    "Identification": lambda t: t["found"],
+    "ImpulseResponse": lambda t: t["samples"],
+    "ModalModel": lambda t: t["modes"],
+    "Note": lambda t: ms.Note("a", {"b": 1.0}, "c"),
+    "Records": lambda t: t["many"],
+    "Result": lambda t: t["result"],
+    "Signals": lambda t: t["records"],
+    "StabilizationDiagram": lambda t: t["diagram"],
+    "StateSpace": lambda t: t["model"],
+    "preprocess.Decomposition": lambda t: t["decomposition"],
+    "preprocess.Finding": lambda t: Finding(kind="a", channels=("b",), reason="c", change="d"),
+    "preprocess.Observer": lambda t: t["observer"],
+    "systems.Structure": lambda t: CHAIN,
+}
+
+#: What the required arguments of functions and methods are, by name of the callable.
+GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
+    "analyze": lambda t: {"data": t["lines"], "method": "alternate", "orders": (2, 4, 6)},
+    "compare": lambda t: {"data": t["samples"], "methods": ["era/time"], "orders": (2, 4)},
+    "equations_of_motion": lambda t: {"model": systems.three_masses().state_space()},
+    "estimate_correlation": lambda t: {"signals": t["ambient"]},
+    "estimate_frf": lambda t: {"signals": t["records"]},
+    "estimate_markov": lambda t: {"signals": t["records"], "observer_order": 10},
+    "first_order_form": lambda t: {"model": systems.three_masses().state_space()},
+    "fit_residues": lambda t: {"response": t["lines"], "modes": t["modes"]},
+    "identify": lambda t: {"data": t["samples"], "method": "era", "order": 4},
+    "identify of lines": lambda t: {"data": t["lines"], "method": "alternate", "order": 4},
+    "merge": lambda t: {"parts": [t["lines"]]},
+    "merge_bands": lambda t: {"results": [t["modes"]], "bands": [(0.2, 8.0)]},
+    "mac": lambda t: {"shapes_a": t["modes"].shapes},
+    "read": lambda t: {"path": FOLDER / "data.npz"},
+    "realize": lambda t: {"data": t["samples"], "order": 4},
+    "replay": lambda t: {"document": t["result"].analysis, "data": t["lines"]},
+    "report": lambda t: {"thing": t["found"], "path": FOLDER / "page.html"},
+    "select": lambda t: {"diagram": t["diagram"]},
+    "stabilize": lambda t: {"data": t["samples"], "method": "era", "orders": (2, 4)},
+    "stabilize of lines": lambda t: {"data": t["lines"], "method": "alternate", "orders": (2, 4)},
+    "sweep": lambda t: {"data": t["samples"], "method": "era", "orders": (2, 4)},
+    "tuned_dwell": lambda t: {"response": t["lines"]},
+    "write": lambda t: {"path": FOLDER / "out.npz", "thing": t["modes"]},
+    "indicators.amplitude_coherence": lambda t: {
+        "identified": np.ones((3, 2, 1)),
+        "first": np.ones((2, 1)),
+        "evolution": np.ones((3, 1)),
+    },
+    "indicators.cluster_mpc": lambda t: {"shapes": t["modes"].shapes},
+    "indicators.clusters": lambda t: {"poles": t["modes"].poles},
+    "indicators.cmif": lambda t: {"values": t["lines"].values},
+    "indicators.decay_step": lambda t: {"evolution": np.ones((3, 1))},
+    "indicators.emac_channels": lambda t: {"identified": np.ones((2, 1)), "expected": np.ones((2, 1))},
+    "indicators.mac": lambda t: {"shapes_a": t["modes"].shapes},
+    "indicators.mmif": lambda t: {"response": t["lines"]},
+    "indicators.modal_singular_values": lambda t: {
+        "shapes": np.ones((2, 1)),
+        "participation": np.ones((1, 2)),
+        "z": np.array([0.5]),
+        "samples": 20,
+    },
+    "indicators.mpc": lambda t: {"shapes": t["modes"].shapes},
+    "indicators.mpd": lambda t: {"shapes": t["modes"].shapes},
+    "indicators.prominence": lambda t: {
+        "curves": ms.indicators.cmif(t["lines"].values),
+        "frequencies": LINES,
+        "frequency": 1.0,
+        "damping_ratio": 0.01,
+    },
+    "indicators.weighted_mean": lambda t: {"values": np.ones((2, 1)), "amplitude": np.ones((2, 1))},
+    "plot.complexity": lambda t: {"modes": t["modes"], "index": 0},
+    "plot.deviations": lambda t: {"comparison": t["comparison"]},
+    "plot.fit_errors": lambda t: {"diagram": t["diagram"]},
+    "plot.indicator": lambda t: {"response": t["lines"]},
+    "plot.mac": lambda t: {"a": t["modes"]},
+    "plot.method_distances": lambda t: {"kin": t["comparison"]},
+    "plot.method_map": lambda t: {"kin": t["comparison"]},
+    "plot.response": lambda t: {"data": t["lines"]},
+    "plot.shape": lambda t: {"modes": t["modes"], "index": 0},
+    "plot.singular_values": lambda t: {"source": t["diagram"]},
+    "plot.stabilization": lambda t: {"diagram": t["diagram"]},
+    "preprocess.correlation_blocks": lambda t: {"signals": t["ambient"], "references": None, "lags": 20, "blocks": 4},
+    "preprocess.decimate": lambda t: {"signals": t["records"], "factor": 2},
+    "preprocess.decomposition": lambda t: {"signals": t["ambient"]},
+    "preprocess.detrend": lambda t: {"signals": t["records"]},
+    "preprocess.differentiate": lambda t: {"signals": t["displacements"], "times": 1},
+    "preprocess.estimate_correlation": lambda t: {"signals": t["ambient"]},
+    "preprocess.estimate_frf": lambda t: {"signals": t["records"]},
+    "preprocess.estimate_markov": lambda t: {"signals": t["records"], "observer_order": 10},
+    "preprocess.estimate_observer": lambda t: {"signals": t["records"], "observer_order": 10},
+    "preprocess.examine": lambda t: {"data": t["lines"]},
+    "preprocess.exponential_decay": lambda t: {"end": 0.01, "duration": 1.0},
+    "preprocess.filter_band": lambda t: {"signals": t["records"], "lowest": 1.0, "highest": 5.0},
+    "preprocess.half_spectra": lambda t: {"correlation": t["correlation"]},
+    "preprocess.integrate": lambda t: {"signals": t["records"], "times": 1, "lowest": 0.5},
+    "preprocess.merge": lambda t: {"parts": [t["lines"]]},
+    "preprocess.merge_setups": lambda t: {"parts": [t["correlation"], t["correlation"]]},
+    "systems.add_noise": lambda t: {"data": t["lines"], "fraction": 0.1},
+    "systems.build": lambda t: {"name": "chain5"},
+    "systems.chain": lambda t: {"masses": [1.0, 1.0], "stiffnesses": [9.0, 9.0]},
+    "systems.clamped_beam": lambda t: {"elements": 4},
+    "systems.clamped_beam_frequencies": lambda t: {"modes": 3},
+    "systems.iasc_asce": lambda t: {},
+    "systems.modal_damping": lambda t: {"M": np.eye(2), "K": np.eye(2) * 9, "ratios": 0.01},
+    "systems.spring_chain": lambda t: {"n": 3},
+    "systems.spring_chain_modes": lambda t: {"n": 3},
+    "systems.three_masses_record": lambda t: {},
+    "FrequencyResponse.as_quantity": lambda t: {"wanted": "velocity"},
+    "FrequencyResponse.at_lines": lambda t: {"lines": np.arange(20)},
+    "FrequencyResponse.band": lambda t: {"lowest": 1.0, "highest": 5.0},
+    "Geometry.displaced": lambda t: {"labels": ["1:+X"], "shape": [1.0]},
+    "Geometry.motion_of": lambda t: {"label": "1:+X"},
+    "ModalModel.frequency_response": lambda t: {"frequencies": LINES},
+    "ModalModel.impulse_response": lambda t: {"samples": 20, "sampling_rate": 20.0},
+    "ModalModel.interval": lambda t: {},
+    "ModalModel.known_participation": lambda t: {"asked": "that"},
+    "ModalModel.normalized": lambda t: {},
+    "ModalModel.noted": lambda t: {"notes": ["that"]},
+    "ModalModel.take": lambda t: {"modes": [0]},
+    "Note.from_dict": lambda t: {"entries": {"text": "a"}},
+    "Records.inputs_of": lambda t: {"run": 0},
+    "StateSpace.balanced": lambda t: {"order": 4},
+    "StateSpace.controllability_gramian": lambda t: {},
+    "StateSpace.controllability_matrix": lambda t: {"blocks": 4},
+    "StateSpace.frequency_response": lambda t: {"frequencies": LINES},
+    "StateSpace.from_other": lambda t: {"system": t["model"].to_scipy()},
+    "StateSpace.impulse_response": lambda t: {"samples": 20},
+    "StateSpace.markov_parameters": lambda t: {"samples": 20},
+    "StateSpace.observability_gramian": lambda t: {},
+    "StateSpace.observability_matrix": lambda t: {"blocks": 4},
+    "StateSpace.pole_groups": lambda t: {},
+    "StateSpace.simulate": lambda t: {"inputs": np.ones((20, len(t["model"].B.T)))},
+    "StateSpace.to_continuous": lambda t: {},
+    "StateSpace.to_discrete": lambda t: {"dt": 0.05},
+    "StateSpace.transfer": lambda t: {"points": np.array([0.5 + 0.5j])},
+    "StateSpace.transformed": lambda t: {"T": np.eye(len(t["model"].A))},
+    "Comparison.label": lambda t: {"name": t["comparison"].results[0].name},
+    "preprocess.Decomposition.peaks": lambda t: {"count": 2},
+    "preprocess.Observer.gain_of": lambda t: {
+        "model": t["observer"].response and ms.realize(t["observer"].response, order=10)
+    },
+    "systems.Structure.free_decay": lambda t: {"samples": 20, "displacement": np.ones(len(CHAIN.dofs))},
+    "systems.Structure.frequency_response": lambda t: {"frequencies": LINES},
+    "systems.Structure.impulse_response": lambda t: {"samples": 20},
+    "systems.Structure.modes": lambda t: {},
+    "systems.Structure.simulate": lambda t: {"samples": 50, "sampling_rate": 20.0},
+    "systems.Structure.state_space": lambda t: {},
+    "StateSpace.predict": lambda t: {"signals": t["records"]},
+    "plot.intervals": lambda t: {"modes": t["modes"]},
+    "preprocess.force_correlation": lambda t: {"signals": t["records"]},
+    "preprocess.local_models": lambda t: {"signals": t["records"]},
+    "preprocess.partial_coherence": lambda t: {"signals": t["records"]},
+    "preprocess.principal_forces": lambda t: {"signals": t["records"]},
+    "refine": lambda t: {"data": t["lines"], "modes": t["modes"]},
+}
+
+#: Methods of what the classes of responses share with their modules; those are for the library itself.
+INNER = re.compile(
+    r"\.(basis|derivatives|doubts|driven|energy|in_band|named_terms|of_modes|processed|rebuilt_by|reported_band|values_of|spectrum)$"
+)
+
+#: Classes that the library makes; users read them.
+MADE = (
+    "Comparison",
+    "Dwell",
+    "EquationsOfMotion",
+    "Identification",
+    "Result",
+    "preprocess.Decomposition",
+    "preprocess.Finding",
+    "preprocess.LocalEstimate",
+    "preprocess.Observer",
+    "preprocess.PrincipalForces",
+)
+
+
+class Nothing:
+    """An object of no use."""
+
+
+#: None of these means anything in most places; where one does, the call may be done.
+WRONG: dict[str, Callable[[], Any]] = {
+    "text": lambda: "x",
+    "empty text": lambda: "",
+    "NUL": lambda: "a\0b",
+    "bytes": lambda: b"x",
+    "object": Nothing,
+    "class": lambda: Nothing,
+    "function": lambda: repr,
+    "True": lambda: True,
+    "NaN": lambda: float("nan"),
+    "infinite": lambda: float("inf"),
+    "complex": lambda: 1j,
+    "negative": lambda: -5,
+    "zero": lambda: 0,
+    "half": lambda: 2.5,
+    "numpy half": lambda: np.float64(-0.5),
+    "huge": lambda: 10**30,
+    "huger": lambda: 10**400,
+    "tiny": lambda: 1e-300,
+    "large": lambda: 1e300,
+    "empty list": list,
+    "empty array": lambda: np.zeros(0),
+    "ragged": lambda: [[1, 2], [3]],
+    "texts": lambda: np.array(["a"]),
+    "list of None": lambda: [None],
+    "three": lambda: (1, 2, 3),
+    "cube of NaN": lambda: np.full((2, 2, 2), np.nan),
+    "objects": lambda: np.array([1, None], dtype=object),
+    "mapping": lambda: {"a": 1},
+    "set": lambda: {1, "a"},
+    "iterator": lambda: iter([1, 2]),
+    "slice": lambda: slice(None),
+    "path": lambda: Path("x"),
+    "diagram": lambda: right()["diagram"],
+    "response": lambda: right()["lines"],
+    "modes": lambda: right()["modes"],
+    "None": lambda: None,
+}
+
+
+def calls() -> Iterator[tuple[str, Callable[..., Any], dict[str, Any], str]]:
+    """Give (name, callable, right arguments, argument to be wrong) for every argument of every public callable."""
+    things = right()
+    for name in dict.fromkeys((*CALLABLES, *GIVEN)):
+        plain = name.partition(" of ")[0]
+        thing = CALLABLES.get(plain)
+        if thing is None or INNER.search(name) or name in MADE or name == "DataError":
+            continue
+        owner, _, method = plain.rpartition(".")
+        holder = OWNERS[owner](things) if owner in OWNERS and not inspect.isclass(thing) else None
+        call = thing if holder is None else getattr(holder, method)
+        if inspect.isclass(thing) and is_dataclass(thing):
+            held = OWNERS[name](things)
+            given = {f.name: getattr(held, f.name) for f in fields(thing) if f.init}
+        else:
+            given = GIVEN.get(name, lambda _: {})(things)
+        names = [
+            p.name
+            for p in inspect.signature(call).parameters.values()
+            if p.kind not in (p.VAR_KEYWORD, p.VAR_POSITIONAL)
+        ]
+        if any(p.kind is p.VAR_KEYWORD for p in inspect.signature(call).parameters.values()) and plain in (
+            "identify",
+            "stabilize",
+        ):
+            names += [option for option in AllOptions.__annotations__ if option not in names]
+        for argument in names:
+            yield name, call, given, argument
+
+
+def judge(call: Callable[..., Any], given: dict[str, Any], argument: str, wrong: Any) -> str:
+    """Return what is wrong with the answer to a wrong argument: nothing where it is one, or names the argument in plain words."""
+    if argument == "progress" and callable(wrong):
+        return ""  # a function of the caller's: what it raises is the caller's
+    try:
+        found = call(**{**given, argument: wrong})
+        if inspect.isgenerator(found):
+            list(found)
+    except (ms.DataError, TypeError) as error:
+        told = str(error)
+        if isinstance(error, ms.DataError):
+            return "" if told else "says nothing"
+        return "" if argument in told else f"TypeError: {told}"
+    except Exception as error:  # noqa: BLE001 - every other kind is what is looked for
+        return f"{type(error).__name__}: {str(error)[:120]}"
+    return ""

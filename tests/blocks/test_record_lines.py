@@ -1,0 +1,268 @@
+"""Records on lines are exact: any input, any first and last state, any runs, any band; what must not be done to a record is not exact."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from modalscope import DataError, FrequencyResponse, Signals, StateSpace, identify
+from modalscope.blocks.record_lines import RecordLines, record_lines
+from modalscope.blocks.transfer import transfer
+from modalscope.identification.pipeline import Pipeline
+from modalscope.modal.eigenmodes import eigenmodes
+from modalscope.model.record_transform import record_spectra
+from modalscope.model.records import Records
+from tests.support import built, match_poles, random_system, relative
+
+#: Poles inside the band, and what follows from them by least squares.
+EXACT, FITTED = 1e-9, 1e-8
+
+N = 600
+
+
+def earthquake(rng: np.random.Generator, samples: int) -> np.ndarray:
+    """White noise through a ground filter (15 % at .05 of the rate) under an envelope that rises and falls."""
+    ground = StateSpace(A=[[1.85, -0.95], [1.0, 0.0]], B=[[1.0], [0.0]], C=[[0.1, 0.0]], dt=1.0)
+    t = np.arange(samples) / samples
+    return ground.simulate(rng.standard_normal((samples, 1)))[:, 0] * t * np.exp(-6 * t) * 20
+
+
+def inputs_of(kind: str, rng: np.random.Generator, samples: int, m: int) -> np.ndarray:
+    """Return inputs (samples, m) of a kind; each input at its own times and frequencies."""
+    u = np.zeros((samples, m))
+    for i in range(m):
+        if kind == "white":
+            u[:, i] = rng.standard_normal(samples)
+        elif kind == "step":
+            u[samples // 3 + 7 * i :, i] = 1 + i
+        elif kind == "impulse":
+            u[11 + 40 * i, i] = 3
+        elif kind == "sines":
+            u[:, i] = np.sin(np.outer(np.arange(samples), [0.31 + 0.05 * i, 1.07, 2.03 - 0.1 * i])).sum(axis=1)
+        else:
+            u[:, i] = earthquake(rng, samples)
+    return u
+
+
+def runs_of(
+    ss: StateSpace, kind: str, rng: np.random.Generator, lengths: tuple[int, ...] = (N,)
+) -> tuple[Records, list[np.ndarray]]:
+    """Return runs that begin anywhere, and where they begin."""
+    runs, first = [], []
+    for samples in lengths:
+        u = inputs_of(kind, rng, samples, ss.B.shape[1])
+        first.append(3 * rng.standard_normal(ss.order))
+        runs.append(Signals(outputs=ss.simulate(u, first[-1]), inputs=u, sampling_rate=1.0))
+    return Records(runs=tuple(runs)), first
+
+
+def poles_of(ss: StateSpace) -> np.ndarray:
+    return np.log(np.linalg.eigvals(ss.A).astype(complex))
+
+
+@pytest.mark.parametrize("kind", ["white", "step", "impulse", "sines", "earthquake"])
+@pytest.mark.parametrize("lengths", [(N,), (401, 556), (700, 333, 512, 410)])
+@pytest.mark.parametrize("m", [1, 2, 3])
+def test_poles_and_rank_are_exact_for_any_input_any_ends_and_any_runs(
+    kind: str, lengths: tuple[int, ...], m: int
+) -> None:
+    rng = np.random.default_rng(len(lengths) + 10 * m)
+    ss = random_system(rng, outputs=3, inputs=m, modes=3, direct=True)
+    records, _ = runs_of(ss, kind, rng, lengths)
+    p = built(records, 6, method="alternate", block_rows=8, route="records")
+    assert p.factors.rank == 6
+    found = match_poles(p.matrix.to_s(p.triple(6).eigen().values), poles_of(ss))
+    assert max(found.frequency_error, found.damping_error) < EXACT
+    # what is excited or not: the records are rebuilt
+    modes = eigenmodes(p.matrix, p.triple(6))
+    assert modes.participation.shape == (3, m + len(lengths))
+    spectra = record_spectra(records)
+    assert relative(p.matrix.compared(ss, modes.poles, modes.fit)[1], spectra.values) < FITTED
+    assert relative(spectra.rebuilt_by(ss).values, spectra.values) < FITTED
+
+
+@pytest.mark.parametrize("method", ["era", "alternate", "least_squares", "polyreference"])
+@pytest.mark.parametrize("kind", ["white", "earthquake"])
+def test_every_row_finds_poles_direct_term_and_participation(method: str, kind: str) -> None:
+    rng = np.random.default_rng(7)
+    ss = random_system(rng, outputs=3, inputs=2, modes=3, direct=True)
+    records, _ = runs_of(ss, kind, rng, (N, 433))
+    found = identify(records, method=method, order=6, block_rows=8)
+    assert found.settings["route"] == "records"
+    match = match_poles(found.poles, poles_of(ss))
+    assert max(match.frequency_error, match.damping_error) < EXACT
+    assert relative(found.state_space.D, ss.D) < FITTED
+    assert relative(found.state_space.markov_parameters(40), ss.markov_parameters(40)) < FITTED
+    assert found.fit_error < FITTED
+
+
+@pytest.mark.parametrize("domain", ["z"])
+@pytest.mark.parametrize("band", [(0.05, 0.2), (0.15, 0.45)])
+def test_a_band_holds_its_own_modes_exactly(domain: str, band: tuple[float, float]) -> None:
+    rng = np.random.default_rng(3)
+    ss = random_system(rng, outputs=4, inputs=2, modes=4)
+    records, _ = runs_of(ss, "white", rng, (1200,))
+    p = built(records, 8, method="alternate", domain=domain, band=band)
+    s = p.matrix.to_s(p.triple(8).eigen().values)
+    inside = [pole for pole in poles_of(ss) if band[0] < pole.imag / 2 / np.pi < band[1]]
+    assert inside
+    assert max(np.abs(s - pole).min() / abs(pole) for pole in inside) < EXACT
+    assert max(np.abs(s - pole).min() / abs(pole) for pole in poles_of(ss)) < 1e-6
+
+
+def test_the_s_plane_is_that_of_a_structure_whose_records_are_band_limited() -> None:
+    """Forces and responses of whole periods of the structure's own steady state have no aliases and no ends."""
+    rng = np.random.default_rng(0)
+    ss = random_system(rng, outputs=3, inputs=1, modes=3, sampled=False)
+    samples, lines = 800, np.arange(1, 380)
+    U = np.zeros((samples // 2 + 1, 1), complex)
+    U[lines, 0] = rng.standard_normal(lines.size) + 1j * rng.standard_normal(lines.size)
+    Y = np.einsum("flm,fm->fl", ss.transfer(2j * np.pi * np.arange(samples // 2 + 1) / samples), U)
+    record = Signals(outputs=np.fft.irfft(Y, axis=0), inputs=np.fft.irfft(U, axis=0), sampling_rate=1.0)
+    found = identify(record, method="alternate", domain="s", order=6, block_rows=8, band=(0.001, 0.47))
+    match = match_poles(found.poles, np.linalg.eigvals(ss.A))
+    assert max(match.frequency_error, match.damping_error) < EXACT
+    assert found.state_space.dt is None
+
+
+def test_first_states_follow_with_the_model() -> None:
+    """x X = A X + B U + x (x(0) - x(N)) / sqrt(N): what the ends give to mode j is its left vector times that."""
+    rng = np.random.default_rng(5)
+    ss = random_system(rng, outputs=3, inputs=2, modes=3)
+    records, (first,) = runs_of(ss, "white", rng)
+    run = records.runs[0]
+    assert run.inputs is not None
+    last = first
+    for u in run.inputs:
+        last = ss.A @ last + ss.B @ u
+    p = built(records, 6, method="alternate", block_rows=8)
+    modes = eigenmodes(p.matrix, p.triple(6))
+    z, X = np.linalg.eig(ss.A)
+    ends = np.linalg.solve(X, (first - last) / np.sqrt(run.samples))
+    own = np.array([np.argmin(np.abs(z - v)) for v in modes.eigen.values])
+    found = modes.shapes * modes.participation[:, 2]
+    assert relative(found, (ss.C @ X * ends)[:, own]) < FITTED
+
+
+def test_a_unit_impulse_at_rest_spans_what_the_transfer_matrix_spans() -> None:
+    rng = np.random.default_rng(2)
+    ss = random_system(rng, outputs=3, inputs=1, modes=3, damping=(0.03, 0.3))
+    samples, q = 4000, 8
+    u = np.zeros((samples, 1))
+    u[0] = 1
+    y = ss.simulate(u)
+    ours = record_lines(
+        record_spectra(Records(runs=(Signals(outputs=y, inputs=u, sampling_rate=1.0),))), domain="z", block_rows=q
+    )
+    lines = np.arange(1, samples // 2)
+    H = np.fft.rfft(y, axis=0)[lines, :, None]
+    frf = FrequencyResponse(values=H, frequencies=lines / samples, sampling_rate=1.0)
+    theirs = transfer(frf, domain="z", block_rows=q, order=6)
+    spans = [np.linalg.svd(matrix.triangle)[0][:, :6] for matrix in (ours, theirs)]
+    assert np.abs(np.linalg.svd(spans[0].T @ spans[1], compute_uv=False) - 1).max() < EXACT
+
+
+def test_runs_keep_the_inputs_that_they_had() -> None:
+    """Roving inputs need no square matrix; an input that no run has alike is its own column."""
+    rng = np.random.default_rng(4)
+    ss = random_system(rng, outputs=3, inputs=3, modes=3, direct=True)
+    runs = []
+    for own in ([0], [1], [2], [0, 2]):
+        u = np.zeros((500, 3))
+        u[:, own] = rng.standard_normal((500, len(own)))
+        y = ss.simulate(u, rng.standard_normal(ss.order))
+        runs.append(Signals(outputs=y, inputs=u[:, own], sampling_rate=1.0, input_dofs=[f"u{i + 1}" for i in own]))
+    found = identify(runs, method="alternate", order=6)
+    match = match_poles(found.poles, poles_of(ss))
+    assert max(match.frequency_error, match.damping_error) < EXACT
+    assert relative(found.state_space.D, ss.D) < FITTED
+    assert relative(found.state_space.markov_parameters(40), ss.markov_parameters(40)) < FITTED
+
+
+def test_inputs_that_are_alike_are_left_out_by_rank_with_a_note() -> None:
+    rng = np.random.default_rng(6)
+    ss = random_system(rng, outputs=3, inputs=1, modes=3)
+    u = rng.standard_normal((N, 1))
+    y = ss.simulate(u, rng.standard_normal(ss.order))
+    found = identify(Signals(outputs=y, inputs=np.hstack([u, -2 * u]), sampling_rate=1.0), order=6, block_rows=8)
+    match = match_poles(found.poles, poles_of(ss))
+    assert max(match.frequency_error, match.damping_error) < EXACT
+    assert any("9 of 27 rows" in str(note) for note in found.notes)
+    assert found.fit_error < FITTED
+    # only u1 - 2 u2 was driven: what it gives is known, how it is shared is not
+    both = found.state_space.markov_parameters(20) @ [[1.0], [-2.0]]
+    assert relative(both, ss.markov_parameters(20)) < FITTED
+
+
+def test_what_must_not_be_done_to_a_record_is_not_exact() -> None:
+    """An offset costs nothing, for 0 Hz is left out; a window or zeros behind the record cost the damping."""
+    rng = np.random.default_rng(8)
+    ss = random_system(rng, outputs=3, inputs=1, modes=3, damping=(0.003, 0.02))
+    u = rng.standard_normal((N, 1))
+    y = ss.simulate(u, rng.standard_normal(ss.order))
+
+    def error(outputs: np.ndarray, inputs: np.ndarray) -> float:
+        found = identify(Signals(outputs=outputs, inputs=inputs, sampling_rate=1.0), order=6, block_rows=8)
+        return match_poles(found.poles, poles_of(ss)).damping_error
+
+    assert error(y + 5, u - 3) < EXACT
+    hann = np.hanning(N)[:, None]
+    assert error(hann * y, hann * u) > 0.01
+    assert error(np.vstack([y, 0 * y]), np.vstack([u, 0 * u])) > 0.01
+
+
+def test_a_drift_is_one_pole_more_and_a_delay_as_many_as_its_samples() -> None:
+    rng = np.random.default_rng(9)
+    ss = random_system(rng, outputs=3, inputs=1, modes=3, damping=(0.003, 0.02))
+    u = rng.standard_normal((N, 1))
+    y = ss.simulate(u, rng.standard_normal(ss.order))
+    drift = Signals(outputs=y + np.outer(np.arange(N) / N, [1, 2, -1]), inputs=u, sampling_rate=1.0)
+    found = identify(drift, order=7, block_rows=8)
+    s = found.modes.poles
+    assert np.abs(s).min() < 1e-6
+    assert max(np.abs(s - pole).min() / abs(pole) for pole in poles_of(ss) if pole.imag > 0) < EXACT
+    late = y.copy()
+    late[2:, 0], late[:2, 0] = y[:-2, 0], rng.standard_normal(2)
+    found = identify(Signals(outputs=late, inputs=u, sampling_rate=1.0), order=8, block_rows=8)
+    oscillating = found.modes.poles[found.modes.poles.imag > 1e-3]
+    assert max(np.abs(oscillating - pole).min() / abs(pole) for pole in poles_of(ss) if pole.imag > 0) < 1e-8
+
+
+def test_chunks_of_lines_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(1)
+    ss = random_system(rng, outputs=2, inputs=1, modes=2)
+    records, _ = runs_of(ss, "white", rng, (2001,))
+    spectra = record_spectra(records)
+    whole = record_lines(spectra, domain="z", block_rows=5)
+    basis = spectra.basis(poles_of(ss))
+    monkeypatch.setattr("modalscope.blocks.record_lines._CHUNK", 1)
+    monkeypatch.setattr("modalscope.model.driven_basis._CHUNK", 100)
+    pieces = record_lines(spectra, domain="z", block_rows=5)
+    assert relative(pieces.triangle @ pieces.triangle.T, whole.triangle @ whole.triangle.T) < 1e-12
+    again = spectra.basis(poles_of(ss))
+    shapes = random_shapes(rng)
+    assert relative(again.fit_participation(shapes)[0], basis.fit_participation(shapes)[0]) < FITTED
+
+
+def random_shapes(rng: np.random.Generator) -> np.ndarray:
+    return rng.standard_normal((2, 4)) + 1j * rng.standard_normal((2, 4))
+
+
+def test_too_few_lines_are_an_error_that_says_how_many_are_left() -> None:
+    rng = np.random.default_rng(1)
+    y, u = rng.standard_normal((40, 2)), rng.standard_normal((40, 1))
+    record = Signals(outputs=y, inputs=u, sampling_rate=1.0)
+    with pytest.raises(DataError, match=r"19 lines leave -?\d+ equations"):
+        record_lines(record_spectra(Records(runs=(record,))), domain="z", block_rows=18, order=6)
+    with pytest.raises(DataError, match="no line there"):
+        record_spectra(Records(runs=(record,)), (0.6, 0.7))
+
+
+def test_the_matrix_says_what_it_is() -> None:
+    rng = np.random.default_rng(1)
+    record = Signals(outputs=rng.standard_normal((100, 2)), inputs=rng.standard_normal((100, 1)), sampling_rate=1.0)
+    matrix = record_lines(record_spectra(Records(runs=(record, record))), domain="z", block_rows=3)
+    assert isinstance(matrix, RecordLines)
+    assert "2 runs on 98 lines, 0.01 to 0.49 Hz, polynomials to degree 3" in matrix.describe()
+    assert matrix.left == 2 * (2 * 49 - 2 * 4)
+    assert isinstance(built(record, 2), Pipeline)

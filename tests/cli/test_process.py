@@ -1,0 +1,140 @@
+"""The program around a command: closed pipes, full disks, poor terminals and signals cost one line, and never a file."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import modalscope as ms
+from modalscope.cli import main
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="pipes, limits and signals of POSIX")
+
+PROGRAM = [sys.executable, "-m", "modalscope"]
+FORMATS = [".uff", ".csv", ".npz", ".mat", ".h5"]
+
+
+def program(*words: object, **options: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*PROGRAM, *map(str, words)], capture_output=True, text=True, timeout=120, **options)  # type: ignore[call-overload,no-any-return]
+
+
+def small_disk() -> None:
+    """No file may grow over 2000 bytes, as on a disk that is full."""
+    import resource
+
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))
+
+
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_a_full_disk_is_one_line_and_leaves_the_earlier_file(tmp_path: Path, test_file: Path, suffix: str) -> None:
+    target = tmp_path / f"out{suffix}"
+    assert main(["convert", str(test_file), str(target)]) == 0
+    before = target.read_bytes()
+    run = program("convert", test_file, target, preexec_fn=small_disk)
+    assert run.returncode == 2
+    assert re.fullmatch(r"modalscope: writing .* the system refuses: [^\n]*\n", run.stderr), run.stderr
+    assert target.read_bytes() == before
+    assert {path.name for path in tmp_path.iterdir()} == {test_file.name, target.name}
+
+
+def test_a_closed_pipe_loses_no_file(tmp_path: Path, test_file: Path) -> None:
+    target = tmp_path / "same.npz"
+    command = f"{' '.join(PROGRAM)} convert {test_file} {target} | true; echo ${{PIPESTATUS[0]}}"
+    run = subprocess.run(["bash", "-c", command], capture_output=True, text=True, timeout=120, check=True)
+    assert run.stdout == "0\n"
+    assert not run.stderr
+    assert len(ms.read(target).output_dofs) == 4
+
+
+def test_results_that_cannot_be_printed_are_one_line(test_file: Path) -> None:
+    if not Path("/dev/full").exists():
+        pytest.skip("no /dev/full on this system")
+    with Path("/dev/full").open("w") as full:
+        command = [*PROGRAM, "info", str(test_file)]
+        run = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
+    assert run.returncode == 2
+    assert run.stderr == "modalscope: the system refuses: no space left on device\n"
+
+
+@pytest.mark.parametrize(
+    "setting", [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}]
+)
+def test_a_terminal_of_ascii_gets_escapes(tmp_path: Path, setting: dict[str, str]) -> None:
+    name = tmp_path / "messung-µ.npz"
+    ms.write(name, ms.Signals(outputs=np.ones((3, 1)), sampling_rate=1.0, output_dofs=["µ\x1b[2J"]))
+    run = program("info", name, env={**os.environ, **setting})
+    assert run.returncode == 0
+    assert not run.stderr
+    assert run.stdout.isascii()
+    assert "\x1b" not in run.stdout
+
+
+def test_a_name_of_300_letters_or_with_signs_of_no_alphabet_is_one_line(tmp_path: Path, test_file: Path) -> None:
+    for name in ("a" * 300 + ".json", "a\x1b[2J\n.xyz"):
+        run = program("convert", test_file, tmp_path / name)
+        assert run.returncode == 2
+        assert run.stderr.count("\n") == 1
+        assert run.stderr.rstrip("\n").isprintable()
+        assert len(run.stderr) <= 620
+    assert [path.name for path in tmp_path.iterdir()] == [test_file.name]
+
+
+def stopped(words: list[str], number: int, when: Callable[[subprocess.Popen[str]], None]) -> tuple[int, str]:
+    """Return status and stderr of a command that gets a signal as soon as `when` returns."""
+    process = subprocess.Popen([*PROGRAM, *words], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    when(process)
+    process.send_signal(number)
+    _, told = process.communicate(timeout=120)
+    return process.returncode, told
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_is_one_line_and_no_temporary_file(tmp_path: Path, test_file: Path, number: int) -> None:
+    slow = tmp_path / "large.csv"
+    target = tmp_path / "out.csv"
+    ms.write(slow, ms.Signals(outputs=np.ones((20000, 10)), sampling_rate=100.0))
+
+    def writing(process: subprocess.Popen[str]) -> None:
+        while process.poll() is None and not any(path.name.startswith(".out-") for path in tmp_path.iterdir()):
+            time.sleep(0.001)
+
+    status, told = stopped(["convert", str(slow), str(target)], number, writing)
+    assert status == 128 + number
+    assert told == "modalscope: stopped; an output file is complete or what it was before\n"
+    assert {path.name for path in tmp_path.iterdir()} == {test_file.name, slow.name}
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("suffix", FORMATS)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL], ids=["INT", "TERM", "KILL"])
+def test_fifty_kills_at_any_time_lose_nothing(tmp_path: Path, suffix: str, number: int) -> None:
+    """The earlier file or the complete new one stands there; but for SIGKILL, which nobody can answer, there is no other file."""
+    source, target = tmp_path / "in.npz", tmp_path / f"out{suffix}"
+    data = ms.Signals(outputs=np.random.default_rng(0).standard_normal((20000, 10)), sampling_rate=100.0)
+    ms.write(source, data)
+    words = ["convert", str(source), str(target)]
+    begun = time.monotonic()
+    assert program(*words).returncode == 0
+    lasts, whole = time.monotonic() - begun, target.read_bytes()
+    told = []
+    for delay in np.linspace(0.0, lasts, 50):
+        status, line = stopped(words, number, lambda _, delay=delay: time.sleep(delay))
+        told.append((float(delay), status, line))
+        assert target.read_bytes() == whole
+    early = [entry for entry in told if "Traceback" in entry[2]]
+    print(
+        f"\n{suffix} signal {number}: {lasts:.2f} s; status {sorted({s for _, s, _ in told})}; tracebacks of Python's own start {early}"
+    )
+    left = {path.name for path in tmp_path.iterdir()} - {source.name, target.name}
+    if number != signal.SIGKILL:
+        assert not left
+        assert all(status in (0, 128 + number) or delay < 0.1 for delay, status, _ in told), told

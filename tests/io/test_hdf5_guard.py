@@ -1,0 +1,112 @@
+"""HDF5 files are proved before they are read: by their own checksum, or by a walk in another process."""
+
+from __future__ import annotations
+
+import sys
+import time
+
+import h5py
+import numpy as np
+import pytest
+
+import modalscope.io as mio
+from modalscope.io import hdf5_guard, hdf5_walk
+from modalscope.io.limits import room
+from tests.io import samples
+from tests.support import refused
+
+
+@pytest.fixture
+def ours(tmp_path):
+    mio.write(tmp_path / "a.h5", samples.frequency_response())
+    return tmp_path / "a.h5"
+
+
+@pytest.fixture
+def foreign(tmp_path):
+    frf = samples.frequency_response()
+    with h5py.File(tmp_path / "foreign.h5", "w") as file:
+        file["values_real"], file["values_imag"] = frf.values.real, frf.values.imag
+        file["frequencies"], file["output_dofs"] = frf.frequencies, list(frf.output_dofs)
+    return tmp_path / "foreign.h5"
+
+
+def counted(monkeypatch):
+    """Count the walks in another process."""
+    calls, apart = [], hdf5_guard._apart
+    monkeypatch.setattr(hdf5_guard, "_apart", lambda path, room: calls.append(path) or apart(path, room))
+    return calls
+
+
+def test_a_file_of_ours_needs_no_other_process_and_a_foreign_one_does(ours, foreign, monkeypatch):
+    calls = counted(monkeypatch)
+    mio.read(ours)
+    assert calls == []
+    mio.read(foreign)
+    assert calls == [foreign]
+
+
+def test_one_damaged_bit_anywhere_in_a_file_of_ours_is_found(ours):
+    data, rng = ours.read_bytes(), np.random.default_rng(0)
+    for place in rng.integers(0, len(data) - 200, 40):
+        ours.write_bytes(data[:place] + bytes([data[place] ^ 1 << int(rng.integers(8))]) + data[place + 1 :])
+        refused("not those that its checksum was made of", mio.read, ours)
+
+
+def test_a_damaged_number_is_found_by_hdf5_itself_where_the_seal_is_gone(ours):
+    data = ours.read_bytes()
+    with h5py.File(ours) as file:
+        place = file["values_real"].id.get_chunk_info(0).byte_offset
+    bare = bytearray(data[: data.index(b"\nmodalscope sha256")])
+    ours.write_bytes(bare)
+    assert samples.differences(mio.read(ours), samples.frequency_response()) == []
+    bare[place + 3] ^= 1
+    ours.write_bytes(bare)
+    refused("damaged", mio.read, ours)
+
+
+def test_the_same_data_give_the_same_file(tmp_path):
+    for name in ("a.h5", "b.h5"):
+        mio.write(tmp_path / name, samples.modes())
+    assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
+
+
+def test_a_seal_does_not_open_the_way_out_of_a_file(tmp_path):
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["outputs"] = h5py.ExternalLink(str(tmp_path / "b.h5"), "/x")
+    hdf5_guard.seal(path)
+    refused("/outputs is a link to another file", mio.read, path)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the end of a process by a signal")
+@pytest.mark.parametrize(
+    ("program", "found"),
+    [
+        ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "breaks off in it"),
+        ("import sys; sys.exit(3)", "status 3"),
+        ("import time; time.sleep(60)", "did not come to an end"),
+    ],
+)
+def test_a_walk_that_breaks_off_or_hangs_is_an_error_of_the_file(foreign, tmp_path, monkeypatch, program, found):
+    (tmp_path / "walk.py").write_text(program)
+    monkeypatch.setattr(hdf5_walk, "__file__", str(tmp_path / "walk.py"))
+    monkeypatch.setattr(hdf5_guard, "_CLOCK", (1, 10**9))
+    start = time.monotonic()
+    refused(found, mio.read, foreign)
+    assert time.monotonic() - start < 30
+
+
+def test_inside_of_another_program_the_walk_is_made_here(foreign, monkeypatch):
+    calls = counted(monkeypatch)
+    monkeypatch.setattr(sys, "executable", "/opt/matlab/bin/glnxa64/MATLAB")
+    assert mio.read(foreign).output_dofs == samples.OUTPUTS
+    assert calls == []
+
+
+def test_the_program_says_what_the_function_finds(foreign, tmp_path):
+    space = room("a", foreign.stat().st_size)
+    assert hdf5_guard._apart(foreign, space) == hdf5_guard._here(foreign, space) == []
+    (tmp_path / "b.h5").write_bytes(foreign.read_bytes()[:500])
+    there, here = hdf5_guard._apart(tmp_path / "b.h5", space), hdf5_guard._here(tmp_path / "b.h5", space)
+    assert there == here != []

@@ -1,0 +1,82 @@
+"""No small file fills the memory or holds a reader up, and what was lifted may be read."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import modalscope.io as mio
+from modalscope.io.limits import Room, room
+from modalscope.model import DataError, Signals
+from tests.io.bombs import BOMBS
+from tests.support import ROOT, refused
+
+#: Reading a bomb may take two seconds of the processor, and 500 MB or twenty times the file.
+SECONDS, LEAST, TIMES = 2.0, 500_000_000, 20
+
+
+@pytest.fixture
+def unlimited():
+    yield mio.set_max_memory
+    mio.set_max_memory(None)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the bounds are those of Linux")
+@pytest.mark.parametrize("suffix", [".npz", ".mat", ".h5", ".csv", ".json", ".uff", ""])
+def test_every_bomb_is_answered_in_time_and_within_the_memory(tmp_path, suffix):
+    made = [name for name in BOMBS if Path(name).suffix == suffix]
+    for name in made:
+        BOMBS[name](tmp_path / name)
+    command = [sys.executable, "-W", "error", "-m", "tests.io.apart", str(tmp_path), "20"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    answers = [json.loads(line) for line in done.stdout.splitlines()]
+    assert len(answers) == len(made) > 0
+    bad = [a for a in answers if a["how"] not in ("read", "DataError")]
+    bad += [a for a in answers if a["seconds"] > SECONDS or a["memory"] > max(LEAST, TIMES * a["size"])]
+    assert not bad
+
+
+def test_what_a_bound_refuses_is_read_when_it_is_lifted(tmp_path, unlimited):
+    record = Signals(outputs=np.zeros((1000, 1)), sampling_rate=1.0)
+    for suffix in (".npz", ".h5", ".mat", ".csv"):
+        path = tmp_path / f"a{suffix}"
+        mio.write(path, record)
+        unlimited(10_000)  # a quarter of it may be arrays, and there are 8000 bytes of them
+        error = refused("was asked", mio.read, path)
+        assert "--max-memory" in error.change
+        unlimited(10**9)
+        assert mio.read(path).samples == 1000
+        unlimited(None)
+        assert mio.read(path).samples == 1000
+
+
+@pytest.mark.parametrize("size", [0, -1, 1.5, True, "8GB"])
+def test_a_bound_is_a_number_of_bytes(size):
+    refused("a bound on memory was asked", mio.set_max_memory, size)
+
+
+def test_a_file_may_take_five_times_its_size_in_arrays_and_never_less_than_a_quarter_of_the_least():
+    assert room("a", 1).left == 125_000_000
+    assert room("a", 10**9).left == 5 * 10**9
+
+
+def test_numbers_are_weighed_as_what_they_become():
+    space = Room(where="a", size=1, left=100)
+    space.array("outputs", np.dtype("i1"), 12)  # eight bytes each
+    assert space.left == 4
+    with pytest.raises(DataError, match=r"b would take 8 bytes of memory(.|\n)*may take 4 bytes more"):
+        space.array("b", np.dtype("f4"), 1)
+
+
+def test_a_nearly_empty_matrix_is_refused_and_a_full_one_is_not(unlimited):
+    space = room("a", 1)
+    space.square("they", 10**8, 10**8)
+    space.square("they", 250_000, 1)
+    refused("they make a matrix of 1000000 entries", space.square, "they", 10**6, 10_000)
+    unlimited(10**9)
+    room("a", 1).square("they", 10**6, 10_000)

@@ -1,0 +1,86 @@
+"""Every argument of every public callable is given what means nothing there, and answers with a DataError, or in words that name it."""
+
+from __future__ import annotations
+
+import signal
+import time
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from tests.arguments import WRONG, calls, judge, right
+from tests.test_docstrings import CALLABLES
+
+#: Callables whose right answer takes a second or more: wrong values that mean something there are left to the study.
+SLOW = ("report", "compare", "analyze", "replay", "fit_residues")
+
+
+@pytest.fixture(autouse=True)
+def quiet() -> Iterator[None]:
+    """Close pictures; numpy may warn of what it is given."""
+    from matplotlib import pyplot
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
+    pyplot.close("all")
+
+
+def test_every_public_callable_with_arguments_is_tried() -> None:
+    tried = {name.partition(" of ")[0] for name, *_ in calls()}
+    assert len(tried) > 0.6 * len(CALLABLES)
+
+
+@pytest.mark.parametrize("shift", range(2))
+def test_two_wrong_values_for_every_argument(shift: int) -> None:
+    """Others for each, so that all kinds are tried; `make study` tries all of them for all."""
+    names, told = list(WRONG), {}
+    for k, (name, call, given, argument) in enumerate(calls()):
+        if name in SLOW:
+            continue
+        wrong = names[(k + 17 * shift) % len(names)]
+        answer = judge(call, given, argument, WRONG[wrong]())
+        if answer:
+            told[f"{name}({argument}={wrong})"] = answer
+    assert not told
+
+
+@contextmanager
+def within(seconds: int) -> Iterator[None]:
+    def late(*_: object) -> None:
+        raise TimeoutError(f"no answer within {seconds} s")
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.alarm(seconds)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+@pytest.mark.study
+def test_all_wrong_values_for_every_argument() -> None:
+    """Some 20 000 calls, each answered within 20 s."""
+    import resource
+
+    limits = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(
+        resource.RLIMIT_AS, (8 << 30, limits[1])
+    )  # memory without end is an error, not the end of the machine
+    right()
+    begun, count, told = time.monotonic(), 0, {}
+    try:
+        for name, call, given, argument in calls():
+            for wrong, make in WRONG.items():
+                count += 1
+                with within(20):
+                    answer = judge(call, given, argument, make())
+                if answer:
+                    told[f"{name}({argument}={wrong})"] = answer
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, limits)
+    print(f"\n{count} calls in {time.monotonic() - begun:.0f} s, {len(told)} answered in other words")
+    assert not told

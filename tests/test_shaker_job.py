@@ -1,0 +1,117 @@
+"""Raw records of a shaker test to the right modes with nothing set, and what shows that something was not measured."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import modalscope as ms
+from modalscope.identification.routes import usual_route
+from modalscope.model.record_residual import UNMEASURED
+from modalscope.model.records import Records, as_records
+from tests.shaker import Shaker, shaker
+
+
+def errors(test: Shaker, modes: ms.ModalModel) -> tuple[np.ndarray, np.ndarray]:
+    """Return relative errors of frequency and damping of every true mode by its nearest; infinite when it is farther than its bandwidth."""
+    found = np.full((2, test.frequencies.size), np.inf)
+    for j, (f, zeta) in enumerate(zip(test.frequencies, test.damping_ratios, strict=True)):
+        k = int(np.argmin(np.abs(modes.frequencies - f)))
+        if abs(modes.frequencies[k] - f) < 2 * f * zeta:
+            found[:, j] = abs(modes.frequencies[k] / f - 1), abs(modes.damping_ratios[k] / zeta - 1)
+    return found[0], found[1]
+
+
+def test_a_shaker_test_gives_its_modes_with_nothing_set() -> None:
+    """Twelve modes of .1 to .7 %, twenty outputs, two correlated forces, 40 dB: none lost, none false, damping within 2 %."""
+    test = shaker(0)
+    result = ms.analyze(test.signals)
+    assert result.settings[0]["route"] == "records"
+    f, zeta = errors(test, result.modes)
+    assert len(result.modes) == 12
+    assert f.max() < 1e-4
+    assert zeta.max() < 0.02
+    assert not [note for note in result.notes if note.kind in (UNMEASURED, "delay")]
+    diagram = result.diagram
+    for true, half in zip(test.frequencies, test.frequencies * test.damping_ratios, strict=True):
+        able = [n for n in diagram.orders if n >= 24]
+        near = diagram.stable & (np.abs(diagram.frequencies - true) < half)
+        assert sum(bool(np.any(near & (diagram.order_of_pole == n))) for n in able) >= 0.6 * len(able)
+
+
+@pytest.mark.study
+def test_every_band_from_gap_to_gap_gives_its_modes() -> None:
+    test = shaker(1)
+    middle = (test.frequencies[1:] + test.frequencies[:-1]) / 2
+    for low, high in zip(middle[:-2:3], middle[2::3], strict=True):
+        inside = (test.frequencies > low) & (test.frequencies < high)
+        modes = ms.analyze(test.signals, band=(low, high)).modes
+        part = Shaker(test.frequencies[inside], test.damping_ratios[inside], test.shapes[:, inside], test.signals)
+        f, zeta = errors(part, modes)
+        assert len(modes) == inside.sum()
+        assert f.max() < 1e-4
+        assert zeta.max() < 0.05
+
+
+@pytest.mark.parametrize(
+    ("what", "named"), [({}, False), ({"unmeasured": 0.3}, True), ({"input_noise": 0.1}, True), ({"noise": 0.1}, False)]
+)
+def test_what_is_left_at_the_modes_tells_what_was_not_measured(what: dict[str, float], named: bool) -> None:
+    for seed in range(2):
+        test = shaker(seed, modes=6, outputs=6, seconds=6.0, **what)
+        diagram = ms.stabilize(test.signals, orders=range(2, 41, 2), route="records")
+        assert any(note.kind == UNMEASURED for note in diagram.notes) is named
+
+
+@pytest.mark.study
+@pytest.mark.parametrize(("what", "named"), [({}, False), ({"unmeasured": 0.3}, True), ({"input_noise": 0.1}, True)])
+def test_twelve_seeds_of_each_kind_are_told_apart_without_a_miss(what: dict[str, float], named: bool) -> None:
+    for seed in range(12):
+        test = shaker(100 + seed, modes=8, outputs=8, **what)
+        diagram = ms.stabilize(test.signals, orders=range(2, 61, 2), route="records")
+        assert any(note.kind == UNMEASURED for note in diagram.notes) is named, seed
+
+
+def test_with_unmeasured_forces_the_way_with_instruments_is_taken_where_nothing_was_asked() -> None:
+    test = shaker(0, modes=4, outputs=4, seconds=6.0, unmeasured=0.3)
+    diagram = ms.stabilize(test.signals, orders=range(2, 31, 2))
+    assert diagram.settings["route"] == "subspace"
+    assert [note.kind for note in diagram.notes].count(UNMEASURED) == 1
+    asked = ms.stabilize(test.signals, orders=range(2, 31, 2), route="records")
+    assert asked.settings["route"] == "records"
+
+
+def white(rng: np.random.Generator, samples: int, force: np.ndarray) -> ms.Signals:
+    ss = ms.systems.chain5().state_space(dt=0.05)
+    u = np.zeros((samples, ss.B.shape[1]))
+    u[:, 0] = force
+    return ms.Signals(
+        outputs=ss.simulate(u), inputs=u[:, :1] + 0 * rng.standard_normal((samples, 1)), sampling_rate=20.0
+    )
+
+
+def test_the_rule_takes_responses_of_impacts_and_of_settled_periods_and_records_else() -> None:
+    rng = np.random.default_rng(0)
+    period = rng.standard_normal(2000)
+    hits = np.zeros(8000)
+    hits[[10, 4000]] = 1, 2
+    assert usual_route(as_records(white(rng, 8000, rng.standard_normal(8000)))) == "records"
+    assert usual_route(as_records(white(rng, 8000, np.tile(period, 4)))) == "frf"
+    assert usual_route(as_records(white(rng, 4000, np.tile(period, 2)))) == "records"  # one to settle, two to average
+    assert usual_route(as_records(white(rng, 8000, hits))) == "frf"
+    two = [white(rng, n, np.r_[1.0, np.zeros(n - 1)]) for n in (4000, 5000)]
+    assert usual_route(Records(runs=tuple(two))) == "records"  # runs that do not stack are taken as they are
+
+
+def test_a_comparison_counts_votes_by_way_and_names_the_leakage() -> None:
+    test = shaker(0, modes=3, outputs=4, seconds=6.0)
+    found = ms.compare(test.signals, ["alternate"], orders=range(2, 25, 2), workers=1)
+    assert {r.route for r in found.results} == {"records", "frf", "markov"}
+    assert "leakage" in found.causes
+    assert not any(r.exact for r in found.results if r.route == "frf")
+    assert all(g.voters == 2 for g in found.groups)
+    f, zeta = errors(test, found.modes)
+    assert f.max() < 1e-4
+    assert zeta.max() < 0.02
+    only = ms.compare(test.signals, ["alternate"], orders=range(2, 25, 2), workers=1, route="records")
+    assert {r.route for r in only.results} == {"records"}

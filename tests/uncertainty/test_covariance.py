@@ -1,0 +1,44 @@
+"""Covariances carried on: against differences, and against samples drawn from them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modalscope.model.poles import frequencies_and_damping
+from modalscope.uncertainty.covariance import deviations_of_poles, pole_blocks, sandwich, shape_deviations
+
+RNG = np.random.default_rng(0)
+
+
+def test_frequencies_and_damping_ratios_vary_as_their_poles_do():
+    poles = np.array([-1 + 100j, -30 + 40j, -0.1 + 5j])
+    root = 1e-4 * RNG.standard_normal((3, 2, 2))
+    blocks = root @ root.transpose(0, 2, 1)
+    draws = np.einsum("nab,kbn->kan", root, RNG.standard_normal((40000, 2, 3)))
+    f, zeta = frequencies_and_damping(poles + draws[:, 0] + 1j * draws[:, 1])
+    # 40000 draws tell a deviation to .35 %
+    for told, seen in zip(deviations_of_poles(poles, blocks), (f.std(axis=0), zeta.std(axis=0)), strict=True):
+        assert np.allclose(told, seen, rtol=0.02)
+
+
+def test_blocks_stand_where_they_are_asked_for():
+    covariance = np.arange(36.0).reshape(6, 6)
+    assert np.array_equal(pole_blocks(covariance, [0, 4]), [covariance[:2, :2], covariance[4:, 4:]])
+
+
+def test_the_sandwich_of_a_mean_is_the_variance_of_the_mean():
+    """One unknown, G numbers: J'J = G, the scores are their distances from the mean, and the sandwich is s^2 / G."""
+    y = RNG.standard_normal(7)
+    found = sandwich(np.array([[1 / 7]]), (y - y.mean())[:, None])
+    assert np.isclose(found[0, 0], y.var(ddof=1) / 7)
+
+
+def test_shapes_scatter_as_their_parts_do_with_the_scale_taken_out():
+    shape = np.array([1, -2 + 1j, 0.5j])
+    alone, A = np.array([0.3, 0.1, 0.2]) * 1e-6, 1e-3 * (RNG.standard_normal((3, 2)) + 1j * RNG.standard_normal((3, 2)))
+    root = RNG.standard_normal((2, 2))
+    noise = np.sqrt(alone / 2) * (RNG.standard_normal((40000, 3)) + 1j * RNG.standard_normal((40000, 3)))
+    moved = noise + RNG.standard_normal((40000, 2)) @ root.T @ A.T
+    across = moved - np.outer(moved @ shape.conj(), shape) / np.vdot(shape, shape)
+    told = shape_deviations(shape, alone, A, root @ root.T)
+    assert np.allclose(told, np.sqrt(np.mean(np.abs(across) ** 2, axis=0)), rtol=0.02)

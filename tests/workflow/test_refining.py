@@ -1,0 +1,76 @@
+"""Refinement in the whole job: better where the data allow it, and a reason where they do not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import modalscope as ms
+from modalscope.identification.beside import needed_beside
+from tests.support import FIVE, add_noise, match_poles
+
+
+def told(modes: ms.ModalModel, kind: str) -> str:
+    return " ".join(str(note) for note in modes.notes if note.kind == kind)
+
+
+@pytest.mark.parametrize("kind", ["samples", "lines"])
+def test_real_poles_take_part_so_that_the_modes_need_not_make_up_for_them(kind):
+    """Two overdamped modes are in no list; without them a refinement would drive a mode 30 % of its frequency away."""
+    structure = FIVE["over4"]()
+    clean = (
+        structure.impulse_response(400) if kind == "samples" else structure.frequency_response(np.linspace(0.3, 8, 340))
+    )
+    truth = structure.modes()
+    oscillating = truth.poles[np.array([k == "mode" for k in truth.kinds])]
+    found = ms.analyze(add_noise(clean, 40, 3)).modes
+    assert found.converged
+    assert "2 poles that are no modes take part" in told(found, "held")
+    # the bound at 40 dB is 1e-4 to 3e-4 of |s|
+    assert match_poles(found.poles, oscillating).frequency_error < 1e-3
+    assert match_poles(ms.refine(add_noise(clean, 40, 3), found.unrefined).poles, oscillating).frequency_error > 0.1
+
+
+def test_no_pole_of_noise_takes_part():
+    clean = FIVE["chain5"]().frequency_response(np.linspace(0.3, 8, 340))
+    truth = FIVE["chain5"]().modes().poles
+    for seed in range(20):
+        data = add_noise(clean, 40, seed)
+        diagram = ms.stabilize(data, orders=[30])
+        assert needed_beside(data, truth, diagram.poles).size == 0
+
+
+def test_a_mode_that_was_refused_takes_part_all_the_same():
+    data = ms.systems.chain5().impulse_response(300, noise=0.01, seed=0)
+    whole = ms.analyze(data).modes
+    less = ms.analyze(data, refuse=[whole.frequencies[1]]).modes
+    # the refused pole is held where the diagram has it, not at its optimum
+    assert np.all(np.abs(less.frequencies / np.delete(whole.frequencies, 1) - 1) < 1e-3)
+
+
+def test_correlations_keep_their_values_and_say_why():
+    record = ms.systems.chain5().simulate(inputs="ambient", samples=8000, sampling_rate=20.0, seed=0)
+    found = ms.analyze(record).modes
+    assert len(found)
+    assert "errors of correlations are correlated" in told(found, "not refined")
+    assert (found.unrefined, found.converged) == (None, None)
+
+
+def test_samples_in_a_band_keep_their_values_and_say_why():
+    data = ms.systems.chain5().impulse_response(300, noise=0.01, seed=0)
+    assert "samples are not filtered" in told(ms.analyze(data, band=(0.5, 4)).modes, "not refined")
+
+
+def test_data_that_were_transformed_keep_their_values_and_say_why():
+    data = add_noise(ms.systems.chain5().frequency_response(np.linspace(0, 10, 401)), 40)
+    found = ms.analyze(data, method="era", domain="time").modes
+    assert "transformed before they were identified" in told(found, "not refined")
+
+
+def test_an_optimum_far_away_is_not_reported_as_the_mode(monkeypatch):
+    """A list that lacks modes, with nothing beside it: the refined values are another mode's."""
+    data = add_noise(FIVE["over4"]().frequency_response(np.linspace(0.3, 8, 340)), 40, 3)
+    monkeypatch.setattr("modalscope.workflow.refining.needed_beside", lambda *_: np.zeros(0, complex))
+    found = ms.analyze(data).modes
+    assert "the optimum lies far from" in told(found, "not refined")
+    assert found.unrefined is None
