@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.linalg as sla
 
 import modalscope as ms
 from modalscope.blocks.influence import Moments
@@ -65,6 +66,54 @@ def test_errors_of_frequency_responses_are_as_large_as_their_deviations(known):
     found = [errors(lines(k, known), 10, method="alternate") for k in range(15)]
     ratio = np.array([apart / std for apart, std in found])
     assert np.mean(ratio**2) == pytest.approx(1, abs=4 * np.sqrt(2 / ratio.size))
+
+
+def record(seed, **more):
+    return chain5().simulate(at=[0, 3], samples=1000, sampling_rate=20, noise=0.01, seed=seed, **more)
+
+
+@pytest.mark.parametrize(("runs", "method"), [(1, "alternate"), (2, "era")])
+def test_errors_of_records_with_inputs_are_as_large_as_their_deviations(runs, method):
+    row = {"method": method, "domain": "z", "route": "records"}
+    found = [errors(record(k, runs=runs), 10, **row) for k in range(15)]
+    ratio = np.array([apart / std for apart, std in found])
+    assert np.mean(ratio**2) == pytest.approx(1, abs=4 * np.sqrt(2 / ratio.size))
+
+
+def windowed(seed, on_lines, decay=0.1, samples=600):
+    """Return a response under exp(-decay t), whose noise was steady before: as samples, or as the lines of their transform."""
+    clean = chain5().impulse_response(samples).values
+    noise = 0.01 * np.sqrt(np.mean(clean**2, axis=0)) * np.random.default_rng(seed).standard_normal(clean.shape)
+    values = (clean + noise) * np.exp(-decay * np.arange(1, samples + 1) / 20)[:, None, None]
+    if not on_lines:
+        return ms.ImpulseResponse(values=values, sampling_rate=20.0, added_damping=decay)
+    H = np.fft.fft(np.concatenate([np.zeros_like(values[:1]), values]), axis=0)[1 : samples // 2]
+    f = np.arange(1, samples // 2) * 20.0 / (samples + 1)
+    return ms.FrequencyResponse(values=H, frequencies=f, sampling_rate=20.0, added_damping=decay)
+
+
+@pytest.mark.parametrize("on_lines", [False, True])
+def test_under_an_exponential_window_errors_are_as_large_as_their_deviations(on_lines):
+    """The window makes noise fade with the signal: taken as white, it is told to be 1.5 (samples) to 3 times (lines) too small."""
+    domain = "z" if on_lines else "time"
+    found = [errors(windowed(k, on_lines), 10, method="era", domain=domain) for k in range(15)]
+    ratio = np.array([apart / std for apart, std in found])
+    assert np.mean(ratio**2) == pytest.approx(1, abs=4 * np.sqrt(2 / ratio.size))
+
+
+@pytest.mark.parametrize("on_lines", [False, True])
+def test_noise_is_drawn_as_it_is_known_under_a_window(on_lines):
+    data = windowed(0, on_lines, samples=64)
+    noise = noise_of(data).beside(np.array([[1.0, 4.0]]))
+    rng = np.random.default_rng(0)
+    drawn = np.stack([noise.drawn((data.count, 1, 2), rng)[:, 0] for _ in range(4000)])
+    found = drawn[:, :, 1].T @ drawn[:, :, 1].conj() / len(drawn)
+    if on_lines:
+        known = 4 * sla.toeplitz(noise.fading, noise.fading.conj())
+    else:
+        known = 4 * np.diag(np.exp(-0.2 * np.arange(data.count) / 20))
+        known = known / np.mean(np.diag(known)) * 4
+    np.testing.assert_allclose(found, known, atol=4 * 5 / np.sqrt(4000) * known.real.max() / 4)
 
 
 def test_deviations_scale_with_the_noise_and_are_not_there_when_not_asked():
