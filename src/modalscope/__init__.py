@@ -26,6 +26,7 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
     from modalscope.identification.table import methods as methods
     from modalscope.io import read as read, write as write
     from modalscope.judging.bands import merge_bands as merge_bands
+    from modalscope.judging.certificate import Certificate as Certificate
     from modalscope.judging.select import select as select
     from modalscope.judging.stabilize import stabilize as stabilize
     from modalscope.modal import indicators as indicators
@@ -52,6 +53,7 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
         estimate_markov as estimate_markov,
         merge as merge,
     )
+    from modalscope.published.selfcheck import selfcheck as selfcheck
     from modalscope.realizations.sensors import (
         EquationsOfMotion as EquationsOfMotion,
         equations_of_motion as equations_of_motion,
@@ -59,6 +61,7 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
     )
     from modalscope.reporting import report as report
     from modalscope.workflow.analyze import analyze as analyze
+    from modalscope.workflow.certify import certify as certify
     from modalscope.workflow.replay import replay as replay
 
 __version__ = "0.1.0"
@@ -73,6 +76,7 @@ _HOMES = {
     "identification.table": ("methods",),
     "io": ("read", "write"),
     "judging.bands": ("merge_bands",),
+    "judging.certificate": ("Certificate",),
     "judging.select": ("select",),
     "judging.stabilize": ("stabilize",),
     "modal.indicators": ("mac",),
@@ -92,10 +96,12 @@ _HOMES = {
     ),
     "model.analysis": ("Analysis",),
     "model.result": ("Result",),
+    "published.selfcheck": ("selfcheck",),
     "preprocess": ("estimate_correlation", "estimate_frf", "estimate_markov", "merge"),
     "realizations.sensors": ("EquationsOfMotion", "equations_of_motion", "first_order_form"),
     "reporting": ("report",),
     "workflow.analyze": ("analyze",),
+    "workflow.certify": ("certify",),
     "workflow.replay": ("replay",),
 }
 

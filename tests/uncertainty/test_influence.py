@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.linalg as sla
 
 from modalscope.blocks.influence import Influence
 from modalscope.identification.sweep import cut_order
@@ -217,5 +218,37 @@ def test_moments_of_samples_are_those_of_every_value(method):
     variance = np.random.default_rng(0).uniform(1, 2, data.values.shape[1:])
     size, square = plain_moments(found, data.values.shape, variance, 1)
     moments = found.white(variance)
+    assert relative(moments.size, size) < 1e-12
+    assert relative(moments.square, square) < 1e-11
+
+
+def test_moments_of_lines_that_correlate_are_those_of_the_parts_of_their_covariance():
+    data = lines().at_lines(slice(0, None, 6))
+    pipeline = built(data, 10, method="alternate")
+    cut = cut_order(pipeline, 10)
+    found = influence_on(pipeline.matrix, pipeline.realization, cut.order, cut.triple, cut.modal.eigen)
+    correlation = 1 / (1 + 0.7j * np.arange(data.count))
+    values, vectors = np.linalg.eigh(sla.toeplitz(correlation, correlation.conj()))
+    variance = np.random.default_rng(0).uniform(1, 2, data.values.shape[1:])
+    moments = found.faded(variance, correlation)
+    size, square = np.zeros(len(moments.size)), np.zeros(len(moments.size), complex)
+    for o, i in np.ndindex(variance.shape):
+        changes = np.zeros((2 * len(values), *data.values.shape), complex)
+        parts = np.sqrt(np.maximum(values, 0) * variance[o, i] / 2) * vectors
+        changes[:, :, o, i] = np.concatenate([parts.T, 1j * parts.T])
+        moved = found.of(changes)
+        size, square = size + np.sum(np.abs(moved) ** 2, axis=0), square + np.sum(moved**2, axis=0)
+    assert relative(moments.size, size) < 1e-12
+    assert relative(moments.square, square) < 1e-11
+
+
+def test_moments_of_samples_that_fade_are_those_of_every_value():
+    data = samples(count=50)
+    pipeline = built(data, 10, method="era")
+    cut = cut_order(pipeline, 10)
+    found = influence_on(pipeline.matrix, pipeline.realization, cut.order, cut.triple, cut.modal.eigen)
+    variance, fading = np.random.default_rng(0).uniform(1, 2, data.values.shape[1:]), np.linspace(2, 0, 50)
+    size, square = plain_moments(found, data.values.shape, variance * fading[:, None, None], 1)
+    moments = found.faded(variance, fading)
     assert relative(moments.size, size) < 1e-12
     assert relative(moments.square, square) < 1e-11

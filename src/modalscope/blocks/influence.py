@@ -13,6 +13,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 from scipy import fft
+from scipy.linalg import matmul_toeplitz
 
 from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
 
@@ -77,6 +78,18 @@ class Influence(ABC):
         """
 
     @abstractmethod
+    def faded(self, variance: RealArray, fading: Array) -> Moments:
+        """Return what noise does that fades: that of a record under an exponential window.
+
+        Parameters
+        ----------
+        variance : array, (l, m) or (F, l, m)
+            E|noise|^2 of the values, on average.
+        fading : array
+            Of samples, (N,): the variance of each over the average. Of lines, (F,): the correlation of one with that k lines below it.
+        """
+
+    @abstractmethod
     def of(self, change: Array) -> ComplexArray:
         """Return the first-order change of the poles for changes of the response, (d, F or N, l, m) -> (d, k)."""
 
@@ -119,6 +132,22 @@ class LineInfluence(Influence):
         )
         square = sum(2 * one.times(two).summed(used) for one in self.direct for two in self.mirrored)
         return Moments(np.asarray(size) * self.each, np.asarray(square, dtype=complex) * self.each)
+
+    def faded(self, variance: RealArray, fading: Array) -> Moments:
+        """Return sum a_f a_f'* C_ff' + b_f b_f'* C_ff'* and 2 sum a_f b_f' C_ff', with C the covariance of the lines' noise."""
+        size = np.sqrt(np.broadcast_to(variance, (len(fading), *variance.shape[-2:]))[self.lines])
+        pairs = [self._moments_of(j, size, fading) for j in range(len(self.direct[0].left))]
+        each = np.asarray(pairs).reshape(-1, 2)
+        return Moments(np.asarray(each[:, 0].real), each[:, 1])
+
+    def _moments_of(self, j: int, size: RealArray, fading: Array) -> tuple[complex, complex]:
+        a, b = (
+            (sum(one.left[j][:, :, None] * one.right[j][:, None, :] for one in part) * size).reshape(len(size), -1)
+            for part in (self.direct, self.mirrored)
+        )
+        first = (fading, fading.conj())  # of the column and of the row
+        of_a, of_b = matmul_toeplitz(first, a.conj()), matmul_toeplitz(first, b)
+        return np.sum(a * of_a) + np.sum(b.conj() * of_b), 2 * np.sum(a * of_b)
 
     def of(self, change: Array) -> ComplexArray:
         """Return the change of the poles; where lines were left out an estimate."""
@@ -164,6 +193,14 @@ class SampleInfluence(Influence):
         size: Array = np.sum([one.times(two.conjugate()).summed(variance).real for one, two in pairs], axis=0)
         square: Array = np.sum([one.times(_backwards(two)).summed(variance) for one, two in pairs], axis=0)
         return Moments(np.asarray(size / self._length), np.asarray(square / self._length, dtype=complex))
+
+    def faded(self, variance: RealArray, fading: Array) -> Moments:
+        """Return the moments under noise whose variance runs with the samples, one pole at a time."""
+        weights = variance * fading[:, None, None]
+        gradients = [self.gradient(j)[: len(weights)] for j in range(len(self.terms[0].left))]
+        size = [np.sum(np.abs(g) ** 2 * weights[: len(g)]) for g in gradients]
+        square = [np.sum(g**2 * weights[: len(g)]) for g in gradients]
+        return Moments(np.asarray(size), np.asarray(square, dtype=complex))
 
     def of(self, change: Array) -> ComplexArray:
         """Return the change of the poles, one pole at a time; samples beyond the last that was read do nothing."""

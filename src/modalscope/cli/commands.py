@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from modalscope import __version__
 from modalscope.cli import (
+    certify,
     compare,
     completion,
     convert,
@@ -18,6 +19,7 @@ from modalscope.cli import (
     realize,
     refine,
     report,
+    selfcheck,
     simulate,
 )
 from modalscope.cli.parser import Parser, add_common
@@ -29,6 +31,7 @@ __all__ = ["COMMANDS", "build_parser", "names"]
 COMMANDS = (
     identify,
     compare,
+    certify,
     refine,
     report,
     mac,
@@ -41,6 +44,7 @@ COMMANDS = (
     realize,
     methods,
     simulate,
+    selfcheck,
     completion,
 )
 

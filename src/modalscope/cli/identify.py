@@ -122,8 +122,10 @@ def _print(result: Result) -> None:
         return
     several = f"{len(result.diagrams)} bands merged\n\n" if len(result.diagrams) > 1 else ""
     say(f"\n{several}{result.modes.table()}")
+    shown = {note for diagram in result.diagrams for note in diagram.notes}
     for note in result.modes.notes:
-        remark(f"  {note}")
+        if note not in shown:
+            remark(f"  {note}")
     if len(result.diagrams) == 1:
         say(f"\n{explained(fit_of(result.modes, result.diagram.response))}")
     for index, reasons in enumerate(result.modes.reasons):

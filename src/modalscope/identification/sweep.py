@@ -23,7 +23,7 @@ from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
 from modalscope.model.poles import frequencies_and_damping
 from modalscope.model.response import output_scale
-from modalscope.uncertainty.deviations import Deviations, deviations_of, unknowns_a_channel
+from modalscope.uncertainty.deviations import Deviations, deviations_of
 from modalscope.uncertainty.noise import Noise, Unknown, noise_of, residual_variance
 
 __all__ = ["Cut", "Sweep", "cut_order", "sweep"]
@@ -84,7 +84,7 @@ def _cut(pipeline: Pipeline, order: int, measured: _Measured) -> Cut:
     indicators = indicators_of(pipeline.matrix, model, modal)
     modes = modal_model(pipeline.matrix, modal, indicators)
     left = measured.left_by(modal)
-    std = measured.deviations(order, model, modal, reported, left)
+    std = measured.deviations(order, model, modal, reported)
     if std is not None:
         modes = replace(modes, frequencies_std=std.frequency, damping_ratios_std=std.damping_ratio)
     return Cut(
@@ -107,10 +107,8 @@ class _Measured:
         self._scale = output_scale(self._response)[:, None]
         self._complex = bool(np.iscomplexobj(self._response.values))
         self._whole = np.linalg.norm(self._response.values / self._scale)
-        weights = getattr(pipeline.matrix, "weights", None)
-        self._weight = 1.0 if weights is None else float(np.sqrt(np.mean(weights**2)))
-        told = deviations and not self._response.deviations_withheld
-        self.noise = noise_of(self._response, pipeline.problem.records) if told else None
+        self._weighted = getattr(pipeline.matrix, "weights", None) is not None
+        self.noise = noise_of(self._response, pipeline.problem.records) if deviations else None
 
     def left_by(self, modes: Eigenmodes) -> RealArray:
         """Return what modes leave of the level data, real rows."""
@@ -126,18 +124,21 @@ class _Measured:
             ratio = np.linalg.norm(left) / self._whole
         return float(ratio) if np.isfinite(ratio) else np.inf
 
-    def deviations(
-        self, order: int, model: Triple, modal: Eigenmodes, index: IntArray, left: RealArray
-    ) -> Deviations | None:
+    def deviations(self, order: int, model: Triple, modal: Eigenmodes, index: IntArray) -> Deviations | None:
         """Return the standard deviations of some poles; None where they were not asked."""
         if self.noise is None:
             return None
-        with np.errstate(over="ignore", invalid="ignore"):
-            unknowns = unknowns_a_channel(self._response, modal)
-            residual = (self._scale / self._weight) ** 2 * residual_variance(left, unknowns, self._complex)
+        residual = self._residual(modal)
         pipeline = self._pipeline
         noise = self.noise.beside(residual)
         return deviations_of(pipeline.matrix, pipeline.realization, order, model, modal, index, noise)
+
+    def _residual(self, modal: Eigenmodes) -> RealArray:
+        """Return the variance (l, m) of what no residues at the poles of a model explain, whatever its own shapes leave."""
+        own = modal.fit.basis
+        basis = self._response.basis(modal.poles, modal.fit.powers) if own is None or self._weighted else own
+        rows = self._response.count * (1 + self._complex)  # of compressed ones there are fewer
+        return residual_variance(basis.unexplained, rows - basis.columns.shape[1], self._complex)
 
 
 class Sweep:

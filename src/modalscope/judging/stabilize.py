@@ -216,14 +216,9 @@ def collected(
         exact_rank=factors.rank if factors.rank < factors.P.shape[1] and factors.rank == cuts[-1].order else None,
         tolerances=limits,
         settings=pipeline.settings,
-        notes=(*pipeline.notes, *notes, *left, *_withheld(pipeline), *_doubts(pipeline, cuts, stable)),
+        notes=(*pipeline.notes, *notes, *left, *_doubts(pipeline, cuts, stable)),
         dt=pipeline.matrix.dt,
     )
-
-
-def _withheld(pipeline: Pipeline) -> tuple[Note, ...]:
-    why = pipeline.response.deviations_withheld
-    return (Note("deviations withheld", {}, why),) if why else ()
 
 
 def _doubts(pipeline: Pipeline, cuts: Sequence[Cut], stable: Sequence[Array]) -> tuple[Note, ...]:

@@ -59,6 +59,14 @@ class ModalBasis:
             np.linalg.norm(self.functions.reshape(len(self.functions), self.functions.shape[1] // 2, 2), axis=(0, 2))
         )
 
+    @property
+    def unexplained(self) -> RealArray:
+        """What is left of the data by the best terms and residues of every channel, whatever their rank, (K, l, m)."""
+        size = np.linalg.norm(self.columns, axis=0)
+        Q = np.asarray(np.linalg.qr(self.columns / np.where(size > 0, size, 1))[0])
+        flat = self.data.reshape(len(self.data), -1)
+        return np.asarray((flat - Q @ (Q.T @ flat)).reshape(self.data.shape))
+
     def compressed(self) -> ModalBasis:
         """Return the same problem on as many rows as there are columns: fits are the same, the misfit less what no column can explain."""
         rows, outputs, inputs = self.data.shape

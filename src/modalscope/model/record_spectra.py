@@ -79,13 +79,6 @@ class RecordSpectra(Response):
         return "records"
 
     @property
-    def deviations_withheld(self) -> str:
-        """Of records on lines the deviations that noise predicts were found too wide by ten and more: they are not given yet."""
-        return (
-            "standard deviations of records on lines are withheld: what noise predicts for them is not calibrated yet"
-        )
-
-    @property
     def span(self) -> tuple[float, float]:
         """Lowest and highest line, Hz."""
         return float(self.frequencies.min()), float(self.frequencies.max())

@@ -78,11 +78,6 @@ class Response(Channels):
         return getattr(self, "variance", None)
 
     @property
-    def deviations_withheld(self) -> str:
-        """Why no standard deviations can be given of what is read off these data; empty where they can."""
-        return ""
-
-    @property
     def count(self) -> int:
         """Number of lines or samples."""
         return int(self.values.shape[0])

@@ -12,11 +12,11 @@ from modalscope.modal.eigenmodes import Eigenmodes
 from modalscope.model.checks import DataError, IntArray, RealArray
 from modalscope.model.response import Response, window_damping
 from modalscope.realizations.realization import Realization
+from modalscope.uncertainty.covariance import deviations_of_poles
 from modalscope.uncertainty.influence import influence_on
 from modalscope.uncertainty.noise import Noise
-from modalscope.uncertainty.of_poles import frequency_and_damping_std
 
-__all__ = ["Deviations", "deviations_of", "lines_for_one", "unknowns_a_channel"]
+__all__ = ["Deviations", "deviations_of", "lines_for_one"]
 
 #: So many lines must be left in the half bandwidth of a mode where some stand for all.
 _LEAST_LINES = 3
@@ -70,7 +70,7 @@ def deviations_of(
             return found
         covariance = noise.moments(influence).covariance
         poles = modal.poles[index] + window_damping(matrix.judged)
-        f, zeta = frequency_and_damping_std(poles, covariance)
+        f, zeta = deviations_of_poles(poles, covariance)
     found.frequency[index] = f
     found.damping_ratio[index] = np.where(noise.damping_is_told(poles), zeta, np.nan)
     return found
@@ -79,21 +79,13 @@ def deviations_of(
 def lines_for_one(response: Response, modal: Eigenmodes) -> int:
     """Return how many lines one may stand for: three must be left in the half bandwidth of every mode that is not weak.
 
-    With fewer the deviation of the narrowest mode was 45 % off.
+    With fewer the deviation of the narrowest mode was 45 % off. Lines that a window correlates stand for themselves.
     """
     grid = response.grid
-    if grid is None or grid.size < 2:
+    if grid is None or grid.size < 2 or window_damping(response) > 0:
         return 1
     amplitude = modal.amplitude
     strong = amplitude >= _WEAK * np.max(amplitude, initial=0.0)
     half = np.abs(modal.poles.real[strong]) / (2 * np.pi)
     lines = np.min(half, initial=np.inf) / float(np.max(np.diff(grid)))
     return int(np.clip(lines // _LEAST_LINES, 1, _MOST)) if np.isfinite(lines) else 1
-
-
-def unknowns_a_channel(response: Response, modal: Eigenmodes) -> float:
-    """Return how many real numbers of a model a channel (output and input) has to itself, on average."""
-    real = int(np.count_nonzero(modal.poles.imag == 0))
-    states = 2 * modal.poles.size - real
-    channels = response.values[0].size
-    return float((states * (len(modal.shapes) + modal.participation.shape[1]) + modal.fit.terms.size) / channels)

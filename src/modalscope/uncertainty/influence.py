@@ -42,6 +42,10 @@ class PoleInfluence:
         """Return the moments of the poles under noise of known variance, see `Influence.white`."""
         return self.gradient.white(variance).scaled(self.slope)
 
+    def faded(self, variance: RealArray, fading: Array) -> Moments:
+        """Return the moments of the poles under noise that fades, see `Influence.faded`."""
+        return self.gradient.faded(variance, fading).scaled(self.slope)
+
     def of(self, change: Array) -> ComplexArray:
         """Return the first-order changes (d, k) of the poles, rad/s, for changes (d, F or N, l, m) of the response."""
         return np.asarray(self.gradient.of(change) * self.slope)

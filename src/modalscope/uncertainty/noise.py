@@ -13,7 +13,7 @@ import numpy as np
 from modalscope.blocks.influence import Moments
 from modalscope.model.checks import Array, BoolArray, ComplexArray, DataError, RealArray
 from modalscope.model.notes import Note
-from modalscope.model.response import Response
+from modalscope.model.response import Response, window_damping
 from modalscope.model.signals import Signals
 from modalscope.preprocess.correlation import correlation_blocks
 from modalscope.preprocess.frf import LEAKING
@@ -69,7 +69,7 @@ class Noise(ABC):
 
 @dataclass(frozen=True, eq=False)
 class White(Noise):
-    """Noise that differs from value to value.
+    """Noise that differs from value to value; under an exponential window noise that fades.
 
     Parameters
     ----------
@@ -81,12 +81,15 @@ class White(Noise):
         Whether the values are lines.
     resolution : float
         Distance of lines that leak into each other, Hz; 0 where none do.
+    fading : array, optional
+        What an exponential window makes of it, see `Influence.faded`; None without one.
     """
 
     variance: RealArray
     source: str
     is_complex: bool = False
     resolution: float = 0.0
+    fading: Array | None = None
 
     @property
     def note(self) -> Note:
@@ -101,18 +104,20 @@ class White(Noise):
 
     def moments(self, influence: PoleInfluence) -> Moments:
         """Return what the noise does to poles."""
-        return influence.white(self.variance)
+        return influence.white(self.variance) if self.fading is None else influence.faded(self.variance, self.fading)
 
     def damping_is_told(self, poles: ComplexArray) -> BoolArray:
         """Return which poles have a bandwidth that leakage does not widen."""
         return np.asarray(np.abs(np.real(poles)) / np.pi >= _LEAST_LINES * self.resolution)
 
     def drawn(self, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
-        """Return white noise; circular on lines."""
+        """Return white noise, circular on lines; that of a record under its window where there is one."""
         size = np.sqrt(np.broadcast_to(self.variance, shape))
         if not self.is_complex:
-            return np.asarray(size * rng.standard_normal(shape))
-        return np.asarray(size / np.sqrt(2) * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)))
+            fading = np.ones(shape[0]) if self.fading is None else self.fading[: shape[0]]
+            return np.asarray(size * np.sqrt(fading)[:, None, None] * rng.standard_normal(shape))
+        alone = np.eye(1, shape[0])[0] if self.fading is None else self.fading
+        return np.asarray(size * _correlated(shape, alone, rng))
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +125,7 @@ class Residual(Noise):
     """Noise of which only what a model leaves of the data is known: taken as white, of one variance a channel."""
 
     is_complex: bool = False
+    fading: Array | None = None
 
     @property
     def note(self) -> Note:
@@ -132,7 +138,7 @@ class Residual(Noise):
 
     def beside(self, residual: RealArray) -> Noise:
         """Return white noise of the variance that the model leaves."""
-        return White(residual, "the residual", self.is_complex)
+        return White(residual, "the residual", self.is_complex, fading=self.fading)
 
     def moments(self, influence: PoleInfluence) -> Moments:
         """Raise: a model is needed first."""
@@ -223,18 +229,41 @@ def noise_of(response: Response, records: Signals | None = None) -> Noise:
     """
     if response.ambient:
         return _of_parts(response, records)
-    is_complex = bool(np.iscomplexobj(response.values))
+    is_complex, fading = bool(np.iscomplexobj(response.values)), _fading(response)
     leaks = any(LEAKING in step for step in response.processing)
     given = getattr(response, "variance", None)
     if given is not None:
         source = "the variance of the frequency responses"
-        return White(given, source, is_complex, _resolution(response) if leaks else 0.0)
+        return White(given, source, is_complex, _resolution(response) if leaks else 0.0, fading)
     coherence, averages = getattr(response, "coherence", None), getattr(response, "averages", None)
     if coherence is not None and averages is not None and averages > 1:
         g2 = np.clip(coherence.reshape(response.count, response.values.shape[1], -1), 1e-6, 1 - 1e-12)
         variance = np.abs(response.values) ** 2 * (1 - g2) / (g2 * averages)
-        return White(variance, f"the coherence of {averages} averages", is_complex, _resolution(response))
-    return Residual(is_complex)
+        return White(variance, f"the coherence of {averages} averages", is_complex, _resolution(response), fading)
+    return Residual(is_complex, fading)
+
+
+def _fading(response: Response) -> Array | None:
+    """Return what an exponential window exp(-a t) makes of steady noise: exp(-2 a t) over its mean, of lines its transform.
+
+    On lines df apart, those of a record of 1 / df seconds, E n_(f + k) n_f* = variance / (1 + j pi k df / a).
+    """
+    a, grid = window_damping(response), response.grid
+    if a <= 0:
+        return None
+    if grid is not None:
+        return np.asarray(1 / (1 + 1j * np.pi * np.arange(response.count) * _resolution(response) / a))
+    assert response.sampling_rate is not None
+    decay = np.exp(-2 * a / response.sampling_rate * np.arange(response.count))
+    return np.asarray(decay / decay.mean())
+
+
+def _correlated(shape: tuple[int, ...], correlation: Array, rng: np.random.Generator) -> ComplexArray:
+    """Return circular noise of variance one whose lines correlate as given, by circulant embedding (Dietrich and Newsam, 1997)."""
+    weights = np.maximum(np.fft.fft(np.concatenate([correlation, [0], correlation[:0:-1].conj()])).real, 0)
+    long = (weights.size, *shape[1:])
+    drawn = np.sqrt(weights / 2)[:, None, None] * (rng.standard_normal(long) + 1j * rng.standard_normal(long))
+    return np.asarray(np.fft.ifft(drawn, axis=0)[: shape[0]] * np.sqrt(weights.size))
 
 
 def _resolution(response: Response) -> float:
@@ -262,18 +291,20 @@ def _of_parts(response: Response, records: Signals | None) -> Noise:
     return Parts(np.asarray(deviations), float(duration))
 
 
-def residual_variance(left: Array, unknowns: float, is_complex: bool) -> RealArray:
-    """Return the variance E|noise|^2 (l, m) of noise by what a model leaves; `unknowns` real numbers were fitted to a channel.
+def residual_variance(left: Array, free: float, is_complex: bool) -> RealArray:
+    """Return the variance E|noise|^2 (l, m) of noise by what a model leaves.
 
     NaN where there are no more values than unknowns.
 
     Parameters
     ----------
     left : array, (K, l, m)
-        Samples; of lines real parts, then imaginary parts.
-    unknowns : float
+        Real rows.
+    free : float
+        Real values of a channel less the real numbers that were fitted to it.
     is_complex : bool
-        Whether they are lines, of two parts each.
+        Whether the values are lines, of two real numbers each.
     """
-    free, energy = len(left) - unknowns, np.sum(left**2, axis=0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        energy = np.sum(left**2, axis=0)
     return np.asarray((1 + is_complex) * energy / free if free > 0 else np.full(energy.shape, np.nan))

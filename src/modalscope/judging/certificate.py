@@ -1,0 +1,209 @@
+"""Does the interval hold? The user's own case is simulated and identified again and again by what made the reported numbers.
+
+First-order deviations see neither bias nor thresholds nor modes that split. Replicates do: the rebuilt response plus noise of the estimated
+variance, taken through the same row at the same order, and refined where the reported modes were.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from modalscope.judging.replicates import Replicates
+from modalscope.model.checks import BoolArray, IntArray, RealArray
+from modalscope.model.modes import ModalModel
+from modalscope.model.notes import Note
+
+__all__ = ["Calibration", "Certificate", "calibration", "certified"]
+
+#: Limits of an interval that holds: |bias| in deviations, deviation found over predicted, coverage of the 95 % interval.
+LARGEST_BIAS, RATIOS, LEAST_COVERAGE = 0.5, (0.8, 1.25), 0.88
+
+#: Replicates more, in multiples of the first, for what fails: a perfect interval of 40 replicates fails a figure by chance in 5 %.
+MORE = 4
+
+#: Normal quantile of the 95 % interval.
+_Z = 1.959964
+
+
+class Calibration(NamedTuple):
+    """What replicates say of the deviations, (n, 2) each: of frequencies and of damping ratios; NaN where none is given."""
+
+    bias: RealArray
+    ratio: RealArray
+    coverage: RealArray
+    error: RealArray
+
+    @property
+    def holds(self) -> BoolArray:
+        """Whether the interval holds, (n, 2)."""
+        with np.errstate(invalid="ignore"):
+            right = (self.ratio >= RATIOS[0]) & (self.ratio <= RATIOS[1])
+            return np.asarray((np.abs(self.bias) < LARGEST_BIAS) & right & (self.coverage >= LEAST_COVERAGE))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Certificate:
+    """Whether the intervals of modes hold, mode by mode.
+
+    Parameters
+    ----------
+    modes : ModalModel
+        The reported modes; what does not hold has the deviation of the replicates in its place.
+    frequency, damping_ratio : mapping of "bias", "ratio", "coverage" to array (n,)
+        Mean error over the predicted deviation, deviation of the replicates over the predicted one, and the share of the replicates
+        whose own 95 % interval holds the truth.
+    holds : array of bool, (n,)
+        Whether both intervals hold as they were reported.
+    found : array of int, (n,)
+        Replicates in which each mode was found.
+    replicates : array of int, (n,)
+        Replicates that each mode was judged on.
+    order : int
+        The order that was replayed.
+    notes : tuple of Note
+        What does not hold, and why.
+    """
+
+    modes: ModalModel
+    frequency: dict[str, RealArray]
+    damping_ratio: dict[str, RealArray]
+    holds: BoolArray
+    found: IntArray
+    replicates: IntArray
+    order: int
+    notes: tuple[Note, ...] = ()
+
+    @property
+    def bias(self) -> RealArray:
+        """The larger bias of frequency and damping ratio, in deviations, (n,)."""
+        both = np.stack([self.frequency["bias"], self.damping_ratio["bias"]])
+        larger = np.argmax(np.where(np.isnan(both), -1.0, np.abs(both)), axis=0)
+        return np.asarray(both[larger, np.arange(both.shape[1])])
+
+    @property
+    def ratio(self) -> RealArray:
+        """The ratio of frequency or damping ratio that is farther from one, (n,)."""
+        both = np.stack([self.frequency["ratio"], self.damping_ratio["ratio"]])
+        farther = np.argmax(np.where(np.isnan(both), -1.0, np.abs(np.log(np.maximum(both, 1e-12)))), axis=0)
+        return np.asarray(both[farther, np.arange(both.shape[1])])
+
+    @property
+    def coverage(self) -> RealArray:
+        """The smaller coverage of the two intervals, (n,)."""
+        return np.fmin(self.frequency["coverage"], self.damping_ratio["coverage"])
+
+    def table(self) -> str:
+        """Return the certificate as a text table."""
+        head = ("mode", "f [Hz]", "f bias", "ratio", "cover", "zeta bias", "ratio", "cover", "found", "interval")
+        rows: list[tuple[str, ...]] = [head]
+        for j, f in enumerate(self.modes.frequencies):
+            parts = [f"{self.frequency[k][j]:.2f}" for k in ("bias", "ratio", "coverage")]
+            parts += [f"{self.damping_ratio[k][j]:.2f}" for k in ("bias", "ratio", "coverage")]
+            verdict = "holds" if self.holds[j] else "does not hold"
+            rows.append((str(j + 1), f"{f:.4f}", *parts, f"{self.found[j]} of {self.replicates[j]}", verdict))
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        return "\n".join("  ".join(cell.rjust(w) for cell, w in zip(row, widths, strict=True)) for row in rows)
+
+
+def calibration(truth: ModalModel, found: RealArray) -> Calibration:
+    """Return what replicates (K, 4, n) say of the deviations."""
+    true = np.stack([truth.frequencies, truth.damping_ratios])
+    values, std = found[:, :2], found[:, 2:]
+    error = values - true
+    with np.errstate(invalid="ignore", divide="ignore"):
+        there = np.sum(np.isfinite(values), axis=0)
+        mean = np.nansum(error, axis=0) / there
+        spread = np.sqrt(np.nansum((error - mean) ** 2, axis=0) / (there - 1))
+        typical = _median(std)
+        inside = np.sum(np.abs(error) <= _Z * std, axis=0) / np.sum(np.isfinite(std), axis=0)
+        size = np.sqrt(np.nansum(error**2, axis=0) / there)
+    return Calibration((mean / typical).T, (spread / typical).T, inside.T, size.T)
+
+
+def _median(values: RealArray) -> RealArray:
+    """Return the median over replicates of what is known; NaN where nothing is."""
+    known = np.isfinite(values)
+    ordered = np.sort(np.where(known, values, np.inf), axis=0)
+    middle = np.maximum(known.sum(axis=0) - 1, 0) // 2
+    found = np.take_along_axis(ordered, middle[None], axis=0)[0]
+    return np.where(known.any(axis=0), found, np.nan)
+
+
+def certified(
+    made: Replicates, count: int, rng: np.random.Generator, progress: Callable[[int, int], None] | None = None
+) -> Certificate:
+    """Return the certificate: `count` replicates, and four times as many more for what fails.
+
+    Parameters
+    ----------
+    made : Replicates
+    count : int
+    rng : numpy Generator
+    progress : callable, optional
+        Called with (replicates done, replicates in all).
+    """
+    found = np.stack([_one(made, rng, i, count, progress) for i in range(count)])
+    told = calibration(made.modes, found)
+    judged = np.full(len(made.modes), count)
+    seen = np.sum(np.isfinite(found[:, 0]), axis=0)
+    fails = np.asarray(~told.holds.all(axis=1))
+    if fails.any():
+        more = [_one(made, rng, count + i, (1 + MORE) * count, progress) for i in range(MORE * count)]
+        everything = np.concatenate([found, np.stack(more)])
+        again = calibration(made.modes, everything)
+        told = Calibration(*(np.where(fails[:, None], new, old) for old, new in zip(told, again, strict=True)))
+        judged[fails] = len(everything)
+        seen = np.where(fails, np.sum(np.isfinite(everything[:, 0]), axis=0), seen)
+    modes, notes = _inflated(made.modes, told)
+    one, two = ({k: getattr(told, k)[:, i] for k in ("bias", "ratio", "coverage")} for i in (0, 1))
+    return Certificate(
+        modes=modes,
+        frequency=one,
+        damping_ratio=two,
+        holds=np.asarray(told.holds.all(axis=1)),
+        found=seen,
+        replicates=judged,
+        order=made.order,
+        notes=notes,
+    )
+
+
+def _one(made: Replicates, rng: np.random.Generator, done: int, count: int, progress: Any) -> RealArray:
+    found = made.one(rng)
+    if progress is not None:
+        progress(done + 1, count)
+    return found
+
+
+def _inflated(modes: ModalModel, told: Calibration) -> tuple[ModalModel, tuple[Note, ...]]:
+    """Return the modes with the replicates' error where an interval does not hold, and what was wrong with it."""
+    fields, notes = {}, []
+    for i, (name, word) in enumerate((("frequencies_std", "frequency"), ("damping_ratios_std", "damping ratio"))):
+        std = getattr(modes, name)
+        if std is None:
+            continue
+        fails = ~told.holds[:, i]
+        fields[name] = np.where(fails & np.isfinite(told.error[:, i]), np.fmax(std, told.error[:, i]), std)
+        notes += [_why(modes, told, int(j), i, word) for j in np.flatnonzero(fails)]
+    return replace(modes, **fields).noted(notes), tuple(notes)
+
+
+def _why(modes: ModalModel, told: Calibration, j: int, i: int, word: str) -> Note:
+    """Return why the interval of one quantity of one mode does not hold."""
+    bias, ratio, cover = (float(part[j, i]) for part in (told.bias, told.ratio, told.coverage))
+    reasons = []
+    if not abs(bias) < LARGEST_BIAS:
+        reasons.append(f"biased by {bias:.2g} deviations")
+    if not RATIOS[0] <= ratio <= RATIOS[1]:
+        reasons.append(f"scatters {ratio:.2g} times as much as predicted")
+    if not cover >= LEAST_COVERAGE:
+        reasons.append(f"the 95 % interval holds the truth in {100 * cover:.0f} %")
+    if np.isnan(cover):
+        reasons = ["no deviation is given"]
+    text = f"the interval of the {word} at {modes.frequencies[j]:.5g} Hz does not hold: {', '.join(reasons)}"
+    numbers = {"frequency_hz": float(modes.frequencies[j]), "bias": bias, "ratio": ratio, "coverage": cover}
+    return Note("interval does not hold", numbers, text)

@@ -1,0 +1,151 @@
+"""Replicates of a result: the response that its modes give plus noise like that of the data, identified as the reported modes were."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from modalscope.identification.lookup import find_method
+from modalscope.identification.pipeline import factor
+from modalscope.identification.prepare import Measured, pose
+from modalscope.identification.refine import refine
+from modalscope.identification.sweep import Sweep
+from modalscope.judging.select import select
+from modalscope.judging.stabilize import stabilized
+from modalscope.modal.indicators import mac
+from modalscope.modal.rebuilt import rebuilt
+from modalscope.model.checks import Array, DataError, IntArray, RealArray
+from modalscope.model.diagram import StabilizationDiagram
+from modalscope.model.modes import ModalModel
+from modalscope.model.pairing import assign
+from modalscope.model.response import Response, window_damping
+from modalscope.model.signals import Signals
+from modalscope.uncertainty.noise import Noise, noise_of, residual_variance
+
+__all__ = ["Replicates", "matched", "nearest_order", "replicates_of"]
+
+#: A replicate finds a mode within so many half bandwidths or deviations, with a shape this much alike.
+_NEAR_BANDWIDTHS, _NEAR_DEVIATIONS, _ALIKE = 2.0, 10.0, 0.5
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Replicates:
+    """How replicates of a result are made and identified; made by `replicates_of`.
+
+    Parameters
+    ----------
+    diagram : StabilizationDiagram
+    modes : ModalModel
+        The truth of every replicate.
+    clean : array
+        The rebuilt response.
+    noise : Noise
+    order : int
+    whole : bool
+        Whether the selection is replayed, too.
+    """
+
+    diagram: StabilizationDiagram
+    modes: ModalModel
+    clean: Array
+    noise: Noise
+    order: int
+    whole: bool
+
+    def one(self, rng: np.random.Generator) -> RealArray:
+        """Return frequencies, damping ratios and their deviations of one replicate, (4, n); NaN where a mode is not found.
+
+        Parameters
+        ----------
+        rng : numpy Generator
+        """
+        values = self.clean + self.noise.drawn(self.clean.shape, rng)
+        response: Response = replace(self.diagram.response, values=values)
+        found = np.full((4, len(self.modes)), np.nan)
+        try:
+            modes = self._identified(response)
+        except DataError:  # no model, no mode: not found
+            return found
+        mine, theirs = matched(self.modes, modes)
+        if self.modes.unrefined is not None and len(theirs):
+            modes = refine(response, modes.take(np.sort(theirs)))
+            mine, theirs = matched(self.modes, modes)
+        found[0, mine], found[1, mine] = modes.frequencies[theirs], modes.damping_ratios[theirs]
+        for row, std in ((2, modes.frequencies_std), (3, modes.damping_ratios_std)):
+            if std is not None:
+                found[row, mine] = std[theirs]
+        return found
+
+    def _identified(self, response: Response) -> ModalModel:
+        diagram, settings = self.diagram, self.diagram.settings
+        row = find_method(diagram.method, diagram.domain, diagram.domain, settings.route)
+        options = {k: v for k, v in settings.items() if k not in ("band", "exclude", "route", *row.fixed)}
+        measured = Measured(
+            response, None, "a replicate", row.name, row.domain, band=settings.band, route=settings.route
+        )
+        problem = pose(measured, row, options)
+        if self.whole:
+            return select(stabilized(problem, list(diagram.asked_orders or diagram.orders)))
+        found = Sweep(factor(problem, self.order), [self.order]).cut(self.order)
+        return found.modes.take(found.reported)
+
+
+def replicates_of(
+    diagram: StabilizationDiagram, modes: ModalModel, records: Signals | None = None, *, whole: bool = False
+) -> Replicates:
+    """Return how to make replicates of modes that were selected from a diagram.
+
+    Parameters
+    ----------
+    diagram : StabilizationDiagram
+    modes : ModalModel
+    records : Signals, optional
+        That correlations were made from.
+    whole : bool
+        Whether the selection is replayed, too.
+
+    Raises
+    ------
+    DataError
+        No modes, or noise of which nothing is known.
+    """
+    if not len(modes):
+        raise DataError("a certificate was asked", "there are no modes", "Give a result with modes.")
+    response = diagram.response
+    clean = rebuilt(response, modes)
+    is_complex = bool(np.iscomplexobj(clean))
+    basis = response.basis(modes.poles - window_damping(response), response.outside_powers)
+    free = response.count * (1 + is_complex) - basis.columns.shape[1]
+    noise = noise_of(response, records).beside(residual_variance(basis.unexplained, free, is_complex))
+    noise.drawn(clean.shape, np.random.default_rng(0))  # raises where nothing is known of it
+    return Replicates(diagram, modes, clean, noise, nearest_order(diagram, modes.unrefined or modes), whole)
+
+
+def nearest_order(diagram: StabilizationDiagram, modes: ModalModel) -> int:
+    """Return the order whose poles are nearest to the modes, each at most half a bandwidth to its account."""
+    costs = []
+    for order in diagram.orders:
+        own = diagram.poles[diagram.order_of_pole == order]
+        if not own.size:
+            costs.append(np.inf)
+            continue
+        distance = np.abs(own[:, None] - modes.poles) / np.abs(modes.poles.real)
+        costs.append(float(np.sum(np.minimum(distance.min(axis=0), 1.0))))
+    return int(diagram.orders[int(np.argmin(costs))])
+
+
+def matched(truth: ModalModel, found: ModalModel) -> tuple[IntArray, IntArray]:
+    """Return which modes were found, and as what: near in frequency and alike in shape."""
+    if not len(found):
+        return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
+    half = np.abs(truth.poles.real) / (2 * np.pi)
+    std = np.zeros(len(truth)) if truth.frequencies_std is None else np.nan_to_num(truth.frequencies_std)
+    near = np.maximum(_NEAR_BANDWIDTHS * half, _NEAR_DEVIATIONS * std)[:, None]
+    away = np.abs(truth.frequencies[:, None] - found.frequencies) / near
+    likeness = mac(truth.shapes, found.shapes)
+    distance = np.abs(truth.poles[:, None] - found.poles) / np.maximum(np.abs(truth.poles.real), 1e-300)[:, None]
+    allowed = (away <= 1) & (likeness >= _ALIKE)
+    rows, columns = assign(np.where(allowed, np.minimum(distance, 1e3) + 1 - likeness, 1e6))
+    good = allowed[rows, columns]
+    return np.asarray(rows[good]), np.asarray(columns[good])

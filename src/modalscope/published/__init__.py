@@ -1,0 +1,1 @@
+"""Numbers that others published, and whether this installation gives them again."""

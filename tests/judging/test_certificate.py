@@ -1,0 +1,79 @@
+"""Certificates: intervals that hold are passed, biased ones are found and replaced, and the same seed gives the same numbers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import modalscope as ms
+from modalscope.judging.certificate import Calibration, calibration
+from modalscope.systems import chain5
+from tests.support import refused
+
+TRUTH = chain5().modes()
+
+
+def test_calibration_of_perfect_intervals_holds_and_of_biased_ones_does_not():
+    rng = np.random.default_rng(0)
+    n, K = len(TRUTH), 2000
+    true = np.stack([TRUTH.frequencies, TRUTH.damping_ratios])
+    std = 0.01 * true
+    values = true + std * rng.standard_normal((K, 2, n))
+    values[:, 1, 2] += 2 * std[1, 2]
+    values[:, 0, 1] = true[0, 1] + 3 * std[0, 1] * rng.standard_normal(K)
+    told = calibration(TRUTH, np.concatenate([values, np.broadcast_to(std, values.shape)], axis=1))
+    expected = np.ones((n, 2), bool)
+    expected[2, 1] = expected[1, 0] = False
+    np.testing.assert_array_equal(told.holds, expected)
+    assert told.bias[2, 1] == pytest.approx(2, abs=0.1)
+    assert told.ratio[1, 0] == pytest.approx(3, rel=0.06)
+    assert told.error[2, 1] == pytest.approx(np.sqrt(5) * std[1, 2], rel=0.05)
+
+
+def test_what_is_not_known_does_not_hold():
+    nothing = np.full((1, 2), np.nan)
+    assert not Calibration(nothing, nothing, nothing, nothing).holds.any()
+
+
+def test_eras_bias_at_20_db_is_found_and_its_deviation_replaced():
+    # with 34 block rows and at the true order ERA's damping of modes 3 and 4 is biased by 2 to 3 deviations (Monte Carlo with known truth)
+    result = ms.analyze(
+        chain5().impulse_response(400, noise=0.1, seed=0), method="era", orders=range(2, 25, 2), refine=False
+    )
+    found = ms.certify(result, replicates=20)
+    again = ms.certify(result, replicates=20)
+    np.testing.assert_array_equal(found.bias, again.bias)
+    third = int(np.argmin(np.abs(found.modes.frequencies - TRUTH.frequencies[2])))
+    assert not found.holds[third]
+    assert found.damping_ratio["bias"][third] > 0.5
+    assert found.modes.damping_ratios_std[third] > result.modes.damping_ratios_std[third]
+    assert any("biased" in str(note) for note in found.notes)
+    assert "does not hold" in found.table()
+    assert found.replicates[third] == 100
+
+
+def test_refined_modes_are_certified_through_the_refinement():
+    data = chain5().impulse_response(300, noise=0.01, seed=1)
+    result = ms.analyze(data, orders=range(2, 21, 2))
+    refined = replace(result, modes=ms.refine(data, result.modes))
+    found = ms.certify(refined, replicates=20)
+    assert found.found.min() >= 20
+    assert np.all(np.abs(found.bias) < 0.8)  # 20 replicates: 3.6 standard errors
+
+
+def test_the_selection_is_replayed_when_asked_and_files_are_taken(tmp_path):
+    data = chain5().impulse_response(200, noise=0.01, seed=1)
+    ms.write(tmp_path / "irf.npz", data)
+    result = ms.analyze(data, orders=range(2, 17, 2))
+    found = ms.certify(result, replicates=2, select=True)
+    assert found.found.min() >= 2
+    assert ms.certify(tmp_path / "irf.npz", replicates=2).order >= 10
+
+
+def test_what_cannot_be_certified_is_refused():
+    record = chain5().simulate(inputs="ambient", samples=5000)
+    result = ms.analyze(ms.estimate_correlation(record, lags=80), orders=range(2, 17, 2))
+    refused("noise like that of the data", ms.certify, result, replicates=2)
+    refused("certify: expected Result", ms.certify, 3)
