@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from modalscope.io import csv, csv_writer, hdf5, json, mat, npz, uff
+from modalscope.io import csv, csv_writer, hdf5, json, mat, npz, text, uff
 from modalscope.io.analysis import write_analysis
 from modalscope.io.atomic import replacing
 from modalscope.io.contents import Contents, Format, Options, Survey, Thing, describe
@@ -37,6 +38,7 @@ _UNIVERSAL = Format(
     read_options=uff.READ_OPTIONS,
     write_options=uff.WRITE_OPTIONS,
 )
+_TEXT = Format(name="text table", reader=text.read, writer=None, read_options=text.TEXT_OPTIONS)
 _HDF5 = Format(name="HDF5", reader=hdf5.read, writer=hdf5.write, read_options=ARRAY_OPTIONS)
 
 #: Suffix -> format.
@@ -45,7 +47,12 @@ FORMATS: dict[str, Format] = {
     ".uff": _UNIVERSAL,
     ".unv": _UNIVERSAL,
     ".json": Format(name="JSON", reader=json.read, writer=json.write, write_options=json.WRITE_OPTIONS),
-    ".csv": Format(name="CSV table", reader=csv.read, writer=csv_writer.write),
+    ".csv": Format(name="CSV table", reader=csv.read, writer=csv_writer.write, read_options=text.TEXT_OPTIONS),
+    ".txt": _TEXT,
+    ".asc": _TEXT,
+    ".tsv": _TEXT,
+    ".dat": _TEXT,
+    ".lvm": _TEXT,
     ".mat": Format(name="MATLAB file", reader=mat.read, writer=mat.write, read_options=ARRAY_OPTIONS),
     ".h5": _HDF5,
     ".hdf5": _HDF5,
@@ -239,6 +246,8 @@ def _check_options(path: Path, options: Options, known: tuple[str, ...], doing: 
 def _overridden(thing: Thing, options: Options, path: Path) -> Thing:
     """Return the data with the fields that the caller gave, which named arrays have used already, and where they came from."""
     given = {name: options[name] for name in FIELD_OPTIONS if options.get(name) is not None}
+    if isinstance(given.get("units"), Mapping):  # of single columns: used already
+        del given["units"]
     if isinstance(thing, Signals) and "quantity" in given:
         given["quantities"] = given.pop("quantity")
     refused = sorted(set(given) - {field.name for field in fields(thing)})
