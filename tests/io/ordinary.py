@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import pytest
+from scipy.io import savemat, wavfile
 
 RATE = 1024.0
 ROWS = 150
@@ -372,3 +374,113 @@ def kilohertz_and_coherences() -> str:
     one = np.full(len(FREQUENCIES), 0.9)
     head = "Frequency [kHz],H1 Real,H1 Imag,H1 Coherence,H2 Real,H2 Imag,H2 Coherence\n"
     return head + rows(FREQUENCIES / 1000, H.real, H.imag, one, G.real, G.imag, one)
+
+
+# ------------------------------------------------------------------------------------------------------- arrays, sound, workbooks
+
+
+@binary(".npy", inputs=(), outputs=(0, 1, 2))
+def one_array_of_times_and_channels(path: Path) -> None:
+    np.save(path, np.column_stack([TIMES, CHANNELS]))
+
+
+@binary(".npy", inputs=(), outputs=(0, 1, 2))
+def one_array_without_a_rate(path: Path) -> None:
+    np.save(path, CHANNELS)
+
+
+@binary(".npy", inputs=(), outputs=(0, 1, 2))
+def one_array_with_channels_in_rows(path: Path) -> None:
+    np.save(path, CHANNELS.T)
+
+
+@binary(".npy")
+def an_array_with_fields(path: Path) -> None:
+    array = np.zeros(ROWS, dtype=[("time", "f8"), ("force", "f8"), ("acc", "f8", (2,))])
+    array["time"], array["force"], array["acc"] = TIMES, F, CHANNELS[:, 1:]
+    np.save(path, array)
+
+
+#: A sound file of 16 bits holds whole parts of 32768.
+SOUND = np.round(CHANNELS * 1000) / 32768
+
+
+@binary(".wav", inputs=(), outputs=(0, 1, 2), channels=SOUND)
+def sound_of_16_bits(path: Path) -> None:
+    wavfile.write(path, int(RATE), np.round(CHANNELS * 1000).astype(np.int16))
+
+
+@binary(".wav", inputs=(), outputs=(0, 1, 2))
+def sound_of_floating_point(path: Path) -> None:
+    wavfile.write(path, int(RATE), CHANNELS.astype(np.float32))
+
+
+@binary(".npz")
+def an_archive_with_time_force_and_acc(path: Path) -> None:
+    np.savez(path, t=TIMES, force=F, acc=CHANNELS[:, 1:])
+
+
+@binary(".npz")
+def an_archive_with_fs_and_names(path: Path) -> None:
+    np.savez(path, Fs=RATE, data=CHANNELS, channels=np.array(["Hammer [N]", "A1 [g]", "A2 [g]"]))
+
+
+@binary(".npz", inputs=(), outputs=(0, 1, 2))
+def an_archive_with_channels_in_rows(path: Path) -> None:
+    np.savez(path, fs=RATE, data=CHANNELS.T)
+
+
+@binary(".npz", kind="lines")
+def an_archive_of_f_and_h(path: Path) -> None:
+    np.savez(path, f=FREQUENCIES, H=RESPONSES)
+
+
+@binary(".mat", kind="lines")
+def a_matlab_file_of_omega_and_pages(path: Path) -> None:
+    savemat(path, {"omega": 2 * np.pi * FREQUENCIES, "FRF": RESPONSES.T[:, None, :]})
+
+
+@binary(".mat")
+def a_matlab_file_with_a_time_column(path: Path) -> None:
+    savemat(path, {"t": TIMES[:, None], "F": F[:, None], "acc": CHANNELS[:, 1:], "F_unit": "N"})
+
+
+@binary(".mat")
+def a_matlab_structure_with_dt(path: Path) -> None:
+    savemat(path, {"test": {"dt": 1 / RATE, "force": F[None, :], "acc": CHANNELS[:, 1:].T, "date": "May"}})
+
+
+#: Three hits of fifty samples, as columns or pages.
+HITS = CHANNELS.reshape(3, 50, 3)
+
+
+@binary(".mat", kind="hits")
+def hits_as_pages(path: Path) -> None:
+    savemat(path, {"fs": RATE, "force": HITS[:, :, 0].T, "acc": np.moveaxis(HITS[:, :, 1:], 0, 2)})
+
+
+@binary(".npz", kind="one hit each")
+def hits_as_columns(path: Path) -> None:
+    np.savez(path, t=TIMES[:50], force=HITS[:, :, 0].T, acc=HITS[:, :, 1].T)
+
+
+@binary(".xlsx")
+def a_workbook_with_units_and_a_title(path: Path) -> None:
+    book = pytest.importorskip("openpyxl").Workbook()
+    sheet = book.active
+    for row in (["Test 12"], [], ["Time", "Force", "AccA", "AccB"], ["s", "N", "m/s²", "m/s²"]):
+        sheet.append(row)
+    for row in np.column_stack([TIMES, CHANNELS]):
+        sheet.append([float(value) for value in row])
+    book.create_sheet("Notes").append(["nothing here"])
+    book.save(path)
+
+
+@binary(".xlsx")
+def a_workbook_of_two_tables(path: Path) -> None:
+    book = pytest.importorskip("openpyxl").Workbook()
+    for sheet, scale in ((book.active, 1.0), (book.create_sheet("Second run"), 2.0)):
+        sheet.append(["Time [s]", "Force [N]", "AccA [g]", "AccB [g]"])
+        for row in np.column_stack([TIMES, scale * CHANNELS]):
+            sheet.append([float(value) for value in row])
+    book.save(path)

@@ -14,7 +14,7 @@ import modalscope as ms
 import modalscope.io as mio
 from modalscope.cli.commands import build_parser
 from modalscope.cli.reading import reading_options
-from tests.io.ordinary import CASES, FREQUENCIES, RATE, RESPONSES, Case
+from tests.io.ordinary import CASES, FREQUENCIES, HITS, RATE, RESPONSES, Case
 
 #: Options that take no value.
 _FLAGS = ("--transpose",)
@@ -32,6 +32,11 @@ REFUSED = {
     "every row a channel with its name": "--transpose",
     "every row a channel without a name": "--transpose",
     "a column with holes": "--ignore",
+    "one array without a rate": "--sampling-rate",
+    "one array with channels in rows": "--transpose",
+    "an archive with channels in rows": "--transpose",
+    "hits as columns": "--axes",
+    "a workbook of two tables": "--sheet",
     "bare lines of real and imaginary parts": "--columns",
 }
 
@@ -58,6 +63,10 @@ def is_right(thing: Any, case: Case) -> bool:
         if not isinstance(thing, ms.FrequencyResponse) or thing.values.shape != (*RESPONSES.shape, 1):
             return False
         return np.allclose(thing.frequencies, FREQUENCIES) and np.allclose(thing.values[:, :, 0], RESPONSES, atol=1e-6)
+    if case.kind != "record":
+        outputs = HITS[:, :, 1:] if case.kind == "hits" else HITS[:, :, 1:2]
+        same = thing.outputs.shape == outputs.shape and thing.inputs.shape == HITS[:, :, :1].shape
+        return same and np.array_equal(thing.outputs, outputs) and np.array_equal(thing.inputs, HITS[:, :, :1])
     if not isinstance(thing, ms.Signals) or not np.isclose(thing.sampling_rate, RATE, rtol=1e-9):
         return False
     held = [] if thing.inputs is None else [thing.inputs]

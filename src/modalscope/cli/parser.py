@@ -74,6 +74,7 @@ def add_tables(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument("--units", metavar="COL=UNIT", help='units of columns, such as "2=N,AccA=m/s^2"')
     group.add_argument("--skip", type=int, metavar="N", help="lines to leave at the top of a text")
+    group.add_argument("--sheet", metavar="NAME", help="sheet of a workbook")
     group.add_argument("--delimiter", metavar="SIGN", help='what parts columns: one sign, "tab" or "space"')
     group.add_argument("--decimal", choices=(".", ","), help="the decimal sign")
     group.add_argument("--transpose", action="store_true", help="rows are channels: exchange rows and columns")

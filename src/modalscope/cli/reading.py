@@ -13,7 +13,7 @@ __all__ = ["parse_orders", "read_data", "read_responses", "reading_options"]
 
 
 #: Options of reading that are handed on as they are.
-_AS_GIVEN = ("sampling_rate", "columns", "ignore", "skip", "delimiter", "decimal", "transpose")
+_AS_GIVEN = ("sampling_rate", "columns", "ignore", "skip", "delimiter", "decimal", "transpose", "sheet")
 
 
 def read_data(options: argparse.Namespace, path: Path) -> tuple[Any, tuple[Note, ...]]:

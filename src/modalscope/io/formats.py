@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from modalscope.io import csv, csv_writer, hdf5, json, mat, npz, text, uff
+from modalscope.io import csv, csv_writer, excel, hdf5, json, mat, npy, npz, text, uff, wav
 from modalscope.io.analysis import write_analysis
 from modalscope.io.atomic import replacing
 from modalscope.io.contents import Contents, Format, Options, Survey, Thing, describe
@@ -53,6 +53,9 @@ FORMATS: dict[str, Format] = {
     ".tsv": _TEXT,
     ".dat": _TEXT,
     ".lvm": _TEXT,
+    ".npy": Format(name="NumPy array", reader=npy.read, writer=None, read_options=npy.NPY_OPTIONS),
+    ".wav": Format(name="sound file", reader=wav.read, writer=None, read_options=wav.WAV_OPTIONS),
+    ".xlsx": Format(name="Excel workbook", reader=excel.read, writer=None, read_options=excel.EXCEL_OPTIONS),
     ".mat": Format(name="MATLAB file", reader=mat.read, writer=mat.write, read_options=ARRAY_OPTIONS),
     ".h5": _HDF5,
     ".hdf5": _HDF5,

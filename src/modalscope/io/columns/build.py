@@ -48,7 +48,7 @@ def contents_from_table(table: Table, options: Options) -> Contents:
     left = {column.number: "ignore names it" for column in ignored}
     columns = [column for column in table.columns if column.number not in left]
     spoken = spoken_roles(columns, options["columns"]) if options.get("columns") else {}
-    roles = {column.number: _role(column, spoken) for column in columns}
+    roles = {column.number: _role(column, spoken, table.roles) for column in columns}
     for column in columns:
         if roles[column.number].role in ("ignore", "index"):
             left[column.number] = roles[column.number].reason or "it counts rows"
@@ -90,11 +90,13 @@ def _with_units(table: Table, units: Any) -> Table:
     )
 
 
-def _role(column: Column, spoken: Mapping[int, str]) -> Role:
+def _role(column: Column, spoken: Mapping[int, str], said: Mapping[int, str]) -> Role:
     if column.number in spoken:
         return Role(role=spoken[column.number], reason="--columns says so")
     if "out" in spoken.values() or {"real", "mag"} & set(spoken.values()):
         return Role(role="ignore", reason="--columns does not name it")
+    if column.number in said:
+        return Role(role=said[column.number], reason="the file says so")
     return role_by_words(column)
 
 

@@ -64,7 +64,11 @@ _FORCE = {
     "force", "forces", "hammer", "shaker", "input", "inputs", "exc", "excit", "excitation", "exciter", "kraft", "hammerkraft", "impact",
     "load", "loadcell", "stinger", "fuerza", "forza", "actuator", "drive",
 }  # fmt: skip
-_ALONE = {"t": "time", "x_value": "time", "x value": "time", "f": "frequency", "n": "index", "k": "index", "i": "index"}
+#: Whole names; a capital F is a force.
+_ALONE = {
+    "t": "time", "T": "time", "X_Value": "time", "x_value": "time", "f": "frequency", "F": "in", "n": "index", "N": "index", "k": "index",
+    "i": "index",
+}  # fmt: skip
 _SENSORS = {"acc", "accel", "acceleration", "vel", "disp", "response", "output", "out"}
 #: Quantities that are no vibration, whatever their unit.
 _OTHERS = {
@@ -110,7 +114,7 @@ def role_by_words(column: Column) -> Role:
     if column.textual:
         return Role(role="ignore", reason="it holds text")
     words, unit = words_of(column.name), kind_of_unit(column.unit)
-    whole = column.name.strip().lower()
+    whole = column.name.strip()
     if column.stamps or unit == "time":
         return Role(role="time", reason="its unit is a time" if unit == "time" else "it holds dates and times")
     if unit == "frequency" and column.unit.strip() != "1/s":

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from modalscope.model.checks import Array
 
@@ -63,6 +64,8 @@ class Table:
         What was found, in words.
     layout : tuple of (str, str)
         The evidence on the layout: part, and what it is.
+    roles : mapping of number to role
+        What the file itself says of its columns.
     """
 
     where: str
@@ -71,6 +74,7 @@ class Table:
     rate_from: str = ""
     notes: tuple[str, ...] = ()
     layout: tuple[tuple[str, str], ...] = ()
+    roles: Mapping[int, str] = field(default_factory=dict)
 
     @property
     def rows(self) -> int:

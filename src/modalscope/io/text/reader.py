@@ -27,7 +27,7 @@ from modalscope.io.text.stamps import seconds_of
 from modalscope.model import DataError
 from modalscope.model.checks import Array, check_choice, check_count
 
-__all__ = ["TEXT_OPTIONS", "read"]
+__all__ = ["TEXT_OPTIONS", "contents_of_lines", "read"]
 
 TEXT_OPTIONS = (*COLUMN_OPTIONS, "skip", "decimal", "delimiter")
 
@@ -50,21 +50,50 @@ def read(path: Path, options: Options) -> Contents:
     space = room(path.name, path.stat().st_size)
     skip = 0 if options.get("skip") is None else check_count("skip", options["skip"], least=0)
     encoding = encoding_of(path)
+    notes = ("its text is not UTF-8: read as Windows-1252",) if encoding == "cp1252" else ()
     lines = lines_of(path, encoding, skip, space)
-    delimiter, decimal = _signs(options)
+    return contents_of_lines(path.name, lines, _signs(options), space, options, notes)
+
+
+def contents_of_lines(
+    where: str,
+    lines: Iterator[Line],
+    signs: tuple[str | None, str | None],
+    space: Room,
+    options: Options,
+    notes: tuple[str, ...] = (),
+) -> Contents:
+    """Make the data object that the lines of a table hold.
+
+    Parameters
+    ----------
+    where : str
+        The file, for messages.
+    lines : iterator of (int, str)
+        Number and text.
+    signs : (str or None, str or None)
+        Delimiter and decimal sign, where they are known.
+    space : Room
+    options : mapping
+    notes : tuple of str
+        What to say of the file.
+
+    Raises
+    ------
+    DataError
+        As `read`.
+    """
     first = _first(lines, space)
     bare = [uncommented(line)[0] for _, line in first]
-    dialect = dialect_of(path.name, bare, delimiter, decimal)
+    dialect = dialect_of(where, bare, *signs)
     if options.get("transpose"):
-        bare, dialect = _transposed(path.name, chain(first, lines), dialect, space)
+        bare, dialect = _transposed(chain(first, lines), dialect, space)
         first, lines = list(enumerate(bare, 1)), iter(())
     layout = layout_of(bare, dialect)
     if layout is None:
-        raise _no_body(path.name, bare, dialect, skip, bool(options.get("transpose")))
-    table = _table(path.name, first, bare, lines, dialect, layout, space, options)
-    if encoding == "cp1252":
-        table = replace(table, notes=(*table.notes, "its text is not UTF-8: read as Windows-1252"))
-    return contents_from_table(table, options)
+        raise _no_body(where, bare, options)
+    table = _table(where, first, bare, lines, dialect, layout, space, options)
+    return contents_from_table(replace(table, notes=(*table.notes, *notes)), options)
 
 
 def _signs(options: Options) -> tuple[str | None, str | None]:
@@ -94,7 +123,7 @@ def _first(lines: Iterator[Line], space: Room) -> list[Line]:
     return found
 
 
-def _transposed(where: str, lines: Iterator[Line], dialect: Dialect, space: Room) -> tuple[list[str], Dialect]:
+def _transposed(lines: Iterator[Line], dialect: Dialect, space: Room) -> tuple[list[str], Dialect]:
     """Return rows and columns exchanged, as lines of tabs."""
     first = next(lines, (0, ""))
     best = max(DELIMITERS, key=lambda sign: len(split(first[1], Dialect(delimiter=sign))))
@@ -110,8 +139,9 @@ def _transposed(where: str, lines: Iterator[Line], dialect: Dialect, space: Room
     return turned, Dialect(delimiter="\t", decimal=dialect.decimal, thousands=dialect.thousands)
 
 
-def _no_body(where: str, bare: list[str], dialect: Dialect, skip: int, transposed: bool) -> DataError:
-    for sign in DELIMITERS if not transposed else ():
+def _no_body(where: str, bare: list[str], options: Options) -> DataError:
+    skip = options.get("skip")
+    for sign in DELIMITERS if not options.get("transpose") else ():
         rows = [split(line, Dialect(delimiter=sign)) for line in bare[:200]]
         named = [row for row in rows if len(row) > 2 and all(map(is_value, row[1:]))]
         if len(named) > 1 and max(map(len, named)) > len(named):
