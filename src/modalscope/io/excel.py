@@ -9,6 +9,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+from modalscope.io.choice import chosen
 from modalscope.io.columns import COLUMN_OPTIONS
 from modalscope.io.contents import Contents, Options
 from modalscope.io.limits import Room, room
@@ -79,21 +80,8 @@ def _check_size(path: Path, space: Room) -> None:
 def _sheet(where: str, book: Any, options: Options) -> str:
     """Return the name of the sheet that is meant."""
     names = [str(name) for name in book.sheetnames]
-    asked = options.get("sheet")
-    if asked is not None:
-        if str(asked) not in names:
-            raise DataError(
-                f"sheet {asked!r} of {where} was asked", f"its sheets are {', '.join(names[:12])}", "Name one of them."
-            )
-        return str(asked)
     tables = [name for name in names if hasattr(book[name], "iter_rows") and _is_table(book[name])]
-    if len(tables) > 1:
-        raise DataError(
-            f"reading {where} was asked",
-            f"several of its sheets hold tables: {', '.join(tables[:12])}",
-            "Name one: " + " or ".join(f'--sheet "{name}"' for name in tables[:3]),
-        )
-    return tables[0] if tables else names[0]
+    return chosen(where, "sheets", names, tables, options)
 
 
 def _is_table(sheet: Any) -> bool:

@@ -54,7 +54,7 @@ def analyze(
 
     Parameters
     ----------
-    data : path, FrequencyResponse, ImpulseResponse or Signals
+    data : path, FrequencyResponse, ImpulseResponse, Signals, or an object of pandas or xarray (see `from_frame`)
     method, domain : str, optional
         A row of the table, or a name from the literature, and a column; by default what suits the data.
     orders : iterable of int, optional

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.io import survey
+from modalscope.io import from_frame, survey
 from modalscope.io.arrays import to_arrays
+from modalscope.io.frames import is_frame
 from modalscope.model import ModalModel, Note
 from modalscope.model.analysis import SourceFile
 from modalscope.model.checks import DataError
@@ -26,7 +27,7 @@ def opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile, tupl
 
     Parameters
     ----------
-    data : path or data object
+    data : path, data object, or one of pandas or xarray
     reading : mapping
         Options of `read`.
 
@@ -35,6 +36,9 @@ def opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile, tupl
     DataError
         A file that holds modes already, or options of reading for data that are read.
     """
+    if is_frame(data):
+        thing = from_frame(data, **reading)
+        return thing, source_of_data(thing), ()
     if not isinstance(data, str | Path):
         if reading:
             raise DataError(
