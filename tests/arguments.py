@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 import modalscope as ms
 from modalscope import preprocess, systems
@@ -91,6 +92,7 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "estimate_markov": lambda t: {"signals": t["records"], "observer_order": 10},
     "first_order_form": lambda t: {"model": systems.three_masses().state_space()},
     "fit_residues": lambda t: {"response": t["lines"], "modes": t["modes"]},
+    "from_frame": lambda t: {"frame": pd.DataFrame({"a [g]": [0.0, 1.0, 0.0]}, index=[0.0, 0.1, 0.2])},
     "identify": lambda t: {"data": t["samples"], "method": "era", "order": 4},
     "identify of lines": lambda t: {"data": t["lines"], "method": "alternate", "order": 4},
     "comac": lambda t: {"shapes_a": t["modes"].shapes, "shapes_b": t["modes"].shapes},

@@ -28,6 +28,7 @@ PROMISED = [
     "Dwell",
     "EquationsOfMotion",
     "Identification",
+    "from_frame",
     "read",
     "write",
     "merge",

@@ -14,7 +14,7 @@ from importlib import metadata
 __all__ = ["WITH_LGPL", "Package", "licence_of", "main", "needed", "refused"]
 
 #: Extras that may bring packages under the LGPL.
-WITH_LGPL: frozenset[str] = frozenset()
+WITH_LGPL: frozenset[str] = frozenset({"mdf", "tdms"})
 
 _NAME = re.compile(r"\s*([A-Za-z0-9._-]+)\s*(?:\[([^\]]*)\])?")
 _EXTRA = re.compile(r"extra\s*==\s*['\"]([^'\"]+)['\"]")

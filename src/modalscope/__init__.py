@@ -24,7 +24,7 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
     from modalscope.identification.refine import refine as refine
     from modalscope.identification.sweep import sweep as sweep
     from modalscope.identification.table import methods as methods
-    from modalscope.io import read as read, write as write
+    from modalscope.io import from_frame as from_frame, read as read, write as write
     from modalscope.judging.bands import merge_bands as merge_bands
     from modalscope.judging.certificate import Certificate as Certificate
     from modalscope.judging.select import select as select
@@ -74,7 +74,7 @@ _HOMES = {
     "identification.refine": ("refine",),
     "identification.sweep": ("sweep",),
     "identification.table": ("methods",),
-    "io": ("read", "write"),
+    "io": ("from_frame", "read", "write"),
     "judging.bands": ("merge_bands",),
     "judging.certificate": ("Certificate",),
     "judging.select": ("select",),

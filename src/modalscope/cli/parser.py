@@ -55,7 +55,9 @@ Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 
 def add_file(parser: argparse.ArgumentParser) -> None:
     """Take the file to work on, and how its arrays are meant."""
-    parser.add_argument("file", type=Path, help="universal file, .npz, .mat, .h5 or .csv")
+    parser.add_argument(
+        "file", type=Path, help="universal file, table (.csv, .txt, .xlsx ...), .npz, .mat, .h5, .wav ..."
+    )
     add_reading(parser)
 
 
@@ -88,12 +90,34 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=AXES",
         help="order of an array's axes in the file, such as values=inputs,outputs,lines",
     )
+    add_tables(parser)
     parser.add_argument(
         "--max-memory",
         type=memory,
         metavar="SIZE",
         help="memory that reading one file may take, such as 8GB (500 MB, or twenty times the file)",
     )
+
+
+def add_tables(parser: argparse.ArgumentParser) -> None:
+    """Take what a table, or a file of bare numbers, does not say itself."""
+    group = parser.add_argument_group("tables and bare numbers")
+    group.add_argument(
+        "--sampling-rate", type=float, metavar="HZ", help="samples per second, when the file does not say"
+    )
+    group.add_argument("--columns", metavar="ROLES", help='what the columns are, such as "time=1,in=2,out=3-9"')
+    group.add_argument(
+        "--ignore",
+        action="append",
+        metavar="COL",
+        help="a column (number or name) or named array to leave; may be repeated",
+    )
+    group.add_argument("--units", metavar="COL=UNIT", help='units of columns, such as "2=N,AccA=m/s^2"')
+    group.add_argument("--skip", type=int, metavar="N", help="lines to leave at the top of a text")
+    group.add_argument("--sheet", metavar="NAME", help="sheet of a workbook")
+    group.add_argument("--delimiter", metavar="SIGN", help='what parts columns: one sign, "tab" or "space"')
+    group.add_argument("--decimal", choices=(".", ","), help="the decimal sign")
+    group.add_argument("--transpose", action="store_true", help="rows are channels: exchange rows and columns")
 
 
 def memory(text: str) -> int:

@@ -13,6 +13,10 @@ from modalscope.model import DataError, ModalModel, Note
 __all__ = ["parse_orders", "read_data", "read_modes", "read_test", "reading_options"]
 
 
+#: Options of reading that are handed on as they are.
+_AS_GIVEN = ("sampling_rate", "columns", "ignore", "skip", "delimiter", "decimal", "transpose", "sheet")
+
+
 def read_data(options: argparse.Namespace, path: Path) -> tuple[Any, tuple[Note, ...]]:
     """Read a file with the options given on the command line; say what of it was left out."""
     found = survey(path, **reading_options(options))
@@ -45,6 +49,9 @@ def reading_options(options: argparse.Namespace) -> dict[str, Any]:
     """Return the options of `modalscope.io.read`; what it may take of the memory is set for the process."""
     set_max_memory(options.max_memory)
     given: dict[str, Any] = {"quantity": options.quantity} if options.quantity else {}
+    given |= {name: value for name in _AS_GIVEN if (value := getattr(options, name)) not in (None, False)}
+    if options.units:
+        given["units"] = _pairs("units", options.units.split(","), '"2=N,AccA=m/s^2"')
     for name, example in (("rename", "y=outputs"), ("axes", "values=inputs,outputs,lines")):
         items = getattr(options, name)
         if items:

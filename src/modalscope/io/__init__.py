@@ -3,6 +3,7 @@
 from modalscope.io.contents import Finding, Survey, describe
 from modalscope.io.formats import FORMATS, read, survey, write
 from modalscope.io.limits import set_max_memory
+from modalscope.io.objects import from_frame
 from modalscope.io.tables import geometry_from_tables
 
 __all__ = [
@@ -10,6 +11,7 @@ __all__ = [
     "Finding",
     "Survey",
     "describe",
+    "from_frame",
     "geometry_from_tables",
     "read",
     "set_max_memory",

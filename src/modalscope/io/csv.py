@@ -1,7 +1,8 @@
-"""CSV: responses and records with a header, in and (`csv_writer`) out; tables of modes out.
+"""CSV in the layout that is written here: responses and records, in and (`csv_writer`) out; tables of modes out.
 
-The first line that is not a comment names the columns; the first column is the abscissa. Labels carry their unit in
-brackets. Comments `# name: value` before it hold what has no column (quantity, sampling_rate, kind, first_sample).
+Any other table is read by `modalscope.io.text`, by evidence. The first line that is not a comment names the columns; the first column
+is the abscissa. Labels carry their unit in brackets. Comments `# name: value` before it hold what has no column (quantity,
+sampling_rate, kind, first_sample).
 
 | first column | further columns | it is |
 |---|---|---|
@@ -25,7 +26,9 @@ from typing import Any, NamedTuple, TextIO
 
 import numpy as np
 
+from modalscope.io import text
 from modalscope.io.arrays import joined
+from modalscope.io.columns.words import is_unit
 from modalscope.io.contents import Contents, Finding, Options, Thing
 from modalscope.io.limits import Room, room
 from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, Signals
@@ -51,7 +54,9 @@ class _Table(NamedTuple):
 
 
 def read(path: Path, options: Options) -> Contents:
-    """Read a response or a record."""
+    """Read a response or a record: in the layout above, or as anybody writes it."""
+    if set(text.TEXT_OPTIONS) & set(options) or not _is_own(path):
+        return text.read(path, options)
     table = _table(path, room(path.name, path.stat().st_size))
     given = {name: table.notes[name] for name in ("quantity", "kind") if name in table.notes}
     first, labels = table.header[0].strip().lower(), table.header[1:]
@@ -80,6 +85,22 @@ def read(path: Path, options: Options) -> Contents:
             "Name it frequency_hz or time_s, and the others as the module modalscope.io.csv says.",
         )
     return Contents(thing=thing, findings=tuple(Finding(part="column", what=name) for name in table.header))
+
+
+def _is_own(path: Path) -> bool:
+    """Whether a table has the layout above: by its first column and what the others are called."""
+    with path.open(encoding="utf-8-sig", errors="replace", newline=None) as file:
+        head = next((line for line in file if not line.startswith("#") and not line.isspace()), "")
+    if not head:
+        return True
+    cells = [cell.strip() for cell in head.split(max(",;\t", key=head.count))]
+    if cells[0] not in ("frequency_hz", "time_s"):
+        return {"frequency_hz", "damping_ratio"} <= set(cells)
+    for label in (cell[:_LONGEST].strip('"') for cell in cells[1:]):
+        pair = _PAIR.match(label)
+        if _SIDE.match(label) or (pair and not is_unit(pair["in"])):
+            return True
+    return len(cells) < 2
 
 
 def _table(path: Path, space: Room) -> _Table:

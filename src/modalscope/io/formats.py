@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from modalscope.io import csv, csv_writer, hdf5, json, mat, npz, uff
+from modalscope.io import csv, csv_writer, excel, hdf5, json, mat, npy, npz, recorders, text, uff, wav
 from modalscope.io.analysis import write_analysis
 from modalscope.io.atomic import replacing
 from modalscope.io.contents import Contents, Format, Options, Survey, Thing, describe
@@ -30,7 +31,7 @@ from modalscope.model.groups import AUTO, input_groups
 from modalscope.model.result import Result
 from modalscope.model.sources import files_of
 
-__all__ = ["FORMATS", "read", "sources_of", "survey", "write"]
+__all__ = ["FORMATS", "overridden", "read", "sources_of", "survey", "write"]
 
 _UNIVERSAL = Format(
     name="universal file",
@@ -39,6 +40,8 @@ _UNIVERSAL = Format(
     read_options=uff.READ_OPTIONS,
     write_options=uff.WRITE_OPTIONS,
 )
+_TEXT = Format(name="text table", reader=text.read, writer=None, read_options=text.TEXT_OPTIONS)
+_MDF = Format(name="MDF file", reader=recorders.read_mdf, writer=None, read_options=recorders.RECORDER_OPTIONS)
 _HDF5 = Format(name="HDF5", reader=hdf5.read, writer=hdf5.write, read_options=ARRAY_OPTIONS)
 
 #: Suffix -> format.
@@ -47,7 +50,24 @@ FORMATS: dict[str, Format] = {
     ".uff": _UNIVERSAL,
     ".unv": _UNIVERSAL,
     ".json": Format(name="JSON", reader=json.read, writer=json.write, write_options=json.WRITE_OPTIONS),
-    ".csv": Format(name="CSV table", reader=csv.read, writer=csv_writer.write),
+    ".csv": Format(name="CSV table", reader=csv.read, writer=csv_writer.write, read_options=text.TEXT_OPTIONS),
+    ".txt": _TEXT,
+    ".asc": _TEXT,
+    ".tsv": _TEXT,
+    ".dat": _TEXT,
+    ".lvm": _TEXT,
+    ".npy": Format(name="NumPy array", reader=npy.read, writer=None, read_options=npy.NPY_OPTIONS),
+    ".parquet": Format(
+        name="Parquet table", reader=recorders.read_parquet, writer=None, read_options=recorders.RECORDER_OPTIONS
+    ),
+    ".nc": Format(
+        name="netCDF file", reader=recorders.read_netcdf, writer=None, read_options=recorders.RECORDER_OPTIONS
+    ),
+    ".tdms": Format(name="TDMS file", reader=recorders.read_tdms, writer=None, read_options=recorders.RECORDER_OPTIONS),
+    ".mf4": _MDF,
+    ".mdf": _MDF,
+    ".wav": Format(name="sound file", reader=wav.read, writer=None, read_options=wav.WAV_OPTIONS),
+    ".xlsx": Format(name="Excel workbook", reader=excel.read, writer=None, read_options=excel.EXCEL_OPTIONS),
     ".mat": Format(name="MATLAB file", reader=mat.read, writer=mat.write, read_options=ARRAY_OPTIONS),
     ".h5": _HDF5,
     ".hdf5": _HDF5,
@@ -215,7 +235,7 @@ def _contents(path: Path, options: Options) -> Contents:
     except OSError as error:
         found = f"the system refuses: {(error.strerror or str(error)).lower()}"
         raise DataError(f"reading {str(path)!r} was asked", found, "Check that you may read the file.") from None
-    return replace(contents, thing=_overridden(contents.thing, options, path))
+    return replace(contents, thing=overridden(contents.thing, options, path))
 
 
 def _whole_contents(path: Path, options: Options) -> Contents:
@@ -252,9 +272,18 @@ def _check_options(path: Path, options: Options, known: tuple[str, ...], doing: 
         )
 
 
-def _overridden(thing: Thing, options: Options, path: Path) -> Thing:
-    """Return the data with the fields that the caller gave, which named arrays have used already, and where they came from."""
+def overridden(thing: Thing, options: Options, path: Path | None) -> Thing:
+    """Return the data with the fields that the caller gave, which named arrays have used already, and where they came from.
+
+    Parameters
+    ----------
+    thing : data object
+    options : mapping
+    path : path, optional
+    """
     given = {name: options[name] for name in FIELD_OPTIONS if options.get(name) is not None}
+    if isinstance(given.get("units"), Mapping):  # of single columns: used already
+        del given["units"]
     if isinstance(thing, Signals) and "quantity" in given:
         given["quantities"] = given.pop("quantity")
     refused = sorted(set(given) - {field.name for field in fields(thing)})
@@ -265,9 +294,9 @@ def _overridden(thing: Thing, options: Options, path: Path) -> Thing:
             "Leave them out.",
         )
     if isinstance(thing, Channels):
-        given["source_path"] = path.absolute()
+        given |= {} if path is None else {"source_path": path.absolute()}
         if "input_dofs" in given and getattr(thing, "groups", None) == input_groups(thing.input_dofs):
             given.setdefault("groups", AUTO)
-    if isinstance(thing, StabilizationDiagram):
+    if isinstance(thing, StabilizationDiagram) and path is not None:
         given["response"] = replace(thing.response, source_path=path.absolute())
     return replace(thing, **given) if given else thing

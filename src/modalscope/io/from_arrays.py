@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from difflib import get_close_matches
 from itertools import islice
 from typing import Any
@@ -12,15 +12,18 @@ from typing import Any
 import numpy as np
 
 from modalscope.io.arrays import AXES, GEOMETRY, INDICATOR, JSON, TEXTS, UNREFINED, names_of, noun_of
+from modalscope.io.columns import contents_from_table
 from modalscope.io.contents import Contents, Finding, Options, Thing
+from modalscope.io.geometry_arrays import damaged, geometry_of_arrays
 from modalscope.io.limits import room
-from modalscope.model import DataError, FrequencyResponse, Geometry, ModalModel, Signals, StateSpace
+from modalscope.io.loose import meaning_of
+from modalscope.model import DataError, FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals, StateSpace
 from modalscope.model.checks import Array
 
 __all__ = ["ARRAY_OPTIONS", "FIELD_OPTIONS", "contents_from_arrays"]
 
 #: Options of the formats that hold named arrays.
-ARRAY_OPTIONS = ("rename", "axes", "ignore")
+ARRAY_OPTIONS = ("rename", "axes", "ignore", "columns", "transpose")
 
 #: Fields of a noun that may be given, or overridden, while it is read from any format.
 FIELD_OPTIONS = (
@@ -41,6 +44,15 @@ _TEXT = ("quantity", "kind", "scaling")
 _FLOATS = ("sampling_rate", "added_damping", "dt")
 _WHOLE = ("averages", "first_sample")
 _BOOLEAN = ("held_input", "converged")
+
+#: The arrays without which there is no such data object.
+_NEEDED: dict[type[Any], set[str]] = {
+    FrequencyResponse: {"frequencies", "values"},
+    ImpulseResponse: {"sampling_rate", "values"},
+    Signals: {"sampling_rate", "outputs"},
+    ModalModel: {"poles", "shapes"},
+    Geometry: set(),
+}
 
 #: So many names of arrays are told in a message.
 _NAMED = 12
@@ -88,12 +100,38 @@ def contents_from_arrays(where: str, arrays: Mapping[str, Array], options: Optio
     known = set() if noun is None else names_of(noun)
     unknown = [name for name in held if name not in known and not _of_modes(noun, name)]
     if noun is None or unknown:
-        raise _unknown(where, unknown or list(held), noun)
+        return _by_evidence(where, held, unknown, noun, options)
     held = _with_axes(held, noun, dict(options.get("axes") or {}))
     thing = _build(where, noun, held, given)
     findings = [Finding(part=name, what=_what(array)) for name, array in arrays.items() if name not in ignore]
     findings += [Finding(part=name, what=_what(arrays[name]), taken=False, reason="ignore names it") for name in ignore]
     return Contents(thing=thing, findings=tuple(findings))
+
+
+def _by_evidence(
+    where: str, held: dict[str, Array], unknown: list[str], noun: type[Any] | None, options: Options
+) -> Contents:
+    """Make what arrays of other names are by their names and shapes, or raise where these say nothing."""
+    whole = noun is not None and _NEEDED[noun] <= {
+        *held,
+        *(name for name in FIELD_OPTIONS if options.get(name) is not None),
+    }
+    meant = None if whole or options.get("axes") else meaning_of(where, held, options)
+    if meant is None:
+        raise _unknown(where, unknown or list(held), noun)
+    if meant.table is not None:
+        found = contents_from_table(meant.table, {**options, "ignore": None})
+        return replace(found, notes=(*meant.notes, *found.notes))
+    arrays = dict(meant.arrays or {})
+    given = {name: options[name] for name in FIELD_OPTIONS if options.get(name) is not None}
+    thing = _build(where, noun_of(arrays) or Signals, arrays, given)
+    findings = [
+        Finding(
+            part=name, what=_what(array), taken=name not in meant.left, reason="nothing takes it" * (name in meant.left)
+        )
+        for name, array in held.items()
+    ]
+    return Contents(thing=thing, findings=tuple(findings), notes=meant.notes)
 
 
 def _of_modes(noun: type[Any] | None, name: str) -> bool:
@@ -167,7 +205,7 @@ def _build(where: str, noun: type[Any], held: dict[str, Array], given: dict[str,
         name: _value(where, name, array) for name, array in held.items() if not name.startswith(UNREFINED)
     }
     if noun is Geometry:
-        return _geometry(where, values)
+        return geometry_of_arrays(where, values)
     if noun is StateSpace:
         _check_fields(where, noun, values, given)
         return StateSpace(**values)
@@ -176,7 +214,7 @@ def _build(where: str, noun: type[Any], held: dict[str, Array], given: dict[str,
     indicators = {name.removeprefix(INDICATOR): values.pop(name) for name in list(values) if name.startswith(INDICATOR)}
     values |= (
         {"units": units}
-        | ({"geometry": _geometry(where, geometry)} if geometry else {})
+        | ({"geometry": geometry_of_arrays(where, geometry)} if geometry else {})
         | ({"indicators": indicators} if indicators else {})
         | ({"unrefined": _build(where, noun, before, {})} if before else {})
         | given
@@ -190,7 +228,7 @@ def _build(where: str, noun: type[Any], held: dict[str, Array], given: dict[str,
         raise
     except (TypeError, KeyError, AttributeError, IndexError, OverflowError, ValueError) as error:
         # JSON text in it may hold anything
-        raise _damaged(where, f"{type(error).__name__}: {error}") from None
+        raise damaged(where, f"{type(error).__name__}: {error}") from None
     return thing
 
 
@@ -211,10 +249,6 @@ def _check_fields(where: str, noun: type[Any], values: dict[str, Any], given: di
         raise DataError(
             f"the options {', '.join(refused)} were asked", f"a {noun.__name__} has no such field", "Leave them out."
         )
-
-
-def _damaged(where: str, found: str) -> DataError:
-    return DataError(f"reading {where} was asked", f"its fields are damaged ({found})", "Write the file again.")
 
 
 def _value(where: str, name: str, array: Array) -> Any:
@@ -265,36 +299,3 @@ def _scalar(where: str, name: str, value: Any) -> Any:
     if name in _WHOLE and isinstance(value, float) and value.is_integer():
         return int(value)
     return (value or None) if name == "quantity" else bool(value) if name in _BOOLEAN else value
-
-
-def _geometry(where: str, values: dict[str, Any]) -> Geometry:
-    nodes = values.get("geometry_nodes")
-    if nodes is None or values.get("geometry_coordinates") is None:
-        raise DataError(
-            "a geometry needs geometry_nodes and geometry_coordinates",
-            f"there are {', '.join(values)}",
-            "Add the missing array.",
-        )
-    named: dict[str, Any] = {}
-    for key in ("lines", "faces"):
-        index = np.asarray(values.get(f"geometry_{key}", np.zeros((0, 2), int)))
-        if index.size and (
-            index.ndim != 2
-            or index.dtype.kind not in "iuf"
-            or index.min() < 0
-            or index.max() >= len(nodes)
-            or np.any(index != np.rint(index))
-        ):
-            raise DataError(
-                f"geometry_{key} needs indices 0 to {len(nodes) - 1} into the nodes",
-                f"they reach from {index.min()} to {index.max()}",
-                "Count nodes from 0.",
-            )
-        named[key] = [[nodes[int(i)] for i in row] for row in index] or None
-    motions = values.get("geometry_motions")
-    try:
-        return Geometry(nodes=nodes, coordinates=values["geometry_coordinates"], motions=motions or {}, **named)
-    except DataError:
-        raise
-    except (TypeError, AttributeError, OverflowError, ValueError) as error:
-        raise _damaged(where, f"geometry: {error}") from None

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.io import survey
+from modalscope.io import from_frame, survey
 from modalscope.io.arrays import to_arrays
+from modalscope.io.frames import is_frame
 from modalscope.model import ModalModel, Note
 from modalscope.model.analysis import SourceFile
 from modalscope.model.checks import DataError
@@ -27,7 +28,7 @@ def opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, tuple[SourceFile
 
     Parameters
     ----------
-    data : path, sequence of paths, or data object
+    data : path, sequence of paths, data object, or one of pandas or xarray
         Several files are merged: those of the same outputs are runs, others are setups (see `merge`).
     reading : mapping
         Options of `read`.
@@ -53,6 +54,9 @@ def are_paths(data: Any) -> bool:
 
 
 def _opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile, tuple[Note, ...]]:
+    if is_frame(data):
+        thing = from_frame(data, **reading)
+        return thing, source_of_data(thing), ()
     if not isinstance(data, str | Path):
         if reading:
             raise DataError(

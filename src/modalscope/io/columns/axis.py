@@ -1,0 +1,147 @@
+"""The axis of a table: the sampling rate that times give, and whether they are evenly spaced."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from modalscope.model import DataError
+from modalscope.model.checks import RealArray
+
+__all__ = ["Sampling", "grain_of", "roundest", "same_rate", "sampling_of"]
+
+#: Times may lie off the even grid by this part of a step.
+_OFF = 0.02
+#: Rates that differ by less are one: headers are rounded.
+_SAME = 1e-3
+#: A step longer than this times the usual one has a sample missing in it, unless the clock is as coarse as the steps; then such
+#: steps are frequent, and a few are gaps.
+_GAP, _FEW = 1.9, 0.01
+#: No clock of a sampler is better known.
+_CLOCK = 1e-6
+#: So many times at each end tell the digits; printed ones have at most so many behind the point.
+_ENDS, _DIGITS = 5000, 9
+
+
+@dataclass(frozen=True, slots=True)
+class Sampling:
+    """The rate of a column of times.
+
+    Parameters
+    ----------
+    rate : float
+        Samples per second.
+    doubt : float
+        What the digits of the times leave open of it.
+    off : float
+        The largest distance of a time from the even grid, in steps.
+    """
+
+    rate: float
+    doubt: float
+    off: float
+
+
+def grain_of(times: RealArray) -> float:
+    """Return the power of ten that all times are multiples of: what their digits leave open; 0 where there is none.
+
+    Printed times may lose digits as they grow, so that both ends are asked.
+
+    Examples
+    --------
+    >>> grain_of(np.array([0.0, 0.01, 0.019, 0.029])), grain_of(np.array([0.0, 1 / 3, 2 / 3]))
+    (0.001, 0.0)
+    """
+
+    def of(part: RealArray) -> float:
+        for digits in range(_DIGITS + 1):
+            scaled = part * 10.0**digits
+            if np.all(np.abs(scaled - np.rint(scaled)) <= 1e-6 + 1e-12 * np.abs(scaled)):
+                return float(10.0**-digits)
+        return 0.0
+
+    return max(of(times[:_ENDS]), of(times[-_ENDS:]))
+
+
+def sampling_of(times: RealArray) -> Sampling:
+    """Return the rate 1/T of times t(k) = t(0) + k T, T = (t(N-1) - t(0)) / (N-1).
+
+    Parameters
+    ----------
+    times : array, (N,)
+        Seconds.
+
+    Raises
+    ------
+    DataError
+        Times that are fewer than two, do not increase, leave the grid by more than their digits and 2 % of a step explain, or skip
+        samples; `found` says by how much.
+
+    Examples
+    --------
+    >>> sampling_of(np.array([0.0, 0.001, 0.002, 0.003, 0.004])).rate
+    1000.0
+    """
+    steps = np.diff(times)
+    if not steps.size:
+        raise _uneven("there is one sample")
+    if not np.isfinite(times).all():
+        raise _uneven(f"{int((~np.isfinite(times)).sum())} of its {times.size} times are missing or infinite")
+    grain, step = grain_of(times), float(times[-1] - times[0]) / steps.size
+    back, widest = int(np.argmin(steps)), int(np.argmax(steps))
+    if step <= 0 or steps[back] < -1.01 * grain:
+        raise _uneven(f"they do not increase: {times[back]:g} s is followed by {times[back + 1]:g} s in row {back + 2}")
+    distance = np.abs(times - times[0] - step * np.arange(times.size))
+    ulp = float(np.spacing(np.float32(np.abs(times).max()))) if _is_single(times) and not grain else 0.0
+    off = float(distance.max())
+    if off > max(_OFF * step, 1.01 * grain, 2 * ulp) or _has_gaps(steps, grain):
+        raise _uneven(
+            f"the steps lie between {steps[back]:.6g} and {steps[widest]:.6g} s (usual {np.median(steps):.6g} s), the longest at row "
+            f"{widest + 2}, and times leave the even grid by up to {off / step:.3g} steps"
+        )
+    doubt = (grain + 2 * ulp) / (step * steps.size) / step
+    return Sampling(roundest(1 / step, doubt + _CLOCK / step), doubt, off / step)
+
+
+def _has_gaps(steps: RealArray, grain: float) -> bool:
+    """Whether some steps are so long that samples are missing in them."""
+    usual = float(np.median(steps))
+    long = steps > _GAP * usual
+    return bool(usual > 0 and long.any() and (grain < 0.4 * usual or long.mean() < _FEW))
+
+
+def _is_single(times: RealArray) -> bool:
+    """Whether numbers had single precision before they had double."""
+    with np.errstate(over="ignore"):
+        return bool(np.array_equal(times.astype(np.float32).astype(float), times))
+
+
+def _uneven(found: str) -> DataError:
+    return DataError("evenly sampled, increasing times were needed", found, "Resample the record evenly.")
+
+
+def roundest(value: float, doubt: float) -> float:
+    """Return the number of fewest digits that is as near to a value as the doubt allows.
+
+    Examples
+    --------
+    >>> roundest(1023.99987, 0.01), roundest(33.3333, 1e-9)
+    (1024.0, 33.3333)
+    """
+    for digits in range(7):
+        candidate = round(value, digits)
+        if candidate > 0 and abs(candidate - value) <= doubt:
+            return float(candidate)
+    return value
+
+
+def same_rate(one: float, other: float, doubt: float = 0.0) -> bool:
+    """Whether two rates are one within 0.1 % and the doubt.
+
+    Examples
+    --------
+    >>> same_rate(1000.0, 1000.5), same_rate(1000.0, 1024.0)
+    (True, False)
+    """
+    return abs(one - other) <= max(_SAME * max(one, other), doubt)

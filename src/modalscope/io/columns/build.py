@@ -1,0 +1,185 @@
+"""A table becomes records or frequency responses, and every column is accounted for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from modalscope.io.columns.axis import sampling_of
+from modalscope.io.columns.lines import frequency_response, parts_by_name
+from modalscope.io.columns.records import records
+from modalscope.io.columns.roles import Role, named_columns, role_by_words, spoken_roles
+from modalscope.io.columns.table import Column, Table, as_word, span
+from modalscope.io.contents import Contents, Finding, Options
+from modalscope.model import DataError, FrequencyResponse, Signals
+
+__all__ = ["COLUMN_OPTIONS", "contents_from_table"]
+
+#: Options of every format that gives columns.
+COLUMN_OPTIONS = ("columns", "ignore", "transpose")
+
+#: A first column that rises evenly by less than this is time: nobody measures lines so near each other (s or Hz).
+_FINE = 0.02
+
+
+def contents_from_table(table: Table, options: Options) -> Contents:
+    """Make the data object that a table holds.
+
+    Parameters
+    ----------
+    table : Table
+    options : mapping
+        `columns` ("time=1,in=2,out=3-9"), `ignore` (numbers or names), `units` (number or name -> unit), `sampling_rate`.
+
+    Raises
+    ------
+    DataError
+        Nothing to take, a time column that is not even or of another rate, an axis that is not known: the message names the option
+        that says what was meant.
+    """
+    table = _with_units(table, options.get("units"))
+    asked = options.get("ignore") or ()
+    ignored = named_columns(
+        table.columns, [asked] if isinstance(asked, str) else [str(item) for item in asked], "ignore"
+    )
+    left = {column.number: "ignore names it" for column in ignored}
+    columns = [column for column in table.columns if column.number not in left]
+    spoken = spoken_roles(columns, options["columns"]) if options.get("columns") else {}
+    roles = {column.number: _role(column, spoken, table.roles) for column in columns}
+    for column in columns:
+        if roles[column.number].role in ("ignore", "index"):
+            left[column.number] = roles[column.number].reason or "it counts rows"
+    kept = [column for column in columns if column.number not in left]
+    axis, kind, notes = _axis(table, kept, roles, spoken, options)
+    left |= {c.number: roles[c.number].reason for c in kept if roles[c.number].role == "index"}
+    others = [column for column in kept if column is not axis and column.number not in left]
+    _check_numbers(table, others)
+    if not others:
+        raise DataError(
+            f"reading {table.where} needs a column of measured values",
+            f"its columns are {', '.join(map(str, table.columns[:6])) or '(none)'}",
+            'Say what they are: --columns "time=1,in=2,out=3-".',
+        )
+    thing: FrequencyResponse | Signals
+    if kind == "frequency" and axis is not None:
+        thing, more, unused = frequency_response(table, axis, others, spoken)
+    else:
+        thing, more, unused = records(table, axis, others, roles, options)
+    left |= unused
+    reasons = {number: role.reason for number, role in roles.items()}
+    return Contents(
+        thing=thing,
+        findings=(*_layout(table), *(_finding(column, kind, axis, left, reasons) for column in table.columns)),
+        notes=tuple(dict.fromkeys([*table.notes, *notes, *more])),
+    )
+
+
+def _with_units(table: Table, units: Any) -> Table:
+    if not isinstance(units, Mapping):
+        return table
+    given = {
+        column.number: str(unit)
+        for name, unit in units.items()
+        for column in named_columns(table.columns, [str(name)], "units")
+    }
+    return replace(
+        table, columns=tuple(replace(column, unit=given.get(column.number, column.unit)) for column in table.columns)
+    )
+
+
+def _role(column: Column, spoken: Mapping[int, str], said: Mapping[int, str]) -> Role:
+    if column.number in spoken:
+        return Role(role=spoken[column.number], reason="--columns says so")
+    if "out" in spoken.values() or {"real", "mag"} & set(spoken.values()):
+        return Role(role="ignore", reason="--columns does not name it")
+    if column.number in said:
+        return Role(role=said[column.number], reason="the file says so")
+    return role_by_words(column)
+
+
+def _axis(
+    table: Table, kept: Sequence[Column], roles: dict[int, Role], spoken: Mapping[int, str], options: Options
+) -> tuple[Column | None, str, list[str]]:
+    """Return the column of times or frequencies, which of both it is, and what to say of it."""
+    for kind in ("time", "frequency"):
+        named = [column for column in kept if roles[column.number].role == kind]
+        if named:
+            return named[0], kind, []
+    rising = kept[0] if kept and not roles[kept[0].number].role else None
+    rate = options.get("sampling_rate") or table.rate
+    step = 0.0 if rising is None or len(kept) < 2 or spoken else _even_step(rising)
+    if rising is None or not step:
+        return None, "", []
+    if step == 1.0 and rate != 1.0 and np.array_equal(rising.values, np.rint(rising.values)):
+        roles[rising.number] = Role(role="index", reason="it counts rows")
+        return None, "", [f"{rising} counts rows: it was left"]
+    rest = [column.number for column in kept[1:]]
+    if parts_by_name(kept[1:], spoken):
+        roles[rising.number] = Role(role="frequency", reason="it rises evenly beside complex values")
+        return rising, "frequency", [f"{rising} rises evenly beside complex values: taken as frequency in Hz"]
+    if step < _FINE or (rate is not None and abs(step * rate - 1) < 1e-2):
+        roles[rising.number] = Role(role="time", reason="it rises evenly")
+        say = (
+            f'{rising} rises evenly by {step:.6g}: taken as time in s (else: --columns "frequency={rising.number},...")'
+        )
+        return rising, "time", [say]
+    pairs = ",".join(f"real={a},imag={b}" for a, b in zip(rest[::2], rest[1::2], strict=False))
+    raise DataError(
+        f"reading {table.where} needs a column of time or frequency, told by its name or unit",
+        f"{rising} rises evenly by {step:.6g} from {rising.values[0]:g}, which may be either",
+        f'Say which: --columns "time={rising.number},out={span(rest)}"'
+        + (f', or --columns "frequency={rising.number},{pairs}".' if pairs else "."),
+    )
+
+
+def _even_step(column: Column) -> float:
+    """Return the step of a column that rises evenly; 0 of one that does not."""
+    values = np.asarray(column.values)
+    if column.textual or np.iscomplexobj(values) or values.size < 3 or not np.isfinite(values).all():
+        return 0.0
+    try:
+        return 1 / sampling_of(values.astype(float)).rate
+    except DataError:
+        return 0.0
+
+
+def _check_numbers(table: Table, columns: Sequence[Column]) -> None:
+    """Raise where cells are empty or not finite, and name the rows and the way out."""
+    for column in columns:
+        bad = ~np.isfinite(column.values)
+        if bad.any():
+            first, count = int(np.argmax(bad)) + 1, int(bad.sum())
+            raise DataError(
+                f"reading {table.where} needs a finite number in every row",
+                f"{count} of {bad.size} in {column} are empty or no numbers, the first in row {first}",
+                f"Fill or cut these rows, or leave the column out: --ignore {as_word(column.label)}",
+            )
+
+
+def _layout(table: Table) -> list[Finding]:
+    return [Finding(part=part, what=what) for part, what in table.layout]
+
+
+_WORDS = {
+    "in": "input",
+    "out": "output",
+    "real": "real part",
+    "imag": "imaginary part",
+    "mag": "magnitude",
+    "coh": "coherence",
+}
+
+
+def _finding(
+    column: Column, kind: str, axis: Column | None, left: Mapping[int, str], reasons: Mapping[int, str]
+) -> Finding:
+    name = f"{column.label} [{column.unit}]" if column.unit else column.label
+    if column.number in left:
+        return Finding(part=f"column {column.number}", what=name, taken=False, reason=left[column.number])
+    why = f" ({reasons[column.number]})" if reasons.get(column.number) else ""
+    if axis is not None and column.number == axis.number:
+        return Finding(part=f"column {column.number}", what=f"{name}: {kind}{why}")
+    return Finding(part=f"column {column.number}", what=f"{name}{why}")

@@ -1,0 +1,200 @@
+"""Frequency responses out of columns: pairs of parts by their names, their order or `--columns`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from modalscope.io.arrays import joined
+from modalscope.io.columns.parts import from_decibels, is_decibel, joined_polar, part_of, phase_unit
+from modalscope.io.columns.table import Column, Table, as_word, span
+from modalscope.io.columns.words import factor_to_base, kind_of_unit
+from modalscope.model import DataError, FrequencyResponse
+from modalscope.model.checks import Array
+from modalscope.model.labels import label_of
+
+__all__ = ["frequency_response", "parts_by_name"]
+
+#: The parts of one response by what they are.
+Parts = dict[str, Column]
+
+_PREFIX = re.compile(r"^(?:frequency response|frf|transfer function|tf|h[12v]?)(?![A-Za-z0-9])[\s:_(]*", re.IGNORECASE)
+_PAIR = re.compile(r"^(?P<out>[^/]+?)\s*(?:/|<-|->)\s*(?P<in>[^/]+?)$")
+
+
+def parts_by_name(columns: Sequence[Column], spoken: Mapping[int, str]) -> dict[tuple[str, int], Parts]:
+    """Return parts by the name of what they belong to; where names repeat, the first real part goes with the first imaginary one.
+
+    Parameters
+    ----------
+    columns : sequence of Column
+    spoken : mapping of number to role
+        What `--columns` says.
+    """
+    found: dict[tuple[str, int], Parts] = {}
+    for column in columns:
+        named = part_of(column.name)
+        if column.number in spoken and spoken[column.number] in ("real", "imag", "mag", "phase", "coh"):
+            base, part = ("" if named is None else named[0]), spoken[column.number]
+        elif np.iscomplexobj(column.values):
+            base, part = column.name, "complex"
+        elif named is not None:
+            base, part = named
+        else:
+            continue
+        place = 0
+        while part in found.setdefault((base, place), {}):
+            place += 1
+        found[base, place][part] = column
+    return found
+
+
+def frequency_response(
+    table: Table, axis: Column, columns: Sequence[Column], spoken: Mapping[int, str]
+) -> tuple[FrequencyResponse, list[str], dict[int, str]]:
+    """Return frequency responses, notes, and what was left with its reason.
+
+    Parameters
+    ----------
+    table : Table
+    axis : Column
+        The frequencies.
+    columns : sequence of Column
+        All others that may be taken.
+    spoken : mapping of number to role
+        What `--columns` says.
+
+    Raises
+    ------
+    DataError
+        Magnitudes without phases, a part without its other, an unknown unit of phases, pairs that make no matrix.
+    """
+    found = parts_by_name(columns, spoken)
+    notes: list[str] = []
+    used: dict[int, str] = {}
+    responses: dict[tuple[str, str], tuple[Array, str]] = {}
+    coherences: list[tuple[str, Column]] = []
+    for (base, place), parts in found.items():
+        if set(parts) == {"coh"}:
+            coherences.append((base, parts["coh"]))
+            continue
+        pair = _pair_of(base if place == 0 else f"{base} {place + 1}".strip(), len(responses) + 1)
+        values = _values(table, axis, base, parts, notes)
+        first = next(iter(parts.values()))
+        responses[pair] = (values, first.unit)
+        used |= {column.number: "" for column in parts.values()}
+        coherences += [(base, parts["coh"])] if "coh" in parts else []
+    if not responses:
+        raise _no_phases(table, axis, columns)
+    left = {column.number: "it belongs to no frequency response" for column in columns if column.number not in used}
+    outputs, inputs, units, values = _matrix(table, responses)
+    coherence = _coherence(coherences, outputs, inputs, left)
+    quantities = {kind_of_unit(unit) for unit in units[0]} & {"acceleration", "velocity", "displacement"}
+    thing = FrequencyResponse(
+        values=values,
+        frequencies=axis.values * factor_to_base(axis.unit),
+        quantity=quantities.pop() if len(quantities) == 1 else None,
+        output_dofs=outputs,
+        input_dofs=inputs,
+        units=units,
+        coherence=coherence,
+    )
+    return thing, notes, left
+
+
+def _pair_of(base: str, count: int) -> tuple[str, str]:
+    """Return output and input of a name such as `H(3Z/1Z)`; without a pair every name is an output of one input."""
+    bare = _PREFIX.sub("", base).strip(" )(") or base
+    match = _PAIR.match(bare)
+    if match and kind_of_unit(match["in"]) == "":
+        return label_of(match["out"].strip()), label_of(match["in"].strip())
+    return label_of(base) if base else f"y{count}", "u1"
+
+
+def _values(table: Table, axis: Column, base: str, parts: Parts, notes: list[str]) -> Array:
+    if "complex" in parts:
+        return parts["complex"].values
+    if {"real", "imag"} <= set(parts):
+        return joined(parts["real"].values, parts["imag"].values)
+    if {"mag", "phase"} <= set(parts):
+        magnitude, phase = parts["mag"], parts["phase"]
+        levels = is_decibel(magnitude.name, magnitude.unit) or bool(magnitude.values.min() < 0)
+        unit = phase_unit(phase.unit, phase.values)
+        words = "decibels (20 log10)" if levels else "amplitudes"
+        why = f"degrees or radians by {'their unit' if phase.unit else 'their range'}"
+        notes.append(f"magnitudes are read as {words}, phases as {'degrees' if unit == 'deg' else 'radians'} ({why})")
+        size = from_decibels(magnitude.values) if levels else magnitude.values
+        return joined_polar(table.where, size, phase.values, unit, phase.name or str(phase.number))
+    other = {"real": "imaginary part", "imag": "real part", "mag": "phase", "phase": "magnitude"}
+    part = next(part for part in parts if part in other)
+    raise DataError(
+        f"reading {table.where} needs complex values",
+        f"{parts[part]} has no {other[part]} beside it",
+        f"Export it, leave the column out with --ignore {as_word(parts[part].label)}, or say what the columns are: "
+        f'--columns "frequency={axis.number},real=...,imag=..."',
+    )
+
+
+def _no_phases(table: Table, axis: Column, columns: Sequence[Column]) -> DataError:
+    numbers = [column.number for column in columns]
+    if len(numbers) % 2 == 0 and numbers and not any(column.name for column in columns):
+        example = ",".join(f"real={a},imag={b}" for a, b in zip(numbers[::2], numbers[1::2], strict=True))
+        polar = example.replace("real", "mag").replace("imag", "phase")
+        change = (
+            f'Say what they are: --columns "frequency={axis.number},{example}", or "frequency={axis.number},{polar}".'
+        )
+    else:
+        change = (
+            "Export real and imaginary parts, or magnitudes and phases; spectra alone hold no phases to identify from."
+        )
+    return DataError(
+        f"reading {table.where} needs complex values beside its frequencies",
+        f"columns {span(numbers)} are real ({', '.join(column.label for column in columns[:6])})",
+        change,
+    )
+
+
+def _matrix(table: Table, responses: Mapping[tuple[str, str], tuple[Array, str]]) -> tuple[Any, Any, Any, Array]:
+    outputs = tuple(dict.fromkeys(out for out, _ in responses))
+    inputs = tuple(dict.fromkeys(into for _, into in responses))
+    missing = [f"{o} / {i}" for o in outputs for i in inputs if (o, i) not in responses]
+    if missing:
+        raise DataError(
+            f"reading {table.where} needs a response of every output to every input",
+            f"{', '.join(missing[:6])} {'is' if len(missing) == 1 else 'are'} missing",
+            "Export them, or leave the others of that channel out with --ignore.",
+        )
+    split = {pair: _unit_pair(unit) for pair, (_, unit) in responses.items()}
+    units = (
+        tuple(split[output, inputs[0]][0] for output in outputs),
+        tuple(split[outputs[0], into][1] for into in inputs),
+    )
+    values = np.stack([np.stack([responses[o, i][0] for i in inputs], axis=-1) for o in outputs], axis=1)
+    return outputs, inputs, units, np.asarray(values, complex)
+
+
+def _unit_pair(unit: str) -> tuple[str, str]:
+    """Return the units of output and input in that of a ratio, `m/s2/N` or `(m/s^2)/N`."""
+    above, slash, below = unit.strip().rpartition("/")
+    if slash and kind_of_unit(below) == "force":
+        bare = above.strip()
+        return (bare[1:-1] if bare.startswith("(") and bare.endswith(")") else bare), below.strip()
+    return ("", "") if is_decibel("", unit) else (unit, "")
+
+
+def _coherence(
+    found: Sequence[tuple[str, Column]], outputs: Sequence[str], inputs: Sequence[str], left: dict[int, str]
+) -> Array | None:
+    """Return coherence where there is one for every output, in the order of the responses."""
+    if not found or len(found) != len(outputs) * len(inputs):
+        return None
+    values = np.stack([column.values for _, column in found], axis=-1)
+    if values.min() < 0 or values.max() > 1 + 1e-6:
+        left |= {column.number: "a coherence lies between 0 and 1" for _, column in found}
+        return None
+    for _, column in found:
+        left.pop(column.number, None)
+    return np.asarray(values.reshape(-1, len(outputs), len(inputs)))

@@ -1,0 +1,162 @@
+"""Records out of columns: forces are inputs, everything else outputs; the rate by times, header or option, each held against the others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from modalscope.io.columns.axis import same_rate, sampling_of
+from modalscope.io.columns.roles import Role
+from modalscope.io.columns.table import Column, Table, as_word
+from modalscope.io.columns.words import factor_to_base, kind_of_unit
+from modalscope.io.contents import Options
+from modalscope.model import DataError, Signals
+from modalscope.model.channels import QUANTITIES
+from modalscope.model.checks import check_positive
+
+__all__ = ["records", "refuse_transposed", "sampling_rate"]
+
+#: The digits of times may leave so much of their rate open: frequencies would be as wrong.
+_OPEN = 1e-3
+
+
+def records(
+    table: Table, axis: Column | None, columns: Sequence[Column], roles: Mapping[int, Role], options: Options
+) -> tuple[Signals, list[str], dict[int, str]]:
+    """Return records, notes, and what was left with its reason.
+
+    Parameters
+    ----------
+    table : Table
+    axis : Column, optional
+        The times.
+    columns : sequence of Column
+        All others that may be taken.
+    roles : mapping of number to Role
+    options : mapping
+        `sampling_rate`.
+
+    Raises
+    ------
+    DataError
+        More channels than samples, complex values, times that are not even or of another rate, no rate at all.
+    """
+    twice = {c.number: "a second column of times" for c in columns if axis and roles[c.number].role == "time"}
+    channels = [column for column in columns if column.number not in twice]
+    wrong = [column for column in channels if np.iscomplexobj(column.values)]
+    if wrong:
+        raise DataError(
+            f"reading {table.where} needs frequencies beside complex values",
+            f"{wrong[0]} is complex, and no column is of frequencies",
+            'Say which it is: --columns "frequency=1".',
+        )
+    refuse_transposed(table.where, table.rows, len(channels), bool(options.get("transpose")))
+    rate, notes = sampling_rate(table, axis, options)
+    forces = [column for column in channels if roles[column.number].role == "in"]
+    others = [column for column in channels if roles[column.number].role != "in"]
+    if not others:
+        forces, others = [], channels
+        notes.append("all columns are forces; they were taken as outputs")
+    elif not forces and options.get("columns") is None:
+        notes.append(f'no column is a force by name or unit: all are outputs (else: --columns "in={others[0].number}")')
+    labels = _labels([*others, *forces], notes)
+    thing = Signals(
+        outputs=_stacked(others),
+        inputs=_stacked(forces) if forces else None,
+        sampling_rate=rate,
+        quantities=tuple(kind if (kind := kind_of_unit(column.unit)) in QUANTITIES else None for column in others),
+        output_dofs=tuple(labels[: len(others)]),
+        input_dofs=tuple(labels[len(others) :]),
+        units=(tuple(column.unit for column in others), tuple(column.unit for column in forces)),
+    )
+    return thing, notes, twice
+
+
+def _stacked(columns: Sequence[Column]) -> Any:
+    return np.stack([column.values for column in columns], axis=1).astype(float)
+
+
+def _labels(columns: Sequence[Column], notes: list[str]) -> list[str]:
+    """Return a label a column; names that repeat get their place behind them."""
+    from modalscope.model.labels import label_of
+
+    bare = [label_of(column.label) for column in columns]
+    twice = {label for label in bare if bare.count(label) > 1}
+    if twice:
+        notes.append(f"names that repeat have the number of their column behind them: {', '.join(sorted(twice)[:6])}")
+    return [
+        f"{label} ({column.number})" if label in twice else label for label, column in zip(bare, columns, strict=True)
+    ]
+
+
+def refuse_transposed(where: str, samples: int, channels: int, transposed: bool) -> None:
+    """Raise where there are more channels than samples: rows and columns were exchanged.
+
+    Parameters
+    ----------
+    where : str
+    samples, channels : int
+    transposed : bool
+        Whether `--transpose` was given already.
+    """
+    if channels > samples:
+        raise DataError(
+            f"reading {where} as records was asked",
+            f"it has {channels} channels of {samples} samples, which is more channels than samples",
+            "Leave --transpose out: channels stand in columns."
+            if transposed
+            else "If every row is a channel, exchange rows and columns: --transpose",
+        )
+
+
+def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[float, list[str]]:
+    """Return samples per second, and how they are known.
+
+    An option goes before the header, the header before the times; each is held against the times.
+
+    Raises
+    ------
+    DataError
+        Times that are not even, or of another rate than the option or the header says; nothing that says a rate.
+    """
+    given = options.get("sampling_rate")
+    said = table.rate if given is None else check_positive("sampling_rate", given)
+    source = table.rate_from if given is None else "the option"
+    if axis is None:
+        if said is None:
+            raise DataError(
+                f"reading {table.where} needs a sampling rate",
+                "no column is of times, and no header says a rate",
+                "Give it in samples per second: --sampling-rate HZ",
+            )
+        return said, [] if given is not None else [f"sampling rate {said:g} Hz by {source}"]
+    scale = factor_to_base(axis.unit)
+    times = np.asarray(axis.values, float) * scale
+    way_out = f"--ignore {as_word(axis.label)} --sampling-rate"
+    try:
+        sampling = sampling_of(times)
+    except DataError as error:
+        raise DataError(
+            f"reading {table.where} needs evenly sampled times in {axis}",
+            error.found,
+            f"Resample the record; or, if only the clock is uneven and not the samples: {way_out} HZ",
+        ) from None
+    if said is None and sampling.doubt > _OPEN * sampling.rate:
+        raise DataError(
+            f"reading {table.where} needs a sampling rate",
+            f"the digits of the times in {axis} leave it open: {sampling.rate:.6g} Hz, give or take {sampling.doubt:.2g}",
+            "Give it in samples per second: --sampling-rate HZ",
+        )
+    if said is not None and not same_rate(said, sampling.rate, sampling.doubt):
+        raise DataError(
+            f"reading {table.where} at {said:g} Hz, as {source} says, was asked",
+            f"the times of {axis} say {sampling.rate:.6g} Hz",
+            f"If the times are wrong, leave them out: {way_out} {said:g}"
+            if given is not None
+            else f"Say what is right: --sampling-rate {sampling.rate:.6g}, or {way_out} {said:g}",
+        )
+    rate = sampling.rate if said is None else said
+    coarse = " (rounded more coarsely than they follow each other)" if sampling.off > 0.5 else ""
+    return rate, [f"sampling rate {rate:.9g} Hz by the times of column {axis.number}{coarse}"]

@@ -1,0 +1,110 @@
+"""What every reader of tables hands on: columns with name and unit, and what else the file said."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from modalscope.model.checks import Array
+
+__all__ = ["Column", "Table", "as_word", "span"]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Column:
+    """One column of a table.
+
+    Parameters
+    ----------
+    number : int
+        Its place in the file, from 1.
+    name, unit : str
+        As they stand in the head; empty where there is none.
+    values : array, (N,)
+        Numbers, or one text or none where it holds text.
+    stamps : bool
+        Whether the values were dates and times, now seconds from the first.
+    """
+
+    number: int
+    name: str = ""
+    unit: str = ""
+    values: Array
+    stamps: bool = False
+
+    @property
+    def label(self) -> str:
+        """The name, or one made of its place."""
+        return self.name or f"col{self.number}"
+
+    @property
+    def textual(self) -> bool:
+        """Whether it holds text."""
+        return self.values.dtype.kind not in "biufc"
+
+    def __str__(self) -> str:
+        named = f"column {self.number}" + (f", {self.name!r}" if self.name else "")
+        return f"{named} [{self.unit}]" if self.unit else named
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Table:
+    """Columns of equal length, the sampling rate that stands beside them, and what was found on the way, in words.
+
+    Parameters
+    ----------
+    where : str
+        The file, for messages.
+    columns : tuple of Column
+    rate : float, optional
+        Samples per second.
+    rate_from : str
+        Where the rate stands: `header line 3`.
+    notes : tuple of str
+        What was found, in words.
+    layout : tuple of (str, str)
+        The evidence on the layout: part, and what it is.
+    roles : mapping of number to role
+        What the file itself says of its columns.
+    """
+
+    where: str
+    columns: tuple[Column, ...]
+    rate: float | None = None
+    rate_from: str = ""
+    notes: tuple[str, ...] = ()
+    layout: tuple[tuple[str, str], ...] = ()
+    roles: Mapping[int, str] = field(default_factory=dict)
+
+    @property
+    def rows(self) -> int:
+        """Rows under the head."""
+        return max((len(column.values) for column in self.columns if not column.textual), default=0)
+
+
+def span(numbers: list[int]) -> str:
+    """Return places as `--columns` takes them.
+
+    Examples
+    --------
+    >>> span([2, 3, 4, 7]), span([5])
+    ('2-4,7', '5')
+    """
+    parts: list[list[int]] = []
+    for number in sorted(numbers):
+        if parts and number == parts[-1][-1] + 1:
+            parts[-1].append(number)
+        else:
+            parts.append([number])
+    return ",".join(f"{part[0]}-{part[-1]}" if len(part) > 1 else f"{part[0]}" for part in parts)
+
+
+def as_word(text: str) -> str:
+    """Return a name as it stands on a command line.
+
+    Examples
+    --------
+    >>> as_word("Time"), as_word("Acc A")
+    ('Time', '"Acc A"')
+    """
+    return text if text.replace("_", "a").isalnum() else f'"{text}"'

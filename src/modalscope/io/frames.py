@@ -1,0 +1,139 @@
+"""pandas and xarray objects as tables: names, units, and the rate of their index. Neither package is imported: their objects are asked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from modalscope.io.columns import Column, Table
+from modalscope.io.columns.roles import role_by_words
+from modalscope.io.columns.words import kind_of_unit, split_head
+from modalscope.model import DataError
+from modalscope.model.checks import Array
+
+__all__ = ["is_frame", "table_of_frame"]
+
+#: Names of attributes that hold a rate.
+_RATES = ("sampling_rate", "sampling_frequency", "sample_rate", "fs", "Fs")
+
+
+def is_frame(thing: object) -> bool:
+    """Whether an object is one of pandas or xarray that `table_of_frame` takes.
+
+    Parameters
+    ----------
+    thing : object
+    """
+    kind = type(thing)
+    return kind.__module__.partition(".")[0] in ("pandas", "xarray") and kind.__name__ in (
+        "DataFrame",
+        "Series",
+        "Dataset",
+        "DataArray",
+    )
+
+
+def table_of_frame(frame: Any, where: str) -> Table:
+    """Return a DataFrame, Series, Dataset or DataArray as a table.
+
+    Units stand in `attrs["units"]` of the column (xarray) or of the frame, there as a mapping of name to unit (pandas), or in the names.
+    The index, or the one dimension that all variables have, is the axis.
+
+    Parameters
+    ----------
+    frame : DataFrame, Series, Dataset or DataArray
+    where : str
+        What it is called in messages.
+
+    Raises
+    ------
+    DataError
+        No numbers in it.
+    """
+    kind = type(frame).__name__
+    if kind == "Series":
+        frame = frame.to_frame(frame.name if frame.name is not None else "y1")
+    if kind == "DataArray":
+        frame = frame.to_dataset(name=frame.name or "values")
+    columns, roles = _of_dataset(frame, where) if kind in ("Dataset", "DataArray") else _of_frame(frame)
+    if not columns:
+        raise DataError(
+            f"reading {where} was asked", "it has no columns of numbers", "Give measured values as columns."
+        )
+    rates = [float(frame.attrs[name]) for name in _RATES if isinstance(frame.attrs.get(name), int | float | np.number)]
+    return Table(
+        where=where, columns=tuple(columns), rate=rates[0] if rates else None, rate_from="its attributes", roles=roles
+    )
+
+
+def _of_frame(frame: Any) -> tuple[list[Column], dict[int, str]]:
+    """Return the columns of a DataFrame, the index first where it is more than a count."""
+    units = frame.attrs.get("units")
+    units = units if isinstance(units, Mapping) else {}
+    columns: list[Column] = []
+    roles: dict[int, str] = {}
+    index = np.asarray(frame.index)
+    if type(frame.index).__name__ != "RangeIndex" and index.dtype.kind in "fiumM":
+        columns.append(_column(1, frame.index.name, "", index))
+        if columns[0].stamps:
+            roles[1] = "time"
+    for label in frame.columns:
+        name = " ".join(map(str, label)) if isinstance(label, tuple) else str(label)
+        values = np.asarray(frame[label])
+        columns.append(_column(len(columns) + 1, name, str(units.get(label, "")), values))
+    return columns, roles
+
+
+def _of_dataset(data: Any, where: str) -> tuple[list[Column], dict[int, str]]:
+    """Return the variables of a Dataset along their common dimension, those of further dimensions column by column."""
+    shared = [str(dim) for dim in data.sizes if all(dim in data[name].dims for name in data.data_vars)]
+    axis = next(
+        (dim for dim in shared if role_by_words(_column(1, dim, "", np.zeros(1))).role in ("time", "frequency")), None
+    )
+    axis = axis or max(shared, key=lambda dim: data.sizes[dim], default=None)
+    if axis is None:
+        raise DataError(
+            f"reading {where} was asked",
+            f"its variables ({', '.join(map(str, list(data.data_vars)[:6]))}) have no dimension in common",
+            "Give the variables of one axis.",
+        )
+    columns: list[Column] = []
+    roles: dict[int, str] = {}
+    if axis in data.coords:
+        columns.append(_column(1, axis, str(data[axis].attrs.get("units", "")), np.asarray(data[axis])))
+        if columns[0].stamps:
+            roles[1] = "time"
+    for name in data.data_vars:
+        variable = data[name].transpose(axis, ...)
+        values = np.asarray(variable)
+        unit = str(variable.attrs.get("units", ""))
+        flat = values.reshape(values.shape[0], -1)
+        for k, label in enumerate(_labels(variable, str(name), flat.shape[1])):
+            columns.append(_column(len(columns) + 1, label, unit, flat[:, k]))
+    return columns, roles
+
+
+def _labels(variable: Any, name: str, count: int) -> Iterable[str]:
+    """Return a name for each column of a variable: by the coordinates of its further dimensions where there are such."""
+    if count == 1 and variable.ndim == 1:
+        return [name]
+    if variable.ndim == 2 and variable.dims[1] in variable.coords:
+        return [f"{name} {value}" for value in np.asarray(variable[variable.dims[1]])]
+    return [f"{name} {k + 1}" for k in range(count)]
+
+
+def _column(number: int, name: Any, unit: str, values: Array) -> Column:
+    """Return a column; dates and durations become seconds from the first."""
+    bare, own = split_head("" if name is None else str(name))
+    if values.dtype.kind in "mM":
+        seconds = (values - values[0]) / np.timedelta64(1, "ns") * 1e-9
+        return Column(number=number, name=bare or "time", unit="s", values=seconds, stamps=True)
+    if values.dtype.kind == "O":
+        try:
+            values = values.astype(float)
+        except (TypeError, ValueError):
+            values = np.array([""])
+    unit = unit if unit or not own else own
+    return Column(number=number, name=bare, unit="" if kind_of_unit(unit) == "none" else unit, values=values)

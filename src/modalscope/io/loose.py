@@ -1,0 +1,298 @@
+"""Named arrays as people save them: `t`, `Fs`, `acc`, `force`, `H`, `f`; what each is, by its name, its shape and the others.
+
+A vector of times or frequencies says how many samples or lines there are, and so which axis of the other arrays counts them. What that
+does not settle (hits as columns look as channels do) is an error that names the options which say it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from modalscope.io.columns import Column, Table
+from modalscope.io.columns.axis import sampling_of
+from modalscope.io.columns.roles import role_by_words
+from modalscope.io.columns.words import split_head
+from modalscope.io.contents import Options
+from modalscope.model import DataError
+from modalscope.model.checks import Array
+
+__all__ = ["Meant", "meaning_of"]
+
+_RATES = {
+    "fs",
+    "f_s",
+    "fsamp",
+    "fsampling",
+    "samplingrate",
+    "samplerate",
+    "sr",
+    "srate",
+    "rate",
+    "samplingfrequency",
+    "samplefrequency",
+}
+_STEPS = {
+    "dt",
+    "ts",
+    "t_s",
+    "deltat",
+    "delta_t",
+    "timestep",
+    "samplingperiod",
+    "sampleperiod",
+    "sampleinterval",
+    "samplinginterval",
+}
+_NAMES = {"names", "labels", "channels", "channelnames", "channel", "name", "label", "dofs", "sensors"}
+_UNITS = {"units", "unit"}
+_INPUTS = {"u", "force", "forces", "input", "inputs", "in", "hammer", "exc", "excitation", "shaker"}
+_ANGULAR = {"w", "om", "omega"}
+_COHERENCE = {"coh", "coherence", "gamma2"}
+#: So many characters of the names of arrays are told.
+_TOLD = 300
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Meant:
+    """What arrays are meant to be: a table, or the arrays of the layout; what was left, and what to say of it."""
+
+    table: Table | None = None
+    arrays: Mapping[str, Array] | None = None
+    left: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(slots=True)
+class _Sorted:
+    """Arrays by what they are."""
+
+    where: str
+    rate: float | None = None
+    rate_name: str = ""
+    axis: tuple[str, str, Array] | None = None
+    names: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+    data: dict[str, Array] = field(default_factory=dict)
+    rest: tuple[str, ...] = ()
+
+
+def meaning_of(where: str, arrays: Mapping[str, Array], options: Options) -> Meant | None:
+    """Return what arrays are meant to be; None where names and shapes say nothing.
+
+    Parameters
+    ----------
+    where : str
+        The file, for messages.
+    arrays : mapping of name to array
+    options : mapping
+        `sampling_rate`, `transpose`.
+
+    Raises
+    ------
+    DataError
+        Hits or channels, samples in rows or in columns, where nothing tells: the message names the options that do.
+    """
+    found = _sorted(where, arrays)
+    if not found.data or (found.axis is None and found.rate is None and options.get("sampling_rate") is None):
+        return None
+    if found.axis is not None and found.axis[1] == "frequency":
+        return _lines(found, found.axis)
+    return _samples(found, options)
+
+
+def _leaf(name: str) -> str:
+    return re.sub(r"[\s_-]", "", name.rpartition(".")[2]).lower()
+
+
+def _sorted(where: str, arrays: Mapping[str, Array]) -> _Sorted:
+    found = _Sorted(where)
+    data, rest = {}, []
+    for name, array in arrays.items():
+        leaf = _leaf(name)
+        numeric = array.dtype.kind in "biufc"
+        if numeric and array.size == 1 and leaf in _RATES | _STEPS and array.dtype.kind != "c":
+            value = float(array.reshape(-1)[0])
+            found.rate = (value if leaf in _RATES else 1 / value) if value > 0 else None
+            found.rate_name = name
+        elif array.dtype.kind in "US" and leaf in _NAMES | _UNITS:
+            texts = tuple(str(text) for text in np.atleast_1d(array).ravel())
+            found.names, found.units = (texts, found.units) if leaf in _NAMES else (found.names, texts)
+        elif (
+            numeric and found.axis is None and 1 < array.size == max(array.shape) and (kind := _axis_kind(name, array))
+        ):
+            found.axis = (name, kind, array.ravel())
+        elif numeric and array.size > 1:
+            data[name] = array
+        else:
+            rest.append(name)
+    found.data, found.rest = data, tuple(rest)
+    return found
+
+
+def _axis_kind(name: str, array: Array) -> str:
+    """Return whether a vector is of times or frequencies, by its name and by rising."""
+    flat = array.ravel()
+    if array.dtype.kind == "c" or not np.all(np.diff(flat) > 0):
+        return ""
+    bare = name.rpartition(".")[2]
+    if _leaf(name) in _ANGULAR:
+        return "frequency"
+    role = role_by_words(Column(number=1, name=split_head(bare)[0], unit=split_head(bare)[1], values=flat)).role
+    return role if role in ("time", "frequency") else ""
+
+
+def _lines(found: _Sorted, axis: tuple[str, str, Array]) -> Meant | None:
+    name, _, vector = axis
+    held = {key: _first_axis(found.where, key, array, vector.size) for key, array in found.data.items()}
+    whole = [key for key, array in held.items() if np.iscomplexobj(array)]
+    angular = _leaf(name) in _ANGULAR
+    notes = [f"{name} is taken as frequencies in {'rad/s' if angular else 'Hz'}"]
+    if len(whole) == 1 and held[whole[0]].ndim <= 3:
+        key = whole[0]
+        values = held[key].reshape(vector.size, *held[key].shape[1:], *(1,) * (3 - held[key].ndim))
+        if values.shape[1] > 1 and values.shape[2] > 1:
+            notes.append(f"axes of {key} are read as lines, outputs, inputs (else: --axes values=lines,inputs,outputs)")
+        arrays = {"frequencies": vector / (2 * np.pi if angular else 1), "values": values}
+        for other, array in held.items():
+            if _leaf(other) in _COHERENCE and array.size == values.size:
+                arrays["coherence"] = array.reshape(values.shape)
+        left = tuple(k for k in held if k != key and not (_leaf(k) in _COHERENCE and "coherence" in arrays))
+        return Meant(arrays=arrays, left=(*left, *found.rest), notes=tuple(notes))
+    columns = [Column(number=1, name=name, unit="rad/s" if angular else "Hz", values=vector)]
+    return Meant(table=_table(found, columns, held, ()), notes=tuple(notes))
+
+
+def _first_axis(where: str, name: str, array: Array, count: int, transpose: bool = False) -> Array:
+    """Return an array with the axis of so many samples first and the others as they stand; axes of length one are dropped."""
+    bare = array.squeeze() if array.ndim > 1 else array
+    places = [k for k, size in enumerate(bare.shape) if size == count]
+    if not places:
+        raise DataError(
+            f"reading {where} was asked",
+            f"{name} has the shape {array.shape}, and none of its axes has the {count} entries of the others",
+            f"Leave it out: --ignore {name}",
+        )
+    if len(places) > 1 and bare.ndim > 1:
+        places = places[-1:] if transpose else places[:1]
+    return np.moveaxis(bare, places[0], 0)
+
+
+def _samples(found: _Sorted, options: Options) -> Meant | None:
+    count, transpose = _count(found, options), bool(options.get("transpose"))
+    held = {name: _first_axis(found.where, name, array, count, transpose) for name, array in found.data.items()}
+    forces = [name for name in held if _is_input(name)]
+    if any(array.ndim > 3 for array in held.values()):
+        return None
+    deep = any(array.ndim == 3 for array in held.values())
+    if deep or (_may_be_hits(held, forces) and not options.get("columns")):
+        return _runs(found, held, forces, options)
+    columns = []
+    if found.axis is not None:
+        columns.append(Column(number=1, name=found.axis[0].rpartition(".")[2], unit="s", values=found.axis[2]))
+    return Meant(table=_table(found, columns, held, forces))
+
+
+def _count(found: _Sorted, options: Options) -> int:
+    """Return how many samples there are: as many as times, or the longest axis where that is the first."""
+    if found.axis is not None:
+        return found.axis[2].size
+    shapes = {name: array.squeeze().shape for name, array in found.data.items()}
+    single = {shape[0] for shape in shapes.values() if len(shape) == 1}
+    if len(single) == 1 and all(min(single) in shape for shape in shapes.values()):
+        return int(min(single))  # a vector beside them counts the samples
+    longest = int(max(max(shape) for shape in shapes.values()))
+    odd = [name for name, shape in shapes.items() if len(shape) > 1 and shape[0] != longest]
+    if odd and not options.get("transpose"):
+        raise DataError(
+            f"reading {found.where} was asked",
+            f"{odd[0]} has the shape {found.data[odd[0]].shape}, which is more channels than samples",
+            "If samples stand along its last axis, say so: --transpose",
+        )
+    return longest
+
+
+def _is_input(name: str) -> bool:
+    return (
+        _leaf(name) in _INPUTS
+        or role_by_words(Column(number=1, name=name.rpartition(".")[2], values=np.zeros(1))).role == "in"
+    )
+
+
+def _may_be_hits(held: Mapping[str, Array], forces: list[str]) -> bool:
+    """Whether forces and responses have as many columns each, more than one: they may be hits."""
+    widths = {array.shape[1] if array.ndim == 2 else 1 for array in held.values()}
+    return bool(forces) and len(forces) < len(held) and len(widths) == 1 and widths != {1}
+
+
+def _runs(found: _Sorted, held: Mapping[str, Array], forces: list[str], options: Options) -> Meant:
+    """Return runs where the shapes settle which axis counts them: forces (N, R) beside responses (N, c, R) or (N, R, c)."""
+    outputs = [name for name in held if name not in forces]
+    if len(outputs) == 1 and len(forces) == 1 and held[outputs[0]].ndim == 3 and held[forces[0]].ndim <= 2:
+        out, into = held[outputs[0]], held[forces[0]]
+        runs = into.shape[1] if into.ndim == 2 else 1
+        places = [k for k in (1, 2) if out.shape[k] == runs]
+        if len(places) == 1 and runs > 1:
+            arrays = {
+                "outputs": np.moveaxis(out, places[0], 0),
+                "inputs": into.T[:, :, None],
+                "sampling_rate": np.array(_rate(found, options)),
+            }
+            return Meant(arrays=arrays, left=found.rest, notes=(f"{runs} hits, as {forces[0]} has",))
+    words = [f"--rename {name}={'inputs' if name in forces else 'outputs'}" for name in (*forces, *outputs)]
+    axes = {2: "samples,runs", 3: "samples,outputs,runs", 1: "samples"}
+    words += [
+        f"--axes {'inputs' if name in forces else 'outputs'}={axes[held[name].ndim]}" for name in (*forces, *outputs)
+    ]
+    left = [name for name in (*found.rest, found.axis[0] if found.axis else "", found.rate_name) if name]
+    words += [f"--ignore {name}" for name in left]
+    words += [f"--sampling-rate {_rate(found, options):.9g}"]
+    shapes = ", ".join(f"{name} {array.shape}" for name, array in held.items())[:_TOLD]
+    channels = (
+        ""
+        if any(array.ndim == 3 for array in held.values())
+        else f"; for channels: {_as_channels(found, held, forces)}"
+    )
+    raise DataError(
+        f"reading {found.where} as records was asked",
+        f"in {shapes} an axis may count channels or hits",
+        f"For hits: {' '.join(words)}{channels}",
+    )
+
+
+def _as_channels(found: _Sorted, held: Mapping[str, Array], forces: list[str]) -> str:
+    """Return how `--columns` says that forces are inputs, one a column."""
+    place, ins = 1 + (found.axis is not None), []
+    for name, array in held.items():
+        width = array[0].size
+        ins += [f"in={place}-{place + width - 1}"] if name in forces else []
+        place += width
+    return f'--columns "{",".join(ins)}"'
+
+
+def _rate(found: _Sorted, options: Options) -> float:
+    if options.get("sampling_rate"):
+        return float(options["sampling_rate"])
+    if found.rate is None and found.axis is not None:
+        return sampling_of(found.axis[2].astype(float)).rate
+    return float(found.rate or 1.0)
+
+
+def _table(found: _Sorted, columns: list[Column], held: Mapping[str, Array], forces: Collection[str]) -> Table:
+    """Return the arrays as columns; names and units that are as many as the channels are theirs."""
+    channels = []
+    for name, array in held.items():
+        flat, bare = array.reshape(len(array), -1), name.rpartition(".")[2]
+        channels += [(name, f"{bare} {k + 1}" if flat.shape[1] > 1 else bare, flat[:, k]) for k in range(flat.shape[1])]
+    named = found.names if len(found.names) == len(channels) else [label for _, label, _ in channels]
+    units = found.units if len(found.units) == len(channels) else [""] * len(channels)
+    roles = {}
+    for (name, _, values), label, unit in zip(channels, named, units, strict=True):
+        bare, own = split_head(label)
+        if name in forces:
+            roles[len(columns) + 1] = "in"
+        columns.append(Column(number=len(columns) + 1, name=bare, unit=unit or own, values=values))
+    return Table(where=found.where, columns=tuple(columns), rate=found.rate, rate_from=found.rate_name, roles=roles)

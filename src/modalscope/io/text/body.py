@@ -1,0 +1,178 @@
+"""The rows of values of a text table as arrays, in pieces: a list of cells takes many times the file."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice
+
+import numpy as np
+
+from modalscope.io.limits import Room
+from modalscope.io.text.cells import (
+    Dialect,
+    columns_of,
+    is_complex,
+    is_missing,
+    is_number,
+    is_value,
+    split,
+    uncommented,
+)
+from modalscope.io.text.stamps import is_stamp
+from modalscope.model import DataError
+from modalscope.model.checks import Array
+
+__all__ = ["kinds_of", "read_body"]
+
+#: Lines that are made arrays of at a time, and lines that may stand under a table.
+_PIECE, _FOOT = 20_000, 20
+_SHOWN = 20
+
+
+def kinds_of(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return what each column holds: "number", "complex", "stamp", "text" or "empty", by its first rows.
+
+    Examples
+    --------
+    >>> kinds_of([["0,1", "1+2i", "12:00:01", "", "run 1"], ["1", "3", "12:00:02", "", ""]])
+    ['number', 'complex', 'stamp', 'empty', 'text']
+    """
+    kinds = []
+    for cells in zip(*rows, strict=True):
+        held = [cell for cell in cells if not is_missing(cell)]
+        if not held:
+            kinds.append("empty")
+        elif all(map(is_number, held)):
+            kinds.append("number")
+        elif all(map(is_stamp, held)):
+            kinds.append("stamp")
+        else:
+            kinds.append("complex" if all(is_number(cell) or is_complex(cell) for cell in held) else "text")
+    return kinds
+
+
+def read_body(
+    where: str,
+    lines: Iterable[tuple[int, str]],
+    kinds: Sequence[str],
+    dialect: Dialect,
+    width: int,
+    space: Room,
+) -> tuple[list[Array], list[str]]:
+    """Return the columns of a body, and what to say of lines under it.
+
+    Parameters
+    ----------
+    where : str
+        The file, for messages.
+    lines : iterable of (int, str)
+        The body, each line with its number.
+    kinds : sequence of str
+        Those of the columns.
+    dialect : Dialect
+    width : int
+        Cells in a row.
+    space : Room
+
+    Raises
+    ------
+    DataError
+        A row of another length, or a cell that holds something else than its column.
+    """
+    pieces: list[list[Array]] = []
+    source = ((number, line) for number, line in lines if not uncommented(line)[1])
+    while piece := list(islice(source, _PIECE)):
+        space.take("its numbers", 8 * len(piece) * width)
+        arrays = _fast(piece, kinds, dialect, width)
+        if arrays is None:
+            arrays, bad = _slow(piece, kinds, dialect, width, space)
+            if bad is not None:
+                foot = list(islice(source, _FOOT + 1))
+                rest = [*piece[bad:], *foot]
+                _check_foot(where, rest, kinds, dialect, width)
+                pieces.append(arrays)
+                return _joined(pieces), [
+                    f"{len(rest)} lines under the table were left ({rest[0][1].strip()[:_SHOWN]!r} ...)"
+                ]
+        pieces.append(arrays)
+    return _joined(pieces), []
+
+
+def _joined(pieces: list[list[Array]]) -> list[Array]:
+    return [np.concatenate(column) for column in zip(*pieces, strict=True)]
+
+
+def _fast(piece: list[tuple[int, str]], kinds: Sequence[str], dialect: Dialect, width: int) -> list[Array] | None:
+    """Return columns of nothing but numbers by numpy's own reader; None where something else stands there."""
+    if dialect.quoted or dialect.thousands or dialect.paired or set(kinds) != {"number"}:
+        return None
+    texts: Iterator[str] = (line for _, line in piece)
+    if dialect.decimal == ",":
+        texts = (line.replace(",", ".") for line in texts)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            table = np.loadtxt(texts, delimiter=dialect.delimiter or None, comments=None, ndmin=2)
+    except (ValueError, UserWarning, OverflowError):
+        return None
+    return list(table.T) if table.shape == (len(piece), width) else None
+
+
+def _slow(
+    piece: list[tuple[int, str]], kinds: Sequence[str], dialect: Dialect, width: int, space: Room
+) -> tuple[list[Array], int | None]:
+    """Return columns cell by cell, and the first line that is no row of them."""
+    rows: list[list[str]] = []
+    bad = None
+    for k, (_, line) in enumerate(piece):
+        cells = split(line, dialect)
+        if len(cells) != width or not _fits(cells, kinds):
+            bad = k
+            break
+        rows.append(cells)
+    if not rows:
+        rows = [[""] * width][:0]
+        return [np.zeros(0, "U1" if kind in ("text", "stamp") else float) for kind in kinds], bad
+    space.take("its cells", sum(len(cell) for row in rows[:1] for cell in row) * len(rows))
+    return columns_of(rows, kinds, dialect), bad
+
+
+def _fits(cells: Sequence[str], kinds: Sequence[str]) -> bool:
+    """Whether every cell is of the kind of its column, or empty where numbers may be."""
+    for cell, kind in zip(cells, kinds, strict=True):
+        if kind == "number":
+            try:
+                float(cell)
+            except ValueError:
+                if not (is_number(cell) or is_missing(cell)):
+                    return False
+        elif kind == "complex":
+            if not (is_number(cell) or is_complex(cell) or is_missing(cell)):
+                return False
+        elif kind == "stamp" and not is_stamp(cell):
+            return False
+    return True
+
+
+def _check_foot(where: str, rest: list[tuple[int, str]], kinds: Sequence[str], dialect: Dialect, width: int) -> None:
+    """Raise unless what follows a line that is no row is a few lines of text at the end."""
+    number, line = rest[0]
+    cells = split(line, dialect)
+    values = [
+        row for _, text in rest for row in [split(text, dialect)] if len(row) == width and all(map(is_value, row))
+    ]
+    if len(rest) <= _FOOT and not values and not (len(cells) == width > 1 and is_value(cells[0]) and cells[0]):
+        return
+    odd = next((k for k, (cell, kind) in enumerate(zip(cells, kinds, strict=False)) if not _fits([cell], [kind])), None)
+    if len(cells) != width or odd is None:
+        raise DataError(
+            f"reading {where} needs {width} cells in every row",
+            f"line {number} has {len(cells)}: {[cell[:_SHOWN] for cell in cells[:6]]}",
+            "Correct that line; lines above the table may be left out: --skip N",
+        )
+    raise DataError(
+        f"reading {where} needs a number in every cell of column {odd + 1}",
+        f"line {number} holds {cells[odd][:_SHOWN]!r} there",
+        f"Correct that cell, or leave the column out: --ignore {odd + 1}",
+    )

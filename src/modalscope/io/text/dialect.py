@@ -1,0 +1,170 @@
+"""How a text table is written: what parts its cells, and which sign is the decimal one. By the cells themselves, never by the suffix."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+
+from modalscope.io.text.cells import Dialect, is_complex, is_missing, is_number, is_value, split
+from modalscope.model import DataError
+
+__all__ = ["decimal_sign", "dialect_of", "value_rows"]
+
+#: What may part cells, in the order in which they are preferred; nothing stands for blanks.
+DELIMITERS = ("\t", ";", ",", "|", "")
+
+_WORDS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", "": "blanks"}
+_ONE_SIGN = re.compile(r"[+-]?(\d*)([.,])(\d*)([eEdD][+-]?\d+)?\Z")
+_GROUPS = re.compile(r"[+-]?\d{1,3}(?:([.,'’\u00a0\u202f ])\d{3})(?:\1\d{3})*(?:([.,])\d+)?\Z")
+_ONE_COMMA = re.compile(r"\s*[+-]?\d+,\d+(?:[eE][+-]?\d+)?\s*\Z")
+
+
+def words_of_delimiter(delimiter: str) -> str:
+    """Return what parts cells, in words."""
+    return _WORDS.get(delimiter, repr(delimiter))
+
+
+def value_rows(rows: Sequence[Sequence[str]]) -> tuple[int, list[bool]]:
+    """Return the commonest number of cells among rows of values, and which rows are such of that number.
+
+    Examples
+    --------
+    >>> value_rows([["t", "a"], ["0", "1"], ["1", "2"]])
+    (2, [False, True, True])
+    """
+    held = [all(map(is_value, row)) and any(not is_missing(cell) for cell in row) for row in rows]
+    widths = Counter(len(row) for row, good in zip(rows, held, strict=True) if good)
+    if not widths:
+        return 0, [False] * len(rows)
+    width = max(widths, key=lambda n: (widths[n], n))
+    return width, [good and len(row) == width for row, good in zip(rows, held, strict=True)]
+
+
+def dialect_of(where: str, lines: Sequence[str], delimiter: str | None = None, decimal: str | None = None) -> Dialect:
+    """Return how the lines of a table are written.
+
+    The delimiter is the one under which most lines are rows of values, of more than one cell where that can be; the decimal sign the
+    one that all numbers allow.
+
+    Parameters
+    ----------
+    where : str
+        The file, for messages.
+    lines : sequence of str
+        The first of the file, without signs of comments.
+    delimiter, decimal : str, optional
+        What the user says.
+
+    Raises
+    ------
+    DataError
+        Commas that may be decimal signs as well as delimiters or thousands: the message names the option that says it.
+
+    Examples
+    --------
+    >>> found = dialect_of("a.csv", ["t;a", "0,001;1,5", "0,002;-2"])
+    >>> found.delimiter, found.decimal
+    (';', ',')
+    """
+    quoted = any('"' in line for line in lines)
+    told = next((line[4:5] for line in lines[:1] if line.lower().startswith("sep=")), None)  # as Excel reads it
+    delimiter = told if delimiter is None and told else delimiter
+    best, most = Dialect(delimiter="", quoted=quoted), (0, False)
+    for sign in DELIMITERS if delimiter is None else (delimiter,):
+        dialect = Dialect(delimiter=sign, quoted=quoted)
+        width, held = value_rows([split(line, dialect) for line in lines])
+        score = (sum(held), width > 1)
+        if score > most:
+            best, most = dialect, score
+    if best.delimiter == "," and delimiter is None and decimal != ".":
+        best = _commas(where, lines, best, decimal)
+    width, held = value_rows([split(line, best) for line in lines])
+    rows = [split(line, best) for line, good in zip(lines, held, strict=True) if good]
+    sign, thousands = decimal_sign(where, [cell for row in rows for cell in row], decimal)
+    return Dialect(delimiter=best.delimiter, decimal=sign, thousands=thousands, quoted=quoted, paired=best.paired)
+
+
+def _commas(where: str, lines: Sequence[str], best: Dialect, decimal: str | None) -> Dialect:
+    """Return the dialect of lines that commas part, or that are one column of decimal commas, or both."""
+    rows = [split(line, best) for line in lines]
+    width, held = value_rows(rows)
+    cells = [row for row, good in zip(rows, held, strict=True) if good]
+    head = next((row for row, good in zip(reversed(rows), reversed(held), strict=True) if not good), None)
+    whole = all(re.fullmatch(r"[+-]?\d+|\d+[eE][+-]?\d+", cell) for row in cells for cell in row)
+    if best.quoted or not whole or width % 2:
+        return best
+    padded = any(re.match(r"0\d", cell) for row in cells for cell in row[1::2])
+    named = len(head) if head is not None else 0
+    if named == width and not padded:
+        return best
+    if named == width // 2 or (padded and decimal == ","):
+        return Dialect(delimiter=",", quoted=best.quoted, paired=True) if width > 2 else Dialect(delimiter="")
+    one = width == 2 and all(_ONE_COMMA.match(line) for line, good in zip(lines, held, strict=True) if good)
+    if one and (padded or decimal == ","):
+        return Dialect(delimiter="")
+    if one or padded:
+        raise DataError(
+            f"reading {where} was asked",
+            f"in {lines[held.index(True)].strip()[:60]!r} a comma may part columns or be the decimal sign",
+            'Say which: --decimal "," or --delimiter ","',
+        )
+    return best
+
+
+def decimal_sign(where: str, cells: Sequence[str], decimal: str | None = None) -> tuple[str, str]:
+    """Return the decimal sign and what parts thousands, which all numbers allow.
+
+    `0,5` has a decimal comma, `1.234,5` too; `1,234` may be either, and where all are such nobody can tell.
+
+    Parameters
+    ----------
+    where : str
+        The file, for messages.
+    cells : sequence of str
+    decimal : str, optional
+        What the user says.
+
+    Raises
+    ------
+    DataError
+        Nothing but numbers such as `1,234`.
+
+    Examples
+    --------
+    >>> (
+    ...     decimal_sign("a.csv", ["0,5", "1,234"]),
+    ...     decimal_sign("a.csv", ["1,234.5", "2"]),
+    ...     decimal_sign("a.csv", ["1'234.5"]),
+    ... )
+    ((',', ''), ('.', ','), ('.', "'"))
+    """
+    allowed, thousands, seen = {".", ","}, "", ""
+    for cell in cells:
+        if is_complex(cell):
+            allowed -= {"."} if "," in cell and "." not in cell else {","} if "." in cell else set()
+        if not is_number(cell):
+            continue
+        single, groups = _ONE_SIGN.match(cell), _GROUPS.match(cell)
+        if single and not (groups and single[1] not in ("", "0")):
+            allowed &= {single[2]}
+        elif single:
+            seen = single[2] if seen in ("", single[2]) else "both"
+        elif groups:
+            thousands = groups[1]
+            allowed -= {groups[1]} if not groups[2] else {".", ","} - {groups[2]}
+    if decimal is not None:
+        other = {".": ",", ",": "."}.get(decimal, "")
+        return decimal, thousands or (other if seen == other else "")
+    if len(allowed) == 1:
+        sign = allowed.pop()
+        other = {".": ",", ",": "."}[sign]
+        return sign, thousands or (other if seen in (other, "both") else "")
+    if seen == ",":
+        example = next(cell for cell in cells if "," in cell)
+        raise DataError(
+            f"reading {where} was asked",
+            f"the comma in numbers such as {example[:20]!r} may be the decimal sign or part thousands",
+            'Say which: --decimal "," or --decimal "."',
+        )
+    return ".", thousands

@@ -1,0 +1,230 @@
+"""Where a text table begins, what its columns are called, in which units, and what the lines above it say."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from modalscope.io.columns.parts import part_of
+from modalscope.io.columns.words import factor_to_base, is_unit, kind_of_unit, plain_unit, split_head
+from modalscope.io.text.cells import Dialect, is_missing, is_number, number_of, split
+from modalscope.io.text.dialect import DELIMITERS, value_rows
+from modalscope.model import DataError
+
+__all__ = ["Layout", "layout_of", "rate_of_facts"]
+
+#: So many rows of values in a row are the body; fewer where the file ends before.
+_BODY = 3
+_LONGEST_KEY, _LONGEST = 60, 400
+_FACT = re.compile(r"\s*\"?(?P<key>[^:=;,\t\"]{1,60}?)\"?\s*(?:[:=;,\t]|\s{2,})\s*(?P<value>\S.*)\Z")
+_LOOSE_FACT = re.compile(r"\s*(?P<key>[A-Za-z][^\d:=]{0,59}?)\s+(?P<value>[+-]?\d.*)\Z")
+_QUANTITY = re.compile(r"\s*\"?([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s*([A-Za-z/]*)")
+_RATE = re.compile(
+    r"(?:sampl\w*|scan|acquisition|acq\.?|data|abtast)[\s_]*(?:rate|freq\w*)|\b(?:fs|f_s|rate|sr|abtastrate|abtastfrequenz)\b"
+    r"|fr[eé]quence d.[eé]chantillonnage|frecuencia de muestreo|samples? per sec\w*|samples/s",
+    re.IGNORECASE,
+)
+_STEP = re.compile(
+    r"\bdt\b|delta[\s_]*[tx]|sampl\w*[\s_]*(?:interval|period|time)|(?:time|x)[\s_]*(?:increment|step|interval|resolution)"
+    r"|abtastintervall|delta time",
+    re.IGNORECASE,
+)
+_WORDS_OF_RATE = {"s/s", "sps", "samples/s", "sa/s", "hz", "1/s", ""}
+#: What stands before the names of columns, or their units, in a column of its own.
+_ROW_NAMES = {
+    "channel",
+    "channels",
+    "name",
+    "names",
+    "unit",
+    "units",
+    "einheit",
+    "kanal",
+    "label",
+    "title",
+    "channel name",
+    "y-unit",
+}
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Layout:
+    """The parts of a text table.
+
+    Parameters
+    ----------
+    width : int
+        Cells in a row.
+    body : int
+        The first row of values, counted in the lines given.
+    names, units : tuple of str
+        One a column, empty where there is none.
+    name_line, unit_line : int
+        Where they stand, counted likewise; -1 where they do not.
+    facts : tuple of (int, str, str)
+        Line, key and value of what stands above.
+    """
+
+    width: int
+    body: int
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    name_line: int = -1
+    unit_line: int = -1
+    facts: tuple[tuple[int, str, str], ...] = field(default=())
+
+
+def layout_of(lines: Sequence[str], dialect: Dialect) -> Layout | None:
+    """Return the layout of the first lines of a file; None where no rows of values stand in them.
+
+    Parameters
+    ----------
+    lines : sequence of str
+        Without signs of comments.
+    dialect : Dialect
+
+    Examples
+    --------
+    >>> found = layout_of(["Rate: 100 Hz", "Time,AccA", "s,g", "0,1.5", "0.01,2.5"], Dialect(delimiter=","))
+    >>> found.body, found.names, found.units, found.facts
+    (3, ('Time', 'AccA'), ('s', 'g'), ((0, 'Rate', '100 Hz'),))
+    """
+    rows = [split(line, dialect) for line in lines]
+    width, held = value_rows(rows)
+    body = next((k for k in range(len(rows)) if all(held[k : k + _BODY])), None)
+    if body is None or not width:
+        return None
+    names, units, name_line, unit_line = _head(lines, rows, body, width, dialect)
+    used = {name_line, unit_line}
+    facts = tuple(
+        (k, found["key"].strip(), found["value"].strip())
+        for k, line in enumerate(lines[:body])
+        if k not in used and (found := _FACT.match(line[:_LONGEST]) or _LOOSE_FACT.match(line[:_LONGEST]))
+    )
+    return Layout(
+        width=width, body=body, names=names, units=units, name_line=name_line, unit_line=unit_line, facts=facts
+    )
+
+
+def _head(
+    lines: Sequence[str], rows: Sequence[list[str]], body: int, width: int, dialect: Dialect
+) -> tuple[tuple[str, ...], tuple[str, ...], int, int]:
+    """Return names and units, and the lines where they stand: the nearest above the body that have a cell a column."""
+    heads: list[tuple[int, list[str]]] = []
+    for k in range(body - 1, max(-1, body - 6), -1):
+        cells = _fitted(lines[k], rows[k], width, dialect)
+        if cells is not None:
+            heads.append((k, cells))
+        elif heads and lines[k].strip():
+            break
+    unit_line = next((k for k, cells in heads if _are_units(cells)), -1)
+    named = [(k, cells) for k, cells in heads if k != unit_line and not all(map(is_missing, cells))]
+    if not named:
+        alone = dict(heads).get(unit_line, [""] * width)
+        return ("",) * width, tuple(_bare(cell) for cell in alone), -1, unit_line
+    line, cells = named[0]
+    if len(named) > 1 and _are_parts(cells):
+        cells = [f"{above} {below}".strip() for above, below in zip(named[1][1], cells, strict=True)]
+    split_cells = [split_head(cell) for cell in cells]
+    units = [unit for _, unit in split_cells]
+    if unit_line >= 0:
+        units = [_bare(cell) or unit for cell, unit in zip(dict(heads)[unit_line], units, strict=True)]
+    return tuple(name for name, _ in split_cells), tuple(units), line, unit_line
+
+
+def _fitted(line: str, cells: list[str], width: int, dialect: Dialect) -> list[str] | None:
+    """Return the cells of a line of text when there is one a column, by any way of parting it; None where there is not."""
+    ways = [cells] + [split(line, Dialect(delimiter=sign, quoted=dialect.quoted)) for sign in DELIMITERS[:-1]]
+    if not dialect.delimiter:
+        ways += [re.split(r"\s{2,}|\t", line.strip()), re.findall(r"\S+(?:\s*[\[(][^\])]*[\])])?", line)]
+    for way in ways:
+        fitted = [cell.strip().strip('"').strip() for cell in way]
+        if len(fitted) == width + 1 and (fitted[0].lower().strip(":") in _ROW_NAMES):
+            fitted = fitted[1:]
+        while len(fitted) > width and not fitted[-1]:
+            fitted = fitted[:-1]
+        if len(fitted) == width - 1 and width > 2 and way is cells and not any(map(is_number, fitted)):
+            fitted = ["", *fitted]
+        if len(fitted) == width and (width > 1 or not _FACT.match(line)) and not all(map(is_number, fitted)):
+            return fitted
+    return None
+
+
+def _bare(cell: str) -> str:
+    """Return the unit in a cell of a row of units."""
+    text = cell.strip()
+    while len(text) > 1 and text[0] + text[-1] in ("[]", "()", "<>", "{}"):
+        text = text[1:-1].strip()
+    return "" if is_missing(text) else text
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    """Whether a row holds units: each is known or in brackets, and one at least is there."""
+    held = [cell for cell in cells if _bare(cell)]
+    bracketed = [cell for cell in held if cell[0] + cell[-1] in ("[]", "()")]
+    known = [cell for cell in held if is_unit(_bare(cell)) or cell in bracketed]
+    return bool(known) and len(known) == len(held) and (len(held) > 1 or len(cells) == 1 or bool(bracketed))
+
+
+def _are_parts(cells: Sequence[str]) -> bool:
+    """Whether a row says nothing but real, imaginary, magnitude or phase under names that stand above it."""
+    parts = [part_of(cell) for cell in cells if cell and kind_of_unit(cell) != "frequency"]
+    return sum(part is not None and part[0] == "" for part in parts) >= max(2, len(parts) - 1)
+
+
+def rate_of_facts(where: str, facts: Sequence[tuple[int, str, str]], decimal: str) -> tuple[float, int, str] | None:
+    """Return the sampling rate that lines above a table say, with the line and its words; None where none does.
+
+    Parameters
+    ----------
+    where : str
+        The file, for messages.
+    facts : sequence of (line, key, value)
+    decimal : str
+
+    Raises
+    ------
+    DataError
+        Lines that say different rates.
+
+    Examples
+    --------
+    >>> (
+    ...     rate_of_facts("a.csv", [(0, "Sampling rate", "1.024 kHz")], "."),
+    ...     rate_of_facts("a.csv", [(3, "dt [ms]", "0,5")], ","),
+    ... )
+    ((1024.0, 0, 'Sampling rate 1.024 kHz'), (2000.0, 3, 'dt [ms] 0,5'))
+    """
+    found: list[tuple[float, int, str]] = []
+    for line, key, value in facts:
+        name, unit = split_head(key)
+        match = _QUANTITY.match(value)
+        kind = "rate" if _RATE.search(name) else "step" if _STEP.search(name) else ""
+        if match is None or not kind or len(key) > _LONGEST_KEY:
+            continue
+        number = _number(match[1], decimal)
+        unit = plain_unit(match[2] or unit)
+        if number is None or number <= 0:
+            continue
+        scale = factor_to_base(unit)
+        if kind == "step" and kind_of_unit(unit) in ("time", ""):
+            found.append((1 / (number * scale), line, f"{key} {value[:_LONGEST_KEY]}"))
+        elif kind == "rate" and (kind_of_unit(unit) == "frequency" or unit.lower() in _WORDS_OF_RATE):
+            found.append((number * scale, line, f"{key} {value[:_LONGEST_KEY]}"))
+    if found and max(rate for rate, *_ in found) > 1.001 * min(rate for rate, *_ in found):
+        said = ", ".join(repr(words) for _, _, words in found[:4])
+        raise DataError(
+            f"reading {where} needs one sampling rate", f"its header says several: {said}", "Say it: --sampling-rate HZ"
+        )
+    return found[0] if found else None
+
+
+def _number(text: str, decimal: str) -> float | None:
+    """Return a number that may have either sign for its decimals: headers are not always written as the table is."""
+    for sign in (decimal, "." if decimal == "," else ","):
+        try:
+            return number_of(text, Dialect(delimiter="", decimal=sign))
+        except ValueError:
+            continue
+    return None

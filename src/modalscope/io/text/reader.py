@@ -1,0 +1,235 @@
+"""Text tables as instruments and people write them: .csv, .txt, .asc, .tsv, .dat.
+
+What stands in the file decides: which sign parts cells and which is the decimal one (`dialect`), where the body begins, what its columns
+are called and in which units (`layout`), and which of them is time, an input or half of a complex value (`columns`). Options say what
+the file does not. `modalscope info` tells the evidence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import chain, islice
+from pathlib import Path
+
+import numpy as np
+
+from modalscope.io.columns import COLUMN_OPTIONS, Column, Table, contents_from_table
+from modalscope.io.columns.roles import named_columns
+from modalscope.io.contents import Contents, Options
+from modalscope.io.limits import Room, room
+from modalscope.io.text.body import kinds_of, read_body
+from modalscope.io.text.cells import Dialect, is_value, split, uncommented
+from modalscope.io.text.dialect import DELIMITERS, dialect_of, words_of_delimiter
+from modalscope.io.text.layout import Layout, layout_of, rate_of_facts
+from modalscope.io.text.source import encoding_of, lines_of
+from modalscope.io.text.stamps import seconds_of
+from modalscope.model import DataError
+from modalscope.model.checks import Array, check_choice, check_count
+
+__all__ = ["TEXT_OPTIONS", "contents_of_lines", "read"]
+
+TEXT_OPTIONS = (*COLUMN_OPTIONS, "skip", "decimal", "delimiter")
+
+#: Lines, and characters of them, by which a file is judged.
+_LINES, _CHARACTERS = 1000, 1 << 22
+#: What a cell takes while its row is a list.
+_CELL = 60
+
+Line = tuple[int, str]
+
+
+def read(path: Path, options: Options) -> Contents:
+    """Read a text table (options `columns`, `ignore`, `units`, `skip`, `decimal`, `delimiter`, `transpose`, `sampling_rate`).
+
+    Raises
+    ------
+    DataError
+        No table, or one of which something is not certain: the message names the option that says it.
+    """
+    space = room(path.name, path.stat().st_size)
+    skip = 0 if options.get("skip") is None else check_count("skip", options["skip"], least=0)
+    encoding = encoding_of(path)
+    notes = ("its text is not UTF-8: read as Windows-1252",) if encoding == "cp1252" else ()
+    lines = lines_of(path, encoding, skip, space)
+    return contents_of_lines(path.name, lines, _signs(options), space, options, notes)
+
+
+def contents_of_lines(
+    where: str,
+    lines: Iterator[Line],
+    signs: tuple[str | None, str | None],
+    space: Room,
+    options: Options,
+    notes: tuple[str, ...] = (),
+) -> Contents:
+    """Make the data object that the lines of a table hold.
+
+    Parameters
+    ----------
+    where : str
+        The file, for messages.
+    lines : iterator of (int, str)
+        Number and text.
+    signs : (str or None, str or None)
+        Delimiter and decimal sign, where they are known.
+    space : Room
+    options : mapping
+    notes : tuple of str
+        What to say of the file.
+
+    Raises
+    ------
+    DataError
+        As `read`.
+    """
+    first = _first(lines, space)
+    bare = [uncommented(line)[0] for _, line in first]
+    dialect = dialect_of(where, bare, *signs)
+    if options.get("transpose"):
+        bare, dialect = _transposed(chain(first, lines), dialect, space)
+        first, lines = list(enumerate(bare, 1)), iter(())
+    layout = layout_of(bare, dialect)
+    if layout is None:
+        raise _no_body(where, bare, options)
+    table = _table(where, first, bare, lines, dialect, layout, space, options)
+    return contents_from_table(replace(table, notes=(*table.notes, *notes)), options)
+
+
+def _signs(options: Options) -> tuple[str | None, str | None]:
+    delimiter, decimal = options.get("delimiter"), options.get("decimal")
+    if decimal is not None:
+        check_choice("decimal", decimal, (".", ","))
+    names = {"tab": "\t", "\\t": "\t", "space": "", "blank": "", "blanks": "", " ": "", "comma": ",", "semicolon": ";"}
+    if delimiter is not None:
+        delimiter = names.get(str(delimiter), delimiter)
+        if not isinstance(delimiter, str) or len(delimiter) > 1:
+            raise DataError(
+                f"delimiter={delimiter!r} was asked", "it is not one sign", 'Give one sign, or "tab" or "space".'
+            )
+    return delimiter, decimal
+
+
+def _first(lines: Iterator[Line], space: Room) -> list[Line]:
+    """Return the first lines, as many as the file is judged by."""
+    found: list[Line] = []
+    size = 0
+    for line in lines:
+        found.append(line)
+        size += len(line[1])
+        if len(found) >= _LINES or (size > _CHARACTERS and len(found) > 1):
+            break
+    space.take("its first lines", size)
+    return found
+
+
+def _transposed(lines: Iterator[Line], dialect: Dialect, space: Room) -> tuple[list[str], Dialect]:
+    """Return rows and columns exchanged, as lines of tabs."""
+    first = next(lines, (0, ""))
+    best = max(DELIMITERS, key=lambda sign: len(split(first[1], Dialect(delimiter=sign))))
+    dialect = dialect if dialect.delimiter or best == "" else replace(dialect, delimiter=best)
+    rows = []
+    for _, line in chain([first], lines):
+        cells = split(uncommented(line)[0], dialect)
+        space.take("its cells", _CELL * len(cells))
+        rows.append(cells)
+    width = max(map(len, rows), default=0)
+    whole = [row for row in rows if len(row) == width]
+    turned = ["\t".join(cells) for cells in zip(*whole, strict=True)]
+    return turned, Dialect(delimiter="\t", decimal=dialect.decimal, thousands=dialect.thousands)
+
+
+def _no_body(where: str, bare: list[str], options: Options) -> DataError:
+    skip = options.get("skip")
+    for sign in DELIMITERS if not options.get("transpose") else ():
+        rows = [split(line, Dialect(delimiter=sign)) for line in bare[:200]]
+        named = [row for row in rows if len(row) > 2 and all(map(is_value, row[1:]))]
+        if len(named) > 1 and max(map(len, named)) > len(named):
+            return DataError(
+                f"reading {where} was asked",
+                f"{len(named)} of its rows are a name and {len(named[0]) - 1} numbers, as if every row were a channel",
+                "Exchange rows and columns: --transpose",
+            )
+    return DataError(
+        f"reading {where} as a table was asked",
+        f"no rows of numbers begin in the first {len(bare)} lines{f' below the {skip} skipped' if skip else ''} "
+        f"(the first is {bare[0][:40] if bare else ''!r})",
+        "Export the table as text with one row a sample or line; lines above it may be left out: --skip N",
+    )
+
+
+def _table(
+    where: str,
+    first: list[Line],
+    bare: list[str],
+    lines: Iterator[Line],
+    dialect: Dialect,
+    layout: Layout,
+    space: Room,
+    options: Options,
+) -> Table:
+    space.parts("columns", layout.width)
+    rows = [split(line, dialect) for line in islice(bare, layout.body, layout.body + 200)]
+    kinds = _but_ignored(kinds_of([row for row in rows if len(row) == layout.width]), layout, options)
+    arrays, notes = read_body(
+        where, chain(islice(first, layout.body, None), lines), kinds, dialect, layout.width, space
+    )
+    told = None if options.get("sampling_rate") is not None else rate_of_facts(where, layout.facts, dialect.decimal)
+    columns, more = _columns(where, layout, kinds, arrays)
+    place = "" if told is None else f"line {first[told[1]][0]} ({told[2]})"
+    return Table(
+        where=where,
+        columns=columns,
+        rate=None if told is None else told[0],
+        rate_from=place,
+        notes=(*notes, *more),
+        layout=_evidence(first, dialect, layout, (told is not None and place) or ""),
+    )
+
+
+def _but_ignored(kinds: list[str], layout: Layout, options: Options) -> list[str]:
+    """Return the kinds of columns; those that are ignored may hold anything."""
+    asked = options.get("ignore") or ()
+    heads = [Column(number=k, name=name, values=np.zeros(0)) for k, name in enumerate(layout.names, 1)]
+    named = named_columns(heads, [asked] if isinstance(asked, str) else [str(item) for item in asked], "ignore")
+    left = {column.number for column in named}
+    return ["text" if k in left else kind for k, kind in enumerate(kinds, 1)]
+
+
+def _columns(where: str, layout: Layout, kinds: list[str], arrays: list[Array]) -> tuple[tuple[Column, ...], list[str]]:
+    """Return the columns; dates and times of day in two columns become one, empty ones without a name are left."""
+    stamps = [k for k, kind in enumerate(kinds) if kind == "stamp"]
+    joined = len(stamps) == 2 and any(":" not in str(arrays[k][0]) for k in stamps)
+    columns, notes = [], []
+    for k, (kind, values) in enumerate(zip(kinds, arrays, strict=True)):
+        name, unit = layout.names[k], layout.units[k]
+        if kind == "empty":
+            notes += [f"column {k + 1}{f' ({name})' if name else ''} is empty"] if name or k + 1 < layout.width else []
+            continue
+        if kind == "stamp":
+            if joined and k == stamps[1]:
+                continue
+            values = seconds_of(map(str, values), map(str, arrays[stamps[1]]) if joined else None)
+            columns.append(Column(number=k + 1, name=name, unit="s", values=values, stamps=True))
+            notes += [f"columns {stamps[0] + 1} and {stamps[1] + 1} are dates and times of one clock"] if joined else []
+            continue
+        columns.append(Column(number=k + 1, name=name, unit=unit, values=values))
+    return tuple(columns), notes
+
+
+def _evidence(first: list[Line], dialect: Dialect, layout: Layout, rate: str) -> tuple[tuple[str, str], ...]:
+    """Return what was found about the layout, as parts of the file."""
+    commas = "commas that are both" if dialect.paired else words_of_delimiter(dialect.delimiter)
+    signs = f"decimal {'comma' if dialect.decimal == ',' else 'point'}"
+    signs += f", thousands parted by {dialect.thousands!r}" if dialect.thousands else ""
+    told = [("cells", f"parted by {commas}, {signs}")]
+    for line, words in ((layout.name_line, "names of columns"), (layout.unit_line, "their units")):
+        if line >= 0:
+            told.append((f"line {first[line][0]}", words))
+    if rate:
+        told.append((rate.partition(" (")[0], "sampling rate: " + rate.partition(" (")[2].rstrip(")")))
+    above = [fact for fact in layout.facts if f"line {first[fact[0]][0]}" != rate.partition(" (")[0]]
+    for line, key, value in above[:3]:
+        told.append((f"line {first[line][0]}", f"{key}: {value[:60]}"))
+    told.append((f"line {first[layout.body][0]}", f"first of the rows of {layout.width} cells"))
+    return tuple(told)

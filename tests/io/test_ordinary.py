@@ -1,0 +1,112 @@
+"""Ordinary files: each is read as it is, or refused with the option that reads it, and that option then gives the right numbers."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import modalscope as ms
+import modalscope.io as mio
+from modalscope.cli.commands import build_parser
+from modalscope.cli.reading import reading_options
+from tests.io.ordinary import CASES, FREQUENCIES, HITS, RATE, RESPONSES, Case
+
+#: Options that take no value.
+_FLAGS = ("--transpose",)
+
+#: Files that hold less than it takes: no header, no unit, no rate, or a doubt that only the user can settle.
+REFUSED = {
+    "three bare columns without a rate": "--sampling-rate",
+    "an uneven clock": "--ignore",
+    "a clock of another rate than the header": "--sampling-rate",
+    "an index before the columns": "--sampling-rate",
+    "one column of decimal commas": "--sampling-rate",
+    "one column of commas that may part two": "--decimal",
+    "times printed to a millisecond": "--sampling-rate",
+    "semicolons and numbers that may be thousands": "--decimal",
+    "every row a channel with its name": "--transpose",
+    "every row a channel without a name": "--transpose",
+    "a column with holes": "--ignore",
+    "one array without a rate": "--sampling-rate",
+    "one array with channels in rows": "--transpose",
+    "an archive with channels in rows": "--transpose",
+    "hits as columns": "--axes",
+    "a workbook of two tables": "--sheet",
+    "bare lines of real and imaginary parts": "--columns",
+}
+
+
+def suggestions(message: str) -> list[list[str]]:
+    """Return the options that a message names, as words of a command line, each way by itself."""
+    ways = []
+    for text in re.split(r",? or (?=--)", message[message.index("--") :]):
+        words, way = shlex.split(text.replace(";", " ;").rstrip(".")), []
+        while words and words[0].startswith("--"):
+            count = 1 if words[0] in _FLAGS else 2
+            way += [word.rstrip(",.") if len(word) > 1 else word for word in words[:count]]
+            words = words[count:]
+        ways.append([str(RATE) if word == "HZ" else word for word in way])
+    return ways
+
+
+def told_to_read(path: Path, words: list[str]) -> Any:
+    return ms.read(path, **reading_options(build_parser().parse_args(["info", str(path), *words])))
+
+
+def is_right(thing: Any, case: Case) -> bool:
+    if case.kind == "lines":
+        if not isinstance(thing, ms.FrequencyResponse) or thing.values.shape != (*RESPONSES.shape, 1):
+            return False
+        return np.allclose(thing.frequencies, FREQUENCIES) and np.allclose(thing.values[:, :, 0], RESPONSES, atol=1e-6)
+    if case.kind != "record":
+        outputs = HITS[:, :, 1:] if case.kind == "hits" else HITS[:, :, 1:2]
+        same = thing.outputs.shape == outputs.shape and thing.inputs.shape == HITS[:, :, :1].shape
+        return same and np.array_equal(thing.outputs, outputs) and np.array_equal(thing.inputs, HITS[:, :, :1])
+    if not isinstance(thing, ms.Signals) or not np.isclose(thing.sampling_rate, RATE, rtol=1e-9):
+        return False
+    held = [] if thing.inputs is None else [thing.inputs]
+    wanted = [case.channels[:, case.outputs]] + ([case.channels[:, case.inputs]] if case.inputs else [])
+    return all(
+        a.shape == b.shape and np.allclose(a, b, atol=2e-6) for a, b in zip([thing.outputs, *held], wanted, strict=True)
+    )
+
+
+def attempts(path: Path, limit: int = 3) -> tuple[list[list[str]], list[Any]]:
+    """Read a file as its messages say, at most so often: the words of each way, and the things that ways ended in."""
+    waiting: list[list[str]] = [[]]
+    tried: list[list[str]] = []
+    things = []
+    for _ in range(limit):
+        further = []
+        for words in waiting:
+            tried.append(words)
+            try:
+                things.append(told_to_read(path, words))
+            except ms.DataError as error:
+                further += [[*words, *more] for more in suggestions(str(error))]
+        waiting = further
+    return tried, things
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_an_ordinary_file_is_read_or_names_the_option_that_reads_it(tmp_path: Path, name: str) -> None:
+    case = CASES[name]
+    path = tmp_path / f"file{case.suffix}"
+    case.write(path)
+    tried, things = attempts(path)
+    assert any(is_right(thing, case) for thing in things)
+    if name in REFUSED:
+        assert any(REFUSED[name] in words for words in tried)
+    else:
+        assert tried == [[]]
+        assert mio.survey(path).found
+
+
+def test_there_are_more_than_forty_and_most_are_read_at_once() -> None:
+    assert len(CASES) >= 40
+    assert len(REFUSED) < len(CASES) / 3
