@@ -70,6 +70,12 @@ class DrivenBasis(ModalBasis):
         each = self.by_drive.reshape(len(self.functions), self.drives, -1, 2)
         return np.asarray(np.sqrt(np.sum(each**2, axis=(0, 1, 3)) / self.drives))
 
+    @property
+    def by_pole(self) -> RealArray:
+        """The functions of each pole under all drives, (K, n, 2 (m + R))."""
+        each = self.by_drive.reshape(len(self.functions), self.drives, -1, 2).transpose(0, 2, 1, 3)
+        return np.ascontiguousarray(each).reshape(len(each), each.shape[1], 2 * self.drives)
+
     def compressed(self) -> DrivenBasis:
         """Return the basis itself: it is compressed already."""
         return self
@@ -118,6 +124,10 @@ class DrivenBasis(ModalBasis):
         width = free.shape[1] * free.shape[2]
         known = np.concatenate([_tied(R[:, :width].reshape(len(R), free.shape[1], -1), c) for c in shapes])
         return _complex(_least(known, R[:, width:].T.reshape(-1, 1))[:, 0], free.shape[1])
+
+    def of_terms(self, coefficients: RealArray) -> RealArray:
+        """Return coefficients (m, l) of the inputs as D, (1, l, m)."""
+        return np.ascontiguousarray(coefficients.T)[None]
 
     def rebuilt(self, shapes: Array, participation: Array, terms: Array) -> RealArray:
         """Return what shapes, participation and D give, in the rows of the data; ends that are not given are fitted."""

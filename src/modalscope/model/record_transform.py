@@ -64,6 +64,7 @@ def record_spectra(records: Records, band: tuple[float, float] | None = None) ->
         units=records.units,
         geometry=records.geometry,
         processing=records.processing,
+        groups=records.groups,
     )
 
 
