@@ -11,6 +11,9 @@ from modalscope.model.driven_basis import DrivenBasis
 
 __all__ = ["DrivenLines"]
 
+#: Complex numbers in the columns that are made at a time: 4 MB.
+_NUMBERS = 1 << 18
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DrivenLines:
@@ -57,9 +60,14 @@ class DrivenLines:
 
     def evaluated(self, poles: Array, alone: Array, shapes: Array, participation: Array, direct: Array) -> ComplexArray:
         """Return the outputs (F, l) of shapes (l, n), participation (n, m + R) and D (l, m); `alone` are the real poles, (n,)."""
-        own, pair = self.pairs(poles, participation)
-        both = own @ shapes.T + np.where(alone, 0, pair) @ shapes.conj().T
-        return np.asarray(both + self.drives[:, : self.inputs] @ direct.T)
+        found = np.empty((len(self.points), len(shapes)), dtype=complex)
+        step = max(_NUMBERS // max(len(poles), 1), 1)
+        for start in range(0, len(found), step):
+            s = slice(start, start + step)
+            own, pair = DrivenLines(self.points[s], self.drives[s], self.inputs).pairs(poles, participation)
+            found[s] = own @ shapes.T + np.where(alone, 0, pair) @ shapes.conj().T
+        found += self.drives[:, : self.inputs] @ direct.T
+        return found
 
     def basis(
         self, poles: Array, alone: Array, values: ComplexArray, relative: ComplexArray, powers: tuple[int, ...]
