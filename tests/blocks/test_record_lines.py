@@ -235,8 +235,8 @@ def test_chunks_of_lines_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None
     spectra = record_spectra(records)
     whole = record_lines(spectra, domain="z", block_rows=5)
     basis = spectra.basis(poles_of(ss))
-    monkeypatch.setattr("modalscope.blocks.record_lines._CHUNK", 1)
-    monkeypatch.setattr("modalscope.model.driven_basis._CHUNK", 100)
+    monkeypatch.setattr("modalscope.blocks.record_lines._NUMBERS", 512)
+    monkeypatch.setattr("modalscope.model.driven_basis._NUMBERS", 2048)
     pieces = record_lines(spectra, domain="z", block_rows=5)
     assert relative(pieces.triangle @ pieces.triangle.T, whole.triangle @ whole.triangle.T) < 1e-12
     again = spectra.basis(poles_of(ss))

@@ -1,4 +1,4 @@
-"""Files of recorders, through packages that are extras: the same record as every other ordinary file; a package that is missing is named."""
+"""Files of recorders, through packages that are extras: the same record as any other file; a package that is missing is named."""
 
 from __future__ import annotations
 

@@ -196,9 +196,9 @@ def _dense(matrix: Operator, wanted: int) -> Factors:
         P, d, Qt = sla.svd(H, full_matrices=False, lapack_driver="gesvd", check_finite=False)
     floor = max(H.shape) * np.finfo(float).eps
     return _finish(
-        P[:, :wanted],
+        np.array(P[:, :wanted]),
         d[:wanted],
-        Qt[:wanted].T,
+        np.array(Qt[:wanted].T),
         d,
         floor,
         f"dense singular value decomposition, {H.shape[0]} x {H.shape[1]}",

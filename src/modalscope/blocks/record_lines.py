@@ -30,11 +30,12 @@ from modalscope.model.driven_basis import Run
 from modalscope.model.record_spectra import RecordSpectra
 from modalscope.model.response import output_scale
 from modalscope.model.statespace import StateSpace
+from modalscope.model.triangles import triangle_of
 
 __all__ = ["RecordLines", "record_lines"]
 
-#: Rows that the triangular factorization takes at a time, in multiples of the columns.
-_CHUNK = 4
+#: Numbers in the columns of the lines that are taken at a time, complex ones: 2 MB.
+_NUMBERS = 1 << 17
 
 #: Rows p_j U below this share of the largest, in multiples of rounding, are no directions of their own.
 _ROUNDING = 16.0
@@ -77,10 +78,9 @@ def record_lines(spectra: RecordSpectra, *, domain: str, block_rows: int, order:
     return made
 
 
-class _Left(NamedTuple):
-    """What the elimination leaves of one run: its triangular factor, transposed, the rank that went, and the coefficients taken off."""
+class _Taken(NamedTuple):
+    """What the elimination takes from one run: the rank that goes, of how many rows, and the coefficients taken off."""
 
-    rows: RealArray
     rank: int
     given: int
     taken_off: RealArray
@@ -108,10 +108,10 @@ class RecordLines(PolynomialRows):
         """Rows of a block."""
         return int(self.response.values.shape[1])
 
-    @cached_property
-    def parts(self) -> tuple[_Left, ...]:
-        """What is left of every run."""
-        return tuple(self._eliminated(r, run) for r, run in enumerate(self.response.runs()) if len(run.points))
+    @property
+    def parts(self) -> tuple[_Taken, ...]:
+        """What was taken from every run that has lines."""
+        return self._eliminated[1]
 
     @property
     def left(self) -> int:
@@ -119,26 +119,31 @@ class RecordLines(PolynomialRows):
         own = [int(np.sum(self.response.run == r)) for r in range(len(self.response.durations))]
         return sum(2 * F - part.rank for F, part in zip([F for F in own if F], self.parts, strict=True))
 
-    @cached_property
+    @property
     def triangle(self) -> RealArray:
-        """L (l (q + 1), k): what is left, times an orthonormal matrix."""
-        total = TriangleSum(self.outputs * (self.block_rows + 1))
-        for part in self.parts:
-            total.add(part.rows)
-        return np.ascontiguousarray(total.finish().T)
+        """L (l (q + 1), k): what is left of all runs, times an orthonormal matrix."""
+        return self._eliminated[0]
 
-    def _eliminated(self, r: int, run: Run) -> _Left:
+    @cached_property
+    def _eliminated(self) -> tuple[RealArray, tuple[_Taken, ...]]:
+        total, taken = TriangleSum(self.outputs * (self.block_rows + 1)), []
+        for r, run in enumerate(self.response.runs()):
+            if len(run.points):
+                left, part = self._left_of(r, run)
+                total.add(left)
+                taken.append(part)
+        return np.ascontiguousarray(total.finish().T), tuple(taken)
+
+    def _left_of(self, r: int, run: Run) -> tuple[RealArray, _Taken]:
         """Project the outputs' rows of a run on the complement of p_j and p_j U, in chunks of lines.
 
         The triangular factor of [eliminated, outputs] stands in for the lines; the rank of its first columns is seen on it.
         """
         terms = 1 + int(np.sum(np.any(run.inputs, axis=0)))
-        total = TriangleSum((terms + self.outputs) * self.basis.shape[1])
-        for _, columns in self._columns(r, run):
-            total.add(columns)
-        R = total.finish()
+        width = (terms + self.outputs) * self.basis.shape[1]
+        R = triangle_of(lambda: (columns for _, columns in self._columns(r, run)), width)
         given = terms * self.basis.shape[1]
-        known = R[:, :given]
+        known, beside = R[:given, :given], R[:given, given:]
         size = np.linalg.norm(known, axis=0)
         size = np.where(size > 0, size, 1)
         Q, T, order = sla.qr(known / size, pivoting=True, check_finite=False)
@@ -146,9 +151,10 @@ class RecordLines(PolynomialRows):
         floor = _ROUNDING * max(R.shape) * np.finfo(float).eps
         rank = int(np.count_nonzero(diagonal > floor * diagonal[0]))
         taken_off = np.zeros((given, R.shape[1] - given))
-        seen = Q[:, :rank].T @ R[:, given:]
+        seen = Q[:, :rank].T @ beside
         taken_off[order[:rank]] = sla.solve_triangular(T[:rank, :rank], seen, check_finite=False)
-        return _Left(np.asarray(Q[:, rank:].T @ R[:, given:]), rank, given, taken_off / size[:, None])
+        left = np.vstack([Q[:, rank:].T @ beside, R[given:, given:]])
+        return left, _Taken(rank, given, taken_off / size[:, None])
 
     def _columns(self, r: int, run: Run) -> Iterator[tuple[slice, RealArray]]:
         """Yield [p_j, p_j U, p_j Y] of a run, some lines at a time, real parts above imaginary ones."""
@@ -157,13 +163,15 @@ class RecordLines(PolynomialRows):
         factors = np.hstack([np.ones((len(run.points), 1)), driving, run.outputs / self.output_scale])
         basis = self.basis[self.response.run == r]
         terms, wide = (1 + driving.shape[1]), factors.shape[1] * basis.shape[1]
-        step = max(_CHUNK * wide // 2, 1)
+        step = max(_NUMBERS // wide, 1)
         for start in range(0, len(basis), step):
             s = slice(start, start + step)
-            head = factors[s, :terms, None] * basis[s, None, :]
-            tail = basis[s, :, None] * factors[s, None, terms:]
-            columns = np.hstack([head.reshape(len(head), -1), tail.reshape(len(tail), -1)])
-            yield s, np.vstack([columns.real, columns.imag])
+            head = (factors[s, :terms, None] * basis[s, None, :]).reshape(len(basis[s]), -1)
+            tail = (basis[s, :, None] * factors[s, None, terms:]).reshape(len(head), -1)
+            columns = np.empty((2, len(head), wide))
+            for part, own in ((head, slice(None, head.shape[1])), (tail, slice(head.shape[1], None))):
+                columns[0, :, own], columns[1, :, own] = part.real, part.imag
+            yield s, columns.reshape(-1, wide)
 
     def on_lines(self, rows: RealArray) -> RealArray:
         """Return H' X of the matrix over the lines, (2 F, k), inputs and ends eliminated: X (l (q + 1), k)."""
@@ -183,7 +191,7 @@ class RecordLines(PolynomialRows):
     def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
         """Return shapes from all block rows; participation of inputs and ends, and D, by least squares over the records' lines."""
         shapes = self.shapes(model.row_states(eigen.vectors), eigen.values)
-        basis = self.response.basis(self.to_s(eigen.values))
+        basis = self.response.sparse_basis(self.to_s(eigen.values))
         participation, terms = basis.fit_participation(shapes)
         return ModalFit(shapes, participation, terms, reach=basis.reach, basis=basis)
 

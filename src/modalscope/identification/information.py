@@ -27,7 +27,7 @@ def normal(point: Point, fitted: Fitted) -> tuple[RealArray, RealArray]:
 def scores(point: Point, fitted: Fitted) -> RealArray:
     """Return J'r of every channel, (l, m, 2 n p): at the optimum they sum to zero."""
     W, c = _free(point, fitted), _coefficients(point, fitted)
-    p = point.sides.shape[1]
+    p = point.data.shape[2]
     each = np.einsum("kia,kio->oia", _split(W, p), _split(fitted.left, p), optimize=True) * c[:, None]
     return _interleaved(each.transpose(1, 0, 2) if point.problem.turned else each)
 

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.model.response import Response
 
-__all__ = ["Fitted", "Point", "Whitened", "whitened"]
+__all__ = ["Fitted", "Point", "Whitened", "across", "orthonormal", "whitened"]
 
 #: Singular values below this part of the largest are rounding: exactly repeated poles leave nothing of their own.
 _RANK = 1e-11
@@ -58,6 +58,11 @@ class Whitened:
     def sides(self) -> tuple[RealArray, RealArray]:
         """What outputs and inputs are divided by, (l,), (m,)."""
         return (self.varying, self.linear) if self.turned else (self.linear, self.varying)
+
+    @property
+    def parts(self) -> IntArray | None:
+        """The part of the test that each row belongs to, (K,); None where the inputs are the parts."""
+        return None
 
     @property
     def freedom(self) -> int:
@@ -107,9 +112,7 @@ def whitened(
     """
     basis = response.basis(fixed, powers)
     data = basis.data / rows[:, None, None] / outputs[:, None] / inputs
-    columns = basis.columns / rows[:, None]
-    size = np.linalg.norm(columns, axis=0)
-    terms = sla.orth(columns[:, size > 0] / size[size > 0]) if np.any(size > 0) else np.zeros((len(data), 0))
+    terms = orthonormal(basis.columns / rows[:, None])
     turned = len(outputs) < len(inputs)
     data = data.transpose(0, 2, 1) if turned else data
     flat = np.ascontiguousarray(data).reshape(len(data), -1)
@@ -117,6 +120,14 @@ def whitened(
     sides = (inputs, outputs) if turned else (outputs, inputs)
     light = response.select(outputs=[0], inputs=[0])
     return Whitened(light, rows, terms, flat.reshape(data.shape), sides[0], sides[1], turned)
+
+
+def orthonormal(columns: RealArray) -> RealArray:
+    """Return an orthonormal basis of what columns span, each brought to length one first."""
+    size = np.linalg.norm(columns, axis=0)
+    if not np.any(size > 0):
+        return np.zeros((len(columns), 0))
+    return np.asarray(sla.orth(columns[:, size > 0] / size[size > 0]))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -181,10 +192,14 @@ class Point:
     beyond: RealArray
     span: RealArray
 
+    def columns(self) -> ComplexArray:
+        """Return b g of every mode, complex columns (4 n p, n): a coefficient c contributes Re(c b g)."""
+        return np.asarray(np.einsum("kj,ji->kij", self.own, self.sides).reshape(-1, len(self.poles)))
+
     def fitted(self) -> Fitted:
         """Fit the eliminated side by least squares; columns of equal poles and vectors share what they explain."""
         n, q = len(self.poles), self.data.shape[1]
-        columns = np.einsum("kj,ji->kij", self.own, self.sides).reshape(-1, n)
+        columns = self.columns()
         psi = np.stack([columns.real, -columns.imag], axis=2).reshape(len(columns), 2 * n)  # Re(x g b), Re(j y g b)
         size = np.maximum(np.linalg.norm(psi, axis=0), 1e-300)
         U, d, Vt = sla.svd(psi / size, full_matrices=False, check_finite=False)

@@ -48,12 +48,13 @@ def refine(
 
     Parameters
     ----------
-    data : FrequencyResponse, ImpulseResponse or Signals
+    data : FrequencyResponse, ImpulseResponse, Signals, Records or a list of records
+        Records with inputs on their own lines, where nothing is averaged.
         In the band that the modes were identified in: what no mode explains biases those that are there.
     modes : ModalModel
         Where to start. Poles that are no decaying oscillations take part as they are, and are not reported.
     groups : "auto", None or sequence of labels
-        One an input: those of the data, none, or others.
+        One an input (of records: a run): those of the data, none, or others.
     weights : array (F,), optional
         1 / standard deviation of the lines or samples; by default from the variance of the data where they carry one.
     fixed : array of complex, optional
@@ -85,7 +86,13 @@ def refine(
     """
     check_kind("modes of refine", modes, ModalModel)
     response = _response(data, modes)
-    chosen = check_groups(groups, response.values.shape[2], "an input", response.groups)
+    chosen = check_groups(groups, *response.parts, response.groups)
+    if complete and not response.separable:
+        raise DataError(
+            "complete=True was asked",
+            "peaks of what is left are looked for in responses, not in records",
+            "Leave it out.",
+        )
     poles = modes.poles - window_damping(response)
     able = (poles.real < 0) & np.array([kind == "mode" for kind in modes.kinds], dtype=bool)
     beside = np.asarray(fixed, dtype=complex).ravel() - window_damping(response)
@@ -112,7 +119,7 @@ def _response(data: Any, modes: ModalModel) -> Response:
             "their errors are correlated from lag to lag, so that least squares is no maximum of their likelihood",
             "Keep the values as they are; refine modes of frequency or impulse responses.",
         )
-    there, given = response.values.shape[1:], len(modes.shapes)
+    there, given = (response.values.shape[1], len(response.input_dofs)), len(modes.shapes)
     if given != there[0] or (modes.participation is not None and modes.participation.shape[1] != there[1]):
         raise DataError(
             "modes were to be refined",
@@ -141,8 +148,9 @@ def _of_their_own(task: Task, modes: ModalModel) -> tuple[Settled | None, list[i
 
 
 def _participation(task: Task, modes: ModalModel) -> ComplexArray:
-    if modes.participation is not None:
-        return modes.participation
+    given = modes.participation
+    if given is not None and given.shape[1] == task.response.drives:
+        return given
     poles = modes.poles - window_damping(task.response)
     participation, _ = task.response.basis(poles, task.response.outside_powers).fit_participation(modes.shapes)
     return participation

@@ -52,7 +52,7 @@ def refined(
         before,
         poles=poles,
         shapes=shapes,
-        participation=participation,
+        participation=response.of_inputs(participation),
         dt=dt,
         held_input=response.held_input,
         frequencies_std=spread.frequency,
@@ -80,15 +80,15 @@ def _scale(before: ModalModel) -> str:
 
 def _terms(task: Task, poles: ComplexArray, shapes: ComplexArray, participation: ComplexArray) -> dict[str, Any]:
     """Fit what stands beside the modes, and return the residual terms by name."""
-    modal = task.response.basis(poles, task.powers)
-    nothing = np.zeros((modal.terms.shape[1], *modal.data.shape[1:]))
+    powers = task.response.outside_powers
+    modal = task.response.whole_basis(poles, powers)
+    nothing = modal.of_terms(np.zeros((modal.terms.shape[1], modal.data[0].size)))
     left = modal.data - modal.rebuilt(shapes, participation, nothing)
-    columns = task.response.basis(task.fixed, task.powers).columns / task.rows[:, None]
+    columns = task.response.whole_basis(task.fixed, powers).columns / task.rows[:, None]
     size = np.where((norm := np.linalg.norm(columns, axis=0)) > 0, norm, 1)
     flat = (left / task.rows[:, None, None]).reshape(len(left), -1)
     found = np.linalg.lstsq(columns / size, flat, rcond=None)[0] / size[:, None]
-    terms = found[: len(nothing)].reshape(nothing.shape)
-    return task.response.named_terms(terms, task.powers)
+    return task.response.named_terms(modal.of_terms(found[: modal.terms.shape[1]]), powers)
 
 
 def _told(seen: Colour, spread: Spread, groups: Groups, poles: ComplexArray) -> list[Note]:

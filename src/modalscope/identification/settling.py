@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import singledispatch
 
 import numpy as np
 
 from modalscope.identification.descent import Descent, descend
+from modalscope.identification.driven import whitened_records
 from modalscope.identification.information import residual
-from modalscope.identification.likelihood import whitened
+from modalscope.identification.likelihood import Whitened, whitened
 from modalscope.identification.whitening import Colour, Levels, colour, from_variance, levels_of, row_deviations
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
+from modalscope.model.record_spectra import RecordSpectra
 from modalscope.model.response import Response
 
 __all__ = ["Settled", "Task", "least_gain", "settle", "task_of"]
@@ -50,9 +53,8 @@ class Task:
 
     @property
     def channels(self) -> tuple[int, int]:
-        """Numbers of outputs and inputs."""
-        _, l, m = self.response.values.shape
-        return l, m
+        """Numbers of a shape and of what drives a pole."""
+        return int(self.response.values.shape[1]), self.response.drives
 
 
 def task_of(
@@ -67,8 +69,8 @@ def task_of(
     weights : array, (lines or samples,), optional
     progress : callable, optional
     """
-    powers = response.outside_powers
-    rows = len(response.basis(fixed, powers).data)
+    powers = response.refined_powers
+    rows = len(response.whole_basis(fixed[:0], powers).data)
     variance = response.known_variance
     if weights is None and variance is not None:
         by_row, known = from_variance(variance, rows)
@@ -131,10 +133,10 @@ def settle(
     DataError
         No more data than unknowns.
     """
-    _check_freedom(task, len(poles))
     levels = task.known or levels_of(np.sqrt(np.mean(np.abs(task.response.values) ** 2, axis=0)))
     for _ in range(_ROUNDS):
-        problem = whitened(task.response, task.fixed, task.powers, task.rows, levels.outputs, levels.inputs)
+        problem = _divided(task.response, task, levels)
+        _check_freedom(task, problem, len(poles))
         start = (shapes.T if problem.turned else participation) / problem.varying
         sides = start / np.maximum(np.linalg.norm(start, axis=1, keepdims=True), 1e-300)
         descent = descend(problem, poles, sides, most=most, progress=task.progress)
@@ -155,13 +157,24 @@ def settle(
     return Settled(descent, variance, unknown, seen)
 
 
-def _check_freedom(task: Task, modes: int) -> None:
+@singledispatch
+def _divided(response: Response, task: Task, levels: Levels) -> Whitened:
+    """Return the data divided by the noise, ready for a descent."""
+    return whitened(response, task.fixed, task.powers, task.rows, levels.outputs, levels.inputs)
+
+
+@_divided.register
+def _(response: RecordSpectra, task: Task, levels: Levels) -> Whitened:
+    outputs = levels.outputs * levels.inputs[0]
+    return whitened_records(response, task.fixed, task.powers, task.rows, outputs)
+
+
+def _check_freedom(task: Task, problem: Whitened, modes: int) -> None:
     l, m = task.channels
-    free = (len(task.rows) - len(task.powers) - 2 * len(task.fixed)) * l * m
-    if free <= 2 * modes * (l + m):
+    if problem.freedom <= 2 * modes * (l + m):
         raise DataError(
             f"{modes} modes of {l} outputs and {m} inputs were to be refined, {2 * modes * (l + m)} unknowns",
-            f"there are {max(free, 0)} real values beside the residual terms",
+            f"there are {max(problem.freedom, 0)} real values beside the residual terms",
             "Give more lines or samples, or fewer modes.",
         )
 

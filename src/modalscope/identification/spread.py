@@ -56,7 +56,7 @@ def spread_of(
     count : int
         Lines or samples.
     groups : tuple of str or None
-        One label an input.
+        One label an input, or a run.
     seen : Colour
         Of the residual.
     """
@@ -91,12 +91,14 @@ def _by_channels(point: Point, fitted: Fitted) -> list[RealArray]:
 
 
 def _between(point: Point, fitted: Fitted, information: RealArray, groups: Groups) -> RealArray | None:
-    """Sandwich over the groups of inputs; None without at least four."""
+    """Sandwich over the groups of inputs, or of runs; None without at least four."""
     labels = np.unique(groups) if groups is not None else np.zeros(0)
     if labels.size < LEAST_GROUPS:
         return None
     member = np.asarray(groups)[None, :] == labels[:, None]
-    return sandwich(information, member.astype(float) @ scores(point, fitted).sum(axis=0))
+    runs = point.problem.parts
+    each = scores(point, fitted).sum(axis=0) if runs is None else scores_of_rows(point, fitted, runs)
+    return sandwich(information, member.astype(float) @ each)
 
 
 def _of_shapes(point: Point, fitted: Fitted, covariance: RealArray, variance: float) -> RealArray:

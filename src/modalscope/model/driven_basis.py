@@ -6,18 +6,23 @@ Every drive of every pole is two real columns, the same for all outputs; the sha
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg as sla
 
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.modal_basis import ModalBasis
+from modalscope.model.triangles import factor_of_gram, stacked_factor, triangle_of
 
 __all__ = ["DrivenBasis", "Run", "driven_basis"]
 
-#: Lines that are turned into columns at a time.
-_CHUNK = 16_384
+#: Numbers in the columns of the lines that are taken at a time, complex ones: 2 MB.
+_NUMBERS = 1 << 17
+
+#: Squared length of a column below this share of the longest is rounding.
+_ROUNDING = 1e-28
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -70,6 +75,16 @@ class DrivenBasis(ModalBasis):
         each = self.by_drive.reshape(len(self.functions), self.drives, -1, 2)
         return np.asarray(np.sqrt(np.sum(each**2, axis=(0, 1, 3)) / self.drives))
 
+    @property
+    def by_pole(self) -> RealArray:
+        """The functions of each pole under all drives, (K, n, 2 (m + R))."""
+        each = self.by_drive.reshape(len(self.functions), self.drives, -1, 2).transpose(0, 2, 1, 3)
+        return np.ascontiguousarray(each).reshape(len(each), each.shape[1], 2 * self.drives)
+
+    def times(self, factor: float) -> DrivenBasis:
+        """Return the basis with all rows multiplied: fits stay as they are."""
+        return DrivenBasis(factor * self.terms, factor * self.functions, factor * self.data, self.drives)
+
     def compressed(self) -> DrivenBasis:
         """Return the basis itself: it is compressed already."""
         return self
@@ -88,17 +103,22 @@ class DrivenBasis(ModalBasis):
         terms : array, (1, l, m)
             D.
         """
-        t, outputs = self.terms.shape[1], self.data.shape[1]
-        R = np.asarray(
-            np.linalg.qr(np.hstack([self.terms, self.functions, self.data[:, :, 0]]), mode="r"), dtype=np.float64
-        )
-        width = t + self.functions.shape[1]
-        lower = R[t:, t:width].reshape(len(R) - t, self.drives, -1)
-        known = np.concatenate([_tied(lower, shapes[o]) for o in range(outputs)])
-        theta = _least(known, R[t:, width:].T.reshape(-1, 1))[:, 0]
-        rest = np.stack([_tied(R[:t, t:width].reshape(t, self.drives, -1), c) @ theta for c in shapes], axis=1)
+        t, width = self.terms.shape[1], self.terms.shape[1] + self.functions.shape[1]
+        R = np.hstack([self.terms, self.functions, self.data[:, :, 0]])
+        R = R if _is_triangle(R) else stacked_factor(np.zeros((0, 0)), R)
+        each = R[:, t:width].reshape(len(R), self.drives, -1, 2)
+        w = np.asarray((each[..., 0] - 1j * each[..., 1]).reshape(len(R), -1))
+        c = np.asarray(np.tile(np.asarray(shapes, dtype=complex), self.drives))
+        found = _tied_fit(w[t:], c, R[t:, width:])
+        if found is None:
+            lower = R[t:, t:width].reshape(len(R) - t, self.drives, -1)
+            known = np.concatenate([_tied(lower, shape) for shape in shapes])
+            theta = _least(known, R[t:, width:].T.reshape(-1, 1))[:, 0]
+            found = theta[::2] + 1j * theta[1::2]
+        rest = (w[:t] @ (found * c).T).real
         direct = np.linalg.lstsq(R[:t, :t], R[:t, width:] - rest, rcond=None)[0]
-        return _complex(theta, self.drives), np.asarray(direct.T[None], dtype=np.float64)
+        participation = np.ascontiguousarray(found.reshape(self.drives, -1).T)
+        return participation, np.asarray(direct.T[None], dtype=np.float64)
 
     def fit_shapes(self, participation: Array) -> tuple[ComplexArray, RealArray]:
         """Fit shapes to known participation of all drives: shapes (l, n) and D (1, l, m)."""
@@ -114,10 +134,14 @@ class DrivenBasis(ModalBasis):
         inputs = participation.shape[1]
         forced = self._sum(self.by_drive[:, :inputs], shapes, participation) + self.terms @ terms[0].T
         free = self.by_drive[:, inputs:]
-        R = _factor(np.hstack([free.reshape(len(free), -1), self.data[:, :, 0] - forced]))
+        R = stacked_factor(np.zeros((0, 0)), np.hstack([free.reshape(len(free), -1), self.data[:, :, 0] - forced]))
         width = free.shape[1] * free.shape[2]
         known = np.concatenate([_tied(R[:, :width].reshape(len(R), free.shape[1], -1), c) for c in shapes])
         return _complex(_least(known, R[:, width:].T.reshape(-1, 1))[:, 0], free.shape[1])
+
+    def of_terms(self, coefficients: RealArray) -> RealArray:
+        """Return coefficients (m, l) of the inputs as D, (1, l, m)."""
+        return np.ascontiguousarray(coefficients.T)[None]
 
     def rebuilt(self, shapes: Array, participation: Array, terms: Array) -> RealArray:
         """Return what shapes, participation and D give, in the rows of the data; ends that are not given are fitted."""
@@ -165,20 +189,63 @@ def driven_basis(runs: Sequence[Run], poles: Array) -> DrivenBasis:
 
 def _triangle(run: Run, poles: Array) -> RealArray:
     """Return the triangular factor of [U, functions of every pole under every drive, Y] over the lines of a run, in pieces."""
-    R: RealArray = np.zeros((0, 0))
-    for start in range(0, max(len(run.points), 1), _CHUNK):
-        s = slice(start, start + _CHUNK)
+    inputs, outputs = run.inputs.shape[1], run.outputs.shape[1]
+    width = inputs + 2 * len(poles) * (inputs + 1) + outputs
+    return triangle_of(lambda: _columns(run, poles, width), width)
+
+
+def _columns(run: Run, poles: Array, width: int) -> Iterator[RealArray]:
+    """Yield the columns, real parts above imaginary ones, of some lines at a time."""
+    alone = np.asarray(poles).imag == 0
+    step = max(_NUMBERS // width, 1)
+    for start in range(0, max(len(run.points), 1), step):
+        s = slice(start, start + step)
         x, U = run.points[s, None], run.inputs[s]
         own, pair = 1 / (x - poles), 1 / (x - np.conj(poles))
-        alone = np.asarray(poles).imag == 0
-        g = np.stack([np.where(alone, own, own + pair), np.where(alone, 0, 1j * (own - pair))], axis=2)
-        drives = np.hstack([U, run.ends[s, None]])
-        driven = (drives[:, :, None] * g.reshape(len(x), 1, -1)).reshape(len(x), -1)
-        columns = np.hstack([U, driven, run.outputs[s]])
-        stacked = np.vstack([columns.real, columns.imag])
-        stacked = np.vstack([R, stacked]) if R.size else stacked
-        R = _factor(stacked)
-    return R
+        g = np.empty((len(x), len(poles), 2), dtype=complex)
+        g[..., 0], g[..., 1] = np.where(alone, own, own + pair), np.where(alone, 0, 1j * (own - pair))
+        flat, found = g.reshape(len(x), -1), np.empty((2, len(x), width))
+        parts = [U, *(drive[:, None] * flat for drive in (*U.T, run.ends[s])), run.outputs[s]]
+        first = 0
+        for part in parts:
+            columns = slice(first, first + part.shape[1])
+            found[0, :, columns], found[1, :, columns] = part.real, part.imag
+            first = columns.stop
+        yield found.reshape(-1, width)
+
+
+def _is_triangle(rows: RealArray) -> bool:
+    return len(rows) <= rows.shape[1] and not np.any(np.tril(rows, -1))
+
+
+def _tied_fit(w: ComplexArray, c: ComplexArray, data: RealArray) -> ComplexArray | None:
+    """Fit y_o = Re sum_a w_a c_oa l_a over all outputs by normal equations, (a,); None where they would not be accurate.
+
+    Re(x) Re(y) = Re(x* y + x y) / 2, and so on: sums over outputs need nothing but w^H w, w'w, c^H c and c'c.
+
+    Parameters
+    ----------
+    w : array of complex, (K, a)
+    c : array of complex, (l, a)
+    data : array, (K, l)
+    """
+    H, S = (w.conj().T @ w) * (c.conj().T @ c), (w.T @ w) * (c.T @ c)
+    a = len(H)
+    N = np.empty((2 * a, 2 * a))
+    N[:a, :a], N[a:, a:] = (H + S).real / 2, (H - S).real / 2
+    N[:a, a:] = -(H + S).imag / 2
+    N[a:, :a] = N[:a, a:].T
+    alive = np.flatnonzero(np.diag(N) > _ROUNDING * np.diag(N).max(initial=0.0))
+    R = factor_of_gram(N[np.ix_(alive, alive)])
+    if R is None:
+        return None
+    found = np.zeros(a, dtype=complex)
+    for _ in range(2):  # the second time corrects rounding
+        slope = np.einsum("oa,ao->a", c, w.T @ (data - (w @ (found * c).T).real))
+        step = np.zeros(2 * a)
+        step[alive] = sla.cho_solve((R, False), np.concatenate([slope.real, -slope.imag])[alive], check_finite=False)
+        found += step[:a] + 1j * step[a:]
+    return found
 
 
 def _tied(functions: RealArray, shape: Array) -> RealArray:
@@ -206,12 +273,5 @@ def _least(known: RealArray, target: RealArray) -> RealArray:
     scale = np.linalg.norm(known, axis=0)
     scale = np.where(scale > 0, scale, 1)
     both = np.hstack([known / scale, target])
-    R = _factor(both)
+    R = stacked_factor(np.zeros((0, 0)), both)
     return np.asarray(np.linalg.lstsq(R[:, :count], R[:, count:], rcond=None)[0] / scale[:, None])
-
-
-def _factor(columns: RealArray) -> RealArray:
-    """Return the triangular factor of columns; the columns themselves where they are wide."""
-    if len(columns) <= columns.shape[1]:
-        return columns
-    return np.asarray(np.linalg.qr(columns, mode="r"), dtype=np.float64)

@@ -53,6 +53,11 @@ class ModalBasis:
         return np.hstack([self.terms, self.functions])
 
     @property
+    def by_pole(self) -> RealArray:
+        """The functions of each pole, (K, n, 2)."""
+        return self.functions.reshape(len(self.functions), -1, 2)
+
+    @property
     def reach(self) -> RealArray:
         """Norm of each pole's functions over the rows, (n,): how much of the data a pole can be seen in."""
         return np.asarray(
@@ -115,6 +120,10 @@ class ModalBasis:
         turned = ModalBasis(self.terms, self.functions, self.data.transpose(0, 2, 1))
         shapes, terms = turned.fit_participation(np.asarray(participation).T)
         return shapes.T, terms.transpose(0, 2, 1)
+
+    def of_terms(self, coefficients: RealArray) -> RealArray:
+        """Return coefficients (t, channels) of the terms as `fit_participation` gives them, (t, l, m)."""
+        return coefficients.reshape(self.terms.shape[1], *self.data.shape[1:])
 
     def rebuilt(self, shapes: Array, participation: Array, terms: Array) -> RealArray:
         """Return what modes and terms give on the rows, (K, l, m): the counterpart of `fit_participation`."""

@@ -19,7 +19,9 @@ from modalscope.model.checks import (
     locked,
 )
 from modalscope.model.driven_basis import DrivenBasis, Run, driven_basis
+from modalscope.model.driven_lines import DrivenLines
 from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.groups import check_groups, run_groups
 from modalscope.model.notes import Note
 from modalscope.model.poles import to_discrete
 from modalscope.model.record_picture import picture_of
@@ -34,6 +36,9 @@ __all__ = ["RecordSpectra"]
 
 #: The degree below which damping is hardly known.
 _LEAST_DEGREE = 8
+
+#: Lines that suffice to fit residues to known poles.
+_SPARSE = 16_384
 
 #: Neighbouring lines on either side that one value of the smoothed spectrum is made of.
 _NEAR = 3
@@ -59,6 +64,8 @@ class RecordSpectra(Response):
         Seconds of every run.
     sampling_rate : float, optional
         Samples per second, when the inputs were held between samples (z-plane); None for those of a continuous structure.
+    groups : sequence of labels, "auto" or None
+        One label a run: what disagrees between groups is repeatability. By default every run of several is one.
     """
 
     frequencies: RealArray
@@ -71,6 +78,8 @@ class RecordSpectra(Response):
             self,
             **{name: locked(np.asarray(getattr(self, name))) for name in ("values", "frequencies", "drive", "run")},
         )
+        runs = len(self.durations)
+        freeze(self, groups=check_groups(self.groups, runs, "a run", run_groups(runs)))
         self._label(self.values.shape[1], self.drive.shape[1])
 
     @property
@@ -107,9 +116,15 @@ class RecordSpectra(Response):
         s = np.asarray(2j * np.pi * frequencies)
         return s if self.sampling_rate is None else np.exp(s / self.sampling_rate)
 
-    def _in_plane(self, poles: Array) -> ComplexArray:
+    def in_plane(self, poles: Array) -> ComplexArray:
+        """Return poles in the plane of the points."""
         s = np.asarray(poles, dtype=complex)
         return s if self.sampling_rate is None else to_discrete(s, 1 / self.sampling_rate)
+
+    def chain(self, poles: Array) -> ComplexArray:
+        """Return d p / d s of poles p in the plane of the points."""
+        one = np.ones(len(poles), dtype=complex)
+        return one if self.sampling_rate is None else np.asarray(self.in_plane(poles) / self.sampling_rate)
 
     def runs(self) -> Iterator[Run]:
         """Yield the lines of every run."""
@@ -119,13 +134,48 @@ class RecordSpectra(Response):
             ends = np.ones_like(x) if self.sampling_rate is None else x
             yield Run(x, self.values[own, :, 0], self.drive[own], ends)
 
+    @property
+    def lines(self) -> DrivenLines:
+        """All lines with all drives, inputs and ends side by side."""
+        own = self.run[:, None] == np.arange(len(self.durations))
+        ends = own * (np.ones(1) if self.sampling_rate is None else self.points[:, None])
+        return DrivenLines(self.points, np.hstack([self.drive, ends]), self.drive.shape[1])
+
+    @property
+    def parts(self) -> tuple[int, str]:
+        """Runs."""
+        return len(self.durations), "a run"
+
+    @property
+    def drives(self) -> int:
+        """Inputs and the ends of every run."""
+        return int(self.drive.shape[1]) + len(self.durations)
+
     def continuous(self) -> RecordSpectra:
         """Return the same records as those of a continuous structure, measured through filters (s-plane)."""
         return replace(self, sampling_rate=None)
 
     def basis(self, poles: Array, powers: tuple[int, ...] = (0,), weights: Array | None = None) -> DrivenBasis:
         """Return what poles can contribute on the lines of all runs; see `Response.basis`."""
-        return driven_basis(list(self.runs()), self._in_plane(poles))
+        return driven_basis(list(self.runs()), self.in_plane(poles))
+
+    def sparse_basis(self, poles: Array) -> DrivenBasis:
+        """Return the basis from every k-th line, as many as suffice to fit residues to known poles; norms are those of all lines.
+
+        On every line the records are exactly what a model gives: lines that are left out cost accuracy and bring no bias.
+        """
+        every = -(-self.count // _SPARSE)
+        if every == 1:
+            return self.basis(poles)
+        runs = [
+            Run(*(part[::every] for part in (run.points, run.outputs, run.inputs, run.ends))) for run in self.runs()
+        ]
+        return driven_basis(runs, self.in_plane(poles)).times(np.sqrt(every))
+
+    def whole_basis(self, poles: Array, powers: tuple[int, ...] = (0,)) -> DrivenBasis:
+        """Return the same columns on all rows, with powers of the inputs and one less of the ends; see `Response.whole_basis`."""
+        relative = np.asarray(1j * self.frequencies / self.span[1])
+        return self.lines.basis(self.in_plane(poles), np.asarray(poles).imag == 0, self.values, relative, powers)
 
     @property
     def eliminated(self) -> tuple[int, int]:
@@ -142,6 +192,11 @@ class RecordSpectra(Response):
     def outside_powers(self) -> tuple[int, ...]:
         """The direct term alone."""
         return (0,)
+
+    @property
+    def refined_powers(self) -> tuple[int, ...]:
+        """Powers 0 to 5: what the response has beside its modes where forces were not held between samples, and modes outside the band."""
+        return (0, 1, 2, 3, 4, 5)
 
     def named_terms(self, terms: RealArray, powers: tuple[int, ...]) -> dict[str, RealArray | None]:
         """Return the direct term by name."""
@@ -171,7 +226,7 @@ class RecordSpectra(Response):
         """Return what the fit of a model shows: forces that were not measured, noise on the inputs, drift, delay; see `Response.doubts`."""
         left = self.values[:, :, 0] - self.evaluated(poles, shapes, participation, terms)
         found = excess(self.frequencies, left, self.values[:, :, 0], poles[trusted], 1 / max(self.durations))
-        return (*excess_notes(found), *pole_notes(self._in_plane(poles), self.sampling_rate, max(self.durations)))
+        return (*excess_notes(found), *pole_notes(self.in_plane(poles), self.sampling_rate, max(self.durations)))
 
     @property
     def separable(self) -> bool:
@@ -286,22 +341,11 @@ class RecordSpectra(Response):
 
         Ends that are not given are fitted.
         """
-        inputs = self.drive.shape[1]
-        if participation.shape[1] == inputs:
+        if participation.shape[1] == self.drive.shape[1]:
             ends = self.basis(poles).fit_ends(shapes, participation, terms)
             participation = np.hstack([participation, ends])
-        p, alone = self._in_plane(poles), np.asarray(poles).imag == 0
-        values = np.zeros(self.values.shape[:2], dtype=complex)
-        for r, run in enumerate(self.runs()):
-            x = run.points[:, None]
-            drives = np.hstack([run.inputs, run.ends[:, None]])
-            own = np.hstack([participation[:, :inputs], participation[:, inputs + r, None]])
-            values[self.run == r] = (
-                (drives @ own.T) / (x - p) @ shapes.T
-                + np.where(alone, 0, (drives @ own.conj().T) / (x - p.conj())) @ shapes.conj().T
-                + run.inputs @ terms[0].T
-            )
-        return values
+        alone = np.asarray(poles).imag == 0
+        return self.lines.evaluated(self.in_plane(poles), alone, shapes, participation, terms[0])
 
     def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
         return {"values": self.values[:, outputs], "drive": self.drive[:, inputs]}

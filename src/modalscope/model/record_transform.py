@@ -65,6 +65,7 @@ def record_spectra(records: Records, band: tuple[float, float] | None = None) ->
         geometry=records.geometry,
         processing=records.processing,
         source_path=records.source_path,
+        groups=records.groups,
     )
 
 

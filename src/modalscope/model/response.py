@@ -53,7 +53,7 @@ class Response(Channels):
     added_damping : float
         Decay rate in 1/s that an exponential window added to every pole: identified poles are shifted back by it.
     groups : sequence of labels, "auto" or None
-        One label an input: what disagrees between groups is repeatability.
+        One label an input (of records: a run): what disagrees between groups is repeatability.
     """
 
     values: Array
@@ -120,10 +120,35 @@ class Response(Channels):
             Weights of the lines.
         """
 
+    def whole_basis(self, poles: Array, powers: tuple[int, ...] = (0,)) -> ModalBasis:
+        """Return the basis on all rows of the data, one a sample or two a line, real parts first: nothing is compressed.
+
+        Parameters
+        ----------
+        poles : array of complex, (n,)
+        powers : tuple of int
+        """
+        return self.basis(poles, powers)
+
+    @property
+    def parts(self) -> tuple[int, str]:
+        """How many parts have labels of groups, and what a part is, in words."""
+        return int(self.values.shape[2]), "an input"
+
+    @property
+    def drives(self) -> int:
+        """How many numbers say what drives a pole: one an input."""
+        return len(self.input_dofs)
+
     @property
     @abstractmethod
     def outside_powers(self) -> tuple[int, ...]:
         """Powers of j w that a fit should carry beside the modes, for the modes outside the band; (0,) is the direct term alone."""
+
+    @property
+    def refined_powers(self) -> tuple[int, ...]:
+        """Powers that a refinement carries beside the modes."""
+        return self.outside_powers
 
     @abstractmethod
     def named_terms(self, terms: RealArray, powers: tuple[int, ...]) -> dict[str, RealArray | None]:

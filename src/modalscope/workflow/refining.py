@@ -13,6 +13,7 @@ from modalscope.model.checks import DataError
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
+from modalscope.model.record_residual import UNMEASURED
 
 __all__ = ["refined_where_it_helps"]
 
@@ -60,6 +61,10 @@ def _unfit(diagram: StabilizationDiagram) -> str:
         return "errors of correlations are correlated from lag to lag"
     if any(note.kind == "transformed" for note in diagram.notes):
         return "the data were transformed before they were identified; choose a domain that takes them as they are"
+    if any(note.kind == UNMEASURED for note in diagram.notes):
+        return "what was not measured stands out of the residual, and least squares on the records' lines would be biased by it"
+    if diagram.settings.route == "subspace":
+        return "past inputs and outputs were taken as instruments, and least squares on the records' lines has none"
     if band is not None and response.in_band(band) is response:
         return "samples are not filtered, so that modes outside the band are in them, too"
     return ""

@@ -15,6 +15,7 @@ from modalscope.io.frames import is_frame
 from modalscope.model import ModalModel, Note
 from modalscope.model.analysis import SourceFile
 from modalscope.model.checks import DataError
+from modalscope.model.records import as_records
 from modalscope.preprocess.merging import merge
 
 __all__ = ["are_paths", "opened", "source_of_data", "source_of_file"]
@@ -64,7 +65,8 @@ def _opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile, tup
                 f"the data are {type(data).__name__} already",
                 "Give a path, or make the data with these values.",
             )
-        return data, source_of_data(data), ()
+        thing = as_records(data) if isinstance(data, list | tuple) else data
+        return thing, source_of_data(thing), ()
     path = Path(data)
     found = survey(path, **reading)
     if isinstance(found.thing, ModalModel):

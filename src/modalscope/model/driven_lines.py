@@ -1,0 +1,87 @@
+"""The lines of all runs with what drives them, whole: columns of poles, and what a model gives on them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.driven_basis import DrivenBasis
+
+__all__ = ["DrivenLines"]
+
+#: Complex numbers in the columns that are made at a time: 4 MB.
+_NUMBERS = 1 << 18
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class DrivenLines:
+    """Lines with all drives side by side: the inputs, then the ends of every run, which are zero on the lines of the others.
+
+    Parameters
+    ----------
+    points : array of complex, (F,)
+        Where the lines lie in the plane of the poles.
+    drives : array of complex, (F, m + R)
+    inputs : int
+        m.
+    """
+
+    points: ComplexArray
+    drives: ComplexArray
+    inputs: int
+
+    def divided(self, sizes: RealArray) -> DrivenLines:
+        """Return the same lines with every drive divided by its size, (m + R,)."""
+        return DrivenLines(self.points, self.drives / sizes, self.inputs)
+
+    def pairs(self, poles: Array, sides: Array, chain: Array | None = None) -> tuple[ComplexArray, ComplexArray]:
+        """Return b'd / (x - p) and conj(b)'d / (x - conj p), (F, n) each; with the chain dp/ds their derivatives by s.
+
+        Parameters
+        ----------
+        poles : array of complex, (n,)
+            In the plane of the points.
+        sides : array of complex, (n, m + R)
+            b.
+        chain : array of complex, (n,), optional
+        """
+        x = self.points[:, None]
+        own, pair = 1 / (x - poles), 1 / (x - np.conj(poles))
+        if chain is not None:
+            own, pair = chain * own**2, np.conj(chain) * pair**2
+        return (self.drives @ sides.T) * own, (self.drives @ sides.conj().T) * pair
+
+    def columns(self, poles: Array, sides: Array, chain: Array | None = None) -> ComplexArray:
+        """Return w (2 F, n) such that a shape c contributes Re(c w) to the rows: real parts of the lines, then imaginary parts."""
+        own, pair = self.pairs(poles, sides, chain)
+        return np.concatenate([own + pair.conj(), -1j * (own - pair.conj())])
+
+    def evaluated(self, poles: Array, alone: Array, shapes: Array, participation: Array, direct: Array) -> ComplexArray:
+        """Return the outputs (F, l) of shapes (l, n), participation (n, m + R) and D (l, m); `alone` are the real poles, (n,)."""
+        found = np.empty((len(self.points), len(shapes)), dtype=complex)
+        step = max(_NUMBERS // max(len(poles), 1), 1)
+        for start in range(0, len(found), step):
+            s = slice(start, start + step)
+            own, pair = DrivenLines(self.points[s], self.drives[s], self.inputs).pairs(poles, participation)
+            found[s] = own @ shapes.T + np.where(alone, 0, pair) @ shapes.conj().T
+        found += self.drives[:, : self.inputs] @ direct.T
+        return found
+
+    def basis(
+        self, poles: Array, alone: Array, values: ComplexArray, relative: ComplexArray, powers: tuple[int, ...]
+    ) -> DrivenBasis:
+        """Return the columns of poles on all rows, nothing compressed.
+
+        Terms are the inputs times powers of the relative frequency j f / f_max, (F,), then the ends times one power less.
+        """
+        own, pair = 1 / (self.points[:, None] - poles), 1 / (self.points[:, None] - np.conj(poles))
+        g = np.stack([np.where(alone, own, own + pair), np.where(alone, 0, 1j * (own - pair))], axis=2)
+        driven = self.drives[:, :, None] * g.reshape(len(g), 1, -1)
+        inputs, ends = np.split(self.drives, [self.inputs], axis=1)
+        terms = [inputs * relative[:, None] ** k for k in powers]
+        terms += [ends * relative[:, None] ** (k - 1) for k in powers if k]
+        parts = (np.hstack(terms), driven.reshape(len(g), -1), values)
+        rows, functions, data = (np.concatenate([part.real, part.imag]) for part in parts)
+        return DrivenBasis(terms=rows, functions=functions, data=data, drives=self.drives.shape[1])
