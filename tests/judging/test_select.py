@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from modalscope import DataError
+from modalscope.judging.counted import _none_twice
 from modalscope.judging.evidence import Candidate
-from modalscope.judging.select import _none_twice, select
+from modalscope.judging.select import select
 from modalscope.modal.sufficient import SLACK
 from modalscope.model.diagram import StabilizationDiagram
 from tests.judging.made import NUDGE, Pole, at_angle, diagram_of, poles_of, response_of
@@ -18,7 +19,7 @@ ONE = Pole(2, 8, 0.02, shape=(1, 2), part=(0.5, 1, -2))
 TWO = Pole(2, 14, 0.01, shape=(3, -1), part=(1, 0.5, 1))
 #: Found now and then: never a mode.
 RARE = Pole(2, 20, 0.01, shape=(1, -1), part=(0.1, 0, 0.1))
-RESPONSE = response_of([ONE.pole, TWO.pole], [ONE.shape, TWO.shape], [ONE.part, TWO.part])
+RESPONSE = response_of([ONE.pole, TWO.pole], [ONE.shape, TWO.shape], [ONE.part, TWO.part], kind="correlation")
 
 ORDERS = range(2, 42, 2)
 
@@ -137,7 +138,7 @@ def kept(*groups: list[Pole]) -> list[int]:
         Candidate(np.arange(a, b), group[0].f, group[0].zeta, {"place": k}, ())
         for k, (group, a, b) in enumerate(zip(groups, ends[:-1], ends[1:], strict=True))
     ]
-    return sorted(c.facts["place"] for c in _none_twice(poles, candidates))
+    return sorted(c.facts["place"] for c in _none_twice(poles, candidates) if not c.against)
 
 
 MANY = at(Pole(2, 10, 0.02), range(2, 12, 2))

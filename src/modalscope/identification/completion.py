@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.identification.information import residual
-from modalscope.identification.matched import strongest_peak
+from modalscope.identification.matched import strongest_peaks
 from modalscope.identification.settling import Settled, Task, least_gain, settle
 from modalscope.model.checks import ComplexArray
 from modalscope.model.mode_fields import PER_MODE, joined
@@ -58,9 +58,10 @@ def _with_peak(task: Task, settled: Settled) -> _Found | None:
     left = residual(point, fitted)
     left = left.transpose(0, 2, 1) if point.problem.turned else left
     least = 2 * least_gain(task) * settled.variance
-    peak = strongest_peak(point.problem.light, left, task.rows, point.poles, least)
-    if peak is None:
+    peaks = strongest_peaks(point.problem.light, left, task.rows, point.poles, least)
+    if not peaks:
         return None
+    peak = peaks[0]
     outputs, inputs = point.problem.sides
     shapes, participation = settled.residues
     return (

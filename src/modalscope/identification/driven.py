@@ -41,13 +41,15 @@ class DrivenWhitened(Whitened):
         """The run that each row belongs to, (K,)."""
         return np.tile(self.light.run, 2)
 
-    def at(self, poles: ComplexArray, sides: ComplexArray) -> Point:
-        """Return the likelihood and all that a step needs at poles (n,) and unit vectors (n, m + R)."""
+    def at(self, poles: ComplexArray, sides: ComplexArray, *, slopes: bool = True) -> Point:
+        """Return the likelihood at poles (n,) and unit vectors (n, m + R), and all that a step needs unless there is to be none."""
         n, p = sides.shape
-        where, chain = self.light.in_plane(poles), self.light.chain(poles)
-        moved = [self.lines.columns(where, sides, chain)]
-        moved += [self.lines.columns(where, side) for side in across(sides).transpose(2, 0, 1)]
-        columns = np.hstack([self.lines.columns(where, sides), np.stack(moved, axis=2).reshape(-1, n * p)])
+        where = self.light.in_plane(poles)
+        columns = self.lines.columns(where, sides)
+        if slopes:
+            moved = [self.lines.columns(where, sides, self.light.chain(poles))]
+            moved += [self.lines.columns(where, side) for side in across(sides).transpose(2, 0, 1)]
+            columns = np.hstack([columns, np.stack(moved, axis=2).reshape(-1, n * p)])
         both = np.stack([columns.real, -columns.imag], axis=2).reshape(len(columns), -1) / self.rows[:, None]
         both -= self.terms @ (self.terms.T @ both)
         factors = sla.qr(both, mode="economic", overwrite_a=True, check_finite=False)

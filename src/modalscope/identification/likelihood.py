@@ -69,16 +69,17 @@ class Whitened:
         """Real values that the terms leave."""
         return int((len(self.data) - self.terms.shape[1]) * self.data[0].size)
 
-    def columns(self, poles: Array) -> tuple[RealArray, RealArray]:
+    def columns(self, poles: Array, *, slopes: bool = True) -> tuple[RealArray, RealArray]:
         """Return the functions of poles and their derivatives by Re s, divided as the data are, without the terms' part."""
-        both = np.hstack([self.light.basis(poles, ()).functions, self.light.derivatives(poles)]) / self.rows[:, None]
+        both = self.light.basis(poles, ()).functions
+        both = (np.hstack([both, self.light.derivatives(poles)]) if slopes else both) / self.rows[:, None]
         if self.terms.shape[1]:
             both -= self.terms @ (self.terms.T @ both)
         return both[:, : 2 * len(poles)], both[:, 2 * len(poles) :]
 
-    def at(self, poles: ComplexArray, sides: ComplexArray) -> Point:
-        """Return the likelihood and all that a step needs at poles (n,) and unit vectors (n, p)."""
-        own, derived = self.columns(poles)
+    def at(self, poles: ComplexArray, sides: ComplexArray, *, slopes: bool = True) -> Point:
+        """Return the likelihood at poles (n,) and unit vectors (n, p), and all that a step needs unless there is to be none."""
+        own, derived = self.columns(poles, slopes=slopes)
         factors = sla.qr(np.hstack([own, derived]), mode="economic", check_finite=False)
         Q, R = (np.asarray(factor, dtype=np.float64) for factor in factors)
         flat = self.data.reshape(len(self.data), -1)
@@ -158,7 +159,7 @@ class Fitted:
     @property
     def gain(self) -> RealArray:
         """By how much the squared misfit rises when a mode goes and all linear parts are fitted again, (n,)."""
-        pairs = self.back.reshape(-1, 2, self.back.shape[1])
+        pairs = self.back.reshape(len(self.back) // 2, 2, self.back.shape[1])
         own = np.linalg.pinv(pairs @ pairs.transpose(0, 2, 1), hermitian=True)
         c = np.stack([self.linear.real.T, self.linear.imag.T], axis=1)  # (n, 2, q)
         return np.asarray(np.sum(c * (own @ c), axis=(1, 2)))
@@ -194,7 +195,8 @@ class Point:
 
     def columns(self) -> ComplexArray:
         """Return b g of every mode, complex columns (4 n p, n): a coefficient c contributes Re(c b g)."""
-        return np.asarray(np.einsum("kj,ji->kij", self.own, self.sides).reshape(-1, len(self.poles)))
+        size = len(self.own) * self.sides.shape[1]
+        return np.asarray(np.einsum("kj,ji->kij", self.own, self.sides).reshape(size, len(self.poles)))
 
     def fitted(self) -> Fitted:
         """Fit the eliminated side by least squares; columns of equal poles and vectors share what they explain."""
@@ -227,7 +229,7 @@ class Point:
         columns[:, :, :, 0] = np.einsum("kj,ji->kij", self.derived, self.sides)
         if p > 1:
             columns[:, :, :, 1:] = np.einsum("kj,jia->kija", self.own, across(self.sides))
-        return columns.reshape(-1, n * p)
+        return columns.reshape(len(self.own) * p, n * p)
 
     def moved(self, step: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """Return poles and unit vectors after a step (n, p) in the unknowns of `directions`."""

@@ -10,10 +10,13 @@ from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.poles import poles_from
 from modalscope.model.response import Response
 
-__all__ = ["Peak", "strongest_peak"]
+__all__ = ["Peak", "amplitudes", "strongest_peaks"]
 
 #: Damping ratios of the grid: neighbours lose less than a tenth of the gain between them.
 _RATIOS = (0.001, 0.003, 0.007, 0.015, 0.03, 0.06)
+
+#: Peaks that are found together lie so many sums of their half bandwidths apart: nearer ones may be one.
+_APART = 4.0
 
 #: Numbers held at a time.
 _HELD = 1 << 23
@@ -36,11 +39,13 @@ class Peak:
     participation: ComplexArray
 
 
-def strongest_peak(response: Response, left: RealArray, rows: RealArray, known: Array, least: float) -> Peak | None:
-    """Return where a residual holds the strongest oscillation, None where none lowers the squared misfit by `least`.
+def strongest_peaks(
+    response: Response, left: RealArray, rows: RealArray, known: Array, least: float, most: int = 1
+) -> list[Peak]:
+    """Return where a residual holds the strongest oscillations: those that lower the squared misfit by `least`, far from each other.
 
-    A pole's functions g1 and g2 are orthogonal but for their overlap with the mirror image; with A = <g1, E> + j <g2, E> over |g|, an
-    l x m matrix, a residue of rank one lowers the misfit by the square of its largest singular value.
+    A pole's functions g1 and g2 are orthogonal but for their overlap with the mirror image; a residue of rank one lowers the misfit by
+    the square of the largest singular value of its `amplitudes`.
 
     Parameters
     ----------
@@ -52,23 +57,39 @@ def strongest_peak(response: Response, left: RealArray, rows: RealArray, known: 
     known : array of complex
         Poles that are there already: nothing is taken within half a half bandwidth of them.
     least : float
+    most : int
+        Peaks at most; half bandwidths of any two do not reach a quarter of the way.
     """
     grid = _grid(response)
+    A = amplitudes(response, left, rows, grid)
+    gain = np.linalg.norm(A, ord=2, axis=(1, 2)) ** 2
+    gain[np.any(np.abs(grid[:, None] - known) < -0.5 * known.real, axis=1)] = 0
+    found: list[Peak] = []
+    while len(found) < most and (best := int(np.argmax(gain))) >= 0 and gain[best] >= max(least, 1e-300):
+        U, _, Vh = np.linalg.svd(A[best])
+        found.append(Peak(complex(grid[best]), U[:, 0], Vh[0]))
+        gain[np.abs(grid - grid[best]) < _APART * np.abs(grid.real + grid[best].real)] = 0
+    return found
+
+
+def amplitudes(response: Response, left: RealArray, rows: RealArray, poles: Array) -> ComplexArray:
+    """Return A = (<g1, E> + j <g2, E>) / |g| of every pole, (n, l, m): its residue beside nothing else, in deviations of a row.
+
+    Parameters
+    ----------
+    response, left, rows
+        As in `strongest_peaks`.
+    poles : array of complex, (n,)
+    """
     flat = left.reshape(len(left), -1)
-    A = np.empty((grid.size, *left.shape[1:]), dtype=complex)
+    A = np.empty((poles.size, *left.shape[1:]), dtype=complex)
     few = max(1, _HELD // (2 * len(left)))
-    for first in range(0, grid.size, few):
-        g = response.basis(grid[first : first + few], ()).functions / rows[:, None]
+    for first in range(0, poles.size, few):
+        g = response.basis(poles[first : first + few], ()).functions / rows[:, None]
         size = np.sqrt(np.maximum(np.sum(g.reshape(len(g), -1, 2) ** 2, axis=(0, 2)) / 2, 1e-300))
         both = (g.T @ flat).reshape(-1, 2, *left.shape[1:])
         A[first : first + few] = (both[:, 0] + 1j * both[:, 1]) / size[:, None, None]
-    gain = np.linalg.norm(A, ord=2, axis=(1, 2)) ** 2
-    near = np.any(np.abs(grid[:, None] - known) < -0.5 * known.real, axis=1)
-    best = int(np.argmax(np.where(near, 0, gain)))
-    if near[best] or gain[best] < least:
-        return None
-    U, _, Vh = np.linalg.svd(A[best])
-    return Peak(complex(grid[best]), U[:, 0], Vh[0])
+    return A
 
 
 def _grid(response: Response) -> ComplexArray:

@@ -12,7 +12,15 @@ from modalscope.identification.descent import Descent, descend
 from modalscope.identification.driven import whitened_records
 from modalscope.identification.information import residual
 from modalscope.identification.likelihood import Whitened, whitened
-from modalscope.identification.whitening import Colour, Levels, colour, from_variance, levels_of, row_deviations
+from modalscope.identification.whitening import (
+    Colour,
+    Levels,
+    colour,
+    from_variance,
+    levels_of,
+    row_deviations,
+    search_bound,
+)
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
 from modalscope.model.record_spectra import RecordSpectra
 from modalscope.model.response import Response
@@ -21,9 +29,6 @@ __all__ = ["Settled", "Task", "least_gain", "settle", "task_of"]
 
 #: Rounds at most, and the relative change of any deviation at which they end.
 _ROUNDS, _SETTLED = 30, 1e-7
-
-#: One false mode in a thousand sets of noise.
-_FALSE = 1e-3
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -180,11 +185,5 @@ def _check_freedom(task: Task, problem: Whitened, modes: int) -> None:
 
 
 def least_gain(task: Task) -> float:
-    """Return half of 2 (sqrt l + sqrt m + sqrt t)^2, t = ln(positions / 1e-3): no noise explains more than half of the whole.
-
-    That is the bound on the largest singular value of an l x m matrix of complex normal numbers (K. R. Davidson and S. J. Szarek, 2001),
-    over all positions on the frequency axis that a pole may take.
-    """
-    l, m = task.channels
-    positions = max(len(task.rows) / 2, 2.0)
-    return float((np.sqrt(l) + np.sqrt(m) + np.sqrt(np.log(positions / _FALSE))) ** 2)
+    """Return half of what the search over noise may explain: no noise explains more than half of the whole; see `search_bound`."""
+    return search_bound(*task.channels, len(task.rows)) / 2

@@ -8,7 +8,7 @@ import numpy as np
 
 from modalscope.model.checks import Array, DataError, RealArray
 
-__all__ = ["Colour", "Levels", "blocks_of", "colour", "from_variance", "levels_of", "row_deviations"]
+__all__ = ["Colour", "Levels", "blocks_of", "colour", "from_variance", "levels_of", "row_deviations", "search_bound"]
 
 #: Quieter channels than this part of the loudest residual are brought to it: what is fitted to rounding must not decide alone.
 _QUIETEST = 1e-7
@@ -18,6 +18,9 @@ _SMOOTHED = 41
 
 #: White noise exceeds these in less than one of a thousand sets: standard deviations of the correlation, and of the smoothed level.
 _CORRELATED, _UNEVEN = 5.0, 3.0
+
+#: One false mode in a thousand sets of noise.
+_FALSE = 1e-3
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -129,3 +132,21 @@ def blocks_of(rows: int, count: int, correlation: float) -> Array:
     rho = float(np.clip(correlation, 0, 0.99))
     length = int(np.clip(np.ceil((1 + rho) / (1 - rho)), 2, max(count // 8, 1)))
     return np.tile(np.arange(count) // length, rows // count)
+
+
+def search_bound(outputs: int, inputs: int, rows: int) -> float:
+    """Return 2 (sqrt l + sqrt m + sqrt t)^2, t = ln(positions / 1e-3): the squared misfit, in variances, that a mode of noise may explain.
+
+    That is the bound on the largest singular value of an l x m matrix of complex normal numbers (K. R. Davidson and S. J. Szarek, 2001),
+    over all positions on the frequency axis that a pole may take: half as many as there are rows. So the free shape and participation
+    count, and the search for the best place does.
+
+    Parameters
+    ----------
+    outputs, inputs : int
+        Channels.
+    rows : int
+        Real values a channel.
+    """
+    positions = max(rows / 2, 2.0)
+    return float(2 * (np.sqrt(outputs) + np.sqrt(inputs) + np.sqrt(np.log(positions / _FALSE))) ** 2)

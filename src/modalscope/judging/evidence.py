@@ -10,16 +10,19 @@ import numpy as np
 from modalscope.judging.tracking import Poles
 from modalscope.modal.contribution import of_diagram, peak_sizes
 from modalscope.modal.indicators import cmif, prominence
-from modalscope.model.checks import Array, RealArray
+from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.poles import frequencies_and_damping, poles_from
 from modalscope.model.response import output_scale, window_damping
 
 __all__ = [
+    "LEAST_ORDERS",
     "LEAST_PEAK",
+    "LEAST_SHARE",
     "LEAST_SIGNAL",
     "Candidate",
     "Evidence",
+    "Own",
     "evidence_of",
     "judge",
     "oscillations",
@@ -58,14 +61,38 @@ class Evidence:
 
 
 @dataclass(frozen=True, eq=False)
+class Own:
+    """A pole with values of its own, where no orders of the diagram agree on any.
+
+    Parameters
+    ----------
+    shape : array of complex, (l,)
+    participation : array of complex, (m,)
+    frequency_std, damping_std : float
+        Hz, ratio.
+    """
+
+    shape: ComplexArray
+    participation: ComplexArray
+    frequency_std: float
+    damping_std: float
+
+
+@dataclass(frozen=True, eq=False)
 class Candidate:
-    """Poles of several orders that agree, what speaks for them, and what against (empty when they are a mode)."""
+    """Poles of several orders that agree, what speaks for them, and what against (empty when they are a mode).
+
+    The gain is by how many standard deviations the data are explained better with it, where that is known. `own` stands in for the
+    members where there are none.
+    """
 
     members: Array
     frequency: float
     damping: float
     facts: dict[str, Any]
     against: tuple[str, ...]
+    gain: float = np.nan
+    own: Own | None = None
 
 
 def oscillations(diagram: StabilizationDiagram) -> Poles:
@@ -148,7 +175,17 @@ def sentence(facts: dict[str, Any], loss: float) -> str:
             if np.isfinite(ratio)
             else "stands alone in the mode indicator"
         )
-    return (
-        f"found at {facts['orders_found']} of {facts['orders_tried']} orders ({facts['first_order']} to {facts['last_order']}), "
-        f"{' and '.join(seen) or 'weak at its frequency'}; without it the fit error grows by {100 * loss:.2g} %"
-    )
+    told = [_found(facts), " and ".join(seen) or "weak at its frequency"]
+    if "gain" in facts:
+        told.insert(
+            0,
+            f"explains {facts['gain']:.3g} standard deviations of the noise ({facts['noise_gain']:.2g} could be noise)",
+        )
+    return f"{', '.join(told)}; without it the fit error grows by {100 * loss:.2g} %"
+
+
+def _found(facts: dict[str, Any]) -> str:
+    if not facts["orders_found"]:
+        return "found in what the others leave, while no orders agree on it: its values are refined ones"
+    where = f"({facts['first_order']} to {facts['last_order']})"
+    return f"found at {facts['orders_found']} of {facts['orders_tried']} orders {where}"

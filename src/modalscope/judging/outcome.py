@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from modalscope.judging.evidence import Candidate, sentence
+from modalscope.judging.evidence import LEAST_ORDERS, LEAST_SHARE, Candidate, sentence
 from modalscope.judging.tracking import Poles
 from modalscope.modal.indicators import mac
 from modalscope.modal.joint import joint_residues
 from modalscope.modal.rebuilt import rebuilt
-from modalscope.model.checks import Array, RealArray
+from modalscope.model.candidates import Candidate as LeftOut
+from modalscope.model.checks import ComplexArray, RealArray
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.modes import ModalModel
 from modalscope.model.poles import poles_from
@@ -21,21 +23,20 @@ from modalscope.model.robust import scatter
 from modalscope.uncertainty.noise import KIND
 from modalscope.uncertainty.of_modes import typical_deviation, withheld
 
-__all__ = ["modes_of"]
+__all__ = ["left_out", "modes_of"]
 
 
-def modes_of(diagram: StabilizationDiagram, poles: Poles, chosen: list[Candidate]) -> ModalModel:
+def modes_of(
+    diagram: StabilizationDiagram, poles: Poles, chosen: list[Candidate], left: Sequence[Candidate] = ()
+) -> ModalModel:
     """Wrap the chosen modes: median poles, and residues fitted together from the shapes that are nearest to all others of a mode."""
     response = diagram.response
-    picked = [c.members[np.argmax(mac(poles.shape[c.members].T).sum(axis=1))] for c in chosen]
     values = poles_from([c.frequency for c in chosen], [c.damping for c in chosen])
-    shapes = poles.shape[picked].T if chosen else np.zeros((response.values.shape[1], 0), complex)
+    shapes = np.zeros((response.values.shape[1], 0), complex)
+    if chosen:
+        shapes = np.stack([_middle(poles, c) for c in chosen], axis=1)
     shapes, fitted = joint_residues(response, values, shapes)
-    members = [c.members for c in chosen]
-    spreads = [
-        {"frequency_spread_hz": scatter(poles.frequency[m]), "damping_ratio_spread": scatter(poles.damping[m])}
-        for m in members
-    ]
+    spreads = [_spread(poles, c) for c in chosen]
     model = ModalModel(
         poles=values,
         shapes=shapes,
@@ -44,8 +45,10 @@ def modes_of(diagram: StabilizationDiagram, poles: Poles, chosen: list[Candidate
         held_input=response.held_input,
         frequencies_spread=np.array([spread["frequency_spread_hz"] for spread in spreads]),
         damping_ratios_spread=np.array([spread["damping_ratio_spread"] for spread in spreads]),
-        **_deviations(diagram, members, poles),
-        indicators=_indicators(diagram, members, poles),
+        gain=None if any(np.isnan(c.gain) for c in chosen) else np.array([c.gain for c in chosen]),
+        left_out=left_out(diagram, left),
+        **_deviations(diagram, chosen, poles),
+        indicators=_indicators(diagram, chosen, poles),
         **response.labelled(),
         **fitted,
     )
@@ -55,20 +58,58 @@ def modes_of(diagram: StabilizationDiagram, poles: Poles, chosen: list[Candidate
     return replace(model, reasons=reasons, notes=(*told, *withheld(model))).normalized("unit")
 
 
-def _deviations(diagram: StabilizationDiagram, members: list[Array], poles: Poles) -> dict[str, Any]:
+def left_out(diagram: StabilizationDiagram, candidates: Sequence[Candidate]) -> tuple[LeftOut, ...]:
+    """Return what looked like a mode and is not reported, with the reason: groups at enough orders, and what the data show without any."""
+    least = max(min(LEAST_ORDERS, len(diagram.orders)), LEAST_SHARE * len(diagram.orders))
+    return tuple(
+        LeftOut(
+            frequency=c.frequency,
+            damping_ratio=c.damping,
+            gain=c.gain,
+            reason="; ".join(c.against) or "refused by hand",
+            remedy=f"take=[{c.frequency:.6g}] reports it all the same" if c.against else "Do not refuse it.",
+        )
+        for c in candidates
+        if c.own is not None or c.members.size >= least
+    )
+
+
+def _middle(poles: Poles, c: Candidate) -> ComplexArray:
+    """Return the shape that is nearest to those of all members."""
+    if c.own is not None:
+        return c.own.shape
+    return np.asarray(poles.shape[c.members[np.argmax(mac(poles.shape[c.members].T).sum(axis=1))]])
+
+
+def _spread(poles: Poles, c: Candidate) -> dict[str, float]:
+    """Return the scatter over orders; one order has none, and no orders have none that is known."""
+    f, zeta = poles.frequency[c.members], poles.damping[c.members]
+    known = c.own is None
+    return {
+        "frequency_spread_hz": scatter(f) if known else np.nan,
+        "damping_ratio_spread": scatter(zeta) if known else np.nan,
+    }
+
+
+def _deviations(diagram: StabilizationDiagram, chosen: list[Candidate], poles: Poles) -> dict[str, Any]:
     """Return for every mode the deviation of the members that did not split: of those that did it is many times as large."""
     found = {}
-    for name in ("frequencies_std", "damping_ratios_std"):
+    for name, of_own in (("frequencies_std", "frequency_std"), ("damping_ratios_std", "damping_std")):
         values = getattr(diagram, name)
         if values is not None:
-            found[name] = np.array([typical_deviation(values[poles.index[group]]) for group in members])
+            found[name] = np.array(
+                [
+                    typical_deviation(values[poles.index[c.members]]) if c.own is None else getattr(c.own, of_own)
+                    for c in chosen
+                ]
+            )
     return found
 
 
-def _indicators(diagram: StabilizationDiagram, members: list[Array], poles: Poles) -> dict[str, RealArray]:
-    """Return for every mode the median of its members' indicators."""
+def _indicators(diagram: StabilizationDiagram, chosen: list[Candidate], poles: Poles) -> dict[str, RealArray]:
+    """Return for every mode the median of its members' indicators; NaN without members."""
     return {
-        name: np.array([float(np.median(column[poles.index[group]])) for group in members])
+        name: np.array([float(np.median(column[poles.index[c.members]])) if c.members.size else np.nan for c in chosen])
         for name, column in diagram.indicators.items()
     }
 

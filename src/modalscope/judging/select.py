@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 
 import numpy as np
 
 from modalscope.blocks.threads import one_thread
-from modalscope.judging.evidence import Candidate, Evidence, evidence_of, judge, oscillations, peaks
+from modalscope.judging.counted import counted
+from modalscope.judging.evidence import Candidate, evidence_of, oscillations
+from modalscope.judging.likely import has_likelihood, likely
 from modalscope.judging.outcome import modes_of
-from modalscope.judging.tracking import Poles, consensus, join_broken, merge_splits, tracks
-from modalscope.modal.indicators import mac
-from modalscope.modal.sufficient import usable_orders
+from modalscope.judging.tracking import Poles
 from modalscope.model.checks import DataError, check_each, check_kind, check_positive
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.keywords import named
@@ -82,13 +81,15 @@ def select(
     if diagram.exact_rank is not None:
         candidates = _exact(diagram, poles)
     else:
-        poles, candidates = _candidates(diagram, poles, evidence)
+        found = likely(diagram, poles, evidence) if has_likelihood(diagram) else None
+        poles, candidates = found or counted(diagram, poles, evidence)
     if wanted is not None:
         chosen = _by_hand(candidates, wanted, tolerance, diagram)
     else:
-        chosen = _none_twice(poles, [c for c in candidates if not c.against])
+        chosen = [c for c in candidates if not c.against]
         chosen = _changed(candidates, chosen, added, refused, tolerance, diagram)
-    return modes_of(diagram, poles, sorted(chosen, key=lambda c: c.frequency))
+    left = [c for c in candidates if not any(c is k for k in chosen)]
+    return modes_of(diagram, poles, sorted(chosen, key=lambda c: c.frequency), sorted(left, key=lambda c: c.frequency))
 
 
 def _changed(
@@ -128,30 +129,6 @@ def _exact(diagram: StabilizationDiagram, poles: Poles) -> list[Candidate]:
         "text": f"the data have the exact rank {diagram.exact_rank}, and this is one of its poles",
     }
     return [Candidate(np.array([i]), float(poles.frequency[i]), float(poles.damping[i]), facts, ()) for i in members]
-
-
-def _candidates(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> tuple[Poles, list[Candidate]]:
-    orders, fit = usable_orders(diagram)
-    poles = replace(poles, orders=orders).take(np.flatnonzero(poles.order <= orders[-1]))
-    poles = merge_splits(poles)
-    groups = [group for group in (consensus(poles, t) for t in tracks(poles)) if group.size >= min(3, len(orders))]
-    peak = peaks(diagram, poles, evidence)
-    return poles, [judge(poles, group, peak, fit, evidence) for group in join_broken(poles, groups)]
-
-
-def _none_twice(poles: Poles, chosen: list[Candidate]) -> list[Candidate]:
-    """Drop, of two within a half bandwidth and of one shape, the one found at fewer orders."""
-    kept: list[Candidate] = []
-    for c in sorted(chosen, key=lambda c: (-c.members.size, c.frequency)):
-        same = any(
-            abs(c.frequency - k.frequency) < max(c.frequency * c.damping, k.frequency * k.damping)
-            and c.members.size > 1
-            and np.median(mac(poles.shape[c.members].T, poles.shape[k.members].T)) > 0.9
-            for k in kept
-        )
-        if not same:
-            kept.append(c)
-    return kept
 
 
 def _by_hand(

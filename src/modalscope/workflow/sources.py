@@ -65,8 +65,8 @@ def _opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile, tup
                 f"the data are {type(data).__name__} already",
                 "Give a path, or make the data with these values.",
             )
-        thing = as_records(data) if isinstance(data, list | tuple) else data
-        return thing, source_of_data(thing), ()
+        runs = as_records(data) if isinstance(data, list | tuple) else data
+        return runs, source_of_data(runs), ()
     path = Path(data)
     found = survey(path, **reading)
     if isinstance(found.thing, ModalModel):

@@ -1,0 +1,77 @@
+"""The noise of every channel, from a model that is richer than any that is reported."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg as sla
+
+from modalscope.identification.whitening import Colour, Levels, colour, from_variance, levels_of, row_deviations
+from modalscope.model.checks import Array, RealArray
+from modalscope.model.response import Response
+
+__all__ = ["Floor", "floor_of"]
+
+#: Columns of the richer model are no more than this part of the rows: the rest tells the noise.
+_COLUMNS = 0.5
+
+#: Noise is no less than rounding, relative to the data.
+_ROUNDING = 1e-13
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Floor:
+    """What a richer model leaves: the noise, where the data are of a linear structure.
+
+    Parameters
+    ----------
+    rows : array, (K,)
+        Deviations of the rows, relative to each other.
+    levels : Levels
+        Deviations of the channels.
+    variance : float
+        Of a row divided by all of these.
+    colour : Colour
+    left : array, (K, l, m)
+        The residual, not divided.
+    """
+
+    rows: RealArray
+    levels: Levels
+    variance: float
+    colour: Colour
+    left: RealArray
+
+
+def floor_of(response: Response, poles: Array) -> Floor:
+    """Fit poles (n,) in rad/s with free residues in every channel, and the residual terms, and judge what is left.
+
+    sigma_om^2 = RSS_om / (rows - columns) of channel (o, m), so s_i nearest to it in the logarithm.
+    """
+    powers = response.outside_powers
+    basis = response.basis(_few(response, poles), powers)
+    rows = len(basis.data)
+    by_row, known = row_deviations(rows, None), None
+    if response.known_variance is not None:
+        by_row, known = from_variance(response.known_variance, rows)
+    columns = basis.columns / by_row[:, None]
+    size = np.linalg.norm(columns, axis=0)
+    Q = np.asarray(sla.qr(columns[:, size > 0] / size[size > 0], mode="economic", check_finite=False)[0])
+    flat = basis.data.reshape(rows, -1) / by_row[:, None]
+    left = (flat - Q @ (Q.T @ flat)).reshape(basis.data.shape)
+    least = _ROUNDING * np.sqrt(np.mean(flat**2))
+    sigma = np.maximum(np.sqrt(np.sum(left**2, axis=0) / max(rows - Q.shape[1], 1)), least)
+    levels = known or levels_of(sigma)
+    variance = float(np.mean((sigma / np.outer(levels.outputs, levels.inputs)) ** 2))
+    seen = colour(left, response.count, Q.shape[1])
+    if response.grid is None:  # a model that is too rich follows the noise while its poles last, and not later
+        seen = replace(seen, coloured=seen.correlation > 5 / np.sqrt(left.size) + Q.shape[1] / rows)
+    return Floor(by_row, levels, variance, seen, left * by_row[:, None, None])
+
+
+def _few(response: Response, poles: Array) -> Array:
+    """Leave out poles that grow, and the most damped of too many."""
+    decaying = poles[poles.real < 0]
+    most = max(int(_COLUMNS * response.count * (2 if response.grid is not None else 1)) // 2, 1)
+    return np.asarray(decaying[np.argsort(-decaying.real / -np.abs(decaying), kind="stable")[:most]])

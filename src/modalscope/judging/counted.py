@@ -1,0 +1,54 @@
+"""Modes by counting orders: where the errors of the data have no likelihood that modes could maximize."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from modalscope.judging.evidence import Candidate, Evidence, judge, peaks
+from modalscope.judging.tracking import Poles, consensus, join_broken, merge_splits, tracks
+from modalscope.modal.indicators import mac
+from modalscope.modal.sufficient import usable_orders
+from modalscope.model.diagram import StabilizationDiagram
+
+__all__ = ["counted"]
+
+#: Two modes within a half bandwidth are one above this MAC.
+SAME_SHAPE = 0.9
+
+
+def counted(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> tuple[Poles, list[Candidate]]:
+    """Return the groups of poles that agree over orders, splits merged, with what speaks for each and what against.
+
+    Parameters
+    ----------
+    diagram : StabilizationDiagram
+    poles : Poles
+    evidence : Evidence
+    """
+    orders, fit = usable_orders(diagram)
+    poles = replace(poles, orders=orders).take(np.flatnonzero(poles.order <= orders[-1]))
+    poles = merge_splits(poles)
+    groups = [group for group in (consensus(poles, t) for t in tracks(poles)) if group.size >= min(3, len(orders))]
+    peak = peaks(diagram, poles, evidence)
+    return poles, _none_twice(poles, [judge(poles, group, peak, fit, evidence) for group in join_broken(poles, groups)])
+
+
+def _none_twice(poles: Poles, candidates: list[Candidate]) -> list[Candidate]:
+    """Speak, of two modes within a half bandwidth and of one shape, against the one found at fewer orders."""
+    kept: list[Candidate] = []
+    others = [c for c in candidates if c.against]
+    for c in sorted((c for c in candidates if not c.against), key=lambda c: (-c.members.size, c.frequency)):
+        host = next((k for k in kept if _the_same(poles, c, k)), None)
+        if host is None:
+            kept.append(c)
+        else:
+            others.append(replace(c, against=(f"part of the mode at {host.frequency:.5g} Hz, found at more orders",)))
+    return kept + others
+
+
+def _the_same(poles: Poles, c: Candidate, k: Candidate) -> bool:
+    near = abs(c.frequency - k.frequency) < max(c.frequency * c.damping, k.frequency * k.damping)
+    alike = np.median(mac(poles.shape[c.members].T, poles.shape[k.members].T)) > SAME_SHAPE
+    return bool(near and alike and c.members.size > 1)
