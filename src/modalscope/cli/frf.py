@@ -30,9 +30,9 @@ def run(options: argparse.Namespace) -> None:
     """Estimate frequency responses, write them, and say how good they are."""
     from modalscope.cli.output import DATA, PICTURES, check_outputs, needed, write_data, write_picture
     from modalscope.cli.reading import read_test
-    from modalscope.io import describe
     from modalscope.model import Signals
     from modalscope.model.kinds import check_kind
+    from modalscope.model.shown import summary_of
     from modalscope.plot import response
     from modalscope.preprocess import estimate_frf, examine
 
@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> None:
     ]
     for note in told:
         remark(note)
-    remark(describe(found))
+    remark(summary_of(found))
     for line in (*found.processing, *examine(found)):
         remark(f"  {line}")
     for line in written:

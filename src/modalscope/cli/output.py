@@ -122,10 +122,11 @@ def write_picture(path: Path, axes: Axes) -> str:
 
 def write_data(path: Path, data: Any) -> str:
     """Write data and return what is to be said of the file."""
-    from modalscope.io import describe, write
+    from modalscope.io import write
+    from modalscope.model.shown import summary_of
 
     write(path, data)
-    return f"written: {path}, {describe(data)}{left_out(path, data)}"
+    return f"written: {path}, {summary_of(data)}{left_out(path, data)}"
 
 
 def _write(path: Path, found: Any, source: str, beside: dict[str, Any]) -> str:

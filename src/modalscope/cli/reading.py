@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from modalscope.cli.process import remark
-from modalscope.io import describe, set_max_memory, survey
+from modalscope.io import set_max_memory, survey
 from modalscope.model import DataError, ModalModel, Note
+from modalscope.model.shown import summary_of
 
 __all__ = ["parse_orders", "read_data", "read_modes", "read_test", "reading_options"]
 
@@ -39,7 +40,7 @@ def read_modes(options: argparse.Namespace, path: Path) -> ModalModel:
     if not isinstance(modes, ModalModel):
         raise DataError(
             f"modes in {path} were asked",
-            f"the file holds {describe(modes)}",
+            f"the file holds {summary_of(modes)}",
             "Give a file of modes, or find them first: modalscope identify.",
         )
     return modes

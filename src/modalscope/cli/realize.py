@@ -29,7 +29,7 @@ def run(options: argparse.Namespace) -> None:
     from modalscope.cli.output import check_outputs, needed, write_outputs
     from modalscope.cli.reading import read_test
     from modalscope.identification.identify import identify
-    from modalscope.io import describe
+    from modalscope.model.shown import summary_of
 
     needed(options, "model.mat")
     check_outputs(options, options.files, (".mat", ".npz", ".h5", ".hdf5", ".json"))
@@ -47,7 +47,7 @@ def run(options: argparse.Namespace) -> None:
     for note in (*told, *found.notes):
         remark(note)
     explain(", ".join(f"{name}={value!r}" for name, value in found.settings.items()))
-    say(f"{describe(found.state_space)}; fit error {100 * found.fit_error:.3g} %")
+    say(f"{summary_of(found.state_space)}; fit error {100 * found.fit_error:.3g} %")
     say(found.modes.table())
     for line in written:
         say(line)

@@ -18,12 +18,13 @@ from modalscope.modal.explained import explains_enough, share_explained
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
 from modalscope.model.response import Response
+from modalscope.model.shown import Shown, cells_of, summary_of
 
 __all__ = ["Comparison"]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Comparison:
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class Comparison(Shown):
     """What all methods found on the same data, the modes that they agree on, and how far to trust each.
 
     Parameters
@@ -161,3 +162,13 @@ def _aligned(rows: list[list[str]], lead: str, left: tuple[int, ...] = (0,)) -> 
         for row in rows
     ]
     return "\n".join([lead, *lines])
+
+
+@summary_of.register
+def _(found: Comparison) -> str:
+    return f"comparison of {len(found.results)} methods: {summary_of(found.modes)}; {found.verdict.splitlines()[0]}"
+
+
+@cells_of.register
+def _(found: Comparison) -> list[list[str]]:
+    return cells_of(found.modes)

@@ -9,6 +9,7 @@ from typing import Any, Unpack
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.threads import one_thread
+from modalscope.identification.lookup import cell_label
 from modalscope.identification.method import Problem
 from modalscope.identification.options import AllOptions, Options
 from modalscope.identification.pipeline import Pipeline, factor
@@ -21,13 +22,14 @@ from modalscope.model.keywords import named
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
 from modalscope.model.response import Response
+from modalscope.model.shown import Shown, cells_of, summary_of
 from modalscope.model.statespace import StateSpace
 
 __all__ = ["Identification", "assemble", "identify", "realize"]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Identification:
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
+class Identification(Shown):
     """A model and its modes, found by one method at one order.
 
     Parameters
@@ -223,3 +225,16 @@ def assemble(
         settings=pipeline.settings,
         notes=(*pipeline.notes, *chosen, *told, *found.told([cut])),
     )
+
+
+@summary_of.register
+def _(found: Identification) -> str:
+    return (
+        f"{cell_label(found.method, found.domain)} at order {found.order}: {summary_of(found.modes)}; "
+        f"fit error {100 * found.fit_error:.3g} %"
+    )
+
+
+@cells_of.register
+def _(found: Identification) -> list[list[str]]:
+    return cells_of(found.modes)

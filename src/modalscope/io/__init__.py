@@ -1,6 +1,6 @@
 """Files in and out: one module a format, one row each in the table of `formats`."""
 
-from modalscope.io.contents import Finding, Survey, describe
+from modalscope.io.contents import Finding, Survey
 from modalscope.io.formats import FORMATS, read, survey, write
 from modalscope.io.limits import set_max_memory
 from modalscope.io.objects import from_frame
@@ -10,7 +10,6 @@ __all__ = [
     "FORMATS",
     "Finding",
     "Survey",
-    "describe",
     "from_frame",
     "geometry_from_tables",
     "read",

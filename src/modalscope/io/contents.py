@@ -19,9 +19,8 @@ from modalscope.model import (
     StabilizationDiagram,
     StateSpace,
 )
-from modalscope.model.response import Response
 
-__all__ = ["Contents", "Finding", "Format", "Options", "Plain", "Survey", "Thing", "describe"]
+__all__ = ["Contents", "Finding", "Format", "Options", "Plain", "Survey", "Thing"]
 
 Plain: TypeAlias = FrequencyResponse | ImpulseResponse | Signals | ModalModel | Geometry | StateSpace
 Thing: TypeAlias = Plain | StabilizationDiagram
@@ -158,40 +157,3 @@ def _grouped(found: tuple[Finding, ...]) -> list[str]:
         else:
             lines += [str(finding) for finding in parts]
     return lines
-
-
-def _count(number: int, word: str) -> str:
-    return f"{number} {word}" + ("" if number == 1 else "s")
-
-
-def describe(thing: Thing | Response) -> str:
-    """Return one line about a data object.
-
-    Examples
-    --------
-    >>> describe(Signals(outputs=[[0.0], [1.0]], sampling_rate=10.0, quantities="velocity"))
-    'records: 2 samples at 10 Hz, 1 output (velocity), no inputs'
-    """
-    if isinstance(thing, Geometry):
-        return f"geometry: {_count(len(thing.nodes), 'node')}, {_count(len(thing.lines), 'line')}, {_count(len(thing.faces), 'face')}"
-    if isinstance(thing, StabilizationDiagram):
-        size = f"{_count(len(thing.poles), 'pole')} at {_count(len(thing.orders), 'order')}"
-        return f"stabilization diagram: {size}, of {describe(thing.response)}"
-    if isinstance(thing, StateSpace):
-        time = "continuous" if thing.dt is None else f"sampled every {thing.dt:g} s"
-        sizes = f"{_count(thing.order, 'state')}, {_count(len(thing.C), 'output')}, {_count(thing.B.shape[1], 'input')}"
-        return f"state-space model: {time}, {sizes}"
-    sides = f"{_count(len(thing.output_dofs), 'output')}, {_count(len(thing.input_dofs), 'input')}"
-    kind = f" ({thing.quantity})" if thing.quantity else ""
-    if isinstance(thing, FrequencyResponse):
-        f = thing.frequencies
-        return f"frequency responses{kind}: {_count(thing.lines, 'line')} from {f[0]:g} to {f[-1]:g} Hz, {sides}"
-    if isinstance(thing, ImpulseResponse):
-        return f"impulse responses{kind} ({thing.kind}): {thing.samples} samples at {thing.sampling_rate:g} Hz, {sides}"
-    if isinstance(thing, ModalModel):
-        return f"modes{kind}: {_count(len(thing), 'mode')}, {sides}"
-    assert isinstance(thing, Signals)
-    runs = "" if thing.runs == 1 else f"{thing.runs} runs of "
-    inputs = _count(len(thing.input_dofs), "input") if thing.input_dofs else "no inputs"
-    outputs = _count(len(thing.output_dofs), "output")
-    return f"records: {runs}{thing.samples} samples at {thing.sampling_rate:g} Hz, {outputs}{kind}, {inputs}"

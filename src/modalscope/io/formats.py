@@ -10,7 +10,7 @@ from typing import Any
 from modalscope.io import csv, csv_writer, excel, hdf5, json, mat, npy, npz, recorders, text, uff, wav
 from modalscope.io.analysis import write_analysis
 from modalscope.io.atomic import replacing
-from modalscope.io.contents import Contents, Format, Options, Survey, Thing, describe
+from modalscope.io.contents import Contents, Format, Options, Survey, Thing
 from modalscope.io.from_arrays import ARRAY_OPTIONS, FIELD_OPTIONS
 from modalscope.io.texts import check_texts
 from modalscope.model import (
@@ -29,6 +29,7 @@ from modalscope.model.checks import check_kind, check_path
 from modalscope.model.entries import plainly
 from modalscope.model.groups import AUTO, input_groups
 from modalscope.model.result import Result
+from modalscope.model.shown import summary_of
 from modalscope.model.sources import files_of
 
 __all__ = ["FORMATS", "overridden", "read", "sources_of", "survey", "write"]
@@ -149,7 +150,7 @@ def survey(path: str | Path, **options: Any) -> Survey:
     return Survey(
         path=file,
         format=FORMATS[file.suffix.lower()].name,
-        result=describe(contents.thing),
+        result=summary_of(contents.thing),
         thing=contents.thing,
         found=contents.findings,
         missing=contents.missing,
@@ -290,7 +291,7 @@ def overridden(thing: Thing, options: Options, path: Path | None) -> Thing:
     if refused:
         raise DataError(
             f"the options {', '.join(refused)} were asked",
-            f"the file gives {describe(thing)}, which has no such field",
+            f"the file gives {summary_of(thing)}, which has no such field",
             "Leave them out.",
         )
     if isinstance(thing, Channels):

@@ -16,6 +16,7 @@ from modalscope.judging.replicates import Replicates
 from modalscope.model.checks import BoolArray, IntArray, RealArray
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
+from modalscope.model.shown import Shown, counted, summary_of
 
 __all__ = ["Calibration", "Certificate", "calibration", "certified"]
 
@@ -45,8 +46,8 @@ class Calibration(NamedTuple):
             return np.asarray((np.abs(self.bias) < LARGEST_BIAS) & right & (self.coverage >= LEAST_COVERAGE))
 
 
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Certificate:
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
+class Certificate(Shown):
     """Whether the intervals of modes hold, mode by mode.
 
     Parameters
@@ -207,3 +208,8 @@ def _why(modes: ModalModel, told: Calibration, j: int, i: int, word: str) -> Not
     text = f"the interval of the {word} at {modes.frequencies[j]:.5g} Hz does not hold: {', '.join(reasons)}"
     numbers = {"frequency_hz": float(modes.frequencies[j]), "bias": bias, "ratio": ratio, "coverage": cover}
     return Note("interval does not hold", numbers, text)
+
+
+@summary_of.register
+def _(found: Certificate) -> str:
+    return f"certificate: the intervals of {int(found.holds.sum())} of {counted(len(found.modes), 'mode')} hold"

@@ -1,5 +1,7 @@
 """Data classes: measurements, models and results, checked when they are made, and what they convert to."""
 
+from importlib import import_module
+
 from modalscope.model.analysis import Analysis
 from modalscope.model.candidates import Candidate, Harmonic
 from modalscope.model.checks import DataError
@@ -35,6 +37,8 @@ __all__ = [
     "as_records",
     "parse_dof",
 ]
+
+import_module("modalscope.model.summaries")  # what data show of themselves
 
 plain_methods(
     Analysis,

@@ -10,6 +10,7 @@ from typing import Any, Self
 from modalscope.model.checks import DataError, check_choice, check_each, check_kind, freeze
 from modalscope.model.geometry import Geometry
 from modalscope.model.labels import DofLike, check_labels, indices_of
+from modalscope.model.shown import Shown
 from modalscope.model.sources import SourcePath, check_source
 
 __all__ = [
@@ -93,8 +94,8 @@ def choose_channels(
     return rows, columns
 
 
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Channels(ABC):
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
+class Channels(Shown, ABC):
     """Labels, units, geometry and history, common to `Signals`, `ImpulseResponse` and `FrequencyResponse`.
 
     Parameters

@@ -12,12 +12,13 @@ from modalscope.model.notes import Note, notes_of
 from modalscope.model.poles import HasPoles
 from modalscope.model.response import Response
 from modalscope.model.settings import Settings
+from modalscope.model.shown import Shown
 
 __all__ = ["StabilizationDiagram"]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class StabilizationDiagram(HasPoles):
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
+class StabilizationDiagram(Shown, HasPoles):
     """Poles of all orders, flat, with what is stable against the order before.
 
     Parameters

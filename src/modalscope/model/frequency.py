@@ -38,7 +38,7 @@ __all__ = ["FrequencyResponse"]
 _FEW_LINES = 8
 
 
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
 class FrequencyResponse(Response):
     """Complex frequency responses H(f) = output / input on increasing lines.
 

@@ -19,6 +19,7 @@ from modalscope.model.checks import (
     real_array,
 )
 from modalscope.model.labels import parse_dof
+from modalscope.model.shown import Shown
 
 __all__ = ["Geometry"]
 
@@ -49,8 +50,8 @@ def _elements(name: str, elements: ArrayLike | None, width: tuple[int, ...], nod
     return locked(np.array([[position[str(node)] for node in row] for row in array], dtype=np.int64))
 
 
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Geometry:
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
+class Geometry(Shown):
     """Nodes of a structure, the lines and faces between them, and the motion that each channel measures.
 
     Parameters

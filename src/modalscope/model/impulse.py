@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 __all__ = ["ImpulseResponse"]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
 class ImpulseResponse(Response):
     """A Markov sequence: `values[k]` is the l x m matrix Y(k) = C A^k B (Eq. 11); the direct term is kept apart.
 

@@ -85,5 +85,8 @@ class Mode:
         known = {column: getattr(self.modes, name) for column, name in COLUMNS.items()}
         return {column: float(values[self.index]) for column, values in known.items() if values is not None}
 
+    def __repr__(self) -> str:
+        return f"<mode {self.index + 1}: {self}>"
+
     def __str__(self) -> str:
         return f"{self.frequency:.4f} Hz, {100 * self.damping_ratio:.3f} %"

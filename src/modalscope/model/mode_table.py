@@ -9,7 +9,7 @@ from modalscope.model.extras import optional_package
 if TYPE_CHECKING:
     from modalscope.model.modes import ModalModel
 
-__all__ = ["COLUMNS", "as_dataframe", "as_text", "known_columns"]
+__all__ = ["COLUMNS", "as_dataframe", "as_text", "cells_of_modes", "known_columns"]
 
 #: Column -> field: one number a mode, or nothing.
 COLUMNS = {
@@ -37,6 +37,13 @@ def known_columns(modes: ModalModel) -> dict[str, Any]:
 
 def as_text(modes: ModalModel) -> str:
     """Return the modes as a text table: frequency, damping, deviations, gain, indicators."""
+    rows = cells_of_modes(modes)
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return "\n".join("  ".join(cell.rjust(w) for cell, w in zip(row, widths, strict=True)) for row in rows)
+
+
+def cells_of_modes(modes: ModalModel) -> list[list[str]]:
+    """Return the table of modes as text, cell by cell, the first row its heads."""
     columns: dict[str, list[str]] = {
         "mode": [str(i + 1) for i in range(len(modes))],
         "f [Hz]": [f"{v:.4f}" for v in modes.frequencies],
@@ -57,9 +64,7 @@ def as_text(modes: ModalModel) -> str:
         columns["gain"] = [f"{v:.1f}" for v in modes.gain]
     for name, values in modes.indicators.items():
         columns[name] = [f"{v:.3f}" for v in values]
-    widths = [max(map(len, (head, *column))) for head, column in columns.items()]
-    rows = [tuple(columns), *zip(*columns.values(), strict=True)]
-    return "\n".join("  ".join(cell.rjust(w) for cell, w in zip(row, widths, strict=True)) for row in rows)
+    return [list(columns), *map(list, zip(*columns.values(), strict=True))]
 
 
 def as_dataframe(modes: ModalModel) -> Any:

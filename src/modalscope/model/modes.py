@@ -26,7 +26,7 @@ from modalscope.model.poles import HasPoles
 __all__ = ["NORMALIZATIONS", "ModalModel"]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
 class ModalModel(Channels, HasPoles):
     """Modes of a structure: one pole of each conjugate pair, and real poles.
 

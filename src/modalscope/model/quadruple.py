@@ -19,12 +19,13 @@ from modalscope.model.checks import (
 )
 from modalscope.model.gramians import gramian, krylov
 from modalscope.model.poles import to_continuous
+from modalscope.model.shown import Shown
 
 __all__ = ["Quadruple"]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Quadruple:
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
+class Quadruple(Shown):
     """Matrices of a model with n states, m inputs and l outputs, checked (see `StateSpace`).
 
     The parameters are those of `StateSpace`, which adds responses and other forms.

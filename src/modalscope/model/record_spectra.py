@@ -44,7 +44,7 @@ _SPARSE = 16_384
 _NEAR = 3
 
 
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
 class RecordSpectra(Response):
     """Transforms of the outputs on the lines of all runs, one run after the other, beside those of the inputs.
 

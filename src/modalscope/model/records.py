@@ -12,14 +12,15 @@ from modalscope.model.channels import Chosen, choose_channels
 from modalscope.model.checks import DataError, check_count, check_each, check_kind, freeze
 from modalscope.model.geometry import Geometry
 from modalscope.model.groups import AUTO, Groups, check_groups, chosen_groups, run_groups
+from modalscope.model.shown import Shown
 from modalscope.model.signals import Signals
 from modalscope.model.sources import SourcePath, check_source, source_of
 
 __all__ = ["Records", "as_records"]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Records:
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
+class Records(Shown):
     """Runs of one test: the same outputs at one sampling rate, any length, any of the inputs.
 
     Parameters

@@ -37,7 +37,7 @@ class AsLines(NamedTuple):
     note: str
 
 
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
 class Response(Channels):
     """A measured response, (lines or samples, outputs, inputs): what both kinds offer to whoever identifies or judges.
 

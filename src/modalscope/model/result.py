@@ -11,12 +11,13 @@ from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note, notes_of
 from modalscope.model.settings import Settings
+from modalscope.model.shown import Shown
 
 __all__ = ["Result"]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Result:
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
+class Result(Shown):
     """What `analyze` gives.
 
     Parameters

@@ -21,7 +21,7 @@ from modalscope.model.groups import AUTO, Groups, check_groups, run_groups
 __all__ = ["Signals"]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
 class Signals(Channels):
     """Sampled outputs, and the inputs when they were measured.
 

@@ -34,7 +34,7 @@ __all__ = ["INPUTS", "StateSpace"]
 INPUTS = ("held", "dirac")
 
 
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
 class StateSpace(Quadruple):
     """A linear model with n states, m inputs and l outputs.
 
