@@ -55,6 +55,14 @@ def test_a_closed_pipe_loses_no_file(tmp_path: Path, test_file: Path) -> None:
     assert len(ms.read(target).output_dofs) == 4
 
 
+def test_a_closed_pipe_for_json_loses_no_other_output(tmp_path: Path, test_file: Path) -> None:
+    target = tmp_path / "modes.json"
+    words = f"identify {test_file} --no-refine --method era --domain z --orders 8:10:2 -o - -o {target}"
+    run = subprocess.run(["bash", "-c", f"{' '.join(PROGRAM)} {words} 2>/dev/null | true"], timeout=120, check=True)
+    assert run.returncode == 0
+    assert len(ms.read(target)) > 0
+
+
 def test_results_that_cannot_be_printed_are_one_line(test_file: Path) -> None:
     if not Path("/dev/full").exists():
         pytest.skip("no /dev/full on this system")
