@@ -69,11 +69,12 @@ architecture: setup
 changelog: setup
 	@$(BIN)/python -m tools.changelog
 
+# COVERAGE=1 counts the lines that the tests run, and wants 95 % of them.
 test: lint
-	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m pytest -q -n $(WORKERS)
+	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m pytest -q -n $(WORKERS) $(if $(COVERAGE),--cov --cov-report=term:skip-covered)
 
-coverage: lint
-	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m pytest -q -n $(WORKERS) --cov --cov-report=term:skip-covered
+coverage:
+	@$(MAKE) --no-print-directory test COVERAGE=1
 
 licences: setup
 	@$(BIN)/python -m tools.licences

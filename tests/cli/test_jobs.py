@@ -240,3 +240,22 @@ def test_words_are_taken_whole_and_the_nearest_is_named(test_file: Path, capsys:
         main(["identify", str(test_file), "--order", "20"])
     assert stop.value.code == 2
     assert "unknown: --order 20 (did you mean --orders" in capsys.readouterr().err
+
+
+def test_two_tests_of_one_name_do_not_share_a_file(
+    test_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "other").mkdir()
+    other = tmp_path / "other" / test_file.name
+    other.write_bytes(test_file.read_bytes())
+    assert main(["identify", str(test_file), str(other), "--each", "-o", str(tmp_path / "m.json")]) == 2
+    assert f"m_{test_file.stem}.json would be that of several" in capsys.readouterr().err
+
+
+def test_a_file_of_options_that_is_nested_without_end_is_one_line(
+    test_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    deep = tmp_path / "deep.toml"
+    deep.write_text(f"[identify]\nband = {'[' * 5000}{']' * 5000}\n")
+    assert main(["identify", str(test_file), "--config", str(deep)]) == 2
+    assert capsys.readouterr().err.count("\n") == 1

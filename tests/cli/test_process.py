@@ -55,6 +55,14 @@ def test_a_closed_pipe_loses_no_file(tmp_path: Path, test_file: Path) -> None:
     assert len(ms.read(target).output_dofs) == 4
 
 
+def test_a_closed_pipe_for_json_loses_no_other_output(tmp_path: Path, test_file: Path) -> None:
+    target = tmp_path / "modes.json"
+    words = f"identify {test_file} --no-refine --method era --domain z --orders 8:10:2 -o - -o {target}"
+    run = subprocess.run(["bash", "-c", f"{' '.join(PROGRAM)} {words} 2>/dev/null | true"], timeout=120, check=True)
+    assert run.returncode == 0
+    assert len(ms.read(target)) > 0
+
+
 def test_results_that_cannot_be_printed_are_one_line(test_file: Path) -> None:
     if not Path("/dev/full").exists():
         pytest.skip("no /dev/full on this system")
@@ -88,29 +96,40 @@ def test_a_name_of_300_letters_or_with_signs_of_no_alphabet_is_one_line(tmp_path
     assert [path.name for path in tmp_path.iterdir()] == [test_file.name]
 
 
-def stopped(words: list[str], number: int, when: Callable[[subprocess.Popen[str]], None]) -> tuple[int, str]:
+def stopped(
+    words: list[str], number: int, when: Callable[[subprocess.Popen[str]], None], program: list[str] = PROGRAM
+) -> tuple[int, str]:
     """Return status and stderr of a command that gets a signal as soon as `when` returns."""
-    process = subprocess.Popen([*PROGRAM, *words], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen([*program, *words], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     when(process)
     process.send_signal(number)
     _, told = process.communicate(timeout=120)
     return process.returncode, told
 
 
+#: The program on a disk that takes a minute to move a file into place.
+SLOW_DISK = """
+import sys, time
+from pathlib import Path
+Path.replace = lambda self, target: time.sleep(60)
+from modalscope.cli import main
+sys.exit(main())
+"""
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_is_one_line_and_no_temporary_file(tmp_path: Path, test_file: Path, number: int) -> None:
-    slow = tmp_path / "large.csv"
     target = tmp_path / "out.csv"
-    ms.write(slow, ms.Signals(outputs=np.ones((20000, 10)), sampling_rate=100.0))
 
     def writing(process: subprocess.Popen[str]) -> None:
         while process.poll() is None and not any(path.name.startswith(".out-") for path in tmp_path.iterdir()):
             time.sleep(0.001)
 
-    status, told = stopped(["convert", str(slow), str(target)], number, writing)
+    program = [sys.executable, "-c", SLOW_DISK]
+    status, told = stopped(["convert", str(test_file), str(target)], number, writing, program)
     assert status == 128 + number
     assert told == "modalscope: stopped; an output file is complete or what it was before\n"
-    assert {path.name for path in tmp_path.iterdir()} == {test_file.name, slow.name}
+    assert {path.name for path in tmp_path.iterdir()} == {test_file.name}
 
 
 @pytest.mark.study

@@ -28,6 +28,9 @@ def write(folder: Path) -> list[Path]:
     for name in ("frequency-response", "records"):
         mio.write(folder / f"{name}.csv", things[name])
     mio.write(folder / "modes.json", things["modes"], method="era", domain="time", orders=range(2, 9, 2))
+    model = ms.systems.spring_chain(2).state_space(dt=0.1)
+    for suffix in (".npz", ".mat", ".h5", ".json"):
+        mio.write(folder / f"state-space{suffix}", model)
     diagram = ms.stabilize(ms.systems.chain5().impulse_response(30, noise=0.01, seed=0), orders=range(2, 7, 2))
     for suffix in (".npz", ".json"):
         mio.write(folder / f"diagram{suffix}", diagram)

@@ -136,3 +136,15 @@ def test_an_undamped_structure_at_resonance_has_no_response() -> None:
         DataError, match="frequency response at 1 Hz was asked, but the structure has an undamped pole there"
     ):
         single.frequency_response([1.0])
+
+
+def test_modal_damping_gives_every_mode_its_ratio_or_refuses_another_number_of_them() -> None:
+    M, K = np.diag([1.0, 2.0]), np.array([[30.0, -10.0], [-10.0, 10.0]])
+    for ratios in (0.02, [0.01, 0.03]):
+        D = systems.modal_damping(M, K, ratios)
+        w, Phi = np.linalg.eig(np.linalg.solve(M, K))
+        first = np.argsort(w)
+        modal = np.diag(Phi.T @ D @ Phi)[first] / np.diag(Phi.T @ M @ Phi)[first]
+        assert np.allclose(modal / (2 * np.sqrt(w[first])), ratios, rtol=1e-10)
+    with pytest.raises(DataError, match=r"damping ratios of 2 modes were asked, but their shape is \(3,\)"):
+        systems.modal_damping(M, K, [0.01, 0.02, 0.03])

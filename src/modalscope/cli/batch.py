@@ -28,8 +28,15 @@ def run_each(options: argparse.Namespace) -> None:
         path: [out.with_name(f"{out.stem}_{path.stem}{out.suffix}") for out in options.outputs]
         for path in options.files
     }
-    for place in (place for each in places.values() for place in each):
+    written = [place for each in places.values() for place in each]
+    for place in written:
         check_output(place, options.files, options.force)
+        if written.count(place) > 1:
+            raise DataError(
+                f"a file for each of {len(places)} tests was asked",
+                f"{place.name} would be that of several",
+                "Give the tests names of their own, or identify them one by one.",
+            )
     found: list[tuple[str, ModalModel]] = []
     failed = []
     for path in options.files:

@@ -53,7 +53,7 @@ def _read(path: Path) -> dict[str, dict[str, Any]]:
         raise DataError(
             f"{_OPTION} {path} was asked", f"the system refuses: {(error.strerror or '').lower()}", "Check the name."
         ) from None
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise DataError(f"{_OPTION} {path} was asked", f"it is no TOML: {error}", "Correct that line.") from None
     for name, table in tables.items():
         if name not in names() or not isinstance(table, dict):

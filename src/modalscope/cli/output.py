@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Iterable
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import mkstemp
 from typing import TYPE_CHECKING, Any
 
 from modalscope.cli.process import STDOUT
-from modalscope.io.atomic import check_target, replacing
+from modalscope.io.atomic import PENDING, check_target, replacing
 from modalscope.io.marks import MARK, is_ours
 from modalscope.model import DataError, ModalModel
 from modalscope.model.result import Result
@@ -72,7 +73,7 @@ def check_output(path: Path, sources: Iterable[Path], force: bool, known: tuple[
 
 
 def write_outputs(options: argparse.Namespace, found: Any, source: str, **beside: Any) -> list[str]:
-    """Write what was found to every output and return what is to be said of each; JSON that stdout is asked for is printed at once.
+    """Write what was found to every output and return what is to be said of each; JSON for stdout is printed when all files are there.
 
     Parameters
     ----------
@@ -85,13 +86,7 @@ def write_outputs(options: argparse.Namespace, found: Any, source: str, **beside
         Written into JSON beside modes.
     """
     told = []
-    for path in options.outputs:
-        if str(path) == STDOUT:
-            with TemporaryDirectory() as folder:
-                whole = Path(folder) / "result.json"
-                _write(whole, found, source, beside)
-                print(whole.read_text(encoding="utf-8"))
-            continue
+    for path in (path for path in options.outputs if str(path) != STDOUT):
         if is_page(path):
             from modalscope.reporting import report
 
@@ -99,7 +94,23 @@ def write_outputs(options: argparse.Namespace, found: Any, source: str, **beside
             told.append(f"written: {path}")
         else:
             told.append(_write(path, found, source, beside))
+    if STDOUT in map(str, options.outputs):
+        print(_document(found, source, beside))
     return told
+
+
+def _document(found: Any, source: str, beside: dict[str, Any]) -> str:
+    """Return what a JSON file would hold."""
+    handle, name = mkstemp(suffix=".json")
+    os.close(handle)
+    place = Path(name)
+    PENDING.add(place)
+    try:
+        _write(place, found, source, beside)
+        return place.read_text(encoding="utf-8")
+    finally:
+        place.unlink()
+        PENDING.discard(place)
 
 
 def needed(options: argparse.Namespace, example: str) -> None:

@@ -99,9 +99,11 @@ def explain(text: object) -> None:
 
 def complain(text: object) -> None:
     """Print one line on stderr, if there is one."""
+    from modalscope.model.errors import shortened
+
     if sys.stderr is not None:
         with suppress(OSError):
-            print(f"modalscope: {' '.join(str(text).split())}", file=sys.stderr)
+            print(f"modalscope: {' '.join(shortened(str(text)).split())}", file=sys.stderr)
 
 
 def hang_up() -> None:

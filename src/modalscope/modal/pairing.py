@@ -10,7 +10,6 @@ from scipy.optimize import linear_sum_assignment
 
 from modalscope.modal.indicators import mac
 from modalscope.model.checks import DataError, IntArray, RealArray, check_positive
-from modalscope.model.entries import plainly
 from modalscope.model.keywords import named
 from modalscope.model.modes import ModalModel
 
@@ -138,7 +137,7 @@ def pair_modes(a: ModalModel, b: ModalModel, *, tolerance: float = 0.1) -> Pairs
     return Pairs(a=a, b=b, first=first, second=second, mac=like[first, second])
 
 
-@plainly
+@named()
 def comac(shapes_a: ArrayLike, shapes_b: ArrayLike) -> RealArray:
     """Coordinate modal assurance criterion (sum_r |a_ir b_ir*|)^2 / (sum_r |a_ir|^2 sum_r |b_ir|^2) of every output i over paired modes r.
 

@@ -48,8 +48,19 @@ def modal_damping(M: RealArray, K: RealArray, ratios: Array | float) -> RealArra
         Mass and stiffness, kg and N/m.
     ratios : float or array, (n,)
         Damping ratios; one for all modes, or one each.
+
+    Raises
+    ------
+    DataError
+        Neither one ratio nor one a mode.
     """
     w, Phi = undamped_modes(M, K)
+    if np.shape(ratios) not in ((), w.shape):
+        raise DataError(
+            f"damping ratios of {w.size} modes were asked",
+            f"their shape is {np.shape(ratios)}",
+            "Give one, or one a mode.",
+        )
     carried = M @ Phi
     return np.asarray((carried * (2 * np.broadcast_to(ratios, w.shape) * w)) @ carried.T)
 

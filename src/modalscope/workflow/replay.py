@@ -73,10 +73,11 @@ def _check_same(known: tuple[SourceFile, ...], sources: tuple[SourceFile, ...], 
     if not all(hashes) or hashes == [file.sha256 for file in sources]:
         return
     came_from = files_of(thing)
-    if not sources[0].path and len(came_from) == len(known) and all(path.exists() for path in came_from):
-        read_again, of_files, _ = opened(list(came_from), known[0].reading)
-        same = sources[0].sha256 == source_of_data(read_again).sha256
-        if same and [file.sha256 for file in of_files] == hashes:
+    named = all(file.path for file in known) and not any(file.path for file in sources)
+    if named and len(came_from) == len(known) and all(path.exists() for path in came_from):
+        read_again, of_files, _ = opened(came_from, known[0].reading)
+        again = source_of_data(read_again).sha256
+        if hashes == [file.sha256 for file in of_files] and again and again == sources[0].sha256:
             return
     raise DataError(
         f"the data of {', '.join(file.path for file in known if file.path) or 'the analysis'} were expected",
