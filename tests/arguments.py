@@ -217,6 +217,7 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "preprocess.partial_coherence": lambda t: {"signals": t["records"]},
     "preprocess.principal_forces": lambda t: {"signals": t["records"]},
     "refine": lambda t: {"data": t["lines"], "modes": t["modes"]},
+    "certify": lambda t: {"result": t["result"], "replicates": 2},
 }
 
 #: Methods of what the classes of responses share with their modules; those are for the library itself.
@@ -226,6 +227,7 @@ INNER = re.compile(
 
 #: Classes that the library makes; users read them.
 MADE = (
+    "Certificate",
     "Comparison",
     "Dwell",
     "EquationsOfMotion",

@@ -46,12 +46,14 @@ class Noise(ABC):
         """Where the deviations come from."""
 
     @abstractmethod
-    def moments(self, influence: PoleInfluence) -> Moments:
-        """Return what the noise does to poles.
+    def moments(self, influence: PoleInfluence, other: PoleInfluence | None = None) -> Moments:
+        """Return what the noise does to poles, or to poles and as many others together.
 
         Parameters
         ----------
         influence : PoleInfluence
+        other : PoleInfluence, optional
+            Of the same response; by default `influence` itself.
         """
 
     def beside(self, residual: RealArray) -> Noise:
@@ -82,7 +84,7 @@ class White(Noise):
     resolution : float
         Distance of lines that leak into each other, Hz; 0 where none do.
     fading : array, optional
-        What an exponential window makes of it, see `Influence.faded`; None without one.
+        What an exponential window makes of it, see `Influence.joint`; None without one.
     """
 
     variance: RealArray
@@ -102,9 +104,9 @@ class White(Noise):
             )
         return Note(KIND, {"resolution_hz": self.resolution} if self.resolution else {}, text)
 
-    def moments(self, influence: PoleInfluence) -> Moments:
+    def moments(self, influence: PoleInfluence, other: PoleInfluence | None = None) -> Moments:
         """Return what the noise does to poles."""
-        return influence.white(self.variance) if self.fading is None else influence.faded(self.variance, self.fading)
+        return influence.joint(other or influence, self.variance, self.fading)
 
     def damping_is_told(self, poles: ComplexArray) -> BoolArray:
         """Return which poles have a bandwidth that leakage does not widen."""
@@ -140,7 +142,7 @@ class Residual(Noise):
         """Return white noise of the variance that the model leaves."""
         return White(residual, "the residual", self.is_complex, fading=self.fading)
 
-    def moments(self, influence: PoleInfluence) -> Moments:
+    def moments(self, influence: PoleInfluence, other: PoleInfluence | None = None) -> Moments:
         """Raise: a model is needed first."""
         raise TypeError("the residual of a model is needed first: beside()")
 
@@ -174,10 +176,11 @@ class Parts(Noise):
         )
         return Note(KIND, {"parts": count, "degrees_of_freedom": count - 1}, text)
 
-    def moments(self, influence: PoleInfluence) -> Moments:
-        """Return sum |dp|^2 and sum dp^2 over the parts."""
+    def moments(self, influence: PoleInfluence, other: PoleInfluence | None = None) -> Moments:
+        """Return sum dp dq* and sum dp dq over the parts."""
         moved = influence.of(self.deviations)
-        return Moments(np.sum(np.abs(moved) ** 2, axis=0), np.sum(moved**2, axis=0))
+        beside = moved if other is None else other.of(self.deviations)
+        return Moments(np.sum(moved * beside.conj(), axis=0), np.sum(moved * beside, axis=0))
 
     def damping_is_told(self, poles: ComplexArray) -> BoolArray:
         """Return which poles decay within a part."""
@@ -201,7 +204,7 @@ class Unknown(Noise):
         """Why deviations are withheld."""
         return Note(KIND, {"withheld": 1.0, **self.numbers}, f"standard deviations are withheld: {self.why}")
 
-    def moments(self, influence: PoleInfluence) -> Moments:
+    def moments(self, influence: PoleInfluence, other: PoleInfluence | None = None) -> Moments:
         """Return NaN."""
         nothing = np.full(influence.slope.shape, np.nan)
         return Moments(nothing, nothing.astype(complex))
