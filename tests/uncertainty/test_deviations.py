@@ -12,8 +12,9 @@ import modalscope as ms
 from modalscope.blocks.influence import Moments
 from modalscope.systems import chain5
 from modalscope.uncertainty.covariance import deviations_of_poles
-from modalscope.uncertainty.noise import Parts, Residual, Unknown, White, noise_of, residual_variance
+from modalscope.uncertainty.noise import Parts, Residual, Unknown, White, noise_of
 from modalscope.uncertainty.of_modes import typical_deviation
+from modalscope.uncertainty.residual import residual_variance
 from tests.uncertainty.cases import errors, lines, windowed
 
 

@@ -48,11 +48,11 @@ def check_output(options: argparse.Namespace, *sources: Path) -> None:
         )
 
 
-def write_page(options: argparse.Namespace, result: Any) -> str:
+def write_page(options: argparse.Namespace, result: Any, **more: Any) -> str:
     """Write a report with the command that repeats it, and say where."""
     from modalscope.reporting import report
 
-    report(result, options.output, source=str(options.file), command=options.command_line)
+    report(result, options.output, source=str(options.file), command=options.command_line, **more)
     return f"written: {options.output}"
 
 

@@ -24,7 +24,8 @@ from modalscope.model.notes import Note
 from modalscope.model.poles import frequencies_and_damping
 from modalscope.model.response import output_scale
 from modalscope.uncertainty.deviations import Deviations, deviations_of
-from modalscope.uncertainty.noise import Noise, Unknown, noise_of, residual_variance
+from modalscope.uncertainty.noise import Noise, Unknown, noise_of
+from modalscope.uncertainty.residual import residual_variance
 
 __all__ = ["Cut", "Sweep", "cut_order", "sweep"]
 
