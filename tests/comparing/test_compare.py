@@ -13,7 +13,8 @@ from modalscope.comparing.kinship import SAME, kinship, pole_distance, subspace_
 from modalscope.comparing.labels import find_by_name
 from modalscope.comparing.plan import plan
 from modalscope.comparing.run import MethodResult
-from modalscope.identification.table import cell_label, methods
+from modalscope.identification.lookup import cell_label
+from modalscope.identification.table import methods
 from modalscope.model import DataError, FrequencyResponse, ImpulseResponse
 
 #: 40 dB.
@@ -112,7 +113,6 @@ def test_a_certificate_is_made_when_asked_and_what_it_refutes_is_not_trusted() -
     assert not c.certified.certificate.holds.all()
     for j, holds in enumerate(c.certified.certificate.holds):
         assert holds or not c.trust[index[j]].trusted
-    assert any("does not hold, by its certificate" in t.why for t in c.trust)
 
 
 def test_a_method_that_fails_is_a_row_that_says_why_and_stops_no_other() -> None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from modalscope.cli.parser import Commands, add_choices, add_file, add_output
+from modalscope.cli.parser import Commands, add_choices, add_files, add_outputs
 from modalscope.cli.process import say
 
 if TYPE_CHECKING:
@@ -22,60 +22,46 @@ def add(commands: Commands) -> None:
         help="try the intervals of the modes on simulations of this very case",
         description="Find the modes in a file, simulate that very case, and count how often the intervals hold.",
     )
-    add_file(parser)
+    add_files(parser)
     parser.add_argument("--method", help="a row of the table (see: modalscope methods)")
     parser.add_argument("--domain", help="time, z or s")
-    add_choices(parser)
+    add_choices(parser, bands=True)
     parser.add_argument("--no-refine", dest="refine", action="store_false", help="certify the values of the diagram")
     parser.add_argument("--replicates", type=int, default=40, metavar="N", help="simulations, 40 by default")
     parser.add_argument("--select", action="store_true", help="replay the selection of modes, too")
     parser.add_argument("--seed", type=int, default=0, help="0 by default: the same seed gives the same numbers")
-    add_output(parser, "write the modes with intervals that hold (.json, .csv, .uff), or an .html report")
-    parser.set_defaults(run=run)
+    add_outputs(parser, "write the modes with intervals that hold (.json, .csv, .uff), or an .html report")
+    parser.set_defaults(run=run, frequencies=None, take=None, refuse=None)
 
 
 def run(options: argparse.Namespace) -> None:
     """Find the modes, certify them, write them where that is asked, and print how far each interval holds."""
-    from modalscope.cli.output import check_output, is_page, write_page, write_result
+    from modalscope.cli.output import check_outputs, write_outputs
     from modalscope.cli.progress import progress
     from modalscope.workflow.certify import certify
 
-    check_output(options, options.file)
-    with progress("identifying") as show:
-        result = _result(options, show)
+    check_outputs(options, options.files)
+    result = _result(options)
     with progress("simulating") as show:
         found = certify(result, replicates=options.replicates, select=options.select, seed=options.seed, progress=show)
-    written = None
-    if options.output is not None and is_page(options.output):
-        written = write_page(options, result, certificate=found)
-    elif options.output is not None:
-        written = write_result(options, replace(result, modes=found.modes))
+    source = ", ".join(map(str, options.files))
+    written = write_outputs(options, replace(result, modes=found.modes), source, certificate=found)
     diagram = result.diagram
     say(f"{diagram.method} ({diagram.domain}), replayed at order {found.order}\n\n{found.table()}")
     for note in found.notes:
         say(f"  {note}")
     say(f"\nwith the intervals that hold:\n\n{found.modes.table()}" if found.notes else "\nall intervals hold")
-    if written:
-        say(written)
+    for line in written:
+        say(line)
 
 
-def _result(options: argparse.Namespace, show: Any) -> Result:
+def _result(options: argparse.Namespace) -> Result:
     """Return the result of an analysis done again, or of data."""
-    from modalscope.cli.reading import parse_orders, reading_options
-    from modalscope.workflow.analyze import analyze
+    from modalscope.cli.identify import found_in
+    from modalscope.cli.progress import progress
     from modalscope.workflow.replay import replay
 
-    if options.file.suffix.lower() == ".json":
-        return replay(options.file, progress=show)
-    return analyze(
-        options.file,
-        method=options.method,
-        domain=options.domain,
-        orders=parse_orders(options.orders),
-        reading=reading_options(options),
-        progress=show,
-        band=None if options.band is None else tuple(options.band),
-        exclude=options.exclude,
-        route=options.route,
-        refine=options.refine,
-    )
+    if options.files[0].suffix.lower() != ".json":
+        return found_in(options, options.files)
+    with progress("identifying") as show:
+        return replay(options.files[0], progress=show)

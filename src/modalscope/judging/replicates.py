@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from modalscope.identification.lookup import find_method
 from modalscope.identification.pipeline import factor
 from modalscope.identification.prepare import Measured, pose
 from modalscope.identification.refine import refine
 from modalscope.identification.sweep import Sweep
-from modalscope.identification.table import find_method
 from modalscope.judging.select import select
 from modalscope.judging.stabilize import stabilized
 from modalscope.modal.indicators import mac
@@ -20,7 +20,7 @@ from modalscope.model.checks import Array, DataError, IntArray, RealArray
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.modes import ModalModel
 from modalscope.model.pairing import assign
-from modalscope.model.response import Response, is_held, window_damping
+from modalscope.model.response import Response, window_damping
 from modalscope.model.signals import Signals
 from modalscope.uncertainty.noise import Noise, noise_of
 from modalscope.uncertainty.residual import residual_variance
@@ -135,7 +135,7 @@ def _noise_beside(diagram: StabilizationDiagram, modes: ModalModel, order: int, 
         return noise.beside(variance)
     shapes, fitted = joint_residues(response, poles, shapes)
     model = ModalModel(
-        poles=poles, shapes=shapes, dt=diagram.dt, held_input=is_held(response), **fitted, **response.labelled()
+        poles=poles, shapes=shapes, dt=diagram.dt, held_input=response.held_input, **fitted, **response.labelled()
     )
     left = response.values - rebuilt(response, model)
     level = np.sqrt(variance / np.maximum(np.mean(np.abs(left) ** 2, axis=0), 1e-300))
