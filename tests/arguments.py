@@ -44,6 +44,7 @@ def right() -> dict[str, Any]:
         "displacements": CHAIN.simulate(samples=600, sampling_rate=20.0, quantity="displacement"),
         "correlation": ms.estimate_correlation(ambient),
         "result": result,
+        "certificate": ms.certify(result, replicates=2),
         "diagram": result.diagram,
         "modes": result.modes,
         "model": CHAIN.state_space(dt=0.05),
@@ -61,6 +62,7 @@ def right() -> dict[str, Any]:
 #: The thing whose method is called, or that is taken apart to be made again, by its class.
 OWNERS = {
     "Analysis": lambda t: t["result"].analysis,
+    "Certificate": lambda t: t["certificate"],
     "Comparison": lambda t: t["comparison"],
     "DataError": lambda t: ms.DataError("a", "b", "c"),
     "Dwell": lambda t: t["dwell"],
@@ -139,6 +141,7 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
         "damping_ratio": 0.01,
     },
     "indicators.weighted_mean": lambda t: {"values": np.ones((2, 1)), "amplitude": np.ones((2, 1))},
+    "plot.certificate": lambda t: {"found": t["certificate"]},
     "plot.complexity": lambda t: {"modes": t["modes"], "index": 0},
     "plot.deviations": lambda t: {"comparison": t["comparison"]},
     "plot.fit_errors": lambda t: {"diagram": t["diagram"]},
@@ -225,6 +228,7 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "preprocess.partial_coherence": lambda t: {"signals": t["records"]},
     "preprocess.principal_forces": lambda t: {"signals": t["records"]},
     "refine": lambda t: {"data": t["lines"], "modes": t["modes"]},
+    "certify": lambda t: {"result": t["result"], "replicates": 2},
 }
 
 #: Methods of what the classes of responses share with their modules; those are for the library itself.
@@ -234,6 +238,7 @@ INNER = re.compile(
 
 #: Classes that the library makes; users read them.
 MADE = (
+    "Certificate",
     "Comparison",
     "Dwell",
     "EquationsOfMotion",

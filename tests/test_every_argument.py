@@ -14,7 +14,7 @@ from tests.arguments import WRONG, calls, judge, right
 from tests.test_docstrings import CALLABLES
 
 #: Callables whose right answer takes a second or more: wrong values that mean something there are left to the study.
-SLOW = ("report", "compare", "analyze", "replay", "fit_residues")
+SLOW = ("report", "compare", "analyze", "replay", "fit_residues", "certify")
 
 
 @pytest.fixture(autouse=True)

@@ -68,8 +68,6 @@ def group(f: float = 10.0, zeta: float = 0.02, votes: Sequence[str] = ALL[:3], v
         "damping": zeta,
         "frequency_between": 0.0,
         "damping_between": 0.0,
-        "frequency_over_orders": 0.0,
-        "damping_over_orders": 0.0,
         "shape": np.array([1, 0], complex),
     }
     return Group(**{**fields, **more})

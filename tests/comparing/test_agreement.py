@@ -166,22 +166,6 @@ def test_between_methods_it_is_the_standard_deviation_of_few_and_the_median_devi
     assert found[0].damping_between == pytest.approx(spread / 500, abs=1e-12)
 
 
-def test_over_orders_it_is_the_median_of_the_votes() -> None:
-    def of(name: str, f: float, zeta: float, **more: bool) -> MethodResult:
-        modes = [(5, 0.02, X), (10, 0.02, X)]
-        spreads = {"frequencies_spread": np.array([9.0, f]), "damping_ratios_spread": np.array([9.0, zeta])}
-        return result(name, modes, **spreads, **more)
-
-    found, _ = paired(
-        of(ERA, 0.1, 0.003), of(ALTERNATE, 0.3, 0.001), of(LEAST, 0.2, 0.007), of(PRCE, 5.0, 5.0, exact=False)
-    )
-    assert found[1].frequency_over_orders == pytest.approx(0.2)
-    assert found[1].damping_over_orders == pytest.approx(0.003)
-    # a method that does not know counts as none at all
-    found, _ = paired(result(ERA, [(10, 0.02, X)]), of(ALTERNATE, 0.3, 0.001))
-    assert found[-1].frequency_over_orders == pytest.approx(0.15)
-
-
 def test_the_shape_is_that_of_the_vote_nearest_to_all_others() -> None:
     shapes = {ERA: at_angle(1.0), ALTERNATE: at_angle(0.99), LEAST: at_angle(0.9), PRCE: at_angle(0.8)}
     found, _ = paired(*(result(name, [(10, 0.02, s)], exact=name != PRCE) for name, s in shapes.items()))

@@ -13,10 +13,8 @@ from modalscope.comparing.kinship import SAME, kinship, pole_distance, subspace_
 from modalscope.comparing.labels import find_by_name
 from modalscope.comparing.plan import plan
 from modalscope.comparing.run import MethodResult
-from modalscope.comparing.scatter import noise_floor
 from modalscope.identification.lookup import cell_label
 from modalscope.identification.table import methods
-from modalscope.modal.rebuilt import rebuilt
 from modalscope.model import DataError, FrequencyResponse, ImpulseResponse
 
 #: 40 dB.
@@ -51,8 +49,9 @@ def test_every_mode_of_a_known_structure_is_found_and_trusted_within_its_stated_
     truth = systems.chain5().modes()
     assert len(clean.modes) == 5
     assert all(t.trusted for t in clean.trust)
-    assert np.all(np.abs(clean.modes.frequencies - truth.frequencies) < clean.scatter.frequency)
-    assert np.all(np.abs(clean.modes.damping_ratios - truth.damping_ratios) < clean.scatter.damping)
+    # 95 % lie within it; of ten values 99 % within 1.7 of it
+    assert np.all(np.abs(clean.modes.frequencies - truth.frequencies) < 1.7 * clean.scatter.frequency)
+    assert np.all(np.abs(clean.modes.damping_ratios - truth.damping_ratios) < 1.7 * clean.scatter.damping)
     assert clean.fit_error == pytest.approx(NOISE, rel=0.1)  # what is left is the noise
     assert not clean.findings
 
@@ -93,29 +92,27 @@ def test_transformed_data_are_compared_but_have_no_vote(lines: Comparison) -> No
     assert all(not name.endswith("(time)") for g in lines.groups for name in g.votes)
     assert "era (time)" in lines.groups[0].members
     truth = systems.chain5().modes()
-    assert np.all(np.abs(lines.modes.frequencies - truth.frequencies) < lines.scatter.frequency)
+    assert np.all(np.abs(lines.modes.frequencies - truth.frequencies) < 1.7 * lines.scatter.frequency)
 
 
-def test_the_noise_alone_leaves_open_what_an_efficient_estimate_scatters() -> None:
-    """One mode, one channel: variance of Re s and Im s is that of white noise through known derivatives."""
-    structure = systems.chain([1.0], [400.0], [0.4])
-    modes = structure.modes()
-    clean = structure.impulse_response(300, sampling_rate=20.0, input="dirac")
-    noisy = systems.add_noise(clean, 0.05, 1)
-    f, zeta = noise_floor(noisy, modes, rebuilt(noisy, modes), None)
-    t = np.arange(300) / 20.0
-    s = modes.poles[0]
-    R = modes.residues[0, 0, 0]
-    e = np.exp(s * t)
-    # columns of the Jacobian with respect to Re s, Im s, Re R, Im R, of 2 Re(R exp(s t))
-    J = np.column_stack([2 * (R * t * e).real, -2 * (R * t * e).imag, 2 * e.real, -2 * e.imag])
-    sigma = 0.05 * np.sqrt(np.mean(clean.values**2))
-    covariance = sigma**2 * np.linalg.inv(J.T @ J)[:2, :2]
-    to_f = np.array([s.real, s.imag]) / abs(s) / (2 * np.pi)
-    # the noise level is estimated from 300 samples, good to 1 / sqrt(600) = 4 %; three times that
-    assert f[0] == pytest.approx(np.sqrt(to_f @ covariance @ to_f), rel=0.12)
-    to_zeta = np.array([-(s.imag**2), s.real * s.imag]) / abs(s) ** 3
-    assert zeta[0] == pytest.approx(np.sqrt(to_zeta @ covariance @ to_zeta), rel=0.12)
+def test_a_biased_method_is_named_as_the_witness_of_its_bias(lines: Comparison) -> None:
+    """LSCF's normal equations have noise on both sides, and its damping is biased; the others differ by what the noise explains."""
+    biased = {name for each in lines.scatter.biased for name in each}
+    assert biased == {"lscf (z)"}
+    said = [cause for d in lines.disagreements for cause in d.causes if cause.name == "bias"]
+    assert said
+    assert all("PolyMAX (lscf, z) is the witness" in cause.evidence for cause in said)
+    assert "deviations of the difference" in next(d.what for d in lines.disagreements if d.mode is not None)
+
+
+def test_a_certificate_is_made_when_asked_and_what_it_refutes_is_not_trusted() -> None:
+    loud = systems.chain5().impulse_response(400, noise=0.1, seed=0)
+    c = compare(loud, ["era/time", "alternate/time"], orders=ORDERS, workers=1, replicates=10)
+    assert c.certified is not None
+    index = {g.members[c.certified.method]: k for k, g in enumerate(c.groups) if c.certified.method in g.members}
+    assert not c.certified.certificate.holds.all()
+    for j, holds in enumerate(c.certified.certificate.holds):
+        assert holds or not c.trust[index[j]].trusted
 
 
 def test_a_method_that_fails_is_a_row_that_says_why_and_stops_no_other() -> None:

@@ -12,9 +12,13 @@ import pytest
 from modalscope.comparing.agreement import Group
 from modalscope.comparing.causes import CAUSES, Cause
 from modalscope.comparing.diagnosis import HEAVY, disagreements, mode_causes, order_cause
+from modalscope.comparing.further import changed
 from modalscope.comparing.run import MethodResult
+from modalscope.comparing.scatter import Biased, Scatter
 from modalscope.judging.evidence import LEAST_PEAK, LEAST_SIGNAL
 from modalscope.model import FrequencyResponse, ImpulseResponse
+from modalscope.model.modes import ModalModel
+from modalscope.model.poles import poles_from
 from tests.comparing.made import ALL, ALTERNATE, ERA, POLY, PRCE, group, result
 from tests.judging.made import NUDGE, Pole, diagram_of
 
@@ -243,9 +247,44 @@ def test_most_of_the_methods_on_the_data_themselves_decide() -> None:
     cause = order_cause([falling])
     assert cause is not None
     assert cause.name == "order too low"
-    # 0.2 is left, and that is 0.2 / 0.32 of what it was at order 12
-    assert cause.evidence.startswith("at order 16 20 % is left to explain; ")
-    assert cause.evidence.endswith("still took it to 62 % of what it was")
+
+
+def test_an_order_is_too_low_by_the_rule_that_fired() -> None:
+    def why(errors: Sequence[float], **more: Any) -> str:
+        cause = order_cause([fitted(errors, **more)])
+        assert cause is not None
+        return cause.evidence
+
+    # 0.2 / 0.32 in two pairs of states is 21 % each; 0.15 to 0.115 is more than a fifth in all, and 12 % each
+    assert why([0.8, 0.7, 0.6, 0.5, 0.4, 0.32, 0.24, 0.2]) == (
+        "at order 16 20 % is left to explain, and every two states still take 21 % of it away"
+    )
+    assert why([0.5, 0.4, 0.3, 0.2, 0.2, 0.15, 0.115, 0.115]) == (
+        "at order 16 12 % is left to explain; the last quarter of the orders still took it to 77 % of what it was"
+    )
+    assert why([0.05] * 8, singular=[3.0] * 17 + [1.0] * 40) == (
+        "at order 16 5 % is left to explain, and 17 singular values stand out of the noise"
+    )
+
+
+def shifted(f: float, damping: float) -> ModalModel:
+    poles = poles_from(np.array([10.0, 20.0 + f]), np.array([0.02, damping]))
+    return ModalModel(poles=poles, shapes=np.eye(2))
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_more_orders_change_modes_that_move_by_a_quarter_of_the_half_bandwidth_or_of_the_damping(side: int) -> None:
+    before, step = shifted(0.0, 0.02), 0.25 * (1 + side * NUDGE)
+    for direction in (-1, 1):
+        assert changed(before, shifted(direction * step * 0.4, 0.02)) is (side > 0)
+        assert changed(before, shifted(0.0, 0.02 * (1 + direction * step))) is (side > 0)
+
+
+def test_more_orders_change_modes_when_one_comes_or_goes() -> None:
+    two = shifted(0.0, 0.02)
+    assert not changed(two, two)
+    assert changed(two, two.take([0]))
+    assert changed(two.take([0]), two)
 
 
 # --------------------------------------------------------------------------------------------------------- disagreements
@@ -286,6 +325,21 @@ def test_what_differs_is_said_with_its_values_and_without_a_rule_it_is_not_separ
     assert [(c.name, c.evidence) for c in found.causes] == [
         ("not separated", "found by 2 methods, and no other rule applies")
     ]
+
+
+def test_bias_is_named_with_its_witness_and_small_distances_count_when_the_noise_cannot_make_them() -> None:
+    g = replace(group(10, 0.02, ALL[:3]), damping_ratios={ALL[0]: 0.02, ALL[1]: 0.021, ALL[2]: 0.02})
+    nothing = (np.zeros(1),) * 6
+    far = Scatter(*nothing, biased=({ALL[1]: (Biased("damping", 0.001, 12.3),)},), known=(frozenset(ALL[:2]),))
+    (found,) = disagreements([g], SAMPLES, EVERY, [], far)
+    assert found.what == "SSI-cov (alternate): damping 2.1 % (12.3 deviations of the difference)"
+    assert [str(c) for c in found.causes] == [
+        "bias (SSI-cov (alternate) is the witness: its damping lies 12.3 deviations off)"
+    ]
+    # what the noise explains is no disagreement, however far; where that is not known a quarter counts
+    g = replace(g, damping_ratios={ALL[0]: 0.02, ALL[1]: 0.03, ALL[2]: 0.03})
+    near = replace(far, biased=({},))
+    assert [d.methods for d in disagreements([g], SAMPLES, EVERY, [], near)] == [(ALL[2],)]
 
 
 def test_findings_come_first_and_stand_for_what_no_rule_explains() -> None:

@@ -1,149 +1,158 @@
-"""The stated scatter: three parts together, and what the noise alone leaves open, against the whole information matrix."""
+"""The stated scatter: what the shared noise does to the consensus, and what methods disagree by beyond it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from modalscope.comparing.scatter import COVERAGE, EFFICIENCY, noise_floor, stated
-from modalscope.model import FrequencyResponse, ImpulseResponse
-from modalscope.model.modes import ModalModel
+import modalscope as ms
+from modalscope.blocks.influence import Outer, SampleInfluence
+from modalscope.comparing.agreement import Group
+from modalscope.comparing.moved import Moved
+from modalscope.comparing.run import MethodResult
+from modalscope.comparing.scatter import Scatter, stated
+from modalscope.model import ImpulseResponse
 from modalscope.model.poles import poles_from
-from tests.comparing.made import group
+from modalscope.systems import chain5
+from modalscope.uncertainty.influence import PoleInfluence
+from modalscope.uncertainty.noise import Noise, Parts, White
+from tests.comparing.made import ALTERNATE, ERA, LEAST, group, result
 
-NONE = np.array([0.0])
+#: The normal quantile of 95 %.
+Z = 1.959964
+
+RNG = np.random.default_rng(0)
+DATA = ImpulseResponse(values=RNG.standard_normal((4, 1, 1)), sampling_rate=50.0)
+POLE = poles_from(np.array([10.0]), np.array([0.02]))
+
+#: Gradients of the pole by four samples; the second has nothing in common with the first.
+ONE = np.array([1 + 2j, 0.5, 0, 0])
+TWO = np.array([0, 0, 1j, -1 + 1j])
 
 
-def test_the_stated_scatter_is_that_of_methods_orders_and_noise_together() -> None:
-    one = group(10, 0.02, frequency_between=0.3, frequency_over_orders=0.4, damping_between=0.02)
-    two = group(20, 0.05, damping_over_orders=0.01)
-    found = stated((one, two), (np.array([1.2, 0.1]) / EFFICIENCY, np.array([0.0, 0.004])))
-    assert np.allclose(found.frequency, [COVERAGE * 1.3, COVERAGE * 0.1])  # 3-4-12-13
-    assert np.allclose(found.damping, [COVERAGE * 0.02, COVERAGE * np.hypot(0.01, EFFICIENCY * 0.004)])
-    assert np.allclose(found.frequency_noise, np.array([1.2, 0.1]) / EFFICIENCY)
-    assert np.allclose(found.damping_noise, [0.0, 0.004])
+def read(name: str, gradient: np.ndarray, noise: Noise | None = None, data: ImpulseResponse = DATA) -> MethodResult:
+    """Return a method that found one mode, whose pole moves with the samples by a gradient."""
+    term = Outer(np.fft.fft(gradient)[None, :, None], np.ones((1, 4, 1), complex))
+    influence = PoleInfluence(SampleInfluence((term,)), np.ones(1, complex))
+    known = Moved(data, noise or White(np.array([[0.01]]), "here"), influence, POLE, np.array([0]))
+    return result(name, [(10, 0.02, (1, 0))], moved=known)
 
 
-def test_noise_that_is_not_known_counts_as_none_and_is_said_to_be_unknown() -> None:
-    found = stated((group(frequency_between=0.1),), (np.array([np.nan]), np.array([np.nan])))
-    assert found.frequency[0] == pytest.approx(COVERAGE * 0.1)
+def by_sample(gradient: np.ndarray) -> np.ndarray:
+    """Return the change of frequency and damping (2, 4) for a change of every sample, by differences."""
+    ends = [POLE + sign * 1e-6 * gradient for sign in (1, -1)]
+    f = (np.abs(ends[0]) - np.abs(ends[1])) / (2 * np.pi)
+    zeta = -ends[0].real / np.abs(ends[0]) + ends[1].real / np.abs(ends[1])
+    return np.array([f, zeta]) / 2e-6
+
+
+def apart(first: float, second: float, between: float = 0.0) -> Group:
+    """Return a mode whose frequency is the mean of two votes."""
+    one = group((first + second) / 2, 0.02, (ERA, ALTERNATE), 2, frequency_between=between)
+    return replace(one, frequencies={ERA: first, ALTERNATE: second}, members={ERA: 0, ALTERNATE: 0})
+
+
+def judged(g: Group, results: Sequence[MethodResult]) -> Scatter:
+    return stated([g], results)
+
+
+def test_of_one_vote_it_is_what_the_noise_does_to_it() -> None:
+    found = judged(group(10, 0.02, (ERA,), 1), [read(ERA, ONE)])
+    expected = 0.1 * np.linalg.norm(by_sample(ONE), axis=1)
+    np.testing.assert_allclose([found.frequency_noise[0], found.damping_noise[0]], expected, rtol=1e-6)
+    np.testing.assert_allclose([found.frequency[0], found.damping[0]], Z * expected, rtol=1e-6)
+    assert found.frequency_bias[0] == found.damping_bias[0] == 0
+
+
+def test_between_two_votes_it_is_what_the_noise_does_to_their_mean() -> None:
+    found = judged(group(10, 0.02, (ERA, ALTERNATE), 2), [read(ERA, ONE), read(ALTERNATE, TWO)])
+    expected = 0.1 * np.linalg.norm(by_sample((ONE + TWO) / 2), axis=1)
+    np.testing.assert_allclose([found.frequency_noise[0], found.damping_noise[0]], expected, rtol=1e-6)
+
+
+def test_of_parts_of_a_record_it_is_their_scatter_with_students_quantile() -> None:
+    parts = Parts(RNG.standard_normal((20, 4, 1, 1)), 1.0)
+    found = judged(group(10, 0.02, (ERA,), 1), [read(ERA, ONE, parts)])
+    moved = by_sample(ONE) @ parts.deviations[:, :, 0, 0].T
+    expected = np.linalg.norm(moved, axis=1)
+    np.testing.assert_allclose([found.frequency_noise[0], found.damping_noise[0]], expected, rtol=1e-6)
+    assert found.frequency[0] / found.frequency_noise[0] == pytest.approx(2.093, abs=1e-3)  # 19 degrees of freedom
+
+
+@pytest.mark.parametrize(("second", "far"), [(ONE, True), (0.999 * ONE, True), (TWO, False)])
+def test_a_distance_is_bias_when_the_noise_that_methods_share_cannot_make_it(second: np.ndarray, far: bool) -> None:
+    """Two deviations of either: between methods that read the noise alike they are much, between others nothing."""
+    away = 2 * 0.1 * np.linalg.norm(by_sample(ONE)[0])
+    found = judged(apart(10, 10 + away), [read(ERA, ONE), read(ALTERNATE, second)])
+    assert set(found.biased[0]) == ({ERA, ALTERNATE} if far else set())
+    if far:  # the consensus is the mean of both
+        (bias,) = found.biased[0][ALTERNATE]
+        assert (bias.kind, bias.away) == ("frequency", pytest.approx(away / 2))
+    assert found.known[0] == {ERA, ALTERNATE}
+
+
+def test_what_is_no_share_of_a_deviation_is_no_bias_however_sure() -> None:
+    little = 0.8 * 0.1 * np.linalg.norm(by_sample(ONE)[0])
+    assert not judged(apart(10, 10 + little), [read(ERA, ONE), read(ALTERNATE, ONE)]).biased[0]
+
+
+def test_what_methods_scatter_by_beyond_the_noise_widens_what_is_stated() -> None:
+    noise = 0.1 * np.linalg.norm(by_sample(ONE)[0])
+    found = judged(apart(10, 10, between=3 * noise), [read(ERA, ONE), read(ALTERNATE, ONE)])
+    assert found.frequency_bias[0] == pytest.approx(3 * noise)
+    assert found.frequency[0] == pytest.approx(Z * np.sqrt(10) * noise, rel=1e-6)
+    assert found.deviation("frequency")[0] == pytest.approx(np.sqrt(10) * noise, rel=1e-6)
+    # votes that read nothing alike scatter by the noise: each lies half of both from their mean
+    both = np.sqrt(np.sum(by_sample(ONE)[0] ** 2) + np.sum(by_sample(TWO)[0] ** 2))
+    found = judged(apart(10, 10, between=0.9 * 0.05 * both), [read(ERA, ONE), read(ALTERNATE, TWO)])
+    assert found.frequency_bias[0] == 0
+
+
+def test_methods_on_other_data_do_not_count_and_what_is_not_known_is_said_to_be() -> None:
+    other = replace(DATA, values=2 * DATA.values)
+    found = judged(apart(10, 11), [read(ERA, ONE), read(ALTERNATE, TWO, data=other)])
+    assert found.known[0] == {ERA}
+    found = judged(apart(10, 10, between=0.1), [result(ERA), result(ALTERNATE)])
+    assert found.frequency[0] == pytest.approx(Z * 0.1)
     assert np.isnan(found.frequency_noise[0])
+    assert not found.biased[0]
 
 
 def test_nothing_is_stated_more_exactly_than_rounding_allows() -> None:
-    found = stated((group(10, 0.02),), (NONE, NONE))
+    found = judged(group(10, 0.02, (ERA,), 1), [result(ERA), result(LEAST)])
     assert (found.frequency[0], found.damping[0]) == (pytest.approx(1e-8), pytest.approx(2e-11))
 
 
-# ------------------------------------------------------------------------------------------- what the noise leaves open
-
-F, ZETA = np.array([3.0, 5.0]), np.array([0.02, 0.05])
-RNG = np.random.default_rng(0)
-SHAPES = np.array([[1, 2j], [0.5 - 1j, 1]])
-PARTS = np.array([[1, 0.5j, 2], [0.3, -1, 0.2 + 1j]])
-
-
-def model(**more: object) -> ModalModel:
-    return ModalModel(poles=poles_from(F, ZETA), shapes=SHAPES, participation=PARTS, **more)  # type: ignore[arg-type]
-
-
-#: Modal functions over the rows: poles and the residues of one channel (and its direct term) to real rows.
-Rows = Callable[[np.ndarray, np.ndarray, float], np.ndarray]
-
-
-def plain_bound(rows: Rows, direct: bool, poles: np.ndarray, variance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Invert the information of all unknowns together (frequencies, damping, residues of every channel) by differences."""
-    n, channels = len(F), [(o, i) for o in range(2) for i in range(3)]
-    residues = SHAPES.T[:, :, None] * PARTS[:, None, :]
-    added = (model().poles - poles).real
-    start = np.concatenate([F, ZETA, *(np.r_[residues[:, o, i].real, residues[:, o, i].imag] for o, i in channels)])
-    start = np.r_[start, np.zeros(len(channels) * direct)]
-
-    def everything(x: np.ndarray) -> np.ndarray:
-        s = poles_from(x[:n], x[n : 2 * n]) - added
-        out = []
-        for k, (o, i) in enumerate(channels):
-            a = x[2 * n + 2 * n * k : 2 * n + 2 * n * (k + 1)]
-            constant = x[len(x) - len(channels) + k] if direct else 0.0
-            out.append(rows(s, a[:n] + 1j * a[n:], constant) / np.sqrt(variance[o, i]))
-        return np.concatenate(out)
-
-    step = 1e-6
-    J = np.stack([(everything(start + e) - everything(start - e)) / (2 * step) for e in step * np.eye(start.size)], 1)
-    deviation = np.sqrt(np.diag(np.linalg.inv(J.T @ J)))
-    return deviation[:n], deviation[n : 2 * n]
+def test_methods_differ_over_many_seeds_as_the_deviation_of_their_difference_says() -> None:
+    """20 seeds, five modes: the mean square of 200 differences over deviations is 1 within 4 x sqrt(2 / 200), were they independent."""
+    ratio = []
+    for seed in range(20):
+        data = chain5().impulse_response(400, noise=0.01, seed=seed)
+        c = ms.compare(data, ["era/time", "polyreference/time"], orders=[8, 10, 12], workers=1)
+        two = [g for g in c.groups if len(g.members) == 2]
+        for kind in ("frequencies", "damping_ratios"):
+            ratio += [
+                (getattr(g, kind)["polyreference (time)"] - getattr(g, kind)["era (time)"]) / deviation(c, k, kind)
+                for k, g in enumerate(two)
+            ]
+    assert np.mean(np.square(ratio)) == pytest.approx(1, abs=0.5)
 
 
-def left_over(shape: tuple[int, ...], free: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return a remainder that differs from channel to channel, and its variance with so many rows beyond those fitted."""
-    size = np.array([[1, 2, 3], [4, 5, 6]]) * 0.01
-    return size * np.ones(shape), size**2 * shape[0] / free
+def deviation(c: ms.Comparison, k: int, kind: str) -> float:
+    """Return the deviation of the difference of two methods, from covariances of each with itself and the other."""
+    from modalscope.comparing.moved import covariance
 
-
-@pytest.mark.parametrize("added", [0.0, 0.8])
-@pytest.mark.parametrize("first", [0, 3])
-def test_on_samples_it_is_the_bound_of_the_whole_problem(added: float, first: int) -> None:
-    t = (np.arange(80) + first) / 25.0
-
-    def rows(s: np.ndarray, residue: np.ndarray, _: float) -> np.ndarray:
-        return np.asarray(2 * (np.exp(np.outer(t, s)) @ residue).real)
-
-    poles = model().poles - added
-    clean = np.einsum("kj,oj,ji->koi", np.exp(np.outer(t, poles)), SHAPES, PARTS).real * 2
-    left, variance = left_over(clean.shape, 80 - 4)
-    response = ImpulseResponse(
-        values=clean + left, sampling_rate=25.0, kind="dirac", first_sample=first, added_damping=added
+    a, b = (r.moved for r in c.results)
+    assert a is not None
+    assert b is not None
+    g = c.groups[k]
+    rows = np.array([a.row[g.members["era (time)"]]]), np.array([b.row[g.members["polyreference (time)"]]])
+    i = int(kind == "damping_ratios")
+    own, its, both = (
+        covariance(x, y, p, q, a.noise)[i][0]
+        for x, y, p, q in ((a, a, rows[0], rows[0]), (b, b, rows[1], rows[1]), (a, b, *rows))
     )
-    found = noise_floor(response, model(), clean, None)
-    assert np.allclose(found, plain_bound(rows, False, poles, variance), rtol=1e-5)
-
-
-@pytest.mark.parametrize("added", [0.0, 0.8])
-@pytest.mark.parametrize("rate", [None, 25.0])
-def test_on_lines_it_is_the_bound_of_the_whole_problem_with_direct_terms(rate: float | None, added: float) -> None:
-    f = np.linspace(1, 8, 50)
-    x = 2j * np.pi * f if rate is None else np.exp(2j * np.pi * f / rate)
-
-    def rows(s: np.ndarray, residue: np.ndarray, constant: float) -> np.ndarray:
-        p = s if rate is None else np.exp(s / rate)
-        H = (1 / (x[:, None] - p)) @ residue + (1 / (x[:, None] - p.conj())) @ residue.conj() + constant
-        return np.concatenate([H.real, H.imag])
-
-    poles = model().poles - added
-    residues = SHAPES.T[:, :, None] * PARTS[:, None, :]
-    channels = [[rows(poles, residues[:, o, i], 0.0) for i in range(3)] for o in range(2)]
-    both = np.array(channels).transpose(2, 0, 1)
-    clean = both[:50] + 1j * both[50:]
-    left, variance = left_over(clean.shape, 2 * 50 - 5)
-    response = FrequencyResponse(values=clean + left, frequencies=f, sampling_rate=rate, added_damping=added)
-    found = noise_floor(response, model(), clean, None)
-    assert np.allclose(found, plain_bound(rows, True, poles, variance), rtol=1e-5)
-
-
-def test_twice_the_noise_leaves_twice_as_much_open() -> None:
-    clean = model().impulse_response(80, 25.0)
-    left = 0.01 * RNG.standard_normal(clean.values.shape)
-    once = noise_floor(replace(clean, values=clean.values + left), model(), clean.values, None)
-    twice = noise_floor(replace(clean, values=clean.values + 2 * left), model(), clean.values, None)
-    assert np.allclose(twice, 2 * np.array(once), rtol=1e-6)
-
-
-def test_of_an_ambient_record_it_is_what_au_says_of_its_length() -> None:
-    correlation = replace(model().impulse_response(80, 25.0), kind="correlation")
-    f, zeta = noise_floor(correlation, model(), correlation.values, 600.0)
-    periods = F * 600
-    assert np.allclose((f / F) ** 2, ZETA / (2 * np.pi * periods))
-    assert np.allclose((zeta / ZETA) ** 2, 1 / (2 * np.pi * ZETA * periods))
-
-
-def test_of_correlations_without_their_record_it_is_not_known() -> None:
-    correlation = replace(model().impulse_response(80, 25.0), kind="correlation")
-    assert np.isnan(noise_floor(correlation, model(), correlation.values, None)).all()
-
-
-def test_no_modes_no_noise() -> None:
-    clean = model().impulse_response(80, 25.0)
-    assert [part.size for part in noise_floor(clean, model().take([]), clean.values, None)] == [0, 0]
+    return float(np.sqrt(own + its - 2 * both))

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from modalscope.comparing.causes import Cause
+from modalscope.comparing.certified import Tried, interval_trouble
 from modalscope.comparing.scatter import Scatter
 from modalscope.comparing.verdict import GRADES, Trust, judge, words
+from modalscope.judging.certificate import Certificate
+from modalscope.model.modes import ModalModel
 from tests.comparing.made import ALL, ERA, PRCE, group, result
 from tests.judging.made import NUDGE
 
@@ -57,6 +62,40 @@ def test_no_mode_is_trusted_when_the_order_is_too_low_whatever_else_was_found() 
     assert grade(data=(Cause("bad channel", "x"), LOW)) == DOUBTFUL
 
 
+def test_without_an_interval_that_holds_only_the_frequency_is_trusted() -> None:
+    found = judge(group(10, 0.02), 0, 0, (), (), "no deviation of its damping is known")
+    assert (found.grade, found.why) == (
+        FREQUENCY,
+        "found by 3 of 3 independent methods; no deviation of its damping is known",
+    )
+
+
+def test_an_interval_is_in_trouble_when_it_is_not_known_or_its_certificate_refutes_it() -> None:
+    g = replace(group(10, 0.02), members={ERA: 1})
+    assert interval_trouble(g, 0.1, 0.1, None) == ""
+    assert interval_trouble(g, np.nan, np.nan, None) == "no deviation of its frequency and damping is known"
+    assert interval_trouble(g, 0.1, np.nan, None) == "no deviation of its damping is known"
+
+    def tried(*holds: bool) -> Tried:
+        nothing = {k: np.zeros(2) for k in ("bias", "ratio", "coverage")}
+        model = ModalModel(poles=[-1 + 10j, -1 + 20j], shapes=[[1, 1]])
+        counts = np.full(2, 40)
+        made = Certificate(
+            modes=model,
+            frequency=nothing,
+            damping_ratio=nothing,
+            holds=np.array(holds),
+            found=counts,
+            replicates=counts,
+            order=4,
+        )
+        return Tried(ERA, made)
+
+    assert interval_trouble(g, 0.1, 0.1, tried(False, True)) == ""
+    assert interval_trouble(g, 0.1, 0.1, tried(True, False)) == "its interval does not hold, by its certificate"
+    assert interval_trouble(group(10, 0.02, (PRCE,), 1), 0.1, 0.1, tried(False, False)) == ""
+
+
 def test_why_names_votes_scatter_and_causes() -> None:
     g = group(10, 0.02, ALL[:2], 4)
     assert judge(g, 0, 0, (CLOSE, HEAVY), ()) == Trust(
@@ -79,7 +118,7 @@ def said(grades: list[str], data: tuple[Cause, ...] = (), failed: bool = False) 
     """Say what is thought of modes at 1, 2, ... Hz of 2 % damping, of which mode k scatters by k + 1 %."""
     n = len(grades)
     groups = [group(float(k + 1), 0.02) for k in range(n)]
-    scatter = Scatter(*(np.zeros(n), 0.0002 * np.arange(1, n + 1), np.zeros(n), np.zeros(n)))
+    scatter = Scatter(np.zeros(n), 0.0002 * np.arange(1, n + 1), *(np.zeros(n),) * 4)
     trust = [Trust(g, f"because of {k + 1}", ()) for k, g in enumerate(grades)]
     results = [*RAN, result("alternate (time)", None)] if failed else RAN
     return words(groups, trust, scatter, results, data).split("\n")
@@ -110,5 +149,5 @@ def test_every_other_mode_has_its_line_and_findings_their_remedy() -> None:
 
 
 def test_where_every_method_failed_the_reason_of_the_first_is_all_there_is_to_say() -> None:
-    nothing = Scatter(*(np.zeros(0),) * 4)
+    nothing = Scatter(*(np.zeros(0),) * 6)
     assert words([], [], nothing, [result(ERA, None)], ()) == "No method could use these data. it could not"

@@ -10,6 +10,7 @@ import pytest
 import modalscope as ms
 from modalscope.judging.certificate import Calibration, calibration
 from modalscope.systems import chain5
+from modalscope.uncertainty.drawn import coloured
 from tests.support import refused
 
 TRUTH = chain5().modes()
@@ -52,6 +53,39 @@ def test_eras_bias_at_20_db_is_found_and_its_deviation_replaced():
     assert any("biased" in str(note) for note in found.notes)
     assert "does not hold" in found.table()
     assert found.replicates[third] == 100
+
+
+def test_alternate_is_not_biased_where_era_is():
+    result = ms.analyze(
+        chain5().impulse_response(400, noise=0.1, seed=0), method="alternate", orders=[10, 12, 14], refine=False
+    )
+    found = ms.certify(result, replicates=20)
+    strong = np.abs(found.modes.frequencies - TRUTH.frequencies[:2, None]).min(axis=0) < 0.01
+    assert np.all(np.abs(found.damping_ratio["bias"][strong]) < 0.8)  # 20 replicates: 3.6 standard errors
+
+
+def test_records_with_inputs_are_certified_under_their_own_forces():
+    record = chain5().simulate(at=[0, 3], samples=1000, sampling_rate=20, noise=0.01, seed=0)
+    result = ms.analyze(record, orders=range(4, 25, 2), refine=False)
+    found = ms.certify(result, replicates=20)
+    assert found.found.min() >= 20
+    assert np.all(np.abs(found.bias) < 0.8)
+    with_it = replace(result, data=None)  # the diagram holds what is needed
+    np.testing.assert_array_equal(ms.certify(with_it, replicates=20).bias, found.bias)
+
+
+def test_noise_of_a_record_is_drawn_with_its_own_spectrum_and_what_channels_share():
+    rng = np.random.default_rng(0)
+    level = np.where(np.arange(400) < 200, 1.0, 5.0)[:, None]
+    drawn = level * (rng.standard_normal((400, 2)) + 1j * rng.standard_normal((400, 2)))
+    left = (drawn @ [[1.0, 0.8], [0.0, 0.6]])[:, :, None]
+    many = np.stack([coloured(left, rng)[:, :, 0] for _ in range(200)])
+    for part, expected in ((slice(30, 170), 2.0), (slice(230, 370), 50.0)):
+        own = many[:, part].reshape(-1, 2)
+        found = own.T @ own.conj() / len(own)
+        # 140 lines stand behind it: known to 1 / sqrt(140) = 8 %
+        np.testing.assert_allclose(found.real / expected, [[1, 0.8], [0.8, 1]], atol=0.3)
+        assert np.abs(own.T @ own / len(own)).max() < 0.1 * expected
 
 
 def test_refined_modes_are_certified_through_the_refinement():

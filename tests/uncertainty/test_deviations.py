@@ -12,10 +12,10 @@ import modalscope as ms
 from modalscope.blocks.influence import Moments
 from modalscope.systems import chain5
 from modalscope.uncertainty.covariance import deviations_of_poles
-from modalscope.uncertainty.noise import Parts, Residual, Unknown, White, noise_of, residual_variance
+from modalscope.uncertainty.noise import Parts, Residual, Unknown, White, noise_of
 from modalscope.uncertainty.of_modes import typical_deviation
-
-TRUTH = chain5().modes()
+from modalscope.uncertainty.residual import residual_variance
+from tests.uncertainty.cases import errors, lines, windowed
 
 
 def test_deviations_of_f_and_zeta_are_those_of_many_poles_drawn():
@@ -35,15 +35,6 @@ def test_moments_hold_the_covariance_of_real_and_imaginary_part():
     np.testing.assert_allclose(found, x.T @ x / 500, atol=1e-12)
 
 
-def errors(data, order, **row):
-    """Return errors of the five frequencies and damping ratios in deviations, (2, 5), with the deviations."""
-    modes = ms.identify(data, order=order, **row).modes
-    near = modes.take([int(np.argmin(np.abs(modes.poles - s))) for s in TRUTH.poles])
-    std = np.stack([near.frequencies_std, near.damping_ratios_std])
-    apart = np.stack([near.frequencies - TRUTH.frequencies, near.damping_ratios - TRUTH.damping_ratios])
-    return apart, std
-
-
 @pytest.mark.parametrize("method", ["era", "alternate", "polyreference", "least_squares"])
 def test_errors_of_impulse_responses_are_as_large_as_their_deviations(method):
     """40 dB, 30 seeds of ten figures: the mean square of 300 errors over deviations is 1 within 4 x sqrt(2 / 300)."""
@@ -52,18 +43,9 @@ def test_errors_of_impulse_responses_are_as_large_as_their_deviations(method):
     assert np.mean(ratio**2) == pytest.approx(1, abs=4 * np.sqrt(2 / ratio.size))
 
 
-def lines(seed, known=True):
-    clean = chain5().frequency_response(np.linspace(0.2, 7, 240))
-    size = 0.01 * np.sqrt(np.mean(np.abs(clean.values) ** 2, axis=0))
-    rng = np.random.default_rng(seed)
-    noise = rng.standard_normal(clean.values.shape) + 1j * rng.standard_normal(clean.values.shape)
-    variance = np.broadcast_to(size**2, clean.values.shape) if known else None
-    return replace(clean, values=clean.values + size / np.sqrt(2) * noise, variance=variance)
-
-
 @pytest.mark.parametrize("known", [True, False])
 def test_errors_of_frequency_responses_are_as_large_as_their_deviations(known):
-    found = [errors(lines(k, known), 10, method="alternate") for k in range(15)]
+    found = [errors(lines(k, known, every=3), 10, method="alternate") for k in range(15)]
     ratio = np.array([apart / std for apart, std in found])
     assert np.mean(ratio**2) == pytest.approx(1, abs=4 * np.sqrt(2 / ratio.size))
 
@@ -80,18 +62,6 @@ def test_errors_of_records_with_inputs_are_as_large_as_their_deviations(runs, me
     assert np.mean(ratio**2) == pytest.approx(1, abs=4 * np.sqrt(2 / ratio.size))
 
 
-def windowed(seed, on_lines, decay=0.1, samples=600):
-    """Return a response under exp(-decay t), whose noise was steady before: as samples, or as the lines of their transform."""
-    clean = chain5().impulse_response(samples).values
-    noise = 0.01 * np.sqrt(np.mean(clean**2, axis=0)) * np.random.default_rng(seed).standard_normal(clean.shape)
-    values = (clean + noise) * np.exp(-decay * np.arange(1, samples + 1) / 20)[:, None, None]
-    if not on_lines:
-        return ms.ImpulseResponse(values=values, sampling_rate=20.0, added_damping=decay)
-    H = np.fft.fft(np.concatenate([np.zeros_like(values[:1]), values]), axis=0)[1 : samples // 2]
-    f = np.arange(1, samples // 2) * 20.0 / (samples + 1)
-    return ms.FrequencyResponse(values=H, frequencies=f, sampling_rate=20.0, added_damping=decay)
-
-
 @pytest.mark.parametrize("on_lines", [False, True])
 def test_under_an_exponential_window_errors_are_as_large_as_their_deviations(on_lines):
     """The window makes noise fade with the signal: taken as white, it is told to be 1.5 (samples) to 3 times (lines) too small."""
@@ -103,7 +73,7 @@ def test_under_an_exponential_window_errors_are_as_large_as_their_deviations(on_
 
 @pytest.mark.parametrize("on_lines", [False, True])
 def test_noise_is_drawn_as_it_is_known_under_a_window(on_lines):
-    data = windowed(0, on_lines, samples=64)
+    data = windowed(0, on_lines, count=64)
     noise = noise_of(data).beside(np.array([[1.0, 4.0]]))
     rng = np.random.default_rng(0)
     drawn = np.stack([noise.drawn((data.count, 1, 2), rng)[:, 0] for _ in range(4000)])
@@ -138,7 +108,7 @@ def test_a_diagram_has_them_for_every_pole_and_selected_modes_from_members_that_
 
 
 def test_the_source_of_the_noise_is_the_best_that_the_data_have():
-    frf = lines(0)
+    frf = lines(0, every=3)
     assert isinstance(noise_of(frf), White)
     assert isinstance(noise_of(replace(frf, variance=None)), Residual)
     seen = replace(frf, variance=None, coherence=np.full(frf.values.shape[:2], 0.9), averages=20)
@@ -151,7 +121,7 @@ def test_the_source_of_the_noise_is_the_best_that_the_data_have():
 
 
 def test_leakage_withholds_the_damping_of_modes_narrower_than_four_lines():
-    frf = lines(0)
+    frf = lines(0, every=3)
     leaking = replace(frf, variance=None, coherence=np.full(frf.values.shape[:2], 0.99), averages=20)
     modes = ms.identify(leaking, method="alternate", order=10).modes
     narrow = 2 * modes.damping_ratios * modes.frequencies < 4 * (frf.frequencies[1] - frf.frequencies[0])
@@ -184,16 +154,3 @@ def test_the_residual_gives_the_variance_of_the_noise():
     np.testing.assert_allclose(residual_variance(left, 4000, False), [[4.0], [0.25]], rtol=0.1)
     np.testing.assert_allclose(residual_variance(left, 2000, True), 4 * residual_variance(left, 4000, False))
     assert np.all(np.isnan(residual_variance(left, 0, False)))
-
-
-@pytest.mark.study
-@pytest.mark.parametrize("method", ["era", "alternate", "polyreference", "least_squares"])
-def test_calibration_of_impulse_responses_at_40_db(method):
-    """400 seeds: a ratio is known to 3.5 %, a coverage to 1.1 %."""
-    found = [errors(chain5().impulse_response(400, noise=0.01, seed=k), 10, method=method) for k in range(400)]
-    apart, std = (np.array(part) for part in zip(*found, strict=True))
-    ratio = np.std(apart, axis=0, ddof=1) / np.sqrt(np.mean(std**2, axis=0))
-    covered = np.mean(np.abs(apart) < 1.96 * std, axis=0)
-    assert np.all((ratio[0] > 0.88) & (ratio[0] < 1.15)), ratio
-    assert np.all((ratio[1] > 0.85) & (ratio[1] < 1.15)), ratio
-    assert np.all(covered > 0.91), covered

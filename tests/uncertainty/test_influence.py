@@ -204,7 +204,7 @@ def test_moments_of_lines_are_those_of_every_value(method, by_line):
     found = influence_on(pipeline.matrix, pipeline.realization, cut.order, cut.triple, cut.modal.eigen)
     variance = np.random.default_rng(0).uniform(1, 2, data.values.shape if by_line else data.values.shape[1:])
     size, square = plain_moments(found, data.values.shape, variance, 2)
-    moments = found.white(variance)
+    moments = found.joint(found, variance)
     assert relative(moments.size, size) < 1e-12
     assert relative(moments.square, square) < 1e-11
 
@@ -217,7 +217,7 @@ def test_moments_of_samples_are_those_of_every_value(method):
     found = influence_on(pipeline.matrix, pipeline.realization, cut.order, cut.triple, cut.modal.eigen)
     variance = np.random.default_rng(0).uniform(1, 2, data.values.shape[1:])
     size, square = plain_moments(found, data.values.shape, variance, 1)
-    moments = found.white(variance)
+    moments = found.joint(found, variance)
     assert relative(moments.size, size) < 1e-12
     assert relative(moments.square, square) < 1e-11
 
@@ -230,7 +230,7 @@ def test_moments_of_lines_that_correlate_are_those_of_the_parts_of_their_covaria
     correlation = 1 / (1 + 0.7j * np.arange(data.count))
     values, vectors = np.linalg.eigh(sla.toeplitz(correlation, correlation.conj()))
     variance = np.random.default_rng(0).uniform(1, 2, data.values.shape[1:])
-    moments = found.faded(variance, correlation)
+    moments = found.joint(found, variance, correlation)
     size, square = np.zeros(len(moments.size)), np.zeros(len(moments.size), complex)
     for o, i in np.ndindex(variance.shape):
         changes = np.zeros((2 * len(values), *data.values.shape), complex)
@@ -249,6 +249,6 @@ def test_moments_of_samples_that_fade_are_those_of_every_value():
     found = influence_on(pipeline.matrix, pipeline.realization, cut.order, cut.triple, cut.modal.eigen)
     variance, fading = np.random.default_rng(0).uniform(1, 2, data.values.shape[1:]), np.linspace(2, 0, 50)
     size, square = plain_moments(found, data.values.shape, variance * fading[:, None, None], 1)
-    moments = found.faded(variance, fading)
+    moments = found.joint(found, variance, fading)
     assert relative(moments.size, size) < 1e-12
     assert relative(moments.square, square) < 1e-11

@@ -34,6 +34,16 @@ class Outer(NamedTuple):
         """Return the conjugate entries."""
         return Outer(self.left.conj(), self.right.conj())
 
+    def take(self, index: Array) -> Outer:
+        """Return the entries of some k."""
+        return Outer(self.left[index], self.right[index])
+
+    def lengthened(self, length: int) -> Outer:
+        """Return the transforms over f of the same sequences, followed by zeros to a length."""
+        if length == self.left.shape[1]:
+            return self
+        return Outer(*(np.fft.fft(np.fft.ifft(part, axis=1), n=length, axis=1) for part in self))
+
     def transposed(self) -> Outer:
         """Return the entries with outputs and inputs in each other's places."""
         return Outer(self.right, self.left)
@@ -47,47 +57,44 @@ class Outer(NamedTuple):
 
 
 class Moments(NamedTuple):
-    """What noise does to poles: E|dp|^2 and E[dp^2], (k,) each."""
+    """What noise does to poles p and q together, the same ones or those of two methods: E[dp dq*] and E[dp dq], (k,) each."""
 
-    size: RealArray
+    size: Array
     square: ComplexArray
 
-    def scaled(self, factor: Array) -> Moments:
-        """Return the moments of factor times dp."""
-        return Moments(self.size * np.abs(factor) ** 2, self.square * np.asarray(factor) ** 2)
+    def scaled(self, factor: Array, other: Array) -> Moments:
+        """Return the moments of `factor` dp and `other` dq."""
+        return Moments(self.size * factor * np.conj(other), self.square * factor * other)
 
     @property
     def covariance(self) -> RealArray:
-        """Covariance of real and imaginary part, (k, 2, 2)."""
-        real, imaginary = (self.size + self.square.real) / 2, (self.size - self.square.real) / 2
-        cross = self.square.imag / 2
-        return np.stack([np.stack([real, cross], axis=1), np.stack([cross, imaginary], axis=1)], axis=1)
+        """Covariance of (Re p, Im p) with (Re q, Im q), (k, 2, 2)."""
+        plus, minus = self.square + self.size, self.square - self.size
+        rows = [[plus.real, minus.imag], [plus.imag, -minus.real]]
+        return np.stack([np.stack(row, axis=1) for row in rows], axis=1) / 2
 
 
 class Influence(ABC):
     """The gradient of poles by the values of a response."""
 
     @abstractmethod
-    def white(self, variance: RealArray) -> Moments:
-        """Return what noise does that differs from value to value, of known variance.
+    def joint(self, other: Self, variance: RealArray, fading: Array | None = None) -> Moments:
+        """Return what one noise does to these poles and to as many others together.
 
         Parameters
         ----------
+        other : Influence
+            Of the same response on the other poles.
         variance : array, (l, m) or (F, l, m)
             E|noise|^2 of the values; of lines it may differ from line to line.
+        fading : array, optional
+            What an exponential window makes of it. Of samples, (N,): the variance of each over the average. Of lines, (F,): the
+            correlation of one with that k lines below it. By default every value stands alone.
         """
 
     @abstractmethod
-    def faded(self, variance: RealArray, fading: Array) -> Moments:
-        """Return what noise does that fades: that of a record under an exponential window.
-
-        Parameters
-        ----------
-        variance : array, (l, m) or (F, l, m)
-            E|noise|^2 of the values, on average.
-        fading : array
-            Of samples, (N,): the variance of each over the average. Of lines, (F,): the correlation of one with that k lines below it.
-        """
+    def take(self, index: Array) -> Self:
+        """Return the gradients of some poles."""
 
     @abstractmethod
     def of(self, change: Array) -> ComplexArray:
@@ -121,33 +128,41 @@ class LineInfluence(Influence):
     lines: IntArray
     each: int = 1
 
-    def white(self, variance: RealArray) -> Moments:
+    def joint(self, other: LineInfluence, variance: RealArray, fading: Array | None = None) -> Moments:
         """Return the moments under circular noise, E|dH|^2 = variance."""
+        if fading is not None:
+            return self._faded(other, variance, fading)
         used = variance if variance.ndim == 2 else variance[self.lines]
-        size = sum(
-            one.times(two.conjugate()).summed(used).real
-            for part in (self.direct, self.mirrored)
-            for one in part
-            for two in part
-        )
-        square = sum(2 * one.times(two).summed(used) for one in self.direct for two in self.mirrored)
+        sides = ((self.direct, other.direct), (self.mirrored, other.mirrored))
+        size = sum(one.times(two.conjugate()).summed(used) for own, its in sides for one in own for two in its)
+        across = ((self.direct, other.mirrored), (self.mirrored, other.direct))
+        square = sum(one.times(two).summed(used) for own, its in across for one in own for two in its)
         return Moments(np.asarray(size) * self.each, np.asarray(square, dtype=complex) * self.each)
 
-    def faded(self, variance: RealArray, fading: Array) -> Moments:
-        """Return sum a_f a_f'* C_ff' + b_f b_f'* C_ff'* and 2 sum a_f b_f' C_ff', with C the covariance of the lines' noise."""
-        size = np.sqrt(np.broadcast_to(variance, (len(fading), *variance.shape[-2:]))[self.lines])
-        pairs = [self._moments_of(j, size, fading) for j in range(len(self.direct[0].left))]
-        each = np.asarray(pairs).reshape(-1, 2)
-        return Moments(np.asarray(each[:, 0].real), each[:, 1])
+    def _faded(self, other: LineInfluence, variance: RealArray, fading: Array) -> Moments:
+        """Return sum a C a'* + b C* b'* and sum a C b' + b C* a', with C the covariance of the lines' noise, pole by pole."""
+        spread = np.sqrt(np.broadcast_to(variance, (len(fading), *variance.shape[-2:]))[self.lines])
+        size, square = [], []
+        for j in range(len(self.direct[0].left)):
+            (a, b), (c, d) = self._plain(j, spread), other._plain(j, spread)
+            up, down = ((fading, fading.conj()), (fading.conj(), fading))  # of the column and of the row
+            size.append(np.sum(a * matmul_toeplitz(up, c.conj())) + np.sum(b * matmul_toeplitz(down, d.conj())))
+            square.append(np.sum(a * matmul_toeplitz(up, d)) + np.sum(b * matmul_toeplitz(down, c)))
+        return Moments(np.asarray(size), np.asarray(square, dtype=complex))
 
-    def _moments_of(self, j: int, size: RealArray, fading: Array) -> tuple[complex, complex]:
-        a, b = (
-            (sum(one.left[j][:, :, None] * one.right[j][:, None, :] for one in part) * size).reshape(len(size), -1)
-            for part in (self.direct, self.mirrored)
-        )
-        first = (fading, fading.conj())  # of the column and of the row
-        of_a, of_b = matmul_toeplitz(first, a.conj()), matmul_toeplitz(first, b)
-        return np.sum(a * of_a) + np.sum(b.conj() * of_b), 2 * np.sum(a * of_b)
+    def _plain(self, j: int, spread: RealArray) -> tuple[ComplexArray, ComplexArray]:
+        """Return a and b of one pole times a deviation of the values, (F, l m)."""
+
+        def whole(part: tuple[Outer, ...]) -> ComplexArray:
+            entries = sum(np.asarray(one.left[j][:, :, None] * one.right[j][:, None, :]) for one in part)
+            return np.asarray(entries * spread, dtype=complex).reshape(len(spread), -1)
+
+        return whole(self.direct), whole(self.mirrored)
+
+    def take(self, index: Array) -> LineInfluence:
+        """Return the gradients of some poles."""
+        direct, mirrored = (tuple(one.take(index) for one in part) for part in (self.direct, self.mirrored))
+        return LineInfluence(direct, mirrored, self.lines, self.each)
 
     def of(self, change: Array) -> ComplexArray:
         """Return the change of the poles; where lines were left out an estimate."""
@@ -187,20 +202,30 @@ class SampleInfluence(Influence):
     def _length(self) -> int:
         return int(self.terms[0].left.shape[1])
 
-    def white(self, variance: RealArray) -> Moments:
-        """Return the moments under noise of this variance at every sample, (l, m)."""
-        pairs = [(one, two) for one in self.terms for two in self.terms]
-        size: Array = np.sum([one.times(two.conjugate()).summed(variance).real for one, two in pairs], axis=0)
+    def joint(self, other: SampleInfluence, variance: RealArray, fading: Array | None = None) -> Moments:
+        """Return the moments under noise of this variance, on average over the samples."""
+        if fading is not None:
+            return self._faded(other, variance, fading)
+        length = max(self._length, other._length)
+        pairs = [(one.lengthened(length), two.lengthened(length)) for one in self.terms for two in other.terms]
+        size: Array = np.sum([one.times(two.conjugate()).summed(variance) for one, two in pairs], axis=0)
         square: Array = np.sum([one.times(_backwards(two)).summed(variance) for one, two in pairs], axis=0)
-        return Moments(np.asarray(size / self._length), np.asarray(square / self._length, dtype=complex))
+        return Moments(np.asarray(size / length), np.asarray(square / length, dtype=complex))
 
-    def faded(self, variance: RealArray, fading: Array) -> Moments:
-        """Return the moments under noise whose variance runs with the samples, one pole at a time."""
+    def _faded(self, other: SampleInfluence, variance: RealArray, fading: Array) -> Moments:
         weights = variance * fading[:, None, None]
-        gradients = [self.gradient(j)[: len(weights)] for j in range(len(self.terms[0].left))]
-        size = [np.sum(np.abs(g) ** 2 * weights[: len(g)]) for g in gradients]
-        square = [np.sum(g**2 * weights[: len(g)]) for g in gradients]
+        size, square = [], []
+        for j in range(len(self.terms[0].left)):
+            g, h = self.gradient(j), other.gradient(j)
+            seen = min(len(g), len(h), len(weights))
+            weighted = g[:seen] * weights[:seen]
+            size.append(np.sum(weighted * h[:seen].conj()))
+            square.append(np.sum(weighted * h[:seen]))
         return Moments(np.asarray(size), np.asarray(square, dtype=complex))
+
+    def take(self, index: Array) -> SampleInfluence:
+        """Return the gradients of some poles."""
+        return SampleInfluence(tuple(term.take(index) for term in self.terms))
 
     def of(self, change: Array) -> ComplexArray:
         """Return the change of the poles, one pole at a time; samples beyond the last that was read do nothing."""

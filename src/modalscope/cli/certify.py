@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
-from modalscope.cli.parser import Commands, add_choices, add_file
+from modalscope.cli.parser import Commands, add_choices, add_files, add_outputs
+from modalscope.cli.process import say
+
+if TYPE_CHECKING:
+    from modalscope.model.result import Result
 
 __all__ = ["add", "run"]
 
@@ -16,42 +22,46 @@ def add(commands: Commands) -> None:
         help="try the intervals of the modes on simulations of this very case",
         description="Find the modes in a file, simulate that very case, and count how often the intervals hold.",
     )
-    add_file(parser)
+    add_files(parser)
     parser.add_argument("--method", help="a row of the table (see: modalscope methods)")
     parser.add_argument("--domain", help="time, z or s")
-    add_choices(parser)
+    add_choices(parser, bands=True)
+    parser.add_argument("--no-refine", dest="refine", action="store_false", help="certify the values of the diagram")
     parser.add_argument("--replicates", type=int, default=40, metavar="N", help="simulations, 40 by default")
     parser.add_argument("--select", action="store_true", help="replay the selection of modes, too")
     parser.add_argument("--seed", type=int, default=0, help="0 by default: the same seed gives the same numbers")
-    parser.set_defaults(run=run)
+    add_outputs(parser, "write the modes with intervals that hold (.json, .csv, .uff), or an .html report")
+    parser.set_defaults(run=run, frequencies=None, take=None, refuse=None)
 
 
 def run(options: argparse.Namespace) -> None:
-    """Find the modes, certify them, and print how far each interval holds."""
+    """Find the modes, certify them, write them where that is asked, and print how far each interval holds."""
+    from modalscope.cli.output import check_outputs, write_outputs
     from modalscope.cli.progress import progress
-    from modalscope.cli.reading import parse_orders, reading_options
-    from modalscope.workflow.analyze import analyze
     from modalscope.workflow.certify import certify
-    from modalscope.workflow.replay import replay
 
-    with progress("identifying") as show:
-        if options.file.suffix.lower() == ".json":
-            result = replay(options.file, progress=show)
-        else:
-            result = analyze(
-                options.file,
-                method=options.method,
-                domain=options.domain,
-                orders=parse_orders(options.orders),
-                reading=reading_options(options),
-                progress=show,
-                band=None if options.band is None else tuple(options.band),
-                exclude=options.exclude,
-            )
+    check_outputs(options, options.files)
+    result = _result(options)
     with progress("simulating") as show:
         found = certify(result, replicates=options.replicates, select=options.select, seed=options.seed, progress=show)
+    source = ", ".join(map(str, options.files))
+    written = write_outputs(options, replace(result, modes=found.modes), source, certificate=found)
     diagram = result.diagram
-    print(f"{diagram.method} ({diagram.domain}), replayed at order {found.order}\n\n{found.table()}")
+    say(f"{diagram.method} ({diagram.domain}), replayed at order {found.order}\n\n{found.table()}")
     for note in found.notes:
-        print(f"  {note}")
-    print(f"\nwith the intervals that hold:\n\n{found.modes.table()}" if found.notes else "\nall intervals hold")
+        say(f"  {note}")
+    say(f"\nwith the intervals that hold:\n\n{found.modes.table()}" if found.notes else "\nall intervals hold")
+    for line in written:
+        say(line)
+
+
+def _result(options: argparse.Namespace) -> Result:
+    """Return the result of an analysis done again, or of data."""
+    from modalscope.cli.identify import found_in
+    from modalscope.cli.progress import progress
+    from modalscope.workflow.replay import replay
+
+    if options.files[0].suffix.lower() != ".json":
+        return found_in(options, options.files)
+    with progress("identifying") as show:
+        return replay(options.files[0], progress=show)

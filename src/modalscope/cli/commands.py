@@ -33,6 +33,7 @@ COMMANDS = (
     compare,
     certify,
     refine,
+    certify,
     report,
     mac,
     plot,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
+from typing import Any
 
 from modalscope.cli.parser import Commands, add_choices, add_files, add_outputs
 from modalscope.cli.process import remark, say
@@ -27,6 +28,13 @@ def add(commands: Commands) -> None:
         help="rows or cells of the table, such as era alternate/s (default: all)",
     )
     add_choices(parser)
+    parser.add_argument(
+        "--replicates",
+        type=int,
+        default=0,
+        metavar="N",
+        help="certify the intervals by so many simulations (see certify)",
+    )
     add_outputs(parser, "write .json, .csv, .uff (the consensus) or an .html report")
     parser.set_defaults(run=run)
 
@@ -49,9 +57,10 @@ def run(options: argparse.Namespace) -> None:
             band=None if options.band is None else tuple(options.band),
             exclude=options.exclude,
             progress=show,
+            replicates=options.replicates,
         )
     found = replace(found, notes=(*told, *found.notes))
-    beside = {"method": "consensus", "domain": "all", "orders": orders or ()}
+    beside: dict[str, Any] = {"method": "consensus", "domain": "all", "orders": orders or ()}
     written = write_outputs(options, found, ", ".join(map(str, options.files)), **beside)
     for note in told:
         remark(note)

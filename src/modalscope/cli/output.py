@@ -18,6 +18,8 @@ from modalscope.model.result import Result
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from modalscope.judging.certificate import Certificate
+
 __all__ = [
     "DATA",
     "PICTURES",
@@ -72,7 +74,9 @@ def check_output(path: Path, sources: Iterable[Path], force: bool, known: tuple[
         )
 
 
-def write_outputs(options: argparse.Namespace, found: Any, source: str, **beside: Any) -> list[str]:
+def write_outputs(
+    options: argparse.Namespace, found: Any, source: str, certificate: Certificate | None = None, **beside: Any
+) -> list[str]:
     """Write what was found to every output and return what is to be said of each; JSON for stdout is printed when all files are there.
 
     Parameters
@@ -82,6 +86,8 @@ def write_outputs(options: argparse.Namespace, found: Any, source: str, **beside
     found : Result, Comparison, ModalModel or data
     source : str
         Where the data came from.
+    certificate : Certificate, optional
+        Shown in a report.
     **beside
         Written into JSON beside modes.
     """
@@ -90,7 +96,7 @@ def write_outputs(options: argparse.Namespace, found: Any, source: str, **beside
         if is_page(path):
             from modalscope.reporting import report
 
-            report(found, path, source=source, command=options.command_line)
+            report(found, path, source=source, command=options.command_line, certificate=certificate)
             told.append(f"written: {path}")
         else:
             told.append(_write(path, found, source, beside))

@@ -45,8 +45,6 @@ class Group:
         Median over the votes (over all members when none of them has one).
     frequency_between, damping_between : float
         Standard deviation between methods, robustly.
-    frequency_over_orders, damping_over_orders : float
-        Median over the votes of the standard deviation over orders.
     shape : array of complex, (l,)
     """
 
@@ -60,8 +58,6 @@ class Group:
     damping: float
     frequency_between: float
     damping_between: float
-    frequency_over_orders: float
-    damping_over_orders: float
     shape: ComplexArray
 
     @property
@@ -187,7 +183,6 @@ def _summed(
     said = [i for i in members if flat.method[i] == votes[0]] if kept[votes[0]].route else []
     said = said or list(count)
     of = {names[flat.method[i]]: i for i in members}
-    spreads = np.array([_over_orders(kept[flat.method[i]], int(flat.index[i])) for i in count])
     like = mac(flat.shape[list(members)].T, flat.shape[central][:, None])[:, 0]
     voted = [i for i in members if flat.method[i] in votes]
     return Group(
@@ -201,14 +196,5 @@ def _summed(
         damping=float(np.median(flat.zeta[said])),
         frequency_between=scatter(flat.f[count]),
         damping_between=scatter(flat.zeta[count]),
-        frequency_over_orders=float(np.median(spreads[:, 0])),
-        damping_over_orders=float(np.median(spreads[:, 1])),
         shape=flat.shape[central],
     )
-
-
-def _over_orders(result: MethodResult, index: int) -> tuple[float, float]:
-    modes = result.modes
-    if modes is None or modes.frequencies_spread is None or modes.damping_ratios_spread is None:
-        return 0.0, 0.0
-    return float(modes.frequencies_spread[index]), float(modes.damping_ratios_spread[index])

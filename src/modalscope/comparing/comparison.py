@@ -10,14 +10,16 @@ import numpy as np
 from modalscope.blocks.threads import one_thread
 from modalscope.comparing.agreement import Group, pair
 from modalscope.comparing.causes import Cause
+from modalscope.comparing.certified import Tried, certified_best, interval_trouble
 from modalscope.comparing.channels import channel_causes, sign_causes, without_dead
 from modalscope.comparing.diagnosis import disagreements, mode_causes, order_cause
+from modalscope.comparing.further import changed_by_more_orders
 from modalscope.comparing.identities import check_identities
 from modalscope.comparing.kinship import Kinship, kinship
 from modalscope.comparing.result import Comparison
 from modalscope.comparing.routes import route_causes, tasks_of, witnesses
 from modalscope.comparing.run import MethodResult, Progress, run
-from modalscope.comparing.scatter import noise_floor, stated
+from modalscope.comparing.scatter import Scatter, stated
 from modalscope.comparing.verdict import judge, words
 from modalscope.identification.options import AllOptions
 from modalscope.identification.prepare import Data
@@ -52,6 +54,7 @@ def compare(
     exclude: Iterable[DofLike] | DofLike | None = None,
     progress: Progress | None = None,
     workers: int | None = None,
+    replicates: int = 0,
     **options: Any,
 ) -> Comparison:
     """Compare all methods on the same data: which modes they agree on, where they differ and why, and which to trust.
@@ -75,6 +78,8 @@ def compare(
         Called with (orders done, orders in all), over all methods.
     workers : int, optional
         Methods at a time.
+    replicates : int
+        So many simulations of the method that fits best certify the intervals (see `certify`); by default none are made.
     **options
         Of `stabilize`, for every method.
 
@@ -101,13 +106,18 @@ def compare(
     check_kind("compare", data, (FrequencyResponse, ImpulseResponse, Signals, Records))
     if workers is not None:
         check_count("workers", workers)
+    check_count("replicates", replicates, least=0)
     data, findings = without_dead(data)
     ways, failed = witnesses(data, band, options.pop("route", None))
     tasks, more = tasks_of(ways, methods, orders)
     given, cells = [w for w, _ in tasks], [cell for _, cell in tasks]
     results, causes = route_causes(run(given, cells, progress=progress, workers=workers, **options))
     response = ways[0].response
-    judged = _judged(response, results, [*findings, *causes], _duration(data))
+    tried = certified_best(results, [way.records for way in given], replicates)
+    low = order_cause(results)
+    if low is not None and changed_by_more_orders(tasks, results, options):
+        causes.append(low)
+    judged = _judged(response, results, [*findings, *causes], tried)
     return Comparison(
         response=response,
         results=results,
@@ -118,12 +128,13 @@ def compare(
 
 
 def _judged(
-    response: Response, results: tuple[MethodResult, ...], findings: list[Cause], duration: float | None
+    response: Response, results: tuple[MethodResult, ...], findings: list[Cause], tried: Tried | None
 ) -> dict[str, Any]:
     """Return what the results say together, by the fields of a `Comparison`: the consensus, its trust, and what differs and why."""
     kin = kinship(results)
     groups, unconfirmed = pair(results, kin)
-    modes = _consensus(response, groups)
+    scatter = stated(groups, results)
+    modes = _consensus(response, groups, scatter)
     fitted = rebuilt(response, modes) if groups else 0 * response.values
     left = fit_error(response.values, fitted)[0]
     if groups:
@@ -132,11 +143,15 @@ def _judged(
         shown = fitted if drawn is response else rebuilt(drawn, modes)
         findings += sign_causes(drawn)
         findings += channel_causes(drawn, shown, modes.poles - window_damping(response), _best_fit(results))
-    low = order_cause(results)
-    findings += [] if low is None else [low]
-    scatter = stated(groups, noise_floor(response, modes, fitted, duration))
     trust = tuple(
-        judge(g, scatter.frequency[k], scatter.damping[k], mode_causes(k, groups, response, results), findings)
+        judge(
+            g,
+            scatter.frequency[k],
+            scatter.damping[k],
+            mode_causes(k, groups, response, results),
+            findings,
+            interval_trouble(g, scatter.frequency_noise[k], scatter.damping_noise[k], tried),
+        )
         for k, g in enumerate(groups)
     )
     warned = f"{explained(left)}\n" if groups and not explains_enough(left) else ""
@@ -149,9 +164,10 @@ def _judged(
         "trust": trust,
         "kinship": kin,
         "identities": check_identities(response.picture(), min(max(2 * len(groups), 2), _IDENTITY_ORDER)),
-        "disagreements": disagreements(groups, response, results, findings),
+        "disagreements": disagreements(groups, response, results, findings, scatter),
         "findings": tuple(findings),
         "verdict": f"{warned}{words(groups, trust, scatter, results, findings)}",
+        "certified": tried,
     }
 
 
@@ -162,14 +178,7 @@ def _best_fit(results: Sequence[MethodResult]) -> float:
     )
 
 
-def _duration(data: Data) -> float | None:
-    """Seconds of record behind correlations, where they are known."""
-    if not isinstance(data, Signals):
-        return None
-    return float(np.prod(data.outputs.shape[:-1])) / data.sampling_rate
-
-
-def _consensus(response: Response, groups: Sequence[Group]) -> ModalModel:
+def _consensus(response: Response, groups: Sequence[Group], scatter: Scatter) -> ModalModel:
     """Return the modes in the middle of all methods, with participation fitted to the data."""
     poles = np.array([g.pole for g in groups], dtype=complex)
     shapes = np.zeros((len(response.output_dofs), len(groups)), complex)
@@ -185,6 +194,8 @@ def _consensus(response: Response, groups: Sequence[Group]) -> ModalModel:
         held_input=response.held_input,
         frequencies_spread=np.array([g.frequency_between for g in groups]),
         damping_ratios_spread=np.array([g.damping_between for g in groups]),
+        frequencies_std=scatter.deviation("frequency"),
+        damping_ratios_std=scatter.deviation("damping"),
         indicators={"found_by": np.array([float(len(g.members)) for g in groups])},
         **response.labelled(),
         **fitted,

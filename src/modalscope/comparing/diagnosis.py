@@ -14,10 +14,13 @@ too few blocks
     The block rows of the time-domain methods span less than one of its periods.
 transformed data
     The methods that differ are those whose data were transformed from lines to samples or back.
+bias
+    Methods lie further from the consensus than the noise that they share can move them apart.
 order too low
     The fit error still falls at the largest order of most methods: by 15 % with every two states over the last quarter of the
     orders; or by a fifth over that quarter while more than a tenth is left. Or more than 3 % is left, and more singular values
-    than the largest order has states exceed 2.86 times their median (Gavish and Donoho's threshold for square matrices).
+    than the largest order has states exceed 2.86 times their median (Gavish and Donoho's threshold for square matrices). And more
+    orders change the modes that are reported (`modalscope.comparing.further`).
 not separated
     None of the others.
 
@@ -26,7 +29,7 @@ Bandwidths of these rules are those in the data, with what an exponential window
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +37,7 @@ import numpy as np
 from modalscope.comparing.agreement import Group
 from modalscope.comparing.causes import Cause, Disagreement
 from modalscope.comparing.run import MethodResult
+from modalscope.comparing.scatter import Biased, Scatter
 from modalscope.judging.evidence import LEAST_PEAK, LEAST_SIGNAL
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.response import Response, window_damping
@@ -121,10 +125,9 @@ def _weak(case: _Case) -> Cause | None:
     part, level = float(np.median(share)), float(np.median(signal))
     if part >= LEAST_PEAK and level >= _WEAK_SIGNAL:
         return None
-    return Cause(
-        "weak mode",
-        f"makes up {100 * min(part, 1.0):.0f} % of the response at its frequency, {level:.3g} standard deviations above the noise",
-    )
+    said = [f"makes up {100 * min(part, 1.0):.0f} % of the response at its frequency"] if part < LEAST_PEAK else []
+    said += [f"{level:.3g} standard deviations above the noise"] if level < _WEAK_SIGNAL else []
+    return Cause("weak mode", ", ".join(said))
 
 
 def _edge(case: _Case) -> Cause | None:
@@ -179,36 +182,31 @@ def _transformed(case: _Case) -> Cause | None:
 
 
 def order_cause(results: Sequence[MethodResult]) -> Cause | None:
-    """Whether the largest order is too low, by most of the methods that worked on the data themselves."""
+    """Whether the fit error still falls at the largest order, by most of the methods that worked on the data themselves."""
     diagrams = [r.diagram for r in results if r.diagram is not None and r.exact]
-    short = [found for d in diagrams if (found := _still_falls(d)) is not None]
-    if not diagrams or 2 * len(short) <= len(diagrams):
+    said = [why for d in diagrams if (why := _still_falls(d))]
+    if not diagrams or 2 * len(said) <= len(diagrams):
         return None
-    largest = max(d.orders[-1] for d in diagrams)
-    left, fall = (100 * float(v) for v in np.median(np.array(short), axis=0))
-    return Cause(
-        "order too low",
-        f"at order {largest} {left:.2g} % is left to explain; the last quarter of the orders still took it to {fall:.0f} % of what it was",
-    )
+    return Cause("order too low", max(dict.fromkeys(said), key=said.count))
 
 
-def _still_falls(diagram: StabilizationDiagram) -> tuple[float, float] | None:
-    """Return the fit error at the largest order, and that over the best up to three quarters of it; None when it has settled."""
+def _still_falls(diagram: StabilizationDiagram) -> str:
+    """Return by which rule the fit error still falls, with its numbers; nothing when it has settled."""
     orders, errors = np.asarray(diagram.orders), np.asarray(diagram.fit_errors)
-    if diagram.exact_rank is not None or errors.min() < _ROUNDING:
-        return None
     below = orders <= _SHARE * orders[-1]
-    if not below.any():
-        below = orders < orders[-1]
-    if not below.any():
-        return None
-    fall = float(errors.min() / errors[below].min())
+    below = below if below.any() else orders < orders[-1]
+    if diagram.exact_rank is not None or errors.min() < _ROUNDING or not below.any():
+        return ""
+    left, fall = float(errors.min()), float(errors.min() / errors[below].min())
     pairs = max((orders[-1] - orders[below][-1]) / 2, 1.0)
-    steep = fall ** (1 / pairs) < _STEEP
-    much = errors.min() > _MUCH
-    hidden = errors.min() > _SOME and _stand_out(diagram) > orders[-1]
-    short = steep or hidden or (much and fall < _FALLS)
-    return (float(errors.min()), fall) if short else None
+    lead = f"at order {orders[-1]} {100 * left:.2g} % is left to explain"
+    if fall ** (1 / pairs) < _STEEP:
+        return f"{lead}, and every two states still take {100 * (1 - fall ** (1 / pairs)):.0f} % of it away"
+    if left > _MUCH and fall < _FALLS:
+        return f"{lead}; the last quarter of the orders still took it to {100 * fall:.0f} % of what it was"
+    if left > _SOME and (count := _stand_out(diagram)) > orders[-1]:
+        return f"{lead}, and {count} singular values stand out of the noise"
+    return ""
 
 
 def _stand_out(diagram: StabilizationDiagram) -> int:
@@ -218,7 +216,11 @@ def _stand_out(diagram: StabilizationDiagram) -> int:
 
 
 def disagreements(
-    groups: Sequence[Group], response: Response, results: Sequence[MethodResult], data_causes: Sequence[Cause]
+    groups: Sequence[Group],
+    response: Response,
+    results: Sequence[MethodResult],
+    data_causes: Sequence[Cause],
+    scatter: Scatter | None = None,
 ) -> tuple[Disagreement, ...]:
     """Return where methods differ on a mode, with the likely causes; findings about the data as a whole come first.
 
@@ -229,18 +231,22 @@ def disagreements(
     results : sequence of MethodResult
     data_causes : sequence of Cause
         Found in the channels and the orders.
+    scatter : Scatter, optional
+        Which methods lie further from the consensus than the noise explains; by default, and for methods of which it is not known how
+        the noise moves them, a quarter of the half bandwidth or of the damping counts.
     """
     found = [Disagreement(None, cause.evidence, (), (cause,)) for cause in data_causes]
     general = tuple(c for c in data_causes if c.name in ("order too low", "bad channel", "swapped sign"))
     for index, group in enumerate(groups):
-        missing, off = _differing(group, results)
+        biased = {} if scatter is None else scatter.biased[index]
+        missing, off = _differing(group, results, biased, frozenset() if scatter is None else scatter.known[index])
         if not missing and not off:
             continue
         labels = {r.name: r.label for r in results}
         words = [f"not found by {', '.join(labels[name] for name in missing)}"] if missing else []
         words += [f"{labels[name]}: {what}" for name, what in off.items()]
         names = (*missing, *off)
-        causes = mode_causes(index, groups, response, results, names) or general
+        causes = (*mode_causes(index, groups, response, results, names), *_bias(biased, labels)) or general
         causes = causes or (
             Cause("not separated", f"found by {len(group.members)} methods, and no other rule applies"),
         )
@@ -248,7 +254,25 @@ def disagreements(
     return tuple(found)
 
 
-def _differing(group: Group, results: Sequence[MethodResult]) -> tuple[list[str], dict[str, str]]:
+def _bias(biased: Mapping[str, Sequence[Biased]], labels: Mapping[str, str]) -> tuple[Cause, ...]:
+    """Return the bias that methods are witnesses of, the one that lies furthest off by name."""
+    if not biased:
+        return ()
+    name, worst = max(
+        ((name, b) for name, each in biased.items() for b in each), key=lambda pair: abs(pair[1].deviations)
+    )
+    others = f", and {len(biased) - 1} more beyond the noise" if len(biased) > 1 else ""
+    return (
+        Cause(
+            "bias",
+            f"{labels[name]} is the witness: its {worst.kind} lies {abs(worst.deviations):.3g} deviations off{others}",
+        ),
+    )
+
+
+def _differing(
+    group: Group, results: Sequence[MethodResult], biased: Mapping[str, Sequence[Biased]], known: Collection[str]
+) -> tuple[list[str], dict[str, str]]:
     """Return the methods that miss a mode, and those whose values are off, with what is."""
     missing, off = [], {}
     for r in results:
@@ -257,14 +281,23 @@ def _differing(group: Group, results: Sequence[MethodResult]) -> tuple[list[str]
         if r.name not in group.members:
             missing.append(r.name)
             continue
+        words = [_off(group, r.name, b) for b in biased.get(r.name, ())]
         f, zeta, like = group.frequencies[r.name], group.damping_ratios[r.name], group.mac[r.name]
-        words = []
-        if abs(f - group.frequency) > _OFF_FREQUENCY * group.half_bandwidth:
+        if r.name not in known and abs(f - group.frequency) > _OFF_FREQUENCY * group.half_bandwidth:
             words.append(f"frequency {f:.6g} Hz")
-        if abs(zeta - group.damping) > _OFF_DAMPING * group.damping:
+        if r.name not in known and abs(zeta - group.damping) > _OFF_DAMPING * group.damping:
             words.append(f"damping {100 * zeta:.3g} %")
         if like < 1 - _OFF_SHAPE:
             words.append(f"MAC {like:.2f}")
         if words:
             off[r.name] = ", ".join(words)
     return missing, off
+
+
+def _off(group: Group, name: str, found: Biased) -> str:
+    """Say how far a value lies off, beyond what the noise explains."""
+    if found.kind == "frequency":
+        value = f"frequency {group.frequencies[name]:.7g} Hz"
+    else:
+        value = f"damping {100 * group.damping_ratios[name]:.4g} %"
+    return f"{value} ({abs(found.deviations):.3g} deviations of the difference)"

@@ -8,11 +8,12 @@ from typing import Any
 
 from modalscope.comparing.agreement import Group
 from modalscope.comparing.causes import Cause, Disagreement
+from modalscope.comparing.certified import Tried
 from modalscope.comparing.identities import Identity
 from modalscope.comparing.kinship import Kinship
 from modalscope.comparing.labels import find_by_name
 from modalscope.comparing.run import MethodResult
-from modalscope.comparing.scatter import COVERAGE, Scatter
+from modalscope.comparing.scatter import LEVEL, Scatter
 from modalscope.comparing.verdict import Trust
 from modalscope.modal.explained import explains_enough, share_explained
 from modalscope.model.modes import ModalModel
@@ -50,6 +51,8 @@ class Comparison(Shown):
     findings : tuple of Cause
         What was found about channels and orders.
     verdict : str
+    certified : Tried, optional
+        The certificate of the method that fits best, where one was asked.
     settings : mapping
         What was asked: methods, orders, band, excluded channels.
     notes : tuple of Note
@@ -68,6 +71,7 @@ class Comparison(Shown):
     disagreements: tuple[Disagreement, ...]
     findings: tuple[Cause, ...]
     verdict: str
+    certified: Tried | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[Note, ...] = ()
 
@@ -119,7 +123,7 @@ class Comparison(Shown):
                     t.grade,
                 ]
             )
-        lead = f"Consensus (+-: {COVERAGE:g} standard deviations of methods, orders and noise together)"
+        lead = f"Consensus (+-: the truth within it in {100 * LEVEL:g} %, by the noise and by what methods disagree beyond it)"
         return _aligned([head, *rows], lead) if rows else "No mode in common."
 
     def _methods_table(self) -> str:

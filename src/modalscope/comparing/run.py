@@ -10,11 +10,13 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import Any
 
+from modalscope.comparing.moved import Moved, moved_by_noise
 from modalscope.comparing.plan import Cell
 from modalscope.identification.method import Method
 from modalscope.identification.prepare import Measured, pose
+from modalscope.identification.sweep import start
 from modalscope.judging.select import select
-from modalscope.judging.stabilize import stabilized
+from modalscope.judging.stabilize import swept
 from modalscope.modal.rebuilt import fit_of
 from modalscope.model.checks import DataError
 from modalscope.model.diagram import StabilizationDiagram
@@ -39,6 +41,8 @@ class MethodResult:
         None when the method failed.
     fit_error : float, optional
         norm(measured - rebuilt from the modes) / norm(measured), in the method's own domain.
+    moved : Moved, optional
+        How the noise moves the modes, where that is known.
     route : str
         The way from records with inputs; empty for other data. Each way has one vote.
     seconds : float
@@ -52,6 +56,7 @@ class MethodResult:
     diagram: StabilizationDiagram | None = None
     modes: ModalModel | None = None
     fit_error: float | None = None
+    moved: Moved | None = None
     route: str = ""
     seconds: float = 0.0
     failure: str = ""
@@ -124,9 +129,11 @@ def _one(measured: Measured, cell: Cell, progress: Progress, options: dict[str, 
     method = cell.method
     try:
         problem = pose(measured, method, {**cell.options, **options})
-        diagram = stabilized(problem, list(cell.orders), progress=progress)
+        found = start(problem, list(cell.orders), automatic=False)
+        diagram = swept(found, cell.orders, progress=progress)
         modes = select(diagram)
         error = fit_of(modes, diagram.response)
+        moved = moved_by_noise(found, diagram, modes)
     except DataError as trouble:
         failure = " ".join(str(trouble).split())
     except (ValueError, ArithmeticError, MemoryError) as trouble:  # numpy's own: no convergence, no memory
@@ -139,6 +146,7 @@ def _one(measured: Measured, cell: Cell, progress: Progress, options: dict[str, 
             diagram=diagram,
             modes=modes,
             fit_error=error,
+            moved=moved,
             seconds=time.perf_counter() - started,
         )
     return MethodResult(

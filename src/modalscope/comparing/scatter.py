@@ -1,140 +1,198 @@
-"""How far a value may be from the truth: between methods, over orders, and what the noise alone leaves open.
+"""How far a value may be from the truth: what the noise leaves open, and what methods disagree by beyond it.
 
-Methods that read the same record share its noise, so that their scatter alone says too little. What the noise leaves open is
-the Cramer-Rao bound of each pole: residues are free in every channel, the noise is what the rebuilt responses leave, white
-over lines or samples.
-For an ambient record of known length Au's uncertainty laws take its place (S.-K. Au, Mech. Syst. Signal Process. 48, 2014).
+All methods read the same noise: the deviation of the difference of two of them is that of <g_1 - g_2, noise>, g their influences,
+and is often far below that of either. What lies further apart than it explains is bias, of one or of the other.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from scipy.special import ndtri, stdtrit
 
 from modalscope.comparing.agreement import Group
-from modalscope.model.checks import Array, RealArray
-from modalscope.model.modes import ModalModel
-from modalscope.model.response import Response, window_damping
+from modalscope.comparing.moved import Moved, covariance
+from modalscope.comparing.run import MethodResult
+from modalscope.judging.certificate import LARGEST_BIAS
+from modalscope.model.checks import RealArray
 
-__all__ = ["COVERAGE", "Scatter", "noise_floor", "stated"]
+__all__ = ["Biased", "Scatter", "stated"]
 
-#: The stated scatter is this many times the root of the squared parts together.
-COVERAGE = 2.5
-
-#: Methods are not efficient: on impulse responses at 40 dB their errors are two to three times what the noise leaves open at best.
-EFFICIENCY = 2.5
+#: Probability that the truth lies within the stated scatter, and that any of all comparisons calls noise a bias.
+LEVEL, FALSE = 0.95, 0.01
 
 #: Nothing is stated more exactly than this (relative): rounding and the noise-free case.
 _LEAST = 1e-9
 
+_KINDS = ("frequency", "damping")
+
+
+class Biased(NamedTuple):
+    """How far a method's value lies from the consensus: as it is, and in deviations of the difference."""
+
+    kind: str
+    away: float
+    deviations: float
+
 
 @dataclass(frozen=True, eq=False)
 class Scatter:
-    """Half-widths within which the truth is expected, and what they are made of (standard deviations).
+    """Half-widths within which the truth is expected in 95 %, and what they are made of (standard deviations).
 
     Parameters
     ----------
     frequency, damping : array, (n,)
         Stated scatter: Hz and ratio.
     frequency_noise, damping_noise : array, (n,)
-        What the noise leaves open; NaN where it is not known.
+        Of the consensus, by the noise in the data; NaN where it is not known.
+    frequency_bias, damping_bias : array, (n,)
+        What the votes scatter by beyond what the noise moves them apart.
+    biased : tuple of mapping of method name to tuple of Biased
+        For every mode the methods that the noise does not explain.
+    known : tuple of set of method names
+        For every mode the methods of which it is known how the noise moves them.
     """
 
     frequency: RealArray
     damping: RealArray
     frequency_noise: RealArray
     damping_noise: RealArray
+    frequency_bias: RealArray
+    damping_bias: RealArray
+    biased: tuple[Mapping[str, tuple[Biased, ...]], ...] = ()
+    known: tuple[frozenset[str], ...] = ()
+
+    def deviation(self, kind: str) -> RealArray:
+        """Return sqrt(noise^2 + bias^2) of "frequency" or "damping", (n,); NaN where the noise is not known."""
+        return np.asarray(np.hypot(getattr(self, f"{kind}_noise"), getattr(self, f"{kind}_bias")))
 
 
-def stated(groups: tuple[Group, ...], noise: tuple[RealArray, RealArray]) -> Scatter:
-    """Return the stated scatter of every mode: COVERAGE sqrt(between methods^2 + over orders^2 + (EFFICIENCY noise)^2).
+class _Known(NamedTuple):
+    """What is known of one mode: variances of the consensus, of every method's distance from it, (2,) each."""
 
-    Parameters
-    ----------
-    groups : tuple of Group
-    noise : (array, array)
-        Standard deviations of frequency and damping that the noise leaves open.
-    """
-    parts = []
-    for name, open_to_noise in (("frequency", noise[0]), ("damping", noise[1])):
-        between = np.array([getattr(g, f"{name}_between") for g in groups])
-        orders = np.array([getattr(g, f"{name}_over_orders") for g in groups])
-        size = np.array([getattr(g, name) for g in groups])
-        known = np.nan_to_num(EFFICIENCY * open_to_noise)
-        parts.append(np.maximum(COVERAGE * np.sqrt(between**2 + orders**2 + known**2), _LEAST * size))
-    return Scatter(parts[0], parts[1], *noise)
+    consensus: RealArray
+    apart: dict[str, RealArray]
+    degrees: float
 
 
-def noise_floor(
-    response: Response, modes: ModalModel, rebuilt: Array, cycles: float | None
-) -> tuple[RealArray, RealArray]:
-    """Return the standard deviations of frequency (Hz) and damping ratio that the noise leaves open.
+def stated(groups: Sequence[Group], results: Sequence[MethodResult]) -> Scatter:
+    """Return the stated scatter of every mode: z sqrt(noise^2 + bias^2), bias^2 = between methods^2 - what noise puts between them.
 
     Parameters
     ----------
-    response : FrequencyResponse or ImpulseResponse
-    modes : ModalModel
-    rebuilt : array, shape of the response
-        What is left over is taken for the noise.
-    cycles : float, optional
-        Length in seconds of the ambient record behind correlations.
+    groups : sequence of Group
+    results : sequence of MethodResult
     """
-    n = len(modes)
-    if not response.separable:
-        return np.full(n, np.nan), np.full(n, np.nan)
-    if response.ambient:
-        f, zeta = modes.frequencies, modes.damping_ratios
-        if cycles is None or not n:
-            return np.full(n, np.nan), np.full(n, np.nan)
-        # Au: c.o.v. of f squared = zeta / (2 pi N), of zeta squared = 1 / (2 pi zeta N), N = f T cycles
-        return f * np.sqrt(zeta / (2 * np.pi * f * cycles)), zeta * np.sqrt(1 / (2 * np.pi * zeta * f * cycles))
-    if not n:
-        return np.zeros(0), np.zeros(0)
-    information = _information(response, modes, rebuilt)
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    covariance = np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-12, hermitian=True) / np.outer(
-        scale, scale
+    known = _Shared(groups, results).known()
+    count = 2 * sum(max(len(k.apart) - 1, 0) for k in known)
+    columns: dict[str, list[float]] = {f"{kind}{part}": [] for part in ("", "_noise", "_bias") for kind in _KINDS}
+    biased: list[dict[str, tuple[Biased, ...]]] = []
+    for g, k in zip(groups, known, strict=True):
+        z = _quantile((1 + LEVEL) / 2, k.degrees)
+        for i, kind in enumerate(_KINDS):
+            by_noise = [k.apart[name][i] for name in g.votes if name in k.apart]
+            between = getattr(g, f"{kind}_between") ** 2
+            bias = np.sqrt(max(between - (float(np.mean(by_noise)) if by_noise else 0.0), 0.0))
+            noise = float(np.sqrt(k.consensus[i]))
+            half = z * np.sqrt(np.nan_to_num(noise) ** 2 + bias**2)
+            columns[kind].append(max(half, _LEAST * getattr(g, kind)))
+            columns[f"{kind}_noise"].append(noise)
+            columns[f"{kind}_bias"].append(float(bias))
+        biased.append(_biased(g, k, _quantile(1 - FALSE / 2 / max(count, 1), k.degrees)))
+    return Scatter(
+        **{name: np.array(values) for name, values in columns.items()},
+        biased=tuple(biased),
+        known=tuple(frozenset(k.apart) for k in known),
     )
-    return _of_poles(modes.poles, covariance)
 
 
-def _of_poles(poles: Array, covariance: RealArray) -> tuple[RealArray, RealArray]:
-    """Carry the covariance of Re s and Im s to f = |s| / 2 pi and zeta = -Re s / |s|."""
-    w = np.abs(poles)
-    j = 2 * np.arange(poles.size)
-    blocks = np.stack([covariance[j, j], covariance[j, j + 1], covariance[j + 1, j + 1]])
-    to_f = np.stack([poles.real, poles.imag]) / w / (2 * np.pi)
-    to_zeta = np.stack([-(poles.imag**2), poles.real * poles.imag]) / w**3
-    variances = [a[0] ** 2 * blocks[0] + 2 * a[0] * a[1] * blocks[1] + a[1] ** 2 * blocks[2] for a in (to_f, to_zeta)]
-    return np.sqrt(np.maximum(variances[0], 0)), np.sqrt(np.maximum(variances[1], 0))
+def _quantile(probability: float, degrees: float) -> float:
+    """Return Student's quantile where the noise is known from few parts of a record, else the normal one."""
+    return float(stdtrit(degrees, probability) if np.isfinite(degrees) else ndtri(probability))
 
 
-def _information(response: Response, modes: ModalModel, rebuilt: Array) -> RealArray:
-    """Fisher information of (Re s_1, Im s_1, Re s_2, ...) with residues and direct terms of all channels eliminated.
+def _biased(g: Group, known: _Known, limit: float) -> dict[str, tuple[Biased, ...]]:
+    """Return the methods whose distance from the consensus no noise explains, and is no small share of a deviation."""
+    found: dict[str, tuple[Biased, ...]] = {}
+    for name, variance in known.apart.items():
+        each = []
+        for i, (kind, values) in enumerate(zip(_KINDS, (g.frequencies, g.damping_ratios), strict=True)):
+            away, size = values[name] - getattr(g, kind), getattr(g, kind)
+            deviation = np.sqrt(max(float(variance[i]), 0.0)) + _LEAST * size
+            if abs(away) > limit * deviation and away**2 > LARGEST_BIAS**2 * known.consensus[i]:
+                each.append(Biased(kind, away, away / deviation))
+        if each:
+            found[name] = tuple(each)
+    return found
 
-    In channel c the derivative with respect to Re s is a e1 + b e2 and to Im s it is -b e1 + a e2, with the residue a + j b and
-    the functions e1, e2 of the squared pole; sum_c S_c' E'(I - Q Q')E S_c / variance_c, Q spanning what residues can explain.
-    """
-    poles = modes.poles - window_damping(response)
-    basis = response.basis(poles)
-    linear = np.hstack([basis.terms, basis.functions])
-    Q = np.linalg.qr(linear / np.maximum(np.linalg.norm(linear, axis=0), 1e-300))[0]
-    E = response.derivatives(poles)
-    E = E - Q @ (Q.T @ E)
-    gram = E.T @ E
-    rows, unknown = E.shape[0], Q.shape[1]
-    left = response.values - rebuilt
-    variance = np.sum(np.abs(left) ** 2, axis=0) / max(rows - unknown, 1)
-    level = np.mean(np.abs(response.values) ** 2, axis=0)
-    variance = np.maximum(variance, 1e-28 * level.max())
-    residues = modes.residues
-    n = len(modes)
-    total = np.zeros((2 * n, 2 * n))
-    j = 2 * np.arange(n)
-    for o, i in np.ndindex(variance.shape):
-        S = np.zeros((2 * n, 2 * n))
-        S[j, j], S[j + 1, j] = residues[:, o, i].real, residues[:, o, i].imag
-        S[j, j + 1], S[j + 1, j + 1] = -residues[:, o, i].imag, residues[:, o, i].real
-        total += S.T @ gram @ S / variance[o, i]
-    return total
+
+class _Shared:
+    """Covariances of the methods that read the same data, mode by mode, each pair of methods computed once."""
+
+    def __init__(self, groups: Sequence[Group], results: Sequence[MethodResult]) -> None:
+        self._groups = groups
+        there = {r.name: r.moved for r in results if r.moved is not None and r.exact}
+        first = next((there[name] for g in groups for name in g.votes if name in there), None)
+        self._moved = {name: m for name, m in there.items() if first is not None and _same(m, first)}
+        errors = {r.name: np.inf if r.fit_error is None else r.fit_error for r in results}
+        best = min(self._moved, key=lambda name: errors[name], default=None)
+        self._noise = None if best is None else self._moved[best].noise
+        self._pairs: dict[tuple[str, str], dict[int, RealArray]] = {}
+
+    def known(self) -> list[_Known]:
+        """Return what is known of every mode."""
+        return [self._of(k, g) for k, g in enumerate(self._groups)]
+
+    def _of(self, k: int, g: Group) -> _Known:
+        names = [name for name, j in g.members.items() if name in self._moved and self._moved[name].row[j] >= 0]
+        middle = self._middle(g, names)
+        if not any(middle):
+            return _Known(np.full(2, np.nan), {}, np.inf)
+        consensus = np.array([np.mean([self._pair(a, b, k)[i] for a in m for b in m]) for i, m in enumerate(middle)])
+        apart = {}
+        for name in names:
+            own = self._pair(name, name, k)
+            across = np.array([np.mean([self._pair(name, m, k)[i] for m in part]) for i, part in enumerate(middle)])
+            apart[name] = own + consensus - 2 * across
+        degrees = self._noise.note.numbers.get("degrees_of_freedom", np.inf) if self._noise is not None else np.inf
+        return _Known(np.maximum(consensus, 0), apart, degrees)
+
+    @staticmethod
+    def _middle(g: Group, names: Sequence[str]) -> tuple[list[str], list[str]]:
+        """Return whose values the consensus is, of frequency and damping: the one or two votes nearest to it."""
+        votes = [name for name in g.votes if name in names] or list(names)
+        parts = []
+        for values, middle in ((g.frequencies, g.frequency), (g.damping_ratios, g.damping)):
+            ordered = sorted(votes, key=lambda name: abs(values[name] - middle))
+            parts.append(ordered[: 1 if len(votes) % 2 else 2])
+        return parts[0], parts[1]
+
+    def _pair(self, one: str, other: str, k: int) -> RealArray:
+        """Return the covariances (2,) of a mode's frequency and damping by two methods."""
+        first, second = sorted((one, other))
+        if (first, second) not in self._pairs:
+            self._pairs[first, second] = self._computed(first, second)
+        return self._pairs[first, second][k]
+
+    def _computed(self, one: str, other: str) -> dict[int, RealArray]:
+        a, b = self._moved[one], self._moved[other]
+        modes, rows, beside = [], [], []
+        for k, g in enumerate(self._groups):
+            if one in g.members and other in g.members:
+                i, j = a.row[g.members[one]], b.row[g.members[other]]
+                if min(i, j) >= 0:
+                    modes.append(k)
+                    rows.append(i)
+                    beside.append(j)
+        assert self._noise is not None
+        f, zeta = covariance(a, b, np.array(rows, dtype=np.intp), np.array(beside, dtype=np.intp), self._noise)
+        return {k: np.array([f[i], zeta[i]]) for i, k in enumerate(modes)}
+
+
+def _same(one: Moved, other: Moved) -> bool:
+    """Whether two methods read the same data, value by value."""
+    a, b = one.response.values, other.response.values
+    return a is b or (a.shape == b.shape and bool(np.array_equal(a, b)))

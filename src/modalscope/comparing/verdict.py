@@ -1,8 +1,9 @@
 """Which modes to trust, which not, and why, in words.
 
-A mode is **trusted** when at least two thirds of the methods with a vote (and two at least, where two have one) found it, and
-its stated scatter is within a half bandwidth in frequency and within 30 % in damping. It is trusted **in frequency only** when its
-damping scatters more. Otherwise it is **doubtful**. When the largest order is too low no mode is trusted.
+A mode is **trusted** when at least two thirds of the methods with a vote (and two at least, where two have one) found it, it has an
+interval, which its certificate does not refute (where one was asked), and its stated scatter is within a half bandwidth in
+frequency and within 30 % in damping. It is trusted **in frequency only** when its damping scatters more, or its interval is not known
+or does not hold. Otherwise it is **doubtful**. When the largest order is too low no mode is trusted.
 """
 
 from __future__ import annotations
@@ -54,6 +55,7 @@ def judge(
     damping_scatter: float,
     causes: tuple[Cause, ...],
     data_causes: Sequence[Cause],
+    interval: str = "",
 ) -> Trust:
     """Grade one mode by the rules of this module.
 
@@ -64,6 +66,8 @@ def judge(
         Stated, Hz and ratio.
     causes, data_causes : sequence of Cause
         Of the mode, and of the data as a whole.
+    interval : str
+        What is wrong with its interval; empty when nothing is.
     """
     votes, voters = len(group.votes), group.voters
     found = f"found by {votes} of {voters} independent methods"
@@ -79,7 +83,7 @@ def judge(
     if damping_scatter > _DAMPING * group.damping:
         share = 100 * damping_scatter / group.damping
         return Trust("frequency only", f"{found}; its damping is open by ±{share:.0f} %" + _because(causes), causes)
-    return Trust("trusted", found, causes)
+    return Trust("frequency only", f"{found}; {interval}", causes) if interval else Trust("trusted", found, causes)
 
 
 def _because(causes: tuple[Cause, ...]) -> str:

@@ -24,7 +24,8 @@ from modalscope.model.notes import Note
 from modalscope.model.poles import frequencies_and_damping
 from modalscope.model.response import output_scale
 from modalscope.uncertainty.deviations import Deviations, deviations_of
-from modalscope.uncertainty.noise import Noise, Unknown, noise_of, residual_variance
+from modalscope.uncertainty.noise import Noise, Unknown, noise_of
+from modalscope.uncertainty.residual import residual_variance
 
 __all__ = ["Cut", "Sweep", "cut_order", "sweep"]
 
@@ -126,19 +127,19 @@ class _Measured:
 
     def deviations(self, order: int, model: Triple, modal: Eigenmodes, index: IntArray) -> Deviations | None:
         """Return the standard deviations of some poles; None where they were not asked."""
-        if self.noise is None:
+        noise, pipeline = self.noise_beside(modal), self._pipeline
+        if noise is None:
             return None
-        residual = self._residual(modal)
-        pipeline = self._pipeline
-        noise = self.noise.beside(residual)
         return deviations_of(pipeline.matrix, pipeline.realization, order, model, modal, index, noise)
 
-    def _residual(self, modal: Eigenmodes) -> RealArray:
-        """Return the variance (l, m) of what no residues at the poles of a model explain, whatever its own shapes leave."""
+    def noise_beside(self, modal: Eigenmodes) -> Noise | None:
+        """Return the noise, given what no residues at the poles of a model explain, whatever its own shapes leave."""
+        if self.noise is None:
+            return None
         own = modal.fit.basis
         basis = self._response.basis(modal.poles, modal.fit.powers) if own is None or self._weighted else own
         rows = self._response.count * (1 + self._complex)  # of compressed ones there are fewer
-        return residual_variance(basis.unexplained, rows - basis.columns.shape[1], self._complex)
+        return self.noise.beside(residual_variance(basis.unexplained, rows - basis.columns.shape[1], self._complex))
 
 
 class Sweep:
@@ -166,6 +167,10 @@ class Sweep:
     def noise(self) -> Noise | None:
         """What is known of the noise; None where no deviations were asked."""
         return self._measured.noise
+
+    def noise_beside(self, cut: Cut) -> Noise | None:
+        """Return the noise, given what a model leaves of the data; None where no deviations were asked."""
+        return self._measured.noise_beside(cut.modal)
 
     def cut(self, order: int) -> Cut:
         """Return one order; the sweep stays where it is.

@@ -6,7 +6,7 @@ variance, taken through the same row at the same order, and refined where the re
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -41,9 +41,13 @@ class Calibration(NamedTuple):
     @property
     def holds(self) -> BoolArray:
         """Whether the interval holds, (n, 2)."""
-        with np.errstate(invalid="ignore"):
-            right = (self.ratio >= RATIOS[0]) & (self.ratio <= RATIOS[1])
-            return np.asarray((np.abs(self.bias) < LARGEST_BIAS) & right & (self.coverage >= LEAST_COVERAGE))
+        return _holding({"bias": self.bias, "ratio": self.ratio, "coverage": self.coverage})
+
+
+def _holding(told: Mapping[str, RealArray]) -> BoolArray:
+    with np.errstate(invalid="ignore"):
+        right = (told["ratio"] >= RATIOS[0]) & (told["ratio"] <= RATIOS[1])
+        return np.asarray((np.abs(told["bias"]) < LARGEST_BIAS) & right & (told["coverage"] >= LEAST_COVERAGE))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
@@ -77,6 +81,16 @@ class Certificate(Shown):
     replicates: IntArray
     order: int
     notes: tuple[Note, ...] = ()
+
+    @property
+    def frequency_holds(self) -> BoolArray:
+        """Whether the interval of each frequency holds, (n,)."""
+        return _holding(self.frequency)
+
+    @property
+    def damping_ratio_holds(self) -> BoolArray:
+        """Whether the interval of each damping ratio holds, (n,)."""
+        return _holding(self.damping_ratio)
 
     @property
     def bias(self) -> RealArray:

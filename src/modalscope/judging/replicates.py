@@ -14,6 +14,7 @@ from modalscope.identification.sweep import Sweep
 from modalscope.judging.select import select
 from modalscope.judging.stabilize import stabilized
 from modalscope.modal.indicators import mac
+from modalscope.modal.joint import joint_residues
 from modalscope.modal.rebuilt import rebuilt
 from modalscope.model.checks import Array, DataError, IntArray, RealArray
 from modalscope.model.diagram import StabilizationDiagram
@@ -21,7 +22,8 @@ from modalscope.model.modes import ModalModel
 from modalscope.model.pairing import assign
 from modalscope.model.response import Response, window_damping
 from modalscope.model.signals import Signals
-from modalscope.uncertainty.noise import Noise, noise_of, residual_variance
+from modalscope.uncertainty.noise import Noise, noise_of
+from modalscope.uncertainty.residual import residual_variance
 
 __all__ = ["Replicates", "matched", "nearest_order", "replicates_of"]
 
@@ -112,14 +114,32 @@ def replicates_of(
     """
     if not len(modes):
         raise DataError("a certificate was asked", "there are no modes", "Give a result with modes.")
-    response = diagram.response
+    response, order = diagram.response, nearest_order(diagram, modes.unrefined or modes)
     clean = rebuilt(response, modes)
-    is_complex = bool(np.iscomplexobj(clean))
-    basis = response.basis(modes.poles - window_damping(response), response.outside_powers)
-    free = response.count * (1 + is_complex) - basis.columns.shape[1]
-    noise = noise_of(response, records).beside(residual_variance(basis.unexplained, free, is_complex))
+    noise = _noise_beside(diagram, modes, order, records)
     noise.drawn(clean.shape, np.random.default_rng(0))  # raises where nothing is known of it
-    return Replicates(diagram, modes, clean, noise, nearest_order(diagram, modes.unrefined or modes), whole)
+    return Replicates(diagram, modes, clean, noise, order, whole)
+
+
+def _noise_beside(diagram: StabilizationDiagram, modes: ModalModel, order: int, records: Signals | None) -> Noise:
+    """Return the noise, given what all decaying poles of the order that made the modes leave, with its spectrum where that is seen."""
+    response = diagram.response
+    is_complex = bool(np.iscomplexobj(response.values))
+    own = np.flatnonzero((diagram.order_of_pole == order) & (diagram.poles.real < 0))
+    poles, shapes = (diagram.poles[own], diagram.shapes[:, own]) if own.size else (modes.poles, modes.shapes)
+    basis = response.basis(poles - window_damping(response), response.outside_powers)
+    free = response.count * (1 + is_complex) - basis.columns.shape[1]
+    variance = residual_variance(basis.unexplained, free, is_complex)
+    noise = noise_of(response, records)
+    if not is_complex:
+        return noise.beside(variance)
+    shapes, fitted = joint_residues(response, poles, shapes)
+    model = ModalModel(
+        poles=poles, shapes=shapes, dt=diagram.dt, held_input=response.held_input, **fitted, **response.labelled()
+    )
+    left = response.values - rebuilt(response, model)
+    level = np.sqrt(variance / np.maximum(np.mean(np.abs(left) ** 2, axis=0), 1e-300))
+    return noise.beside(variance, left * level)
 
 
 def nearest_order(diagram: StabilizationDiagram, modes: ModalModel) -> int:

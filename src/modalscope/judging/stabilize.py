@@ -15,7 +15,7 @@ from modalscope.identification.options import AllOptions
 from modalscope.identification.orders import checked_orders
 from modalscope.identification.pipeline import Pipeline
 from modalscope.identification.prepare import prepare
-from modalscope.identification.sweep import Cut, start
+from modalscope.identification.sweep import Cut, Sweep, start
 from modalscope.modal.indicators import mac
 from modalscope.model.checks import Array, DataError, check_kind, check_positive
 from modalscope.model.diagram import StabilizationDiagram
@@ -146,8 +146,22 @@ def stabilized(
     tolerances, progress, deviations : optional
     """
     limits = _limits(tolerances)
-    found = start(problem, asked, automatic=automatic, deviations=deviations)
-    cuts = []
+    return swept(start(problem, asked, automatic=automatic, deviations=deviations), asked, limits, progress)
+
+
+def swept(
+    found: Sweep, asked: Sequence[int], tolerances: Mapping[str, float] | None = None, progress: Progress | None = None
+) -> StabilizationDiagram:
+    """Return the diagram of what a sweep has still to come; the sweep stays there to cut out an order again.
+
+    Parameters
+    ----------
+    found : Sweep
+    asked : sequence of int
+        Orders that were asked for.
+    tolerances, progress : optional
+    """
+    limits, cuts = _limits(tolerances), []
     for cut in found:
         cuts.append(cut)
         if progress is not None:

@@ -1,5 +1,6 @@
 """Pictures: results drawn on Matplotlib axes. Nothing is identified here, and no global setting is changed."""
 
+from modalscope.plot.certificates import certificate
 from modalscope.plot.diagrams import fit_errors, indicator, stabilization
 from modalscope.plot.intervals import intervals
 from modalscope.plot.matrices import mac, singular_values
@@ -10,6 +11,7 @@ from modalscope.plot.shapes import shape
 from modalscope.plot.spectra import spectra
 
 __all__ = [
+    "certificate",
     "complexity",
     "deviations",
     "fit_errors",

@@ -9,7 +9,7 @@ import numpy as np
 
 from modalscope import plot
 from modalscope.comparing import CAUSES, Comparison, MethodResult
-from modalscope.comparing.scatter import COVERAGE
+from modalscope.comparing.scatter import LEVEL
 from modalscope.modal.explained import explained, explains_enough
 from modalscope.reporting import record, sections
 from modalscope.reporting.figures import draw, stabilization_svg
@@ -88,7 +88,7 @@ def _modes(c: Comparison) -> Section:
     rows = list(zip(*columns.values(), strict=True))
     body = table(list(columns), rows, words=[9]) if rows else paragraph("No mode stands out of the data.")
     body += paragraph(
-        f"±: {COVERAGE:g} times the standard deviations between methods, over orders and of the noise, together; "
+        f"±: the truth lies within it in {100 * LEVEL:g} %, by the noise and by what the methods disagree beyond it; "
         "between: the standard deviation between methods alone; least MAC: of the methods' shapes with the consensus.",
         "muted",
     )
@@ -204,7 +204,7 @@ def _disagreements(c: Comparison) -> Section:
         return Section(
             "disagreements",
             "Where methods disagree",
-            paragraph("Nowhere beyond a quarter of the half bandwidth or of the damping."),
+            paragraph("Nowhere beyond what the noise moves them apart."),
         )
     rows = []
     for d in c.disagreements:

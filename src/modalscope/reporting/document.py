@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
 from typing import Protocol
@@ -13,9 +13,10 @@ from modalscope.identification.identify import Identification
 from modalscope.identification.lookup import cell_label
 from modalscope.io.atomic import replacing
 from modalscope.io.formats import sources_of
+from modalscope.judging.certificate import Certificate
 from modalscope.judging.select import select
 from modalscope.model import DataError, ModalModel, StabilizationDiagram
-from modalscope.model.checks import check_path
+from modalscope.model.checks import check_kind, check_path
 from modalscope.model.keywords import named
 from modalscope.model.notes import Note
 from modalscope.model.response import Response
@@ -26,7 +27,7 @@ from modalscope.reporting import record, sections
 from modalscope.reporting.comparison import comparison_sections
 from modalscope.reporting.html import Section, page
 from modalscope.reporting.identification import identification_sections
-from modalscope.reporting.intervals import intervals_section
+from modalscope.reporting.intervals import certificate_section, intervals_section
 from modalscope.reporting.scripts import result_script, stabilization_script
 
 __all__ = ["Origin", "report", "stabilization_sections", "write_page"]
@@ -53,6 +54,7 @@ def report(
     title: str | None = None,
     source: str | None = None,
     command: str | None = None,
+    certificate: Certificate | None = None,
 ) -> Path:
     """Write a report on modes, a diagram, an identification or a comparison: one HTML file, pictures included.
 
@@ -66,6 +68,8 @@ def report(
         Ends in .html. An earlier file is replaced only by a complete new one.
     title, source, command : str, optional
         Heading, where the data came from, and the command line that gave the result.
+    certificate : Certificate, optional
+        Of a result: whether its intervals hold; the modes are shown with its deviations.
 
     Returns
     -------
@@ -91,6 +95,9 @@ def report(
         known = source or ", ".join(files) or None
         origin = Origin(known, command, thing.findings, thing.notes, result_script(thing))
     modes, diagram = _selected(thing)
+    if certificate is not None:
+        check_kind("certificate of report", certificate, Certificate)
+        modes, origin = certificate.modes, replace(origin, certificate=certificate)
     heading = title or _heading("Modes" if origin.source else "Modal identification", " of ", origin.source)
     parts = stabilization_sections(modes, diagram, origin)
     return write_page(path, heading, _subtitle(diagram.response), parts, (*sources_of(thing), *sources_of(diagram)))
@@ -126,6 +133,7 @@ class Origin:
         The file, and the command line that was typed.
     findings, notes, script : optional
         Of the whole analysis; by default those of the diagram.
+    certificate : Certificate, optional
     """
 
     source: str | None = None
@@ -133,6 +141,7 @@ class Origin:
     findings: Sequence[Finding] | None = None
     notes: Sequence[Note] | None = None
     script: str | None = None
+    certificate: Certificate | None = None
 
 
 def stabilization_sections(modes: ModalModel, diagram: StabilizationDiagram, origin: Origin) -> Iterator[Section]:
@@ -143,6 +152,8 @@ def stabilization_sections(modes: ModalModel, diagram: StabilizationDiagram, ori
     yield sections.modes_section(modes)
     if len(modes):
         yield intervals_section(modes)
+    if origin.certificate is not None:
+        yield certificate_section(origin.certificate)
     yield sections.stabilization_section(diagram, modes)
     yield from sections.mode_pictures(modes, response, fit)
     if modes.reasons:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from modalscope import plot
+from modalscope.judging.certificate import Certificate
 from modalscope.model import ModalModel, StabilizationDiagram
 from modalscope.model.checks import RealArray
 from modalscope.model.response import Response
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
+    "certificate_svg",
     "draw",
     "fit_errors_svg",
     "intervals_svg",
@@ -77,6 +79,11 @@ def shape_svg(modes: ModalModel, index: int) -> bytes:
 def intervals_svg(modes: ModalModel, of: str) -> bytes:
     """Draw the 95 % intervals of all modes."""
     return draw((7.0, 4.0), lambda figure: plot.intervals(modes, figure.add_subplot(), of=of))
+
+
+def certificate_svg(found: Certificate, of: str) -> bytes:
+    """Draw what simulations showed of every interval."""
+    return draw((7.0, 4.0), lambda figure: plot.certificate(found, figure.add_subplot(), of=of))
 
 
 def mac_svg(modes: ModalModel) -> bytes:

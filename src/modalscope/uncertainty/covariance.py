@@ -6,7 +6,7 @@ import numpy as np
 
 from modalscope.model.checks import Array, ComplexArray, RealArray
 
-__all__ = ["deviations_of_poles", "pole_blocks", "sandwich", "shape_deviations"]
+__all__ = ["covariances_of_poles", "deviations_of_poles", "pole_blocks", "sandwich", "shape_deviations"]
 
 
 def deviations_of_poles(poles: Array, blocks: Array) -> tuple[RealArray, RealArray]:
@@ -31,12 +31,32 @@ def deviations_of_poles(poles: Array, blocks: Array) -> tuple[RealArray, RealArr
     >>> f.round(4), zeta.round(5)  # about sd(Im s) / 2 pi, and sd(Re s) / |s|
     (array([0.0159]), array([0.002]))
     """
-    s = np.asarray(poles)
-    w = np.abs(s)
-    to_f = np.stack([s.real, s.imag], axis=1) / (2 * np.pi * w[:, None])
-    to_zeta = np.stack([-(s.imag**2), s.real * s.imag], axis=1) / w[:, None] ** 3
-    f, zeta = (np.sqrt(np.maximum(np.einsum("na,nab,nb->n", to, np.asarray(blocks), to), 0)) for to in (to_f, to_zeta))
+    f, zeta = (np.sqrt(np.maximum(variance, 0)) for variance in covariances_of_poles(poles, poles, blocks))
     return f, zeta
+
+
+def covariances_of_poles(poles: Array, others: Array, blocks: Array) -> tuple[RealArray, RealArray]:
+    """Return the covariances of the frequencies (Hz) of poles and others, one to one, and of their damping ratios, to first order.
+
+    Parameters
+    ----------
+    poles, others : array of complex, (n,)
+        rad/s.
+    blocks : array, (n, 2, 2)
+        Covariance of (Re s, Im s) of each pole with that of its other.
+    """
+    own, its = _gradients(poles), _gradients(others)
+    f, zeta = (np.einsum("na,nab,nb->n", a, np.asarray(blocks), b) for a, b in zip(own, its, strict=True))
+    return f, zeta
+
+
+def _gradients(poles: Array) -> tuple[RealArray, RealArray]:
+    """Return the derivatives of |s| / 2 pi and of -Re s / |s| by (Re s, Im s), (n, 2) each."""
+    s = np.asarray(poles)
+    w = np.abs(s)[:, None]
+    to_f = np.stack([s.real, s.imag], axis=1) / (2 * np.pi * w)
+    to_zeta = np.stack([-(s.imag**2), s.real * s.imag], axis=1) / w**3
+    return to_f, to_zeta
 
 
 def pole_blocks(covariance: RealArray, first: Array) -> RealArray:

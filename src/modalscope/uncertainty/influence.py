@@ -38,13 +38,13 @@ class PoleInfluence:
     gradient: Influence
     slope: ComplexArray
 
-    def white(self, variance: RealArray) -> Moments:
-        """Return the moments of the poles under noise of known variance, see `Influence.white`."""
-        return self.gradient.white(variance).scaled(self.slope)
+    def joint(self, other: PoleInfluence, variance: RealArray, fading: Array | None = None) -> Moments:
+        """Return the moments of these and as many other poles under one noise, see `Influence.joint`."""
+        return self.gradient.joint(other.gradient, variance, fading).scaled(self.slope, other.slope)
 
-    def faded(self, variance: RealArray, fading: Array) -> Moments:
-        """Return the moments of the poles under noise that fades, see `Influence.faded`."""
-        return self.gradient.faded(variance, fading).scaled(self.slope)
+    def take(self, index: Array) -> PoleInfluence:
+        """Return the influence on some poles."""
+        return PoleInfluence(self.gradient.take(index), self.slope[index])
 
     def of(self, change: Array) -> ComplexArray:
         """Return the first-order changes (d, k) of the poles, rad/s, for changes (d, F or N, l, m) of the response."""

@@ -17,9 +17,10 @@ from modalscope.model.response import Response, window_damping
 from modalscope.model.signals import Signals
 from modalscope.preprocess.correlation import correlation_blocks
 from modalscope.preprocess.frf import LEAKING
+from modalscope.uncertainty.drawn import coloured, correlated
 from modalscope.uncertainty.influence import PoleInfluence
 
-__all__ = ["BLOCKS", "KIND", "Noise", "Parts", "Residual", "Unknown", "White", "noise_of", "residual_variance"]
+__all__ = ["BLOCKS", "KIND", "Noise", "Parts", "Residual", "Unknown", "White", "noise_of"]
 
 #: The kind of every note on deviations.
 KIND = "deviations"
@@ -46,16 +47,26 @@ class Noise(ABC):
         """Where the deviations come from."""
 
     @abstractmethod
-    def moments(self, influence: PoleInfluence) -> Moments:
-        """Return what the noise does to poles.
+    def moments(self, influence: PoleInfluence, other: PoleInfluence | None = None) -> Moments:
+        """Return what the noise does to poles, or to poles and as many others together.
 
         Parameters
         ----------
         influence : PoleInfluence
+        other : PoleInfluence, optional
+            Of the same response; by default `influence` itself.
         """
 
-    def beside(self, residual: RealArray) -> Noise:
-        """Return the noise, given the variance (l, m) of what a model leaves of the data."""
+    def beside(self, residual: RealArray, left: Array | None = None) -> Noise:
+        """Return the noise, given what a model leaves of the data.
+
+        Parameters
+        ----------
+        residual : array, (l, m)
+            Its variance.
+        left : array, (K, l, m), optional
+            Itself: noise is then drawn with its spectrum.
+        """
         return self
 
     def damping_is_told(self, poles: ComplexArray) -> BoolArray:
@@ -82,7 +93,9 @@ class White(Noise):
     resolution : float
         Distance of lines that leak into each other, Hz; 0 where none do.
     fading : array, optional
-        What an exponential window makes of it, see `Influence.faded`; None without one.
+        What an exponential window makes of it, see `Influence.joint`; None without one.
+    left : array of complex, (F, l, m), optional
+        What a model leaves on lines: noise is drawn with its spectrum.
     """
 
     variance: RealArray
@@ -90,6 +103,7 @@ class White(Noise):
     is_complex: bool = False
     resolution: float = 0.0
     fading: Array | None = None
+    left: ComplexArray | None = None
 
     @property
     def note(self) -> Note:
@@ -102,22 +116,23 @@ class White(Noise):
             )
         return Note(KIND, {"resolution_hz": self.resolution} if self.resolution else {}, text)
 
-    def moments(self, influence: PoleInfluence) -> Moments:
+    def moments(self, influence: PoleInfluence, other: PoleInfluence | None = None) -> Moments:
         """Return what the noise does to poles."""
-        return influence.white(self.variance) if self.fading is None else influence.faded(self.variance, self.fading)
+        return influence.joint(other or influence, self.variance, self.fading)
 
     def damping_is_told(self, poles: ComplexArray) -> BoolArray:
         """Return which poles have a bandwidth that leakage does not widen."""
         return np.asarray(np.abs(np.real(poles)) / np.pi >= _LEAST_LINES * self.resolution)
 
     def drawn(self, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
-        """Return white noise, circular on lines; that of a record under its window where there is one."""
+        """Return noise of this variance, circular on lines: as a window makes it, with the spectrum that is known, or white."""
         size = np.sqrt(np.broadcast_to(self.variance, shape))
         if not self.is_complex:
             fading = np.ones(shape[0]) if self.fading is None else self.fading[: shape[0]]
             return np.asarray(size * np.sqrt(fading)[:, None, None] * rng.standard_normal(shape))
-        alone = np.eye(1, shape[0])[0] if self.fading is None else self.fading
-        return np.asarray(size * _correlated(shape, alone, rng))
+        if self.left is not None:
+            return coloured(self.left, rng)
+        return np.asarray(size * correlated(shape, np.eye(1, shape[0])[0] if self.fading is None else self.fading, rng))
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,11 +151,12 @@ class Residual(Noise):
         )
         return Note(KIND, {}, text)
 
-    def beside(self, residual: RealArray) -> Noise:
-        """Return white noise of the variance that the model leaves."""
-        return White(residual, "the residual", self.is_complex, fading=self.fading)
+    def beside(self, residual: RealArray, left: Array | None = None) -> Noise:
+        """Return noise of the variance that the model leaves."""
+        shown = left if self.is_complex and self.fading is None else None
+        return White(residual, "the residual", self.is_complex, fading=self.fading, left=shown)
 
-    def moments(self, influence: PoleInfluence) -> Moments:
+    def moments(self, influence: PoleInfluence, other: PoleInfluence | None = None) -> Moments:
         """Raise: a model is needed first."""
         raise TypeError("the residual of a model is needed first: beside()")
 
@@ -174,10 +190,11 @@ class Parts(Noise):
         )
         return Note(KIND, {"parts": count, "degrees_of_freedom": count - 1}, text)
 
-    def moments(self, influence: PoleInfluence) -> Moments:
-        """Return sum |dp|^2 and sum dp^2 over the parts."""
+    def moments(self, influence: PoleInfluence, other: PoleInfluence | None = None) -> Moments:
+        """Return sum dp dq* and sum dp dq over the parts."""
         moved = influence.of(self.deviations)
-        return Moments(np.sum(np.abs(moved) ** 2, axis=0), np.sum(moved**2, axis=0))
+        beside = moved if other is None else other.of(self.deviations)
+        return Moments(np.sum(moved * beside.conj(), axis=0), np.sum(moved * beside, axis=0))
 
     def damping_is_told(self, poles: ComplexArray) -> BoolArray:
         """Return which poles decay within a part."""
@@ -201,7 +218,7 @@ class Unknown(Noise):
         """Why deviations are withheld."""
         return Note(KIND, {"withheld": 1.0, **self.numbers}, f"standard deviations are withheld: {self.why}")
 
-    def moments(self, influence: PoleInfluence) -> Moments:
+    def moments(self, influence: PoleInfluence, other: PoleInfluence | None = None) -> Moments:
         """Return NaN."""
         nothing = np.full(influence.slope.shape, np.nan)
         return Moments(nothing, nothing.astype(complex))
@@ -258,14 +275,6 @@ def _fading(response: Response) -> Array | None:
     return np.asarray(decay / decay.mean())
 
 
-def _correlated(shape: tuple[int, ...], correlation: Array, rng: np.random.Generator) -> ComplexArray:
-    """Return circular noise of variance one whose lines correlate as given, by circulant embedding (Dietrich and Newsam, 1997)."""
-    weights = np.maximum(np.fft.fft(np.concatenate([correlation, [0], correlation[:0:-1].conj()])).real, 0)
-    long = (weights.size, *shape[1:])
-    drawn = np.sqrt(weights / 2)[:, None, None] * (rng.standard_normal(long) + 1j * rng.standard_normal(long))
-    return np.asarray(np.fft.ifft(drawn, axis=0)[: shape[0]] * np.sqrt(weights.size))
-
-
 def _resolution(response: Response) -> float:
     """Return the distance of the lines, Hz."""
     grid = response.grid
@@ -289,22 +298,3 @@ def _of_parts(response: Response, records: Signals | None) -> Noise:
     deviations = (blocks.values - blocks.mean)[:, 1:] * weights * np.sqrt(count / (count - 1))
     duration = records.samples * records.runs / count / records.sampling_rate
     return Parts(np.asarray(deviations), float(duration))
-
-
-def residual_variance(left: Array, free: float, is_complex: bool) -> RealArray:
-    """Return the variance E|noise|^2 (l, m) of noise by what a model leaves.
-
-    NaN where there are no more values than unknowns.
-
-    Parameters
-    ----------
-    left : array, (K, l, m)
-        Real rows.
-    free : float
-        Real values of a channel less the real numbers that were fitted to it.
-    is_complex : bool
-        Whether the values are lines, of two real numbers each.
-    """
-    with np.errstate(over="ignore", invalid="ignore"):
-        energy = np.sum(left**2, axis=0)
-    return np.asarray((1 + is_complex) * energy / free if free > 0 else np.full(energy.shape, np.nan))
