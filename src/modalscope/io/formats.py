@@ -7,11 +7,12 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from modalscope.io import csv, csv_writer, excel, hdf5, json, mat, npy, npz, recorders, text, uff, wav
+from modalscope.io import csv, csv_writer, excel, hdf5, json, mat, mesh, npy, npz, recorders, text, uff, wav
 from modalscope.io.analysis import write_analysis
 from modalscope.io.atomic import replacing
 from modalscope.io.contents import Contents, Format, Options, Survey, Thing, describe
 from modalscope.io.from_arrays import ARRAY_OPTIONS, FIELD_OPTIONS
+from modalscope.io.geometry_option import told_of_channels, with_geometry
 from modalscope.io.texts import check_texts
 from modalscope.model import (
     DataError,
@@ -64,6 +65,7 @@ FORMATS: dict[str, Format] = {
     ".tdms": Format(name="TDMS file", reader=recorders.read_tdms, writer=None, read_options=recorders.RECORDER_OPTIONS),
     ".mf4": _MDF,
     ".mdf": _MDF,
+    **dict.fromkeys(mesh.MESHES, Format(name="mesh", reader=mesh.read, writer=None)),
     ".wav": Format(name="sound file", reader=wav.read, writer=None, read_options=wav.WAV_OPTIONS),
     ".xlsx": Format(name="Excel workbook", reader=excel.read, writer=None, read_options=excel.EXCEL_OPTIONS),
     ".mat": Format(name="MATLAB file", reader=mat.read, writer=mat.write, read_options=ARRAY_OPTIONS),
@@ -232,10 +234,18 @@ def _contents(path: Path, options: Options) -> Contents:
         if path.stat().st_size == 0:
             raise DataError(f"reading {path.name} was asked", "the file is empty", "Copy or write it again.")
         contents = row.reader(path, options)
+        options, notes = with_geometry(options, _geometry_in)
     except OSError as error:
         found = f"the system refuses: {(error.strerror or str(error)).lower()}"
         raise DataError(f"reading {str(path)!r} was asked", found, "Check that you may read the file.") from None
-    return replace(contents, thing=overridden(contents.thing, options, path))
+    whole = replace(contents, thing=overridden(contents.thing, options, path), notes=(*contents.notes, *notes))
+    return told_of_channels(whole) if options.get("geometry") is not None else whole
+
+
+def _geometry_in(path: Path) -> Thing:
+    """Return the geometry that a file holds, or data with their own."""
+    universal = path.suffix.lower() in (".uff", ".unv")
+    return _contents(path, {"want": "geometry"} if universal else {}).thing
 
 
 def _format(path: Path, doing: str) -> Format:

@@ -120,7 +120,8 @@ def _axis(
     if parts_by_name(kept[1:], spoken):
         roles[rising.number] = Role(role="frequency", reason="it rises evenly beside complex values")
         return rising, "frequency", [f"{rising} rises evenly beside complex values: taken as frequency in Hz"]
-    if step < _FINE or (rate is not None and abs(step * rate - 1) < 1e-2):
+    beside = any(roles[column.number].role == "in" for column in kept[1:])
+    if step < _FINE or beside or (rate is not None and abs(step * rate - 1) < 1e-2):
         roles[rising.number] = Role(role="time", reason="it rises evenly")
         say = (
             f'{rising} rises evenly by {step:.6g}: taken as time in s (else: --columns "frequency={rising.number},...")'
