@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ from modalscope.io.atomic import replacing
 from modalscope.io.contents import Contents, Format, Options, Survey, Thing, describe
 from modalscope.io.from_arrays import ARRAY_OPTIONS, FIELD_OPTIONS
 from modalscope.io.geometry_option import told_of_channels, with_geometry
+from modalscope.io.overrides import overridden
 from modalscope.io.texts import check_texts
 from modalscope.model import (
     DataError,
@@ -22,15 +22,14 @@ from modalscope.model import (
     ModalModel,
     Signals,
     StabilizationDiagram,
+    StateSpace,
 )
 from modalscope.model.analysis import Analysis
-from modalscope.model.channels import Channels
 from modalscope.model.checks import check_kind, check_path
 from modalscope.model.entries import plainly
-from modalscope.model.groups import AUTO, input_groups
 from modalscope.model.result import Result
 
-__all__ = ["FORMATS", "overridden", "read", "sources_of", "survey", "write"]
+__all__ = ["FORMATS", "read", "sources_of", "survey", "write"]
 
 _UNIVERSAL = Format(
     name="universal file",
@@ -75,7 +74,17 @@ FORMATS: dict[str, Format] = {
 
 
 #: What can be written, and the suffixes that hold a diagram with its response.
-_WRITTEN = (FrequencyResponse, ImpulseResponse, Signals, ModalModel, Geometry, StabilizationDiagram, Analysis, Result)
+_WRITTEN = (
+    FrequencyResponse,
+    ImpulseResponse,
+    Signals,
+    ModalModel,
+    Geometry,
+    StateSpace,
+    StabilizationDiagram,
+    Analysis,
+    Result,
+)
 _DIAGRAMS = (".npz", ".json")
 
 
@@ -86,10 +95,16 @@ def read(path: str | Path, **options: Any) -> Thing:
     Parameters
     ----------
     path : path
-        `.npz`, `.uff`, `.unv`, `.mat`, `.h5`, `.hdf5`, `.csv` or `.json`.
+        A universal file, `.npz`, `.npy`, `.mat`, `.h5`, `.json`, a text table (`.csv`, `.txt`, `.asc`, `.tsv`, `.dat`, `.lvm`), `.wav`, and
+        with extras `.xlsx`, `.tdms`, `.mf4`, `.nc`, `.parquet` or a mesh (`.msh`, `.vtk`, `.bdf`, `.inp` ...).
     **options
         For every format: `quantity` ("displacement", "velocity", "acceleration"), `sampling_rate`, `kind`, `output_dofs`,
-        `input_dofs`, `units`, `geometry`, `averages`, `added_damping`, `groups` override what the file says.
+        `input_dofs`, `units`, `geometry` (also a path, or paths of points and lines), `averages`, `added_damping`, `groups` override what
+        the file says.
+
+        For tables: `columns="time=1,in=2,out=3-9"` (the roles are time, frequency, in, out, real, imag, mag, phase, coh, ignore; columns
+        are numbers from 1, ranges or names), `ignore=[4, "Temp"]`, `units={"Force": "N"}`, `transpose=True` where rows are channels; for text
+        `skip=3` lines at the top, `delimiter=";"`, `decimal=","`; for workbooks and recorders' files `sheet="Run 2"`.
 
         For files of named arrays (.npz, .mat, .h5): `rename={"y": "outputs", "fs": "sampling_rate"}`, name in the file ->
         name of the layout; `axes={"values": "inputs outputs lines"}`, the axes of a stored array when they stand in
@@ -100,7 +115,7 @@ def read(path: str | Path, **options: Any) -> Thing:
 
     Returns
     -------
-    FrequencyResponse, ImpulseResponse, Signals, ModalModel, Geometry or StabilizationDiagram
+    FrequencyResponse, ImpulseResponse, Signals, ModalModel, Geometry, StateSpace or StabilizationDiagram
 
     Raises
     ------
@@ -157,8 +172,9 @@ def write(path: str | Path, thing: Any, **options: Any) -> None:
     ----------
     path : path
         `.npz`, `.h5` and `.uff` hold every data object, `.mat` all arrays; `.csv` responses, one run of records, or a table of modes;
-        `.json` modes, a result with its analysis, or an analysis; `.npz` and `.json` a stabilization diagram with its response.
-    thing : FrequencyResponse, ImpulseResponse, Signals, ModalModel, Geometry, StabilizationDiagram, Result or Analysis
+        `.json` modes, a result with its analysis, or an analysis; `.npz` and `.json` a stabilization diagram with its response, and a
+        state-space model, which `.mat` and `.h5` hold, too.
+    thing : FrequencyResponse, ImpulseResponse, Signals, ModalModel, Geometry, StateSpace, StabilizationDiagram, Result or Analysis
         Of a result the modes are written, in JSON with the document of its analysis.
     **options
         Universal files: `text=True` (datasets 58 as text), `dataset=55 | 2414` (modes), `nodes=2411 | 15`,
@@ -264,33 +280,3 @@ def _check_options(path: Path, options: Options, known: tuple[str, ...], doing: 
             f"its options are {', '.join(known) or 'none'}",
             "Use one of these.",
         )
-
-
-def overridden(thing: Thing, options: Options, path: Path | None) -> Thing:
-    """Return the data with the fields that the caller gave, which named arrays have used already, and where they came from.
-
-    Parameters
-    ----------
-    thing : data object
-    options : mapping
-    path : path, optional
-    """
-    given = {name: options[name] for name in FIELD_OPTIONS if options.get(name) is not None}
-    if isinstance(given.get("units"), Mapping):  # of single columns: used already
-        del given["units"]
-    if isinstance(thing, Signals) and "quantity" in given:
-        given["quantities"] = given.pop("quantity")
-    refused = sorted(set(given) - {field.name for field in fields(thing)})
-    if refused:
-        raise DataError(
-            f"the options {', '.join(refused)} were asked",
-            f"the file gives {describe(thing)}, which has no such field",
-            "Leave them out.",
-        )
-    if isinstance(thing, Channels):
-        given |= {} if path is None else {"source_path": path.absolute()}
-        if "input_dofs" in given and getattr(thing, "groups", None) == input_groups(thing.input_dofs):
-            given.setdefault("groups", AUTO)
-    if isinstance(thing, StabilizationDiagram) and path is not None:
-        given["response"] = replace(thing.response, source_path=path.absolute())
-    return replace(thing, **given) if given else thing

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import fields, replace
-from difflib import get_close_matches
-from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -15,9 +13,10 @@ from modalscope.io.arrays import AXES, GEOMETRY, INDICATOR, JSON, TEXTS, UNREFIN
 from modalscope.io.columns import contents_from_table
 from modalscope.io.contents import Contents, Finding, Options, Thing
 from modalscope.io.geometry_arrays import damaged, geometry_of_arrays
+from modalscope.io.hints import listed, unknown_arrays
 from modalscope.io.limits import room
 from modalscope.io.loose import meaning_of
-from modalscope.model import DataError, FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals
+from modalscope.model import DataError, FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals, StateSpace
 from modalscope.model.checks import Array
 
 __all__ = ["ARRAY_OPTIONS", "FIELD_OPTIONS", "contents_from_arrays"]
@@ -51,20 +50,12 @@ _NEEDED: dict[type[Any], set[str]] = {
     ImpulseResponse: {"sampling_rate", "values"},
     Signals: {"sampling_rate", "outputs"},
     ModalModel: {"poles", "shapes"},
+    StateSpace: {"A", "B", "C"},
     Geometry: set(),
 }
 
-#: So many names of arrays are told in a message.
-_NAMED = 12
 #: Characters of a label, at most.
 _LONGEST = 1000
-
-#: Names that others use; only for the hint of an error message.
-_OTHERS = {
-    "fs": "sampling_rate", "rate": "sampling_rate", "f": "frequencies", "freq": "frequencies", "freqs": "frequencies",
-    "frequency": "frequencies", "h": "values", "frf": "values", "y": "outputs", "acc": "outputs", "data": "outputs",
-    "u": "inputs", "force": "inputs", "phi": "shapes",
-}  # fmt: skip
 
 
 def contents_from_arrays(where: str, arrays: Mapping[str, Array], options: Options) -> Contents:
@@ -91,7 +82,7 @@ def contents_from_arrays(where: str, arrays: Mapping[str, Array], options: Optio
     if absent:
         raise DataError(
             f"rename or ignore of {', '.join(absent)} was asked",
-            f"{where} holds {_listed(arrays)}",
+            f"{where} holds {listed(arrays)}",
             "Name arrays that are there.",
         )
     held = {rename.get(name, name): array for name, array in arrays.items() if name not in ignore}
@@ -118,7 +109,7 @@ def _by_evidence(
     }
     meant = None if whole or options.get("axes") else meaning_of(where, held, options)
     if meant is None:
-        raise _unknown(where, unknown or list(held), noun)
+        raise unknown_arrays(where, unknown or list(held), noun)
     if meant.table is not None:
         found = contents_from_table(meant.table, {**options, "ignore": None})
         return replace(found, notes=(*meant.notes, *found.notes))
@@ -141,38 +132,12 @@ def _of_modes(noun: type[Any] | None, name: str) -> bool:
     return name.removeprefix(UNREFINED) in names_of(noun) or name.removeprefix(UNREFINED).startswith(INDICATOR)
 
 
-def _listed(names: Iterable[str]) -> str:
-    """Return the first of the names: a file may have thousands."""
-    first = list(islice(names, _NAMED + 1))
-    return ", ".join([*first[:_NAMED], *(["..."] if len(first) > _NAMED else [])]) or "(none)"
-
-
 def _as_names(names: Any) -> list[str]:
     return [names] if isinstance(names, str) else list(names or ())
 
 
 def _what(array: Array) -> str:
     return f"{array.dtype} {'x'.join(map(str, array.shape))}" if array.ndim else f"{array.dtype} {array}"
-
-
-def _unknown(where: str, names: list[str], noun: type[Any] | None) -> DataError:
-    known: list[str] = (
-        sorted(names_of(noun))
-        if noun
-        else ["frequencies", "values", "sampling_rate", "outputs", "inputs", "poles", "shapes"]
-    )
-    hints = {}
-    for name in names[:_NAMED]:
-        near = _OTHERS.get(name.lower()) or next(iter(get_close_matches(name, known, n=1)), None)
-        if near in known:
-            hints[name] = near
-    rename = f"rename={hints or {names[0] if names else 'y': 'outputs'}}"
-    return DataError(
-        f"reading {where} needs `frequencies` and `values`, `sampling_rate` with `outputs` (and `inputs`) "
-        "or with `values`, or `poles` and `shapes`",
-        f"the arrays {_listed(names)} are unknown" + (f" beside those of {noun.__name__}" if noun else ""),
-        f"Rename them, read(..., {rename}), or leave them out, read(..., ignore={names[:3]}).",
-    )
 
 
 def _with_axes(held: dict[str, Array], noun: type[Any], axes: dict[str, Any]) -> dict[str, Array]:
@@ -206,6 +171,9 @@ def _build(where: str, noun: type[Any], held: dict[str, Array], given: dict[str,
     }
     if noun is Geometry:
         return geometry_of_arrays(where, values)
+    if noun is StateSpace:
+        _check_fields(where, noun, values, given)
+        return StateSpace(**values)
     units = (values.pop("output_units", None), values.pop("input_units", None))
     geometry = {name: values.pop(name) for name in GEOMETRY if name in values}
     indicators = {name.removeprefix(INDICATOR): values.pop(name) for name in list(values) if name.startswith(INDICATOR)}
@@ -218,25 +186,7 @@ def _build(where: str, noun: type[Any], held: dict[str, Array], given: dict[str,
     )
     if noun is Signals and "quantity" in values:
         values["quantities"] = values.pop("quantity")
-    needed = [
-        f.name
-        for f in fields(noun)
-        if f.name in ("values", "frequencies", "sampling_rate", "outputs", "poles", "shapes")
-    ]
-    missing = [
-        name for name in needed if name not in values and not (name == "sampling_rate" and noun is FrequencyResponse)
-    ]
-    if missing:
-        raise DataError(
-            f"reading {where} as {noun.__name__} needs {', '.join(needed)}",
-            f"{', '.join(missing)} are missing",
-            "Add the array, or give it as an option.",
-        )
-    refused = sorted(set(given) - {f.name for f in fields(noun)} - {"quantity"})
-    if refused:
-        raise DataError(
-            f"the options {', '.join(refused)} were asked", f"a {noun.__name__} has no such field", "Leave them out."
-        )
+    _check_fields(where, noun, values, given)
     try:
         thing: Thing = noun(**values)
     except DataError:
@@ -245,6 +195,25 @@ def _build(where: str, noun: type[Any], held: dict[str, Array], given: dict[str,
         # JSON text in it may hold anything
         raise damaged(where, f"{type(error).__name__}: {error}") from None
     return thing
+
+
+def _check_fields(where: str, noun: type[Any], values: dict[str, Any], given: dict[str, Any]) -> None:
+    """Raise where a field that the noun needs is missing, or one was asked for that it does not have."""
+    present = {f.name for f in fields(noun)}
+    needed = sorted(present & {"values", "frequencies", "sampling_rate", "outputs", "poles", "shapes"})
+    free = {"sampling_rate"} if noun is FrequencyResponse else set()
+    missing = [name for name in needed if name not in values and name not in free]
+    if missing:
+        raise DataError(
+            f"reading {where} as {noun.__name__} needs {', '.join(needed)}",
+            f"{', '.join(missing)} are missing",
+            "Add the array, or give it as an option.",
+        )
+    refused = sorted(set(given) - present - {"quantity"})
+    if refused:
+        raise DataError(
+            f"the options {', '.join(refused)} were asked", f"a {noun.__name__} has no such field", "Leave them out."
+        )
 
 
 def _value(where: str, name: str, array: Array) -> Any:

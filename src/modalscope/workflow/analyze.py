@@ -54,7 +54,9 @@ def analyze(
 
     Parameters
     ----------
-    data : path, FrequencyResponse, ImpulseResponse, Signals, or an object of pandas or xarray (see `from_frame`)
+    data : path, sequence of paths, FrequencyResponse, ImpulseResponse, Signals, or an object of pandas or xarray
+        Several files are parts of one test: of the same outputs runs, of others setups (see `merge`). Objects of pandas and xarray are
+        taken as `from_frame` takes them.
     method, domain : str, optional
         A row of the table, or a name from the literature, and a column; by default what suits the data.
     orders : iterable of int, optional
@@ -91,11 +93,11 @@ def analyze(
     >>> len(result.modes), result.analysis.method is None
     (5, True)
     """
-    thing, source, told = opened(data, {} if reading is None else reading)
+    thing, sources, told = opened(data, {} if reading is None else reading)
     bands = _bands(options.pop("band", None))
     exclude, route = options.pop("exclude", None), options.pop("route", None)
     document = Analysis(
-        files=(source,),
+        files=sources,
         bands=bands,
         exclude=() if exclude is None else labels_of(exclude),
         route=route or "auto",
