@@ -103,8 +103,8 @@ def read(path: str | Path, **options: Any) -> Thing:
         the file says.
 
         For tables: `columns="time=1,in=2,out=3-9"` (the roles are time, frequency, in, out, real, imag, mag, phase, coh, ignore; columns
-        are numbers from 1, ranges or names), `ignore=[4, "Temp"]`, `units={"Force": "N"}`, `transpose=True` where rows are channels; for text
-        `skip=3` lines at the top, `delimiter=";"`, `decimal=","`; for workbooks and recorders' files `sheet="Run 2"`.
+        are numbers from 1, ranges or names), `ignore=[4, "Temp"]`, `units={"Force": "N"}`, `transpose=True` where rows are channels; for
+        text `skip=3` lines at the top, `delimiter=";"`, `decimal=","`; for workbooks and recorders' files `sheet="Run 2"`.
 
         For files of named arrays (.npz, .mat, .h5): `rename={"y": "outputs", "fs": "sampling_rate"}`, name in the file ->
         name of the layout; `axes={"values": "inputs outputs lines"}`, the axes of a stored array when they stand in

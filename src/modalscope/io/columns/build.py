@@ -11,7 +11,7 @@ import numpy as np
 from modalscope.io.columns.axis import sampling_of
 from modalscope.io.columns.lines import frequency_response, parts_by_name
 from modalscope.io.columns.records import records
-from modalscope.io.columns.roles import Role, named_columns, role_by_words, spoken_roles
+from modalscope.io.columns.roles import Role, ignored_columns, named_columns, role_by_words, spoken_roles
 from modalscope.io.columns.table import Column, Table, as_word, span
 from modalscope.io.contents import Contents, Finding, Options
 from modalscope.model import DataError, FrequencyResponse, Signals
@@ -41,10 +41,7 @@ def contents_from_table(table: Table, options: Options) -> Contents:
         that says what was meant.
     """
     table = _with_units(table, options.get("units"))
-    asked = options.get("ignore") or ()
-    ignored = named_columns(
-        table.columns, [asked] if isinstance(asked, str) else [str(item) for item in asked], "ignore"
-    )
+    ignored = ignored_columns(table.columns, options.get("ignore"))
     left = {column.number: "ignore names it" for column in ignored}
     columns = [column for column in table.columns if column.number not in left]
     spoken = spoken_roles(columns, options["columns"]) if options.get("columns") else {}
@@ -56,6 +53,7 @@ def contents_from_table(table: Table, options: Options) -> Contents:
     axis, kind, notes = _axis(table, kept, roles, spoken, options)
     left |= {c.number: roles[c.number].reason for c in kept if roles[c.number].role == "index"}
     others = [column for column in kept if column is not axis and column.number not in left]
+    _check_axis(table, axis, kind)
     _check_numbers(table, others)
     if not others:
         raise DataError(
@@ -145,6 +143,15 @@ def _even_step(column: Column) -> float:
         return 1 / sampling_of(values.astype(float)).rate
     except DataError:
         return 0.0
+
+
+def _check_axis(table: Table, axis: Column | None, kind: str) -> None:
+    if axis is not None and (axis.textual or np.iscomplexobj(axis.values)):
+        raise DataError(
+            f"reading {table.where} needs real numbers as {kind}",
+            f"{axis} holds {'text' if axis.textual else 'complex values'}",
+            f"Leave it out: --ignore {as_word(axis.label)}",
+        )
 
 
 def _check_numbers(table: Table, columns: Sequence[Column]) -> None:
