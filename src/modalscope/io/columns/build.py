@@ -10,6 +10,7 @@ import numpy as np
 
 from modalscope.io.columns.axis import sampling_of
 from modalscope.io.columns.lines import frequency_response, parts_by_name
+from modalscope.io.columns.parts import part_of
 from modalscope.io.columns.records import records
 from modalscope.io.columns.roles import Role, ignored_columns, named_columns, role_by_words, spoken_roles
 from modalscope.io.columns.table import Column, Table, as_word, span
@@ -94,7 +95,7 @@ def _role(column: Column, spoken: Mapping[int, str], said: Mapping[int, str]) ->
     if "out" in spoken.values() or {"real", "mag"} & set(spoken.values()):
         return Role(role="ignore", reason="--columns does not name it")
     if column.number in said:
-        return Role(role=said[column.number], reason="the file says so")
+        return Role(role=said[column.number], reason="its array is one by its name")
     return role_by_words(column)
 
 
@@ -171,14 +172,7 @@ def _layout(table: Table) -> list[Finding]:
     return [Finding(part=part, what=what) for part, what in table.layout]
 
 
-_WORDS = {
-    "in": "input",
-    "out": "output",
-    "real": "real part",
-    "imag": "imaginary part",
-    "mag": "magnitude",
-    "coh": "coherence",
-}
+_WORDS = {"real": "real part", "imag": "imaginary part", "mag": "magnitude", "phase": "phase", "coh": "coherence"}
 
 
 def _finding(
@@ -187,7 +181,9 @@ def _finding(
     name = f"{column.label} [{column.unit}]" if column.unit else column.label
     if column.number in left:
         return Finding(part=f"column {column.number}", what=name, taken=False, reason=left[column.number])
-    why = f" ({reasons[column.number]})" if reasons.get(column.number) else ""
+    part = part_of(column.name) if kind == "frequency" else None
+    reason = _WORDS[part[1]] if part is not None else reasons.get(column.number)
+    why = f" ({reason})" if reason else ""
     if axis is not None and column.number == axis.number:
         return Finding(part=f"column {column.number}", what=f"{name}: {kind}{why}")
     return Finding(part=f"column {column.number}", what=f"{name}{why}")

@@ -116,7 +116,7 @@ def role_by_words(column: Column) -> Role:
     words, unit = words_of(column.name), kind_of_unit(column.unit)
     whole = column.name.strip()
     if column.stamps or unit == "time":
-        return Role(role="time", reason="its unit is a time" if unit == "time" else "it holds dates and times")
+        return Role(role="time", reason="it holds dates and times" if column.stamps else "its unit is a time")
     if unit == "frequency" and column.unit.strip() != "1/s":
         return Role(role="frequency", reason=f"its unit is {column.unit}")
     if unit == "force":
