@@ -90,6 +90,10 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=AXES",
         help="order of an array's axes in the file, such as values=inputs,outputs,lines",
     )
+    parser.add_argument(
+        "--geometry", metavar="FILE", help="where the sensors are: a table node,x,y,z, a universal file or a mesh"
+    )
+    parser.add_argument("--lines", metavar="FILE", help="lines of the geometry: a table of pairs of nodes")
     add_tables(parser)
     parser.add_argument(
         "--max-memory",

@@ -51,6 +51,8 @@ def reading_options(options: argparse.Namespace) -> dict[str, Any]:
     set_max_memory(options.max_memory)
     given: dict[str, Any] = {"quantity": options.quantity} if options.quantity else {}
     given |= {name: value for name in _AS_GIVEN if (value := getattr(options, name)) not in (None, False)}
+    if options.geometry:
+        given["geometry"] = [options.geometry, options.lines] if options.lines else options.geometry
     if options.units:
         given["units"] = _pairs("units", options.units.split(","), '"2=N,AccA=m/s^2"')
     for name, example in (("rename", "y=outputs"), ("axes", "values=inputs,outputs,lines")):

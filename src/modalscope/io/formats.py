@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from modalscope.io import csv, csv_writer, excel, hdf5, json, mat, npy, npz, recorders, text, uff, wav
+from modalscope.io import csv, csv_writer, excel, hdf5, json, mat, mesh, npy, npz, recorders, text, uff, wav
 from modalscope.io.analysis import write_analysis
 from modalscope.io.atomic import replacing
 from modalscope.io.contents import Contents, Format, Options, Survey, Thing
 from modalscope.io.from_arrays import ARRAY_OPTIONS, FIELD_OPTIONS
+from modalscope.io.geometry_option import told_of_channels, with_geometry
+from modalscope.io.overrides import overridden
 from modalscope.io.texts import check_texts
 from modalscope.model import (
     DataError,
@@ -24,15 +25,13 @@ from modalscope.model import (
     StateSpace,
 )
 from modalscope.model.analysis import Analysis
-from modalscope.model.channels import Channels
 from modalscope.model.checks import check_kind, check_path
 from modalscope.model.entries import plainly
-from modalscope.model.groups import AUTO, input_groups
 from modalscope.model.result import Result
 from modalscope.model.shown import summary_of
 from modalscope.model.sources import files_of
 
-__all__ = ["FORMATS", "overridden", "read", "sources_of", "survey", "write"]
+__all__ = ["FORMATS", "read", "sources_of", "survey", "write"]
 
 _UNIVERSAL = Format(
     name="universal file",
@@ -67,6 +66,7 @@ FORMATS: dict[str, Format] = {
     ".tdms": Format(name="TDMS file", reader=recorders.read_tdms, writer=None, read_options=recorders.RECORDER_OPTIONS),
     ".mf4": _MDF,
     ".mdf": _MDF,
+    **dict.fromkeys(mesh.MESHES, Format(name="mesh", reader=mesh.read, writer=None)),
     ".wav": Format(name="sound file", reader=wav.read, writer=None, read_options=wav.WAV_OPTIONS),
     ".xlsx": Format(name="Excel workbook", reader=excel.read, writer=None, read_options=excel.EXCEL_OPTIONS),
     ".mat": Format(name="MATLAB file", reader=mat.read, writer=mat.write, read_options=ARRAY_OPTIONS),
@@ -97,10 +97,16 @@ def read(path: str | Path, **options: Any) -> Thing:
     Parameters
     ----------
     path : path
-        `.npz`, `.uff`, `.unv`, `.mat`, `.h5`, `.hdf5`, `.csv` or `.json`.
+        A universal file, `.npz`, `.npy`, `.mat`, `.h5`, `.json`, a text table (`.csv`, `.txt`, `.asc`, `.tsv`, `.dat`, `.lvm`), `.wav`, and
+        with extras `.xlsx`, `.tdms`, `.mf4`, `.nc`, `.parquet` or a mesh (`.msh`, `.vtk`, `.bdf`, `.inp` ...).
     **options
         For every format: `quantity` ("displacement", "velocity", "acceleration"), `sampling_rate`, `kind`, `output_dofs`,
-        `input_dofs`, `units`, `geometry`, `averages`, `added_damping`, `groups` override what the file says.
+        `input_dofs`, `units`, `geometry` (also a path, or paths of points and lines), `averages`, `added_damping`, `groups` override what
+        the file says.
+
+        For tables: `columns="time=1,in=2,out=3-9"` (the roles are time, frequency, in, out, real, imag, mag, phase, coh, ignore; columns
+        are numbers from 1, ranges or names), `ignore=[4, "Temp"]`, `units={"Force": "N"}`, `transpose=True` where rows are channels; for
+        text `skip=3` lines at the top, `delimiter=";"`, `decimal=","`; for workbooks and recorders' files `sheet="Run 2"`.
 
         For files of named arrays (.npz, .mat, .h5): `rename={"y": "outputs", "fs": "sampling_rate"}`, name in the file ->
         name of the layout; `axes={"values": "inputs outputs lines"}`, the axes of a stored array when they stand in
@@ -232,11 +238,10 @@ def _write_analysis(file: Path, document: Analysis) -> None:
 
 def _contents(path: Path, options: Options) -> Contents:
     try:
-        contents = _whole_contents(path, options)
+        return _whole_contents(path, options)
     except OSError as error:
         found = f"the system refuses: {(error.strerror or str(error)).lower()}"
         raise DataError(f"reading {str(path)!r} was asked", found, "Check that you may read the file.") from None
-    return replace(contents, thing=overridden(contents.thing, options, path))
 
 
 def _whole_contents(path: Path, options: Options) -> Contents:
@@ -252,7 +257,16 @@ def _whole_contents(path: Path, options: Options) -> Contents:
     _check_options(path, options, (*row.read_options, *FIELD_OPTIONS), "reading")
     if path.stat().st_size == 0:
         raise DataError(f"reading {path.name} was asked", "the file is empty", "Copy or write it again.")
-    return row.reader(path, options)
+    contents = row.reader(path, options)
+    options, notes = with_geometry(options, _geometry_in)
+    whole = replace(contents, thing=overridden(contents.thing, options, path), notes=(*contents.notes, *notes))
+    return told_of_channels(whole) if options.get("geometry") is not None else whole
+
+
+def _geometry_in(path: Path) -> Thing:
+    """Return the geometry that a file holds, or data with their own."""
+    universal = path.suffix.lower() in (".uff", ".unv")
+    return _contents(path, {"want": "geometry"} if universal else {}).thing
 
 
 def _format(path: Path, doing: str) -> Format:
@@ -271,33 +285,3 @@ def _check_options(path: Path, options: Options, known: tuple[str, ...], doing: 
             f"its options are {', '.join(known) or 'none'}",
             "Use one of these.",
         )
-
-
-def overridden(thing: Thing, options: Options, path: Path | None) -> Thing:
-    """Return the data with the fields that the caller gave, which named arrays have used already, and where they came from.
-
-    Parameters
-    ----------
-    thing : data object
-    options : mapping
-    path : path, optional
-    """
-    given = {name: options[name] for name in FIELD_OPTIONS if options.get(name) is not None}
-    if isinstance(given.get("units"), Mapping):  # of single columns: used already
-        del given["units"]
-    if isinstance(thing, Signals) and "quantity" in given:
-        given["quantities"] = given.pop("quantity")
-    refused = sorted(set(given) - {field.name for field in fields(thing)})
-    if refused:
-        raise DataError(
-            f"the options {', '.join(refused)} were asked",
-            f"the file gives {summary_of(thing)}, which has no such field",
-            "Leave them out.",
-        )
-    if isinstance(thing, Channels):
-        given |= {} if path is None else {"source_path": path.absolute()}
-        if "input_dofs" in given and getattr(thing, "groups", None) == input_groups(thing.input_dofs):
-            given.setdefault("groups", AUTO)
-    if isinstance(thing, StabilizationDiagram) and path is not None:
-        given["response"] = replace(thing.response, source_path=path.absolute())
-    return replace(thing, **given) if given else thing

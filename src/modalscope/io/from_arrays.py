@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import fields, replace
-from difflib import get_close_matches
-from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -15,6 +13,7 @@ from modalscope.io.arrays import AXES, GEOMETRY, INDICATOR, JSON, TEXTS, UNREFIN
 from modalscope.io.columns import contents_from_table
 from modalscope.io.contents import Contents, Finding, Options, Thing
 from modalscope.io.geometry_arrays import damaged, geometry_of_arrays
+from modalscope.io.hints import listed, unknown_arrays
 from modalscope.io.limits import room
 from modalscope.io.loose import meaning_of
 from modalscope.model import DataError, FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals, StateSpace
@@ -51,20 +50,12 @@ _NEEDED: dict[type[Any], set[str]] = {
     ImpulseResponse: {"sampling_rate", "values"},
     Signals: {"sampling_rate", "outputs"},
     ModalModel: {"poles", "shapes"},
+    StateSpace: {"A", "B", "C"},
     Geometry: set(),
 }
 
-#: So many names of arrays are told in a message.
-_NAMED = 12
 #: Characters of a label, at most.
 _LONGEST = 1000
-
-#: Names that others use; only for the hint of an error message.
-_OTHERS = {
-    "fs": "sampling_rate", "rate": "sampling_rate", "f": "frequencies", "freq": "frequencies", "freqs": "frequencies",
-    "frequency": "frequencies", "h": "values", "frf": "values", "y": "outputs", "acc": "outputs", "data": "outputs",
-    "u": "inputs", "force": "inputs", "phi": "shapes",
-}  # fmt: skip
 
 
 def contents_from_arrays(where: str, arrays: Mapping[str, Array], options: Options) -> Contents:
@@ -91,7 +82,7 @@ def contents_from_arrays(where: str, arrays: Mapping[str, Array], options: Optio
     if absent:
         raise DataError(
             f"rename or ignore of {', '.join(absent)} was asked",
-            f"{where} holds {_listed(arrays)}",
+            f"{where} holds {listed(arrays)}",
             "Name arrays that are there.",
         )
     held = {rename.get(name, name): array for name, array in arrays.items() if name not in ignore}
@@ -118,7 +109,7 @@ def _by_evidence(
     }
     meant = None if whole or options.get("axes") else meaning_of(where, held, options)
     if meant is None:
-        raise _unknown(where, unknown or list(held), noun)
+        raise unknown_arrays(where, unknown or list(held), noun)
     if meant.table is not None:
         found = contents_from_table(meant.table, {**options, "ignore": None})
         return replace(found, notes=(*meant.notes, *found.notes))
@@ -141,38 +132,12 @@ def _of_modes(noun: type[Any] | None, name: str) -> bool:
     return name.removeprefix(UNREFINED) in names_of(noun) or name.removeprefix(UNREFINED).startswith(INDICATOR)
 
 
-def _listed(names: Iterable[str]) -> str:
-    """Return the first of the names: a file may have thousands."""
-    first = list(islice(names, _NAMED + 1))
-    return ", ".join([*first[:_NAMED], *(["..."] if len(first) > _NAMED else [])]) or "(none)"
-
-
 def _as_names(names: Any) -> list[str]:
     return [names] if isinstance(names, str) else list(names or ())
 
 
 def _what(array: Array) -> str:
     return f"{array.dtype} {'x'.join(map(str, array.shape))}" if array.ndim else f"{array.dtype} {array}"
-
-
-def _unknown(where: str, names: list[str], noun: type[Any] | None) -> DataError:
-    known: list[str] = (
-        sorted(names_of(noun))
-        if noun
-        else ["frequencies", "values", "sampling_rate", "outputs", "inputs", "poles", "shapes"]
-    )
-    hints = {}
-    for name in names[:_NAMED]:
-        near = _OTHERS.get(name.lower()) or next(iter(get_close_matches(name, known, n=1)), None)
-        if near in known:
-            hints[name] = near
-    rename = f"rename={hints or {names[0] if names else 'y': 'outputs'}}"
-    return DataError(
-        f"reading {where} needs `frequencies` and `values`, `sampling_rate` with `outputs` (and `inputs`) "
-        "or with `values`, or `poles` and `shapes`",
-        f"the arrays {_listed(names)} are unknown" + (f" beside those of {noun.__name__}" if noun else ""),
-        f"Rename them, read(..., {rename}), or leave them out, read(..., ignore={names[:3]}).",
-    )
 
 
 def _with_axes(held: dict[str, Array], noun: type[Any], axes: dict[str, Any]) -> dict[str, Array]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import prod
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -97,7 +98,7 @@ def _array(path: Path, space: Room) -> Array:
             space.array("its array", dtype, prod(shape))
             file.seek(0)
             return np.asarray(np.lib.format.read_array(file, allow_pickle=False))
-    except (ValueError, EOFError, SyntaxError, OverflowError, TypeError, KeyError, MemoryError) as error:
+    except (ValueError, EOFError, SyntaxError, OverflowError, TypeError, KeyError, MemoryError, TokenError) as error:
         if isinstance(error, DataError):
             raise
         raise DataError(

@@ -6,8 +6,8 @@ from typing import Any
 
 from modalscope.io.columns import contents_from_table
 from modalscope.io.contents import Thing
-from modalscope.io.formats import overridden
 from modalscope.io.frames import is_frame, table_of_frame
+from modalscope.io.overrides import overridden
 from modalscope.model import DataError
 from modalscope.model.entries import plainly
 

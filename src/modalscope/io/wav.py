@@ -17,6 +17,18 @@ __all__ = ["WAV_OPTIONS", "read"]
 
 WAV_OPTIONS = ("columns", "ignore")
 
+#: What scipy's reader raises on damaged files; where a part is missing it stops at a name that was never set.
+_DAMAGED = (
+    ValueError,
+    EOFError,
+    struct.error,
+    ZeroDivisionError,
+    TypeError,
+    OverflowError,
+    MemoryError,
+    NameError,
+    Warning,
+)
 #: Bytes of a sample that becomes a number of eight.
 _LEAST = 1
 
@@ -38,16 +50,7 @@ def read(path: Path, options: Options) -> Contents:
             warnings.simplefilter("error", wavfile.WavFileWarning)
             warnings.filterwarnings("ignore", "Chunk .*not understood", wavfile.WavFileWarning)
             rate, values = wavfile.read(path)
-    except (
-        ValueError,
-        EOFError,
-        struct.error,
-        ZeroDivisionError,
-        TypeError,
-        OverflowError,
-        MemoryError,
-        Warning,
-    ) as error:
+    except _DAMAGED as error:
         raise DataError(
             f"reading {path.name} as a sound file was asked",
             f"it is damaged or compressed ({str(error)[:100]})",
@@ -55,7 +58,8 @@ def read(path: Path, options: Options) -> Contents:
         ) from None
     if not rate or not values.size:
         raise DataError(f"reading {path.name} was asked", "it has no samples or no rate", "Record or export it again.")
-    numbers = values.reshape(len(values), -1).astype(float)
+    with np.errstate(invalid="ignore"):  # signalling NaN, which is found later
+        numbers = values.reshape(len(values), -1).astype(float)
     scale = "samples are floating point, taken as they are"
     if values.dtype.kind == "u":
         numbers, scale = (numbers - 128) / 128, "samples of 8 bits, 128 taken off, divided by 128: full scale is 1"

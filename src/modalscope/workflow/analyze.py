@@ -54,8 +54,9 @@ def analyze(
 
     Parameters
     ----------
-    data : path, sequence of paths, FrequencyResponse, ImpulseResponse, Signals, or an object of pandas or xarray (see `from_frame`)
-        Several files are parts of one test: of the same outputs runs, of others setups (see `merge`).
+    data : path, sequence of paths, FrequencyResponse, ImpulseResponse, Signals, or an object of pandas or xarray
+        Several files are parts of one test: of the same outputs runs, of others setups (see `merge`). Objects of pandas and xarray are
+        taken as `from_frame` takes them.
     method, domain : str, optional
         A row of the table, or a name from the literature, and a column; by default what suits the data.
     orders : iterable of int, optional

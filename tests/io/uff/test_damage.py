@@ -167,7 +167,7 @@ def test_one_bad_set_does_not_hide_the_others(tmp_path):
         (b" " * 100_000, "no sets"),
         (b"    -1\n", "dataset number"),
         (b"    -1\n   151\nNONE\n", "not closed"),
-        (b"    -1\n   151\n    -1\nsomething\n", "after set 1 comes 'something'"),
+        (b"    -1\n   151\n    -1\n1 2 3\n", "after set 1 comes '1 2 3'"),
     ],
 )
 def test_foreign_and_empty_files_are_told(tmp_path, data, text):

@@ -100,7 +100,8 @@ def sampling_of(times: RealArray) -> Sampling:
             f"the steps lie between {steps[back]:.6g} and {steps[widest]:.6g} s (usual {np.median(steps):.6g} s), the longest at row "
             f"{widest + 2}, and times leave the even grid by up to {off / step:.3g} steps"
         )
-    doubt = (grain + 2 * ulp) / (step * steps.size) / step
+    same = steps[widest] - steps[back] <= 1e-6 * step  # whoever writes 0.00, 0.01, 0.02 ... means what stands there
+    doubt = 0.0 if same else (grain + 2 * ulp) / (step * steps.size) / step
     return Sampling(roundest(1 / step, doubt + _CLOCK / step), doubt, off / step)
 
 

@@ -10,8 +10,9 @@ import numpy as np
 
 from modalscope.io.columns.axis import sampling_of
 from modalscope.io.columns.lines import frequency_response, parts_by_name
+from modalscope.io.columns.parts import part_of
 from modalscope.io.columns.records import records
-from modalscope.io.columns.roles import Role, named_columns, role_by_words, spoken_roles
+from modalscope.io.columns.roles import Role, ignored_columns, named_columns, role_by_words, spoken_roles
 from modalscope.io.columns.table import Column, Table, as_word, span
 from modalscope.io.contents import Contents, Finding, Options
 from modalscope.model import DataError, FrequencyResponse, Signals
@@ -41,10 +42,7 @@ def contents_from_table(table: Table, options: Options) -> Contents:
         that says what was meant.
     """
     table = _with_units(table, options.get("units"))
-    asked = options.get("ignore") or ()
-    ignored = named_columns(
-        table.columns, [asked] if isinstance(asked, str) else [str(item) for item in asked], "ignore"
-    )
+    ignored = ignored_columns(table.columns, options.get("ignore"))
     left = {column.number: "ignore names it" for column in ignored}
     columns = [column for column in table.columns if column.number not in left]
     spoken = spoken_roles(columns, options["columns"]) if options.get("columns") else {}
@@ -56,6 +54,7 @@ def contents_from_table(table: Table, options: Options) -> Contents:
     axis, kind, notes = _axis(table, kept, roles, spoken, options)
     left |= {c.number: roles[c.number].reason for c in kept if roles[c.number].role == "index"}
     others = [column for column in kept if column is not axis and column.number not in left]
+    _check_axis(table, axis, kind)
     _check_numbers(table, others)
     if not others:
         raise DataError(
@@ -96,7 +95,7 @@ def _role(column: Column, spoken: Mapping[int, str], said: Mapping[int, str]) ->
     if "out" in spoken.values() or {"real", "mag"} & set(spoken.values()):
         return Role(role="ignore", reason="--columns does not name it")
     if column.number in said:
-        return Role(role=said[column.number], reason="the file says so")
+        return Role(role=said[column.number], reason="its array is one by its name")
     return role_by_words(column)
 
 
@@ -120,7 +119,8 @@ def _axis(
     if parts_by_name(kept[1:], spoken):
         roles[rising.number] = Role(role="frequency", reason="it rises evenly beside complex values")
         return rising, "frequency", [f"{rising} rises evenly beside complex values: taken as frequency in Hz"]
-    if step < _FINE or (rate is not None and abs(step * rate - 1) < 1e-2):
+    beside = any(roles[column.number].role == "in" for column in kept[1:])
+    if step < _FINE or beside or (rate is not None and abs(step * rate - 1) < 1e-2):
         roles[rising.number] = Role(role="time", reason="it rises evenly")
         say = (
             f'{rising} rises evenly by {step:.6g}: taken as time in s (else: --columns "frequency={rising.number},...")'
@@ -146,6 +146,15 @@ def _even_step(column: Column) -> float:
         return 0.0
 
 
+def _check_axis(table: Table, axis: Column | None, kind: str) -> None:
+    if axis is not None and (axis.textual or np.iscomplexobj(axis.values)):
+        raise DataError(
+            f"reading {table.where} needs real numbers as {kind}",
+            f"{axis} holds {'text' if axis.textual else 'complex values'}",
+            f"Leave it out: --ignore {as_word(axis.label)}",
+        )
+
+
 def _check_numbers(table: Table, columns: Sequence[Column]) -> None:
     """Raise where cells are empty or not finite, and name the rows and the way out."""
     for column in columns:
@@ -163,14 +172,7 @@ def _layout(table: Table) -> list[Finding]:
     return [Finding(part=part, what=what) for part, what in table.layout]
 
 
-_WORDS = {
-    "in": "input",
-    "out": "output",
-    "real": "real part",
-    "imag": "imaginary part",
-    "mag": "magnitude",
-    "coh": "coherence",
-}
+_WORDS = {"real": "real part", "imag": "imaginary part", "mag": "magnitude", "phase": "phase", "coh": "coherence"}
 
 
 def _finding(
@@ -179,7 +181,9 @@ def _finding(
     name = f"{column.label} [{column.unit}]" if column.unit else column.label
     if column.number in left:
         return Finding(part=f"column {column.number}", what=name, taken=False, reason=left[column.number])
-    why = f" ({reasons[column.number]})" if reasons.get(column.number) else ""
+    part = part_of(column.name) if kind == "frequency" else None
+    reason = _WORDS[part[1]] if part is not None else reasons.get(column.number)
+    why = f" ({reason})" if reason else ""
     if axis is not None and column.number == axis.number:
         return Finding(part=f"column {column.number}", what=f"{name}: {kind}{why}")
     return Finding(part=f"column {column.number}", what=f"{name}{why}")

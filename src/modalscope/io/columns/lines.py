@@ -21,6 +21,8 @@ __all__ = ["frequency_response", "parts_by_name"]
 #: The parts of one response by what they are.
 Parts = dict[str, Column]
 
+#: The input where names say nothing of one.
+_ONE = "u1"
 _PREFIX = re.compile(r"^(?:frequency response|frf|transfer function|tf|h[12v]?)(?![A-Za-z0-9])[\s:_(]*", re.IGNORECASE)
 _PAIR = re.compile(r"^(?P<out>[^/]+?)\s*(?:/|<-|->)\s*(?P<in>[^/]+?)$")
 
@@ -87,6 +89,8 @@ def frequency_response(
         responses[pair] = (values, first.unit)
         used |= {column.number: "" for column in parts.values()}
         coherences += [(base, parts["coh"])] if "coh" in parts else []
+    if len(responses) > 1 and {into for _, into in responses} == {_ONE}:
+        notes.append("no name is a pair such as 3Z/1Z: all responses are taken as those to one input")
     if not responses:
         raise _no_phases(table, axis, columns)
     left = {column.number: "it belongs to no frequency response" for column in columns if column.number not in used}
@@ -111,7 +115,7 @@ def _pair_of(base: str, count: int) -> tuple[str, str]:
     match = _PAIR.match(bare)
     if match and kind_of_unit(match["in"]) == "":
         return label_of(match["out"].strip()), label_of(match["in"].strip())
-    return label_of(base) if base else f"y{count}", "u1"
+    return label_of(base) if base else f"y{count}", _ONE
 
 
 def _values(table: Table, axis: Column, base: str, parts: Parts, notes: list[str]) -> Array:

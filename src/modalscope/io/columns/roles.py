@@ -10,7 +10,7 @@ from modalscope.io.columns.table import Column
 from modalscope.io.columns.words import kind_of_unit, words_of
 from modalscope.model import DataError
 
-__all__ = ["ROLES", "Role", "named_columns", "role_by_words", "spoken_roles"]
+__all__ = ["ROLES", "Role", "ignored_columns", "named_columns", "role_by_words", "spoken_roles"]
 
 #: What `--columns` may call a column.
 ROLES = ("time", "frequency", "in", "out", "real", "imag", "mag", "phase", "coh", "ignore")
@@ -116,7 +116,7 @@ def role_by_words(column: Column) -> Role:
     words, unit = words_of(column.name), kind_of_unit(column.unit)
     whole = column.name.strip()
     if column.stamps or unit == "time":
-        return Role(role="time", reason="its unit is a time" if unit == "time" else "it holds dates and times")
+        return Role(role="time", reason="it holds dates and times" if column.stamps else "its unit is a time")
     if unit == "frequency" and column.unit.strip() != "1/s":
         return Role(role="frequency", reason=f"its unit is {column.unit}")
     if unit == "force":
@@ -174,6 +174,18 @@ def named_columns(columns: Sequence[Column], items: Iterable[str], option: str) 
         else:
             raise _absent(columns, text, option)
     return found
+
+
+def ignored_columns(columns: Sequence[Column], asked: object) -> list[Column]:
+    """Return the columns that the option `ignore` names: one or several, by number or name.
+
+    Parameters
+    ----------
+    columns : sequence of Column
+    asked : str, int or iterable of these, optional
+    """
+    items = asked if isinstance(asked, Iterable) and not isinstance(asked, str) else () if asked is None else (asked,)
+    return named_columns(columns, map(str, items), "ignore")
 
 
 def _absent(columns: Sequence[Column], text: str, option: str) -> DataError:

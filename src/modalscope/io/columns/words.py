@@ -27,7 +27,7 @@ UNITS: dict[str, tuple[str, ...]] = {
     "voltage": ("V", "mV", "volt", "volts", "Volt", "Volts", "uV", "kV"),
     "level": ("dB", "db", "DB"),
     "no vibration": ("degC", "C", "K", "degF", "F", "%", "%RH", "rpm", "RPM", "U/min", "1/min", "A", "mA", "W", "kW", "ppm", "lx"),
-    "none": ("-", "1", "none", "n/a", "[]", "counts", "count", "LSB", "EU"),
+    "none": ("-", "1", "none", "n/a", "counts", "count", "LSB", "EU"),
 }  # fmt: skip
 
 #: So many of the base unit (s, Hz, rad) is one of these.

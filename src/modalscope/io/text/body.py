@@ -12,14 +12,16 @@ from modalscope.io.limits import Room
 from modalscope.io.text.cells import (
     Dialect,
     columns_of,
+    complex_of,
     is_complex,
     is_missing,
     is_number,
     is_value,
+    number_of,
     split,
     uncommented,
 )
-from modalscope.io.text.stamps import is_stamp
+from modalscope.io.text.stamps import is_stamp, seconds_of
 from modalscope.model import DataError
 from modalscope.model.checks import Array
 
@@ -28,6 +30,8 @@ __all__ = ["kinds_of", "read_body"]
 #: Lines that are made arrays of at a time, and lines that may stand under a table.
 _PIECE, _FOOT = 20_000, 20
 _SHOWN = 20
+#: With one of these, or a blank, a line begins that may be a comment.
+_SIGNS = frozenset("#%/! \t")
 
 
 def kinds_of(rows: Sequence[Sequence[str]]) -> list[str]:
@@ -81,7 +85,7 @@ def read_body(
         A row of another length, or a cell that holds something else than its column.
     """
     pieces: list[list[Array]] = []
-    source = ((number, line) for number, line in lines if not uncommented(line)[1])
+    source = ((number, line) for number, line in lines if line[0] not in _SIGNS or not uncommented(line)[1])
     while piece := list(islice(source, _PIECE)):
         space.take("its numbers", 8 * len(piece) * width)
         arrays = _fast(piece, kinds, dialect, width)
@@ -127,7 +131,7 @@ def _slow(
     bad = None
     for k, (_, line) in enumerate(piece):
         cells = split(line, dialect)
-        if len(cells) != width or not _fits(cells, kinds):
+        if len(cells) != width or not _fits(cells, kinds, dialect):
             bad = k
             break
         rows.append(cells)
@@ -138,20 +142,18 @@ def _slow(
     return columns_of(rows, kinds, dialect), bad
 
 
-def _fits(cells: Sequence[str], kinds: Sequence[str]) -> bool:
+def _fits(cells: Sequence[str], kinds: Sequence[str], dialect: Dialect) -> bool:
     """Whether every cell is of the kind of its column, or empty where numbers may be."""
-    for cell, kind in zip(cells, kinds, strict=True):
-        if kind == "number":
-            try:
-                float(cell)
-            except ValueError:
-                if not (is_number(cell) or is_missing(cell)):
-                    return False
-        elif kind == "complex":
-            if not (is_number(cell) or is_complex(cell) or is_missing(cell)):
-                return False
-        elif kind == "stamp" and not is_stamp(cell):
-            return False
+    try:
+        for cell, kind in zip(cells, kinds, strict=True):
+            if kind == "number":
+                number_of(cell, dialect)
+            elif kind == "complex":
+                complex_of(cell, dialect)
+            elif kind == "stamp":
+                seconds_of([cell])
+    except (ValueError, OverflowError):
+        return False
     return True
 
 
@@ -164,7 +166,10 @@ def _check_foot(where: str, rest: list[tuple[int, str]], kinds: Sequence[str], d
     ]
     if len(rest) <= _FOOT and not values and not (len(cells) == width > 1 and is_value(cells[0]) and cells[0]):
         return
-    odd = next((k for k, (cell, kind) in enumerate(zip(cells, kinds, strict=False)) if not _fits([cell], [kind])), None)
+    odd = next(
+        (k for k, (cell, kind) in enumerate(zip(cells, kinds, strict=False)) if not _fits([cell], [kind], dialect)),
+        None,
+    )
     if len(cells) != width or odd is None:
         raise DataError(
             f"reading {where} needs {width} cells in every row",

@@ -101,7 +101,10 @@ def split(line: str, dialect: Dialect) -> list[str]:
         cells = line.split(dialect.delimiter) if dialect.delimiter else line.split()
     else:
         rows = csv.reader([line.strip()], delimiter=dialect.delimiter or " ", skipinitialspace=True)
-        cells = next(rows, [])
+        try:
+            cells = next(rows, [])
+        except csv.Error:  # a mark that nothing closes for many characters
+            cells = [line]
     if dialect.paired and len(cells) % 2 == 0:
         cells = [f"{whole},{part}" for whole, part in zip(cells[::2], cells[1::2], strict=True)]
     return [cell.strip() for cell in cells]

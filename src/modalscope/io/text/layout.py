@@ -19,6 +19,8 @@ _BODY = 3
 _LONGEST_KEY, _LONGEST = 60, 400
 _FACT = re.compile(r"\s*\"?(?P<key>[^:=;,\t\"]{1,60}?)\"?\s*(?:[:=;,\t]|\s{2,})\s*(?P<value>\S.*)\Z")
 _LOOSE_FACT = re.compile(r"\s*(?P<key>[A-Za-z][^\d:=]{0,59}?)\s+(?P<value>[+-]?\d.*)\Z")
+#: Without a way back: a line may be long.
+_NAME_AND_UNIT = re.compile(r"\S++(?:\s*+[\[(][^\[\]()]*+[\])])?")
 _QUANTITY = re.compile(r"\s*\"?([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s*([A-Za-z/]*)")
 _RATE = re.compile(
     r"(?:sampl\w*|scan|acquisition|acq\.?|data|abtast)[\s_]*(?:rate|freq\w*)|\b(?:fs|f_s|rate|sr|abtastrate|abtastfrequenz)\b"
@@ -137,7 +139,7 @@ def _fitted(line: str, cells: list[str], width: int, dialect: Dialect) -> list[s
     """Return the cells of a line of text when there is one a column, by any way of parting it; None where there is not."""
     ways = [cells] + [split(line, Dialect(delimiter=sign, quoted=dialect.quoted)) for sign in DELIMITERS[:-1]]
     if not dialect.delimiter:
-        ways += [re.split(r"\s{2,}|\t", line.strip()), re.findall(r"\S+(?:\s*[\[(][^\])]*[\])])?", line)]
+        ways += [re.split(r"\s{2,}|\t", line.strip()), _NAME_AND_UNIT.findall(line)]
     for way in ways:
         fitted = [cell.strip().strip('"').strip() for cell in way]
         if len(fitted) == width + 1 and (fitted[0].lower().strip(":") in _ROW_NAMES):

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from modalscope.io.columns import COLUMN_OPTIONS, Column, Table, contents_from_table
-from modalscope.io.columns.roles import named_columns
+from modalscope.io.columns.roles import ignored_columns
 from modalscope.io.contents import Contents, Options
 from modalscope.io.limits import Room, room
 from modalscope.io.text.body import kinds_of, read_body
@@ -33,8 +33,8 @@ TEXT_OPTIONS = (*COLUMN_OPTIONS, "skip", "decimal", "delimiter")
 
 #: Lines, and characters of them, by which a file is judged.
 _LINES, _CHARACTERS = 1000, 1 << 22
-#: What a cell takes while its row is a list.
-_CELL = 60
+#: What a row and a cell take while they are lists.
+_ROW, _CELL = 120, 60
 
 Line = tuple[int, str]
 
@@ -131,7 +131,7 @@ def _transposed(lines: Iterator[Line], dialect: Dialect, space: Room) -> tuple[l
     rows = []
     for _, line in chain([first], lines):
         cells = split(uncommented(line)[0], dialect)
-        space.take("its cells", _CELL * len(cells))
+        space.take("its cells", _ROW + _CELL * len(cells))
         rows.append(cells)
     width = max(map(len, rows), default=0)
     whole = [row for row in rows if len(row) == width]
@@ -189,10 +189,8 @@ def _table(
 
 def _but_ignored(kinds: list[str], layout: Layout, options: Options) -> list[str]:
     """Return the kinds of columns; those that are ignored may hold anything."""
-    asked = options.get("ignore") or ()
     heads = [Column(number=k, name=name, values=np.zeros(0)) for k, name in enumerate(layout.names, 1)]
-    named = named_columns(heads, [asked] if isinstance(asked, str) else [str(item) for item in asked], "ignore")
-    left = {column.number for column in named}
+    left = {column.number for column in ignored_columns(heads, options.get("ignore"))}
     return ["text" if k in left else kind for k, kind in enumerate(kinds, 1)]
 
 
@@ -231,5 +229,9 @@ def _evidence(first: list[Line], dialect: Dialect, layout: Layout, rate: str) ->
     above = [fact for fact in layout.facts if f"line {first[fact[0]][0]}" != rate.partition(" (")[0]]
     for line, key, value in above[:3]:
         told.append((f"line {first[line][0]}", f"{key}: {value[:60]}"))
+    used = {layout.name_line, layout.unit_line, *(line for line, *_ in layout.facts)}
+    unused = [str(first[k][0]) for k in range(layout.body) if k not in used and first[k][1].strip(" \t,;\r\n")]
+    if unused:
+        told.append((f"line{'s' if len(unused) > 1 else ''} {', '.join(unused[:6])}", "above the table, not used"))
     told.append((f"line {first[layout.body][0]}", f"first of the rows of {layout.width} cells"))
     return tuple(told)

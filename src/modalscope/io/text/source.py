@@ -14,6 +14,8 @@ __all__ = ["encoding_of", "lines_of"]
 _HEAD = 1 << 16
 #: A line longer than this is none of a table.
 _LONGEST = 1 << 25
+#: Nor has one so many blank lines.
+_BLANK = 10_000_000
 _MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 
 
@@ -56,10 +58,13 @@ def lines_of(path: Path, encoding: str, skip: int, space: Room) -> Iterator[tupl
         What a line may take.
     """
     with path.open(encoding=encoding, errors="replace", newline=None) as file:
-        number = 0
+        number = blank = 0
         while line := file.readline(_LONGEST):
             number += 1
             if len(line) == _LONGEST:
                 space.take(f"line {number}", 100 * len(line))
-            if number > skip and not line.isspace():
+            if line.isspace():
+                blank += 1
+                space.parts("blank lines", blank, _BLANK)
+            elif number > skip:
                 yield number, line

@@ -84,12 +84,12 @@ def read(path: Path, options: Options) -> Contents:
 
 def _add(sets: _Sets, name: str, block: Block) -> None:
     place = block.place
+    if block.note:
+        sets.notes.append(block.note)
     if block.dataset == 58:
         function = read_function(name, block)
         sets.functions.append(function)
         sets.words[place] = function.words
-        if function.note:
-            sets.notes.append(function.note)
     elif block.dataset in _GEOMETRY:
         sets.words[place] = add_block(sets.geometry, block, name)
         sets.of_geometry.append(place)
@@ -101,8 +101,12 @@ def _add(sets: _Sets, name: str, block: Block) -> None:
         else:
             sets.shapes.append((place, shape))
     elif block.dataset == 164:
-        sets.words[place] = _units(sets, block, name)
-        sets.taken.add(place)
+        try:
+            sets.words[place] = _units(sets, block, name)
+            sets.taken.add(place)
+        except DataError as error:
+            sets.words[place], sets.left[place] = "units", f"they do not read ({error.found})"
+            sets.notes.append("units are not known; values are as they stand in the file")
     elif block.dataset == 151:
         sets.words[place] = "header"
         sets.taken.add(place)
@@ -192,6 +196,9 @@ def _take_modes(sets: _Sets, name: str) -> Sorted:
 
 
 def _leave_the_rest(sets: _Sets) -> None:
+    for function in sets.functions:
+        if kind_of(function) not in (*_WANTS, "coherence"):
+            sets.left.setdefault(function.place, "no method identifies from such a function")
     for place in sets.names:
         if place not in sets.taken and place not in sets.of_geometry:
             sets.left.setdefault(place, "something else was wanted")

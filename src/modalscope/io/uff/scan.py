@@ -1,8 +1,8 @@
 """The guard: where the sets of a universal file begin and end, found by their own counts and nothing else.
 
 Readers that search for the delimiter `    -1` take a truncated or foreign file for an empty one, and a delimiter inside
-binary data for the end of it. Here a set that is not closed, a line outside any set, or a payload that is not as long as
-its header says is an error that names the set.
+binary data for the end of it. Here a set that is not closed, data outside any set, or a payload that is not as long as
+its header says is an error that names the set. Lines of text between the sets are comments, as the standard allows.
 """
 
 from __future__ import annotations
@@ -37,6 +37,11 @@ _CLOSING = re.compile(rb"^ {4}-1 *\r?$", re.MULTILINE)
 _AFTER_PAYLOAD = re.compile(rb"\r?\n? {4}-1 *(?:\r?\n|\Z)")
 _NUMBER = re.compile(rb" *\d+\Z")
 _BLANK_LINES = re.compile(rb"(?:[ \t\r\f\v]*\n)*+")
+#: Blanks, and the sign of the end of old files.
+_BLANK = b" \t\r\n\x1a"
+#: So many lines of text may stand between sets, and so long.
+_COMMENTS, _LONGEST_COMMENT = 50, 200
+_A_WORD = re.compile(rb"[A-Za-z\xc0-\xff]{3}")
 #: A set has some hundred bytes; a line of text becomes an object of at least so many.
 _A_SET, _A_LINE = 200, 50
 _WORDS = {2: (1, 4), 4: (1, 8), 5: (2, 4), 6: (2, 8)}
@@ -83,14 +88,14 @@ def scan(name: str, data: bytes, space: Room | None = None) -> list[Block]:
     """
     space = space or room(name, len(data))
     blocks: list[Block] = []
-    line, position = _next_line(data, 0)
-    while line.strip():
+    line, position = _past_comments(data, 0)
+    while line.strip(_BLANK):
         if line.rstrip() != b"    -1":
             raise _foreign(name, line, blocks)
         block, position = _block(name, data, position, len(blocks) + 1, space)
         blocks.append(block)
         space.parts("sets", len(blocks), max(MOST_PARTS // 10, len(data) // _A_SET))
-        line, position = _next_line(data, position)
+        line, position = _past_comments(data, position)
     if not blocks:
         raise _foreign(name, b"", blocks)
     return blocks
@@ -124,7 +129,8 @@ def _block(name: str, data: bytes, start: int, place: int, space: Room) -> tuple
     head, position = _line(data, start)
     if head[6:7] in (b"b", b"B") and head[:6].strip() == b"58":
         return _binary_block(name, data, head, position, place)
-    if not _NUMBER.match(head[:6].rstrip()) or head[6:].strip():
+    rest = head[6:].strip()
+    if not _NUMBER.match(head[:6].rstrip()) or (rest and not (head[6:7] == b" " and _is_text(rest))):
         raise _cut(name, place, f"it has {head[:20].decode('latin-1')!r} for its dataset number")
     closing = _CLOSING.search(data, position)
     if closing is None:
@@ -132,7 +138,8 @@ def _block(name: str, data: bytes, start: int, place: int, space: Room) -> tuple
     body = data[position : closing.start()]
     space.take("its lines", _A_LINE * body.count(b"\n"))
     records = tuple(line.rstrip(b"\r") for line in body.split(b"\n")[:-1])
-    return Block(place=place, dataset=int(head[:6]), records=records), min(closing.end() + 1, len(data))
+    said = f"behind the number of set {place} stands {rest.decode('latin-1')[:40]!r}" if rest else ""
+    return Block(place=place, dataset=int(head[:6]), records=records, note=said), min(closing.end() + 1, len(data))
 
 
 def _line(data: bytes, start: int) -> tuple[bytes, int]:
@@ -145,6 +152,24 @@ def _next_line(data: bytes, start: int) -> tuple[bytes, int]:
     """Return the next line that is not blank, or a blank one at the end of the file."""
     blank = _BLANK_LINES.match(data, start)
     return _line(data, blank.end() if blank else start)
+
+
+def _past_comments(data: bytes, start: int) -> tuple[bytes, int]:
+    """Return the next line that is not blank behind lines of text that a delimiter follows, or that end the file."""
+    first = line, position = _next_line(data, start)
+    for _ in range(_COMMENTS):
+        if line.rstrip() == b"    -1" or not line.strip(_BLANK):
+            return (line, position) if start or line.strip(_BLANK) else first
+        if not _is_text(line):
+            break
+        line, position = _next_line(data, position)
+    return first
+
+
+def _is_text(line: bytes) -> bool:
+    """Whether a line is a comment: printable, with a word in it, and no row of numbers."""
+    text = line.decode("latin-1").strip()
+    return len(text) <= _LONGEST_COMMENT and text.isprintable() and _A_WORD.search(line) is not None
 
 
 def _binary_block(name: str, data: bytes, head: bytes, position: int, place: int) -> tuple[Block, int]:

@@ -58,14 +58,13 @@ def read_shape(name: str, block: Block) -> Shape | str:
     newer = block.dataset == 2414
     start, body = (8, 13) if newer else (5, 8)
     if len(block.records) < body:
-        raise DataError(
-            f"{where} needs {body} records before its data",
-            f"it has {len(block.records)}",
-            DAMAGED,
-        )
-    if newer and whole(where, "the dataset location", block.records[2][:10].decode("latin-1")) != 1:
-        return "its data do not lie at nodes"
-    head = parse(_DEFINITION, block.records[start], where)
+        return f"it has {len(block.records)} records where a mode has {body} before its data"
+    try:
+        if newer and whole(where, "the dataset location", block.records[2][:10].decode("latin-1")) != 1:
+            return "its data do not lie at nodes"
+        head = parse(_DEFINITION, block.records[start], where)
+    except DataError as error:
+        return f"its header is not that of a mode ({error.found})"
     if head["analysis type"] not in (_NORMAL, _COMPLEX, _COMPLEX_SECOND):
         return f"analysis type {head['analysis type']} is not a mode"
     if head["data characteristic"] not in _LABELS or head["data type"] not in (*_REAL_TYPES, *_COMPLEX_TYPES):

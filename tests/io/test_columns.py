@@ -1,0 +1,153 @@
+"""Evidence on columns: rates of times, what names and units say, and options that say what they do not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+import modalscope as ms
+from modalscope.io.columns import Column, Table, contents_from_table
+from modalscope.io.columns.axis import roundest, sampling_of
+from modalscope.io.columns.roles import role_by_words, spoken_roles
+from modalscope.io.columns.words import UNITS, is_unit, kind_of_unit, plain_unit
+from modalscope.io.text.cells import Dialect, complex_of, is_value, number_of
+from tests.support import refused
+
+ROWS = np.arange(400)
+
+
+def table(*heads: tuple[str, str], **given: object) -> Table:
+    rng = np.random.default_rng(0)
+    columns = [
+        Column(
+            number=k, name=name, unit=unit, values=ROWS / 100 if name.lower() == "time" else rng.standard_normal(400)
+        )
+        for k, (name, unit) in enumerate(heads, 1)
+    ]
+    return Table(where="a.csv", columns=tuple(columns), **given)
+
+
+@pytest.mark.parametrize("rate", [50.0, 100.0, 256.0, 1000.0, 1024.0, 2560.0, 12800.0, 51200.0])
+@pytest.mark.parametrize("digits", [4, 6, 9])
+def test_rounded_times_give_the_rate_that_was_meant_or_say_how_far_it_is_open(rate: float, digits: int) -> None:
+    """Over N steps rounding to q leaves q / (N T) of the rate open."""
+    times = np.round(np.arange(20_000) / rate, digits)
+    found = sampling_of(times)
+    assert abs(found.rate - rate) <= max(found.doubt, 1e-6 * rate)
+    assert found.doubt <= 10.0**-digits * rate**2 / 19_999 * 1.01
+
+
+def test_a_lost_sample_is_found_and_a_coarse_clock_is_none() -> None:
+    times = np.delete(np.arange(1000) / 100, 500)
+    refused("longest at row 501", sampling_of, times)
+    coarse = np.floor(np.arange(3000) / 1024 * 100) / 100  # ten samples share a time
+    found = sampling_of(coarse)
+    assert abs(found.rate - 1024) < found.doubt < 4
+    refused("they do not increase", sampling_of, np.array([0.0, 1.0, 0.5, 2.0]))
+    refused("there is one sample", sampling_of, np.array([0.0]))
+
+
+@given(st.floats(1, 1e5), st.floats(0, 1))
+def test_the_roundest_number_lies_within_the_doubt(value: float, doubt: float) -> None:
+    assert abs(roundest(value, doubt) - value) <= doubt
+
+
+def test_every_unit_is_known_in_every_writing() -> None:
+    for kind, units in UNITS.items():
+        for unit in units:
+            assert kind_of_unit(unit) == kind
+            assert kind_of_unit(f"[{unit}]") == kind
+    assert {plain_unit(text) for text in ("m/s²", "m/s^2", "m / s2", "[m/s**2]", "m/(s2)")} == {"m/s2"}
+    assert is_unit("(m/s²)/N")
+    assert not is_unit("Force")
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "role"),
+    [
+        ("Hammer", "", "in"), ("Channel 3", "lbf", "in"), ("Input force", "N", "in"), ("Exc 1", "", "in"), ("In 1", "", "in"),
+        ("Time", "", "time"), ("Elapsed time", "s", "time"), ("t", "", "time"), ("X_Value", "", "time"), ("Zeit", "", "time"),
+        ("Frequency", "", "frequency"), ("f", "Hz", "frequency"), ("omega", "rad/s", "frequency"),
+        ("AccA", "", "out"), ("Ch 4", "m/s^2", "out"), ("Displacement", "mm", "out"), ("SG1", "um/m", "out"), ("p", "Pa", "out"),
+        ("Temp", "°C", "ignore"), ("Speed", "rpm", "ignore"), ("Sample", "", "index"), ("#", "", "index"),
+        ("Ch 4", "", ""), ("ai0", "V", ""), ("Sample force", "", "in"), ("Response time", "", ""),
+    ],
+)  # fmt: skip
+def test_names_and_units_say_what_a_column_is(name: str, unit: str, role: str) -> None:
+    found = role_by_words(Column(number=1, name=name, unit=unit, values=np.zeros(2)))
+    assert found.role in (role, "out" if name == "Response time" else role)
+    assert bool(found.reason) == bool(found.role)
+
+
+def test_what_is_said_goes_before_what_is_seen() -> None:
+    held = table(("Time", "s"), ("A", "V"), ("B", "V"), ("Temp", "degC"))
+    seen = contents_from_table(held, {})
+    assert (seen.thing.inputs, seen.thing.output_dofs) == (None, ("A", "B"))
+    assert any('--columns "in=2"' in note for note in seen.notes)
+    said = contents_from_table(held, {"columns": "in=2"}).thing
+    assert (said.input_dofs, said.output_dofs) == (("A",), ("B",))
+    assert contents_from_table(held, {"columns": "time=Time,out=B,Temp"}).thing.output_dofs == ("B", "Temp")
+    assert contents_from_table(held, {"ignore": "B"}).thing.output_dofs == ("A",)
+    by_unit = contents_from_table(held, {"units": {"A": "N", "3": "g"}}).thing
+    assert (by_unit.input_dofs, by_unit.units, by_unit.quantity) == (("A",), (("g",), ("N",)), "acceleration")
+    left = {finding.part: finding.reason for finding in seen.findings if not finding.taken}
+    assert left == {"column 4": "degC is no vibration"}
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"columns": "x=2"}, "not of the form ROLE=COLUMNS"),
+        ({"columns": "in=9"}, "column '9' of --columns"),
+        ({"columns": "in=2-9"}, "column '2-9' of --columns"),
+        ({"columns": "in=A,out=A"}, "has two roles"),
+        ({"ignore": "Z"}, "column 'Z' of --ignore"),
+        ({"ignore": ["A", "B"]}, "needs a column of measured values"),
+        ({"sampling_rate": 50.0}, "the times of column 1, 'Time' .s. say 100 Hz"),
+    ],
+)
+def test_options_that_cannot_be_met_are_named(options: dict[str, object], text: str) -> None:
+    refused(text, contents_from_table, table(("Time", "s"), ("A", ""), ("B", "")), options)
+
+
+def test_a_rising_column_is_time_beside_a_force_and_asked_for_otherwise() -> None:
+    values = np.random.default_rng(1).standard_normal((2, 50))
+    rising = Column(number=1, values=np.arange(50) * 0.25)
+    beside = [Column(number=2, name="Force", values=values[0]), Column(number=3, values=values[1])]
+    assert contents_from_table(Table(where="a", columns=(rising, *beside)), {}).thing.sampling_rate == 4
+    bare = (rising, Column(number=2, values=values[0]), Column(number=3, values=values[1]))
+    refused(
+        r'--columns "time=1,out=2-3", or --columns "frequency=1,real=2,imag=3"',
+        contents_from_table,
+        Table(where="a", columns=bare),
+        {},
+    )
+    lines = contents_from_table(Table(where="a", columns=bare), {"columns": "frequency=1,real=2,imag=3"}).thing
+    assert isinstance(lines, ms.FrequencyResponse)
+
+
+def test_roles_go_on_until_the_next() -> None:
+    columns = [Column(number=k, name=f"c{k}", values=np.zeros(2)) for k in range(1, 7)]
+    assert spoken_roles(columns, "time=1,in=2,4,out=5-") == {1: "time", 2: "in", 4: "in", 5: "out", 6: "out"}
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    st.floats(allow_nan=False, allow_infinity=False, width=64),
+    st.sampled_from([(".", ""), (",", ""), (",", "."), (".", ","), (".", "'")]),
+)
+def test_numbers_come_back_from_every_writing(value: float, signs: tuple[str, str]) -> None:
+    decimal, thousands = signs
+    text = repr(value)
+    if thousands and "e" not in text:
+        text = f"{int(value):,}".replace(",", "_") + "." + text.partition(".")[2] if value >= 0 else text
+    text = text.replace(".", "#").replace("_", thousands).replace("#", decimal)
+    assert is_value(text)
+    assert number_of(text, Dialect(delimiter=";", decimal=decimal, thousands=thousands)) == value
+
+
+@given(st.complex_numbers(allow_nan=False, allow_infinity=False), st.sampled_from("ij"), st.booleans())
+def test_complex_numbers_come_back(value: complex, letter: str, brackets: bool) -> None:
+    text = f"{value.real!r}{value.imag:+}{letter}"
+    assert complex_of(f"({text})" if brackets else text, Dialect(delimiter=";")) == value

@@ -1,0 +1,110 @@
+"""Where the sensors are, from tables, universal files and meshes: nodes, lines, and which channel moves which node."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import modalscope as ms
+import modalscope.io as mio
+from tests.support import refused
+
+POINTS = "node,x [mm],y [mm],z [mm]\nA1,0,0,0\nA2,100,0,0\nA3,100,50,0\nA4,0,50,0\n"
+
+
+def record(path: Path, *heads: str) -> Path:
+    values = np.random.default_rng(0).standard_normal((50, len(heads)))
+    lines = [",".join(["Time", *heads])]
+    lines += [f"{k / 100:.2f}," + ",".join(f"{value:.4f}" for value in row) for k, row in enumerate(values)]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        POINTS,
+        POINTS.replace(",", ";"),
+        POINTS.replace("0,0,0\n", "0,0,0.0\n"),
+        "# A plate\n" + POINTS.replace(",", "\t"),
+        "A1 0 0 0\nA2 100 0 0\nA3 100 50 0\nA4 0 50 0\n",
+        "Point;Z;Y;X\nA1;0,0;0,0;0,0\nA2;0,0;0,0;100,0\nA3;0,0;50,0;100,0\nA4;0,0;50,0;0,0\n",
+    ],
+)
+def test_tables_of_points_are_read_however_they_are_written(tmp_path: Path, text: str) -> None:
+    (tmp_path / "points.csv").write_text(text)
+    data = ms.read(record(tmp_path / "a.csv", "A1:+Z", "A2:+Z", "A3:-Z", "A4:+Z"), geometry=tmp_path / "points.csv")
+    assert data.geometry.nodes == ("A1", "A2", "A3", "A4")
+    np.testing.assert_array_equal(data.geometry.coordinates[2], [100, 50, 0])
+    assert {tuple(line) for line in data.geometry.lines.tolist()} == {
+        (0, 1),
+        (1, 2),
+        (2, 3),
+        (0, 3),
+    }  # the edges, no diagonal
+    assert data.geometry.motion_of("A3:-Z") == (("A3", (-0.0, -0.0, -1.0)),)
+
+
+def test_lines_of_a_table_are_taken_and_nothing_is_said_of_neighbours(tmp_path: Path) -> None:
+    (tmp_path / "points.csv").write_text(POINTS)
+    (tmp_path / "lines.csv").write_text("from,to\nA1,A3\nA2,A4\n")
+    path = record(tmp_path / "a.csv", "A1:+Z", "A2:+Z")
+    told = mio.survey(path, geometry=[str(tmp_path / "points.csv"), str(tmp_path / "lines.csv")])
+    assert told.thing.geometry.lines.tolist() == [[0, 2], [1, 3]]
+    assert not any("neighbouring" in note for note in told.notes)
+    said = mio.survey(path, geometry=tmp_path / "points.csv").notes
+    assert any("4 were drawn between neighbouring nodes" in note for note in said)
+
+
+def test_channels_move_the_nodes_that_a_table_gives_them(tmp_path: Path) -> None:
+    (tmp_path / "points.csv").write_text(
+        "channel,node,x,y,z,direction\nAccA,1,0,0,0,+Z\nAccB,1,0,0,0,X\nAccC,2,1,0,0,-y\n"
+    )
+    told = mio.survey(record(tmp_path / "a.csv", "AccA", "AccB", "AccC", "AccD"), geometry=tmp_path / "points.csv")
+    geometry = told.thing.geometry
+    assert geometry.nodes == ("1", "2")
+    assert geometry.motion_of("AccB") == (("1", (1.0, 0.0, 0.0)),)
+    assert geometry.motion_of("AccC") == (("2", (-0.0, -1.0, -0.0)),)
+    assert any("1 of 4 channels have no node and direction in the geometry: AccD" in note for note in told.notes)
+
+
+def test_a_universal_file_gives_its_geometry(tmp_path: Path) -> None:
+    held = ms.Geometry(nodes=[1, 2], coordinates=[[0, 0, 0], [1, 0, 0]], lines=[[1, 2]])
+    ms.write(tmp_path / "g.uff", held)
+    data = ms.read(record(tmp_path / "a.csv", "1:+Z", "2:+Z"), geometry=tmp_path / "g.uff")
+    assert data.geometry.lines.tolist() == [[0, 1]]
+
+
+def test_a_mesh_gives_nodes_lines_and_faces(tmp_path: Path) -> None:
+    meshio = pytest.importorskip("meshio")
+    points = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0]]
+    meshio.Mesh(points, [("quad", [[0, 1, 2, 3]]), ("line", [[1, 4]])]).write(tmp_path / "a.vtk")
+    geometry = ms.read(tmp_path / "a.vtk")
+    assert (geometry.lines.tolist(), geometry.faces.tolist()) == ([[1, 4]], [[0, 1, 2, 3]])
+    assert ms.read(record(tmp_path / "a.csv", "1:+Z"), geometry=tmp_path / "a.vtk").geometry.nodes[4] == "5"
+    (tmp_path / "b.vtk").write_text("nothing")
+    refused("meshio does not read it", ms.read, tmp_path / "b.vtk")
+
+
+@pytest.mark.parametrize(
+    ("points", "text"),
+    [
+        ("node,a,b,c\nA1,0,0,0\nA2,1,0,0\n", "needs columns x, y, z"),
+        ("node,x,y,z\nA1,0,0,0\nA2,1,here,0\n", "needs numbers as coordinates"),
+        ("channel,x,y,z,direction\nA1,0,0,0,up\n", "'up' is no direction"),
+        ("nothing\n", "it has 0 rows of 1 cells"),
+    ],
+)
+def test_tables_that_are_no_points_are_named(tmp_path: Path, points: str, text: str) -> None:
+    (tmp_path / "points.csv").write_text(points)
+    refused(text, ms.read, record(tmp_path / "a.csv", "1:+Z"), geometry=tmp_path / "points.csv")
+
+
+def test_a_geometry_that_is_not_there_is_named(tmp_path: Path) -> None:
+    path = record(tmp_path / "a.csv", "1:+Z")
+    refused("there is no such file", ms.read, path, geometry=tmp_path / "b.csv")
+    refused("no Geometry, path", ms.read, path, geometry=5)
+    ms.write(path.with_suffix(".npz"), ms.read(path))
+    refused("it holds none", ms.read, path, geometry=path.with_suffix(".npz"))
