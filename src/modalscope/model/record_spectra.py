@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -135,11 +136,11 @@ class RecordSpectra(Response):
 
     def runs(self) -> Iterator[Run]:
         """Yield the lines of every run."""
-        for r in range(len(self.durations)):
-            own = self.run == r
-            x = self.points[own]
+        points = self.points
+        for first, last in pairwise(np.searchsorted(self.run, np.arange(len(self.durations) + 1))):
+            x = points[first:last]
             ends = np.ones_like(x) if self.sampling_rate is None else x
-            yield Run(x, self.values[own, :, 0], self.drive[own], ends)
+            yield Run(x, self.values[first:last, :, 0], self.drive[first:last], ends)
 
     @property
     def lines(self) -> DrivenLines:

@@ -315,7 +315,8 @@ class Response(Channels):
 
 def output_scale(response: Response) -> RealArray:
     """Return the root mean square of every output, (l,), by which quiet outputs are brought level with loud ones."""
-    return np.asarray(np.sqrt(np.mean(np.abs(response.values) ** 2, axis=(0, 2))))
+    parts = np.ascontiguousarray(response.values).view(np.float64).reshape(*response.values.shape[:2], -1)
+    return np.asarray(np.sqrt(np.einsum("klp,klp->l", parts, parts) / (response.count * response.values.shape[2])))
 
 
 def window_damping(response: Response) -> float:
