@@ -29,7 +29,7 @@ from modalscope.blocks.plane import Plane, plane_of
 from modalscope.blocks.polynomial_rows import PolynomialRows
 from modalscope.blocks.polynomials import evaluate, orthogonal_basis
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
-from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_count
+from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, check_count
 from modalscope.model.driven_basis import Run
 from modalscope.model.record_spectra import RecordSpectra
 from modalscope.model.response import output_scale
@@ -138,12 +138,8 @@ class RecordLines(PolynomialRows):
         """p_0, the constant of the basis."""
         return self.constant
 
-    @cached_property
-    def basis(self) -> ComplexArray:
-        """p_k on all lines, (F, q + 1)."""
-        return self._polynomials(slice(None))
-
-    def _polynomials(self, lines: slice) -> ComplexArray:
+    def polynomials(self, lines: slice | IntArray) -> ComplexArray:
+        """Return p_k on some lines, (lines, q + 1): they are not kept."""
         return evaluate(self.recurrence, self.constant, self.plane.point(self.response.frequencies[lines])).T
 
     @property
@@ -213,7 +209,7 @@ class RecordLines(PolynomialRows):
         step = max(_NUMBERS // wide, 1)
         for start in range(0, len(run.points), step):
             s = slice(start, start + step)
-            basis = self._polynomials(slice(first + start, first + start + len(run.points[s])))
+            basis = self.polynomials(slice(first + start, first + start + len(run.points[s])))
             drives = np.hstack([np.ones((len(basis), 1)), run.inputs[s][:, used] / size])
             head = (drives[:, :, None] * basis[:, None, :]).reshape(len(basis), -1)
             tail = (basis[:, :, None] * (run.outputs[s] / self.output_scale)[:, None, :]).reshape(len(basis), -1)

@@ -88,8 +88,9 @@ def default_degree(response: FrequencyResponse, order: int) -> int:
 def default_record_degree(spectra: RecordSpectra, order: int, *, truncates: bool = True) -> int:
     """Return the degree q of records on lines: as high as the stack and the lines allow, for it decides how well damping is known.
 
-    (q + 1)(1 + m + l) stays below 1400 columns, and below what takes half a minute on the lines of a long record, and twice as many lines are there as terms are eliminated; but q is never
-    below 8, nor below what the order needs, unless the lines forbid it: q + 1 terms of every input and end, and the order, must be left.
+    (q + 1)(1 + m + l) stays below 1400 columns, and below what takes half a minute on the lines of a long record, and twice as many lines
+    are there as terms are eliminated; but q is never below 8, nor below what the order needs, unless the lines forbid it: q + 1 terms of
+    every input and end, and the order, must be left.
     Where all block rows are states, there are no more of them than the order needs.
     """
     _, outputs, _ = spectra.values.shape
