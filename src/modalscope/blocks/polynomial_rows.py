@@ -10,6 +10,7 @@ from modalscope.blocks.plane import Plane
 from modalscope.blocks.polynomials import both_sums, evaluate
 from modalscope.blocks.shift import RowShift
 from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
+from modalscope.model.response import Response
 
 __all__ = ["PolynomialRows"]
 
@@ -20,6 +21,7 @@ class PolynomialRows(RowsOnLines):
     A concrete matrix has the fields below.
     """
 
+    response: Response
     plane: Plane
     basis: ComplexArray
     recurrence: RealArray
@@ -97,7 +99,7 @@ class PolynomialRows(RowsOnLines):
 
         What is eliminated is orthogonal to the right vectors already.
         """
-        lines = np.arange(every // 2, self.judged.count, every)
+        lines = np.arange(every // 2, self.response.count, every)
         L = left.reshape(len(left), -1, self.outputs)
         at, mirrored = both_sums(self.polynomials(lines), np.asarray(L / self.output_scale, dtype=complex))
         w = 0.5 if self.weights is None else self.weights[lines] / 2

@@ -18,7 +18,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +30,7 @@ from modalscope.blocks.polynomials import evaluate, orthogonal_basis
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, check_count
 from modalscope.model.driven_basis import Run
+from modalscope.model.line_choice import running_mean
 from modalscope.model.record_spectra import RecordSpectra
 from modalscope.model.response import output_scale
 from modalscope.model.statespace import StateSpace
@@ -103,12 +103,7 @@ def resonance_weights(spectra: RecordSpectra, scale: RealArray) -> RealArray:
     """
     scale = np.where(scale > 0, scale, 1)
     power = np.einsum("fl,l->f", np.abs(spectra.values[:, :, 0]) ** 2, scale**-2.0)
-    bounds = np.searchsorted(spectra.run, np.arange(len(spectra.durations) + 1))
-    for first, last in pairwise(bounds):
-        total = np.concatenate([[0.0], np.cumsum(power[first:last])])
-        k = np.arange(last - first)
-        low, high = np.maximum(k - _BESIDE, 0), np.minimum(k + _BESIDE + 1, last - first)
-        power[first:last] = (total[high] - total[low]) / (high - low)
+    power = running_mean(power, spectra.run, _BESIDE)
     w = np.maximum(power, _QUIET * max(float(np.median(power)), np.finfo(float).tiny)) ** 0.25
     return np.asarray(w / np.sqrt(np.mean(w**2)))
 
@@ -142,10 +137,10 @@ class RecordLines(PolynomialRows):
         """Return p_k on some lines, (lines, q + 1): they are not kept."""
         return evaluate(self.recurrence, self.constant, self.plane.point(self.response.frequencies[lines])).T
 
-    @property
+    @cached_property
     def judged(self) -> RecordSpectra:
-        """The records' own lines."""
-        return self.response
+        """The records' own lines; of long records those that tell."""
+        return self.response.judging()
 
     @property
     def outputs(self) -> int:
@@ -238,13 +233,13 @@ class RecordLines(PolynomialRows):
     def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
         """Return shapes from all block rows; participation of inputs and ends, and D, by least squares over the records' lines."""
         shapes = self.shapes(model.row_states(eigen.vectors), eigen.values)
-        basis = self.response.sparse_basis(self.to_s(eigen.values))
+        basis = self.judged.basis(self.to_s(eigen.values))
         participation, terms = basis.fit_participation(shapes)
         return ModalFit(shapes, participation, terms, reach=basis.reach, basis=basis)
 
     def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> tuple[Array, Array]:
         """Return the records' lines and what the modes give on them, from the first states that fit best."""
-        values = self.response.evaluated(poles, fit.shapes, fit.participation, fit.terms)
+        values = self.judged.evaluated(poles, fit.shapes, fit.participation, fit.terms)
         return self.judged.values, values[:, :, None]
 
     @property

@@ -125,6 +125,20 @@ class Response(Channels):
             Weights of the lines.
         """
 
+    @property
+    def whole(self) -> Response:
+        """All of the data, where these are what models are judged on."""
+        return self
+
+    def around(self, poles: Array) -> Response:
+        """Return what tells about modes with these poles (rad/s) of very long data; the data themselves else.
+
+        Parameters
+        ----------
+        poles : array of complex, (n,)
+        """
+        return self
+
     def whole_basis(self, poles: Array, powers: tuple[int, ...] = (0,)) -> ModalBasis:
         """Return the basis on all rows of the data, one a sample or two a line, real parts first: nothing is compressed.
 
