@@ -15,6 +15,10 @@ __all__ = ["Shaker", "shaker"]
 #: Sampling rate of the simulation over that of the record.
 OVER = 8
 
+#: Shape of the anti-aliasing filter's window: 110 dB beyond its stop band, as converters have. What less would fold back of the forces is
+#: noise on the inputs.
+STOPPED = 11.0
+
 
 @dataclass(frozen=True, eq=False)
 class Shaker:
@@ -79,7 +83,10 @@ def shaker(
         [_acceleration(s, every @ drive[:, j], high) for j, s in enumerate(poles_from(f, zeta))]
     )
     filtered = fftconvolve(
-        np.hstack([accelerations, forces]), firwin(1025, 0.45 * rate, fs=high)[:, None], mode="same", axes=0
+        np.hstack([accelerations, forces]),
+        firwin(1025, 0.45 * rate, fs=high, window=("kaiser", STOPPED))[:, None],
+        mode="same",
+        axes=0,
     )[ahead::OVER]
     y, u = filtered[:, :modes] @ shapes.T, filtered[:, modes:]
     y = y + noise * np.sqrt(np.mean(y**2, axis=0)) * rng.standard_normal(y.shape)

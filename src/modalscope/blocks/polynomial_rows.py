@@ -9,7 +9,8 @@ from modalscope.blocks.lines import RowsOnLines
 from modalscope.blocks.plane import Plane
 from modalscope.blocks.polynomials import both_sums, evaluate
 from modalscope.blocks.shift import RowShift
-from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
+from modalscope.model.response import Response
 
 __all__ = ["PolynomialRows"]
 
@@ -20,6 +21,7 @@ class PolynomialRows(RowsOnLines):
     A concrete matrix has the fields below.
     """
 
+    response: Response
     plane: Plane
     basis: ComplexArray
     recurrence: RealArray
@@ -40,6 +42,10 @@ class PolynomialRows(RowsOnLines):
     def first_value(self) -> float:
         """p_0, the constant of the basis."""
         return float(self.basis[0, 0].real)
+
+    def polynomials(self, lines: slice | IntArray) -> ComplexArray:
+        """Return p_k on some lines, (lines, q + 1)."""
+        return np.asarray(self.basis[lines])
 
     def first_rows(self, right: Array, k: int = 0) -> RealArray:
         """Return (first block row of H(k) / p_0) X, such that C = first_rows(Q d^-1/2)."""
@@ -93,9 +99,9 @@ class PolynomialRows(RowsOnLines):
 
         What is eliminated is orthogonal to the right vectors already.
         """
-        lines = np.arange(every // 2, len(self.basis), every)
+        lines = np.arange(every // 2, self.response.count, every)
         L = left.reshape(len(left), -1, self.outputs)
-        at, mirrored = both_sums(self.basis[lines], np.asarray(L / self.output_scale, dtype=complex))
+        at, mirrored = both_sums(self.polynomials(lines), np.asarray(L / self.output_scale, dtype=complex))
         w = 0.5 if self.weights is None else self.weights[lines] / 2
         parts = np.split(right, 2, axis=1)
         real, imaginary = (part[:, lines].transpose(2, 1, 0) for part in parts)

@@ -7,6 +7,10 @@ polynomials p_k orthogonal on the lines
 
 The rows p_j and p_j U are projected away, each run with its own inputs and its own ends; what is left lies side by side. The
 polynomials are those of the lines of all runs together: the left factor [C p_0(A); ...; C p_q(A)] is one for all.
+
+Every line may have a weight, since the equations hold line by line, and the rows of white noise stay white when the polynomials are
+orthogonal under the same weights. Weights that follow the resonances bend the polynomials to them: a degree then shows damping that
+would take half as many more with equal weights.
 """
 
 from __future__ import annotations
@@ -22,20 +26,26 @@ import scipy.linalg as sla
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.plane import Plane, plane_of
 from modalscope.blocks.polynomial_rows import PolynomialRows
-from modalscope.blocks.polynomials import orthogonal_basis
-from modalscope.blocks.sums import TriangleSum
+from modalscope.blocks.polynomials import evaluate, orthogonal_basis
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
-from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_count
+from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, check_count
 from modalscope.model.driven_basis import Run
+from modalscope.model.line_choice import running_mean
 from modalscope.model.record_spectra import RecordSpectra
 from modalscope.model.response import output_scale
 from modalscope.model.statespace import StateSpace
-from modalscope.model.triangles import triangle_of
+from modalscope.model.triangles import stacked_factor, triangle_of
 
 __all__ = ["RecordLines", "record_lines"]
 
 #: Numbers in the columns of the lines that are taken at a time, complex ones: 2 MB.
 _NUMBERS = 1 << 17
+
+#: Lines on which polynomials are made orthogonal: those of a longer record are nearly so on all lines, which is as good.
+_ORTHOGONAL = 65_536
+
+#: Lines on either side that a weight is averaged over, and the least power over the median that it follows.
+_BESIDE, _QUIET = 20, 0.01
 
 #: Rows p_j U below this share of the largest, in multiples of rounding, are no directions of their own.
 _ROUNDING = 16.0
@@ -67,8 +77,12 @@ def record_lines(spectra: RecordSpectra, *, domain: str, block_rows: int, order:
     q = check_count("block_rows", block_rows)
     response = spectra if domain == "z" else spectra.continuous()
     plane = plane_of(domain, response)
-    basis, recurrence = orthogonal_basis(plane.point(response.frequencies), q)
-    made = RecordLines(response, plane, basis, recurrence, output_scale(response))
+    scale = output_scale(response)
+    w = resonance_weights(response, scale)
+    every = -(-response.count // _ORTHOGONAL)
+    thin = plane.point(response.frequencies[::every])
+    basis, recurrence = orthogonal_basis(thin, q, w[::every] * np.sqrt(response.count / thin.size))
+    made = RecordLines(response, plane, float(basis[0, 0].real), recurrence, scale, weights=w)
     if made.left < max(order or 1, 1):
         raise DataError(
             f"order {order or 1} with block_rows={q} was asked",
@@ -76,6 +90,22 @@ def record_lines(spectra: RecordSpectra, *, domain: str, block_rows: int, order:
             "Measure longer, widen the band, or lower block_rows or the order.",
         )
     return made
+
+
+def resonance_weights(spectra: RecordSpectra, scale: RealArray) -> RealArray:
+    """Return a weight a line, (F,), of mean square one: the root of the outputs' amplitude over neighbouring lines of the run.
+
+    Parameters
+    ----------
+    spectra : RecordSpectra
+    scale : array, (l,)
+        What the outputs are divided by.
+    """
+    scale = np.where(scale > 0, scale, 1)
+    power = np.einsum("fl,l->f", np.abs(spectra.values[:, :, 0]) ** 2, scale**-2.0)
+    power = running_mean(power, spectra.run, _BESIDE)
+    w = np.maximum(power, _QUIET * max(float(np.median(power)), np.finfo(float).tiny)) ** 0.25
+    return np.asarray(w / np.sqrt(np.mean(w**2)))
 
 
 class _Taken(NamedTuple):
@@ -92,16 +122,25 @@ class RecordLines(PolynomialRows):
 
     response: RecordSpectra
     plane: Plane
-    basis: ComplexArray
+    constant: float
     recurrence: RealArray
     output_scale: RealArray
     row_shifts: tuple[int, ...] | None = None
     weights: RealArray | None = None
 
     @property
+    def first_value(self) -> float:
+        """p_0, the constant of the basis."""
+        return self.constant
+
+    def polynomials(self, lines: slice | IntArray) -> ComplexArray:
+        """Return p_k on some lines, (lines, q + 1): they are not kept."""
+        return evaluate(self.recurrence, self.constant, self.plane.point(self.response.frequencies[lines])).T
+
+    @cached_property
     def judged(self) -> RecordSpectra:
-        """The records' own lines."""
-        return self.response
+        """The records' own lines; of long records those that tell."""
+        return self.response.judging()
 
     @property
     def outputs(self) -> int:
@@ -126,13 +165,13 @@ class RecordLines(PolynomialRows):
 
     @cached_property
     def _eliminated(self) -> tuple[RealArray, tuple[_Taken, ...]]:
-        total, taken = TriangleSum(self.outputs * (self.block_rows + 1)), []
+        triangle, taken = np.zeros((0, self.outputs * (self.block_rows + 1))), []
         for r, run in enumerate(self.response.runs()):
             if len(run.points):
                 left, part = self._left_of(r, run)
-                total.add(left)
+                triangle = stacked_factor(triangle, left)
                 taken.append(part)
-        return np.ascontiguousarray(total.finish().T), tuple(taken)
+        return np.ascontiguousarray(triangle.T), tuple(taken)
 
     def _left_of(self, r: int, run: Run) -> tuple[RealArray, _Taken]:
         """Project the outputs' rows of a run on the complement of p_j and p_j U, in chunks of lines.
@@ -140,9 +179,9 @@ class RecordLines(PolynomialRows):
         The triangular factor of [eliminated, outputs] stands in for the lines; the rank of its first columns is seen on it.
         """
         terms = 1 + int(np.sum(np.any(run.inputs, axis=0)))
-        width = (terms + self.outputs) * self.basis.shape[1]
+        width = (terms + self.outputs) * (self.block_rows + 1)
         R = triangle_of(lambda: (columns for _, columns in self._columns(r, run)), width)
-        given = terms * self.basis.shape[1]
+        given = terms * (self.block_rows + 1)
         known, beside = R[:given, :given], R[:given, given:]
         size = np.linalg.norm(known, axis=0)
         size = np.where(size > 0, size, 1)
@@ -153,24 +192,27 @@ class RecordLines(PolynomialRows):
         taken_off = np.zeros((given, R.shape[1] - given))
         seen = Q[:, :rank].T @ beside
         taken_off[order[:rank]] = sla.solve_triangular(T[:rank, :rank], seen, check_finite=False)
-        left = np.vstack([Q[:, rank:].T @ beside, R[given:, given:]])
+        left = R[given:, given:] if rank == given else np.vstack([Q[:, rank:].T @ beside, R[given:, given:]])
         return left, _Taken(rank, given, taken_off / size[:, None])
 
     def _columns(self, r: int, run: Run) -> Iterator[tuple[slice, RealArray]]:
-        """Yield [p_j, p_j U, p_j Y] of a run, some lines at a time, real parts above imaginary ones."""
-        driving = run.inputs[:, np.any(run.inputs, axis=0)]
-        driving = driving / np.maximum(np.sqrt(np.mean(np.abs(driving) ** 2, axis=0)), 1e-300)
-        factors = np.hstack([np.ones((len(run.points), 1)), driving, run.outputs / self.output_scale])
-        basis = self.basis[self.response.run == r]
-        terms, wide = (1 + driving.shape[1]), factors.shape[1] * basis.shape[1]
+        """Yield [p_j, p_j U, p_j Y] of a run times the weights, some lines at a time, real parts above imaginary ones."""
+        used = np.any(run.inputs, axis=0)
+        size = np.maximum(np.sqrt(np.mean(np.abs(run.inputs[:, used]) ** 2, axis=0)), 1e-300)
+        wide = (1 + int(used.sum()) + self.outputs) * (self.block_rows + 1)
+        first = int(np.argmax(self.response.run == r))
         step = max(_NUMBERS // wide, 1)
-        for start in range(0, len(basis), step):
+        for start in range(0, len(run.points), step):
             s = slice(start, start + step)
-            head = (factors[s, :terms, None] * basis[s, None, :]).reshape(len(basis[s]), -1)
-            tail = (basis[s, :, None] * factors[s, None, terms:]).reshape(len(head), -1)
+            basis = self.polynomials(slice(first + start, first + start + len(run.points[s])))
+            drives = np.hstack([np.ones((len(basis), 1)), run.inputs[s][:, used] / size])
+            head = (drives[:, :, None] * basis[:, None, :]).reshape(len(basis), -1)
+            tail = (basis[:, :, None] * (run.outputs[s] / self.output_scale)[:, None, :]).reshape(len(basis), -1)
             columns = np.empty((2, len(head), wide))
             for part, own in ((head, slice(None, head.shape[1])), (tail, slice(head.shape[1], None))):
                 columns[0, :, own], columns[1, :, own] = part.real, part.imag
+            if self.weights is not None:
+                columns *= self.weights[first + start : first + start + len(basis), None]
             yield s, columns.reshape(-1, wide)
 
     def on_lines(self, rows: RealArray) -> RealArray:
@@ -191,13 +233,13 @@ class RecordLines(PolynomialRows):
     def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
         """Return shapes from all block rows; participation of inputs and ends, and D, by least squares over the records' lines."""
         shapes = self.shapes(model.row_states(eigen.vectors), eigen.values)
-        basis = self.response.sparse_basis(self.to_s(eigen.values))
+        basis = self.judged.basis(self.to_s(eigen.values))
         participation, terms = basis.fit_participation(shapes)
         return ModalFit(shapes, participation, terms, reach=basis.reach, basis=basis)
 
     def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> tuple[Array, Array]:
         """Return the records' lines and what the modes give on them, from the first states that fit best."""
-        values = self.response.evaluated(poles, fit.shapes, fit.participation, fit.terms)
+        values = self.judged.evaluated(poles, fit.shapes, fit.participation, fit.terms)
         return self.judged.values, values[:, :, None]
 
     @property

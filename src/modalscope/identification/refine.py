@@ -85,7 +85,7 @@ def refine(
     (True, True)
     """
     check_kind("modes of refine", modes, ModalModel)
-    response = _response(data, modes)
+    response = _response(data, modes).around(modes.poles)
     chosen = check_groups(groups, *response.parts, response.groups)
     if complete and not response.separable:
         raise DataError(

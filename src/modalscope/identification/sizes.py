@@ -24,7 +24,10 @@ __all__ = [
 _PAST_SHARE = 0.02
 
 #: Columns of the stack of records on lines up to which a higher degree is worth its time, and the highest degree.
-_STACK, _DEGREE = 1000, 60
+_STACK, _DEGREE = 1400, 60
+
+#: Products of columns over all lines that are worth it: 2 F columns^2, some twenty seconds at 40 a nanosecond.
+_PRODUCTS = 8e11
 
 #: Rows of the past beyond which the triangular factor takes long.
 _PAST_ROWS = 600
@@ -85,15 +88,17 @@ def default_degree(response: FrequencyResponse, order: int) -> int:
 def default_record_degree(spectra: RecordSpectra, order: int, *, truncates: bool = True) -> int:
     """Return the degree q of records on lines: as high as the stack and the lines allow, for it decides how well damping is known.
 
-    (q + 1)(1 + m + l) stays below a thousand columns, and twice as many lines are there as terms are eliminated; but q is never
-    below 8, nor below what the order needs, unless the lines forbid it: q + 1 terms of every input and end, and the order, must be left.
+    (q + 1)(1 + m + l) stays below 1400 columns, and below what takes half a minute on the lines of a long record, and twice as many lines
+    are there as terms are eliminated; but q is never below 8, nor below what the order needs, unless the lines forbid it: q + 1 terms of
+    every input and end, and the order, must be left.
     Where all block rows are states, there are no more of them than the order needs.
     """
     _, outputs, _ = spectra.values.shape
     channels, terms = spectra.eliminated
     least = max(8, -(-order // outputs) + 4)
+    stack = int(min(_STACK, np.sqrt(_PRODUCTS / (2 * spectra.count))))
     wanted = (
-        least if not truncates else min(_DEGREE, _STACK // (channels + outputs) - 1, spectra.count // (2 * terms) - 1)
+        least if not truncates else min(_DEGREE, stack // (channels + outputs) - 1, spectra.count // (2 * terms) - 1)
     )
     most = (2 * spectra.count - order) // terms - 1
     return int(max(min(max(wanted, least), most), -(-order // outputs), 1))

@@ -81,10 +81,6 @@ class DrivenBasis(ModalBasis):
         each = self.by_drive.reshape(len(self.functions), self.drives, -1, 2).transpose(0, 2, 1, 3)
         return np.ascontiguousarray(each).reshape(len(each), each.shape[1], 2 * self.drives)
 
-    def times(self, factor: float) -> DrivenBasis:
-        """Return the basis with all rows multiplied: fits stay as they are."""
-        return DrivenBasis(factor * self.terms, factor * self.functions, factor * self.data, self.drives)
-
     def compressed(self) -> DrivenBasis:
         """Return the basis itself: it is compressed already."""
         return self

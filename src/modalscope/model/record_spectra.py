@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,11 +23,12 @@ from modalscope.model.driven_basis import DrivenBasis, Run, driven_basis
 from modalscope.model.driven_lines import DrivenLines
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.groups import check_groups, run_groups
+from modalscope.model.line_choice import near_modes, telling_lines
 from modalscope.model.notes import Note
 from modalscope.model.poles import to_discrete
 from modalscope.model.record_picture import picture_of
 from modalscope.model.record_residual import excess, excess_notes, pole_notes
-from modalscope.model.response import AsLines, AsSamples, Response
+from modalscope.model.response import AsLines, AsSamples, Response, output_scale
 from modalscope.model.statespace import StateSpace
 
 if TYPE_CHECKING:
@@ -37,8 +39,8 @@ __all__ = ["RecordSpectra"]
 #: The degree below which damping is hardly known.
 _LEAST_DEGREE = 8
 
-#: Lines that suffice to fit residues to known poles.
-_SPARSE = 16_384
+#: Lines on which models of long records are judged, and refined.
+_JUDGED, _REFINED = 32_768, 131_072
 
 #: Neighbouring lines on either side that one value of the smoothed spectrum is made of.
 _NEAR = 3
@@ -64,6 +66,8 @@ class RecordSpectra(Response):
         Seconds of every run.
     sampling_rate : float, optional
         Samples per second, when the inputs were held between samples (z-plane); None for those of a continuous structure.
+    source : RecordSpectra, optional
+        All lines, where these are some of them.
     groups : sequence of labels, "auto" or None
         One label a run: what disagrees between groups is repeatability. By default every run of several is one.
     """
@@ -72,6 +76,7 @@ class RecordSpectra(Response):
     drive: ComplexArray
     run: IntArray
     durations: tuple[float, ...]
+    source: RecordSpectra | None = None
 
     def __post_init__(self) -> None:
         freeze(
@@ -128,11 +133,11 @@ class RecordSpectra(Response):
 
     def runs(self) -> Iterator[Run]:
         """Yield the lines of every run."""
-        for r in range(len(self.durations)):
-            own = self.run == r
-            x = self.points[own]
+        points = self.points
+        for first, last in pairwise(np.searchsorted(self.run, np.arange(len(self.durations) + 1))):
+            x = points[first:last]
             ends = np.ones_like(x) if self.sampling_rate is None else x
-            yield Run(x, self.values[own, :, 0], self.drive[own], ends)
+            yield Run(x, self.values[first:last, :, 0], self.drive[first:last], ends)
 
     @property
     def lines(self) -> DrivenLines:
@@ -153,24 +158,32 @@ class RecordSpectra(Response):
 
     def continuous(self) -> RecordSpectra:
         """Return the same records as those of a continuous structure, measured through filters (s-plane)."""
-        return replace(self, sampling_rate=None)
+        return replace(self, sampling_rate=None, source=None)
 
     def basis(self, poles: Array, powers: tuple[int, ...] = (0,), weights: Array | None = None) -> DrivenBasis:
         """Return what poles can contribute on the lines of all runs; see `Response.basis`."""
         return driven_basis(list(self.runs()), self.in_plane(poles))
 
-    def sparse_basis(self, poles: Array) -> DrivenBasis:
-        """Return the basis from every k-th line, as many as suffice to fit residues to known poles; norms are those of all lines.
+    def judging(self) -> RecordSpectra:
+        """Return the lines on which models are judged: of a long record some of all, and those of the peaks; `whole` has the others."""
+        if self.count <= _JUDGED:
+            return self
+        power = np.einsum("fl,l->f", np.abs(self.values[:, :, 0]) ** 2, 1 / np.maximum(output_scale(self), 1e-300) ** 2)
+        return replace(self._at(telling_lines(power, self.run, _JUDGED)), source=self)
 
-        On every line the records are exactly what a model gives: lines that are left out cost accuracy and bring no bias.
-        """
-        every = -(-self.count // _SPARSE)
-        if every == 1:
-            return self.basis(poles)
-        runs = [
-            Run(*(part[::every] for part in (run.points, run.outputs, run.inputs, run.ends))) for run in self.runs()
-        ]
-        return driven_basis(runs, self.in_plane(poles)).times(np.sqrt(every))
+    @property
+    def whole(self) -> RecordSpectra:
+        """The records with all their lines."""
+        return self if self.source is None else self.source
+
+    def around(self, poles: Array) -> RecordSpectra:
+        """Return the lines that tell about modes: all, or of a long record those nearest to a mode in half bandwidths."""
+        kept = near_modes(self.frequencies, poles, 1 / max(self.durations), _REFINED)
+        return self if kept.size == self.count else self._at(kept)
+
+    def _at(self, lines: Array) -> RecordSpectra:
+        own = {name: getattr(self, name)[lines] for name in ("values", "frequencies", "drive", "run")}
+        return replace(self, source=None, **own)
 
     def whole_basis(self, poles: Array, powers: tuple[int, ...] = (0,)) -> DrivenBasis:
         """Return the same columns on all rows, with powers of the inputs and one less of the ends; see `Response.whole_basis`."""
@@ -301,13 +314,7 @@ class RecordSpectra(Response):
                 f"the lines lie from {self.span[0]:g} to {self.span[1]:g} Hz, none of them inside",
                 "Choose a band that holds lines.",
             )
-        return replace(
-            self,
-            values=self.values[inside],
-            frequencies=self.frequencies[inside],
-            drive=self.drive[inside],
-            run=self.run[inside],
-        )
+        return self._at(inside)
 
     def reported_band(self, band: tuple[float, float] | None) -> tuple[float, float]:
         """Return the lowest and the highest line: the band has cut them."""
@@ -348,4 +355,4 @@ class RecordSpectra(Response):
         return self.lines.evaluated(self.in_plane(poles), alone, shapes, participation, terms[0])
 
     def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
-        return {"values": self.values[:, outputs], "drive": self.drive[:, inputs]}
+        return {"values": self.values[:, outputs], "drive": self.drive[:, inputs], "source": None}

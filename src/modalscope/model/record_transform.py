@@ -35,15 +35,11 @@ def record_spectra(records: Records, band: tuple[float, float] | None = None) ->
     if not m:
         raise DataError("records on lines were asked", "they have no inputs", "Give the inputs, or use correlations.")
     parts = []
-    for r, run in enumerate(records.runs):
-        N = run.samples
-        assert run.inputs is not None
+    for N in records.samples:
         f = np.arange(1, (N + 1) // 2) * fs / N
         inside = slice(None) if band is None else (f >= band[0]) & (f <= band[1])
-        U = np.zeros((f.size, m), dtype=complex)
-        U[:, list(records.inputs_of(r))] = _lines(run.inputs)
-        parts.append((f[inside], _lines(run.outputs)[inside], U[inside]))
-    count = [f.size for f, _, _ in parts]
+        parts.append((f[inside], inside))
+    count = [f.size for f, _ in parts]
     if not sum(count):
         asked = "all lines" if band is None else f"the band {band[0]:g} to {band[1]:g} Hz"
         raise DataError(
@@ -51,10 +47,21 @@ def record_spectra(records: Records, band: tuple[float, float] | None = None) ->
             f"runs of {', '.join(map(str, records.samples))} samples at {fs:g} Hz have no line there",
             "Choose a wider band, or measure longer.",
         )
+    values, drive = np.empty((sum(count), len(records.output_dofs)), complex), np.zeros((sum(count), m), complex)
+    first = 0
+    for r, (run, (f, inside)) in enumerate(zip(records.runs, parts, strict=True)):
+        assert run.inputs is not None
+        for own, samples in enumerate(run.outputs.T):
+            values[first : first + f.size, own] = _lines(samples)[inside]
+        for own, samples in zip(records.inputs_of(r), run.inputs.T, strict=True):
+            drive[first : first + f.size, own] = _lines(samples)[inside]
+        first += f.size
+    values.setflags(write=False)
+    drive.setflags(write=False)
     return RecordSpectra(
-        values=np.concatenate([Y for _, Y, _ in parts])[:, :, None],
-        frequencies=np.concatenate([f for f, _, _ in parts]),
-        drive=np.concatenate([U for _, _, U in parts]),
+        values=values[:, :, None],
+        frequencies=np.concatenate([f for f, _ in parts]),
+        drive=drive,
         run=np.repeat(np.arange(len(parts)), count),
         durations=tuple(N / fs for N in records.samples),
         sampling_rate=fs,
@@ -70,6 +77,6 @@ def record_spectra(records: Records, band: tuple[float, float] | None = None) ->
 
 
 def _lines(samples: RealArray) -> ComplexArray:
-    """Return the transform without 0 Hz and half the rate, over the root of the number of samples."""
+    """Return the transform of a channel without 0 Hz and half the rate, over the root of the number of samples."""
     N = len(samples)
-    return np.asarray(fft.rfft(samples, axis=0)[1 : (N + 1) // 2] / np.sqrt(N))
+    return np.asarray(fft.rfft(samples)[1 : (N + 1) // 2] / np.sqrt(N))

@@ -120,6 +120,20 @@ class Response(Channels):
             Weights of the lines.
         """
 
+    @property
+    def whole(self) -> Response:
+        """All of the data, where these are what models are judged on."""
+        return self
+
+    def around(self, poles: Array) -> Response:
+        """Return what tells about modes with these poles (rad/s) of very long data; the data themselves else.
+
+        Parameters
+        ----------
+        poles : array of complex, (n,)
+        """
+        return self
+
     def whole_basis(self, poles: Array, powers: tuple[int, ...] = (0,)) -> ModalBasis:
         """Return the basis on all rows of the data, one a sample or two a line, real parts first: nothing is compressed.
 
@@ -310,7 +324,8 @@ class Response(Channels):
 
 def output_scale(response: Response) -> RealArray:
     """Return the root mean square of every output, (l,), by which quiet outputs are brought level with loud ones."""
-    return np.asarray(np.sqrt(np.mean(np.abs(response.values) ** 2, axis=(0, 2))))
+    parts = np.ascontiguousarray(response.values).view(np.float64).reshape(*response.values.shape[:2], -1)
+    return np.asarray(np.sqrt(np.einsum("klp,klp->l", parts, parts) / (response.count * response.values.shape[2])))
 
 
 def window_damping(response: Response) -> float:

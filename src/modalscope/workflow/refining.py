@@ -40,7 +40,7 @@ def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> 
     last = usable_orders(diagram)[0][-1]
     beside = needed_beside(diagram.response, modes.poles, diagram.poles[diagram.order_of_pole == last])
     try:
-        found = refine(diagram.response, modes, fixed=beside)
+        found = refine(diagram.response.whole, modes, fixed=beside)
     except DataError as error:
         return modes.noted(_kept(f"{error.asked}, but {error.found}"))
     if not found.converged:
