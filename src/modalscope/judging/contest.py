@@ -14,14 +14,18 @@ from modalscope.identification.descent import Descent, descend
 from modalscope.identification.information import inverse, normal, residual
 from modalscope.identification.likelihood import Fitted, Point, Whitened
 from modalscope.identification.matched import amplitudes, strongest_peaks
+from modalscope.modal.indicators import mac
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.poles import frequencies_and_damping
 from modalscope.uncertainty.covariance import deviations_of_poles, pole_blocks
 
-__all__ = ["Arena", "Outcome", "contest", "gains_beside"]
+__all__ = ["Arena", "Outcome", "collinear", "contest", "gains_beside"]
 
 #: No pole so far outside the band (part of its edge) or so much damped is a mode: it makes up for something else.
 _OUTSIDE, _DAMPED = 0.1, 0.9
+
+#: Poles that overlap are one mode above this MAC, and those of single channels nearer than this part of both half bandwidths.
+ONE_SHAPE, _CLOSE = 0.9, 0.25
 
 #: Rounds of looking for what is missing, and poles taken up in each.
 _ROUNDS, _PEAKS = 8, 6
@@ -41,12 +45,16 @@ class Arena:
         What noise may explain, in variances.
     band : (float, float)
         Hz.
+    coloured : bool
+        Whether what is left of the data is more than noise: then nothing is looked for in it, collinear neighbours are not taken for two
+        modes of which one may be noise, and the variance stays what it is.
     """
 
     problem: Whitened
     variance: float
     bar: float
     band: tuple[float, float]
+    coloured: bool = False
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -98,6 +106,10 @@ class _State:
         return self.descent.point.sides
 
     @property
+    def residues(self) -> tuple[ComplexArray, ComplexArray]:
+        return self.descent.point.problem.scaled_back(self.descent.point, self.descent.fitted)
+
+    @property
     def gain(self) -> RealArray:
         return self.descent.fitted.gain / self.variance
 
@@ -121,7 +133,7 @@ def contest(arena: Arena, poles: ComplexArray, sides: ComplexArray) -> Outcome:
     kept = _standing(point.fitted(), arena.bar / 2 * arena.variance)
     state = _settled(arena, arena.variance, poles[kept], (sides / size)[kept])
     tried = state.poles
-    for _ in range(_ROUNDS):
+    for _ in range(0 if arena.coloured else _ROUNDS):
         more, named = _with_peaks(state, tried)
         if not len(named):
             break
@@ -143,8 +155,9 @@ def gains_beside(arena: Arena, found: Outcome, poles: Array) -> RealArray:
 def _settled(arena: Arena, variance: float, poles: ComplexArray, sides: ComplexArray) -> _State:
     """Refine jointly, throw out what is no mode, prune at the bar, and again until nothing goes."""
     while True:
-        descent = descend(arena.problem, poles, sides, tolerance=1e-7, most=25)
-        state = _State(arena, descent, min(variance, _own_variance(arena, descent)))
+        tolerance, most = (1e-5, 8) if arena.coloured else (1e-7, 25)
+        descent = descend(arena.problem, poles, sides, tolerance=tolerance, most=most)
+        state = _State(arena, descent, variance if arena.coloured else min(variance, _own_variance(arena, descent)))
         fit = np.flatnonzero(_possible(arena, state.poles))
         poles, sides = state.poles[fit], state.sides[fit]
         if len(fit) == len(state.poles):
@@ -220,18 +233,35 @@ def _one_or_two(state: _State) -> _State:
 
 
 def _doubtful(state: _State) -> list[int]:
-    """Return the weak modes and the weaker one of every pair that overlaps, the weakest first."""
+    """Return the weak modes and the weaker one of every pair that overlaps, the weakest first; parts of a mode are in no doubt."""
     w, half, gain = state.poles.imag, -state.poles.real, state.gain
     near = np.abs(w[:, None] - w) < half[:, None] + half
+    if state.arena.coloured:
+        near &= ~collinear(state.poles, *state.residues)
     weaker = np.any(near & (gain[:, None] < gain), axis=1)
     return [int(j) for j in np.argsort(gain) if weaker[j] or gain[j] < 2 * state.arena.bar]
 
 
+def collinear(poles: ComplexArray, shapes: ComplexArray, participation: ComplexArray) -> Array:
+    """Return which pairs of poles act as one mode, (n, n): they overlap, and their shapes are one.
+
+    With a single output or input, shapes or participation tell little: there any two poles are one that lie much closer yet.
+    """
+    w, half = poles.imag, -poles.real
+    apart = np.abs(w[:, None] - w) / (half[:, None] + half)
+    one = (apart < 1) & (mac(shapes) > ONE_SHAPE)
+    if 1 in (len(shapes), participation.shape[1]):
+        one |= apart < _CLOSE
+    return np.asarray(one)
+
+
 def _judged(state: _State) -> Outcome:
     """Refine to the end and give every mode its deviations."""
-    descent = descend(state.arena.problem, state.poles, state.sides, tolerance=1e-9, most=40)
+    descent, coloured = state.descent, state.arena.coloured
+    if not coloured:
+        descent = descend(state.arena.problem, state.poles, state.sides, tolerance=1e-9, most=40)
     own = _own_variance(state.arena, descent)
-    state = replace(state, descent=descent, variance=min(state.variance, own))
+    state = replace(state, descent=descent, variance=state.variance if coloured else min(state.variance, own))
     point: Point = descent.point
     n, p = point.sides.shape
     covariance = max(state.variance, own) * inverse(normal(point, descent.fitted)[0]) if n else np.zeros((0, 0))
