@@ -68,9 +68,8 @@ def floor_of(response: Response, poles: Array) -> Floor:
     sigma = np.maximum(np.sqrt(np.sum(left**2, axis=0) / max(rows - Q.shape[1], 1)), least)
     levels = known or levels_of(sigma)
     variance = float(np.mean((sigma / np.outer(levels.outputs, levels.inputs)) ** 2))
-    seen = colour(left, response.count, Q.shape[1])
-    if response.grid is None:  # a model that is too rich follows the noise while its poles last, and not later
-        seen = replace(seen, coloured=seen.correlation > 5 / np.sqrt(left.size) + Q.shape[1] / rows)
+    # a model that is too rich follows the noise of samples while its poles last, and not later: there the level tells nothing
+    seen = colour(left, response.count, Q.shape[1], level=response.grid is not None)
     return Floor(by_row, levels, variance, seen, left * by_row[:, None, None])
 
 

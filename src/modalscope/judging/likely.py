@@ -5,20 +5,22 @@ The poles of the diagram contend for the data (`contest`); what stays decides wh
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from modalscope.identification.beside import needed_beside
 from modalscope.identification.likelihood import whitened
 from modalscope.identification.richer import Floor, by_line, floor_of
 from modalscope.identification.whitening import search_bound
-from modalscope.judging.contest import Arena, contest
+from modalscope.judging.contest import Arena, Outcome, contest
 from modalscope.judging.evidence import Candidate, Evidence
 from modalscope.judging.tracking import Poles, consensus, merge_splits, tracks
 from modalscope.judging.verdict import Trial, verdicts
 from modalscope.modal.indicators import mac
 from modalscope.model.checks import Array, ComplexArray, IntArray
 from modalscope.model.diagram import StabilizationDiagram
-from modalscope.model.response import window_damping
+from modalscope.model.response import Response, window_damping
 
 __all__ = ["has_likelihood", "likely"]
 
@@ -28,6 +30,9 @@ _LEAST_ORDERS = 3
 #: Candidates lie further apart than this part of a half bandwidth, unless their shapes differ by this MAC; so many at most.
 _APART, _ALIKE, _MOST = 0.3, 0.95, 60
 
+#: Noise of this part of the data needs no steps that are exact to rounding.
+_LOUD = 1e-4
+
 
 def has_likelihood(diagram: StabilizationDiagram) -> bool:
     """Return whether errors of the data are such that modes can maximize a likelihood: those of responses, not of correlations."""
@@ -35,8 +40,11 @@ def has_likelihood(diagram: StabilizationDiagram) -> bool:
     return response.separable and not response.ambient
 
 
-def likely(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> tuple[Poles, list[Candidate]]:
+def likely(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> tuple[Poles, list[Candidate]] | None:
     """Return modes and all other groups of poles that agree over orders, these with what speaks against them.
+
+    A rich model that lacks a mode leaves a coloured residual, too: that of the modes, completed, decides then. None where samples leave
+    a coloured one.
 
     Parameters
     ----------
@@ -45,20 +53,27 @@ def likely(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> t
         Not merged: of two poles within one bandwidth each is a candidate.
     evidence : Evidence
     """
-    response = diagram.response
+    response, groups = diagram.response, _groups(poles)
     best = diagram.order_of_pole == diagram.orders[int(np.argmin(diagram.fit_errors))]
     floor = floor_of(response, diagram.poles[best] - window_damping(response))
-    groups = _groups(poles)
     starts = _starts(poles, groups)
     steady = diagram.poles[best & (diagram.poles.imag == 0)]
-    arena = _arena(diagram, floor, needed_beside(response, poles.pole[starts], steady) - window_damping(response))
-    sides = (poles.shape if arena.problem.turned else poles.participation)[starts] / arena.problem.varying
-    found = contest(arena, poles.pole[starts] - window_damping(response), sides)
-    if arena.coloured:  # resonances that shift come out as several poles, and merged ones stand for them
+    steady = needed_beside(response, poles.pole[starts], steady) - window_damping(response)
+
+    def outcome(arena: Arena, doubted: bool) -> Outcome | None:
+        sides = (poles.shape if arena.problem.turned else poles.participation)[starts] / arena.problem.varying
+        return contest(arena, poles.pole[starts] - window_damping(response), sides, doubted=doubted)
+
+    arena = replace(_arena(response, floor, steady), brief=floor.colour.coloured)
+    found = outcome(arena, floor.colour.coloured)
+    if found is None and response.grid is not None:
+        arena = replace(_arena(response, by_line(floor, response.count), steady), brief=True, coloured=True)
+        found = outcome(arena, False)
+        # resonances that shift come out as several poles, and merged ones stand for them
         merged = merge_splits(poles)
         groups = [*_groups(merged), *(group + merged.pole.size for group in groups)]
         poles = merged.beside(poles)
-    return poles, verdicts(Trial(diagram, poles, evidence, arena, found), groups)
+    return None if found is None else (poles, verdicts(Trial(diagram, poles, evidence, arena, found), groups))
 
 
 def _groups(poles: Poles) -> list[Array]:
@@ -67,14 +82,15 @@ def _groups(poles: Poles) -> list[Array]:
     return [group for group in agree if group.size >= min(_LEAST_ORDERS, len(poles.orders))]
 
 
-def _arena(diagram: StabilizationDiagram, floor: Floor, steady: ComplexArray) -> Arena:
+def _arena(response: Response, floor: Floor, steady: ComplexArray) -> Arena:
     """Return the data divided by their noise; poles that do not oscillate are free in every channel."""
-    response, levels = diagram.response, floor.levels
-    coloured = floor.colour.coloured and response.grid is not None
-    floor = by_line(floor, response.count) if coloured else floor
-    problem = whitened(response, steady, response.outside_powers, floor.rows, levels.outputs, levels.inputs)
+    levels = floor.levels
+    swift = bool(np.mean(floor.left**2) > _LOUD**2 * np.mean(np.abs(response.values) ** 2))
+    problem = whitened(
+        response, steady, response.outside_powers, floor.rows, levels.outputs, levels.inputs, swift=swift
+    )
     bar = search_bound(response.values.shape[1], response.values.shape[2], len(floor.rows))
-    return Arena(problem, floor.variance, bar, response.span, coloured)
+    return Arena(problem, floor.variance, bar, response.span)
 
 
 def _starts(poles: Poles, groups: list[Array]) -> IntArray:

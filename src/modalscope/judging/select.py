@@ -81,7 +81,8 @@ def select(
     if diagram.exact_rank is not None:
         candidates = _exact(diagram, poles)
     else:
-        poles, candidates = (likely if has_likelihood(diagram) else counted)(diagram, poles, evidence)
+        found = likely(diagram, poles, evidence) if has_likelihood(diagram) else None
+        poles, candidates = found or counted(diagram, poles, evidence)
     if wanted is not None:
         chosen = _by_hand(candidates, wanted, tolerance, diagram)
     else:
