@@ -21,8 +21,8 @@ from modalscope.model.poles import poles_from
 #: Neighbours differ by this part of the frequency at least.
 GAP = 0.02
 
-#: A mode is found when a reported pole lies within this part of the larger decay rate.
-NEAR = 0.5
+#: A mode is found when a reported pole lies within this part of the larger decay rate: weak modes are known no better.
+NEAR = 1.0
 
 QUANTITIES = ("displacement", "velocity", "acceleration")
 

@@ -19,6 +19,9 @@ _LONGEST = 0.9
 #: Data that are explained to this part are explained to rounding.
 _ROUNDING = 1e-14
 
+#: No descent goes further than so many times what its steps promise.
+_HOPED = 10.0
+
 _FIRST, _LESS, _MORE, _MOST = 1e-3, 6.0, 8.0, 1e10
 
 
@@ -53,6 +56,7 @@ def descend(
     *,
     tolerance: float = 1e-12,
     most: int = 60,
+    decisive: float | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Descent:
     """Lower the squared misfit from poles (n,) and unit vectors (n, p) on until no step promises more than `tolerance` of it.
@@ -67,6 +71,8 @@ def descend(
     tolerance : float
     most : int
         Iterations.
+    decisive : float, optional
+        A squared misfit that decides: the descent ends below it, and where ten times what a step promises does not lead there.
     progress : callable, optional
         Called with (iterations done, iterations at most).
     """
@@ -78,7 +84,8 @@ def descend(
         if progress is not None:
             progress(iteration, most)
         step = _Step(*normal(point, fitted))
-        if step.promised <= tolerance * cost or cost <= _ROUNDING**2 * size:
+        decided = decisive is not None and not decisive <= cost <= decisive + _HOPED * step.promised
+        if decided or step.promised <= tolerance * cost or cost <= _ROUNDING**2 * size:
             return Descent(point, fitted, cost, True, "", iteration)
         while True:
             trial = problem.at(*point.moved(_held(step.damped(damping), point, problem.light.sampling_rate)))

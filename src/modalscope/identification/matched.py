@@ -18,6 +18,9 @@ _RATIOS = (0.001, 0.003, 0.007, 0.015, 0.03, 0.06)
 #: Peaks that are found together lie so many sums of their half bandwidths apart: nearer ones may be one.
 _APART = 4.0
 
+#: Poles whose lines are cut out together, lines so many half bandwidths to either side: beyond lie 2 % of the whole; so many at least.
+_TOGETHER, _REACH, _FEW = 32, 30.0, 8
+
 #: Numbers held at a time.
 _HELD = 1 << 23
 
@@ -81,15 +84,29 @@ def amplitudes(response: Response, left: RealArray, rows: RealArray, poles: Arra
         As in `strongest_peaks`.
     poles : array of complex, (n,)
     """
-    flat = left.reshape(len(left), -1)
     A = np.empty((poles.size, *left.shape[1:]), dtype=complex)
-    few = max(1, _HELD // (2 * len(left)))
+    order = np.argsort(-poles.real / np.abs(poles), kind="stable")  # neighbours of one damping side by side
+    few = min(_TOGETHER, max(1, _HELD // (2 * len(left))))
     for first in range(0, poles.size, few):
-        g = response.basis(poles[first : first + few], ()).functions / rows[:, None]
+        some = order[first : first + few]
+        part, used = _near(response, poles[some], len(left))
+        g = part.basis(poles[some], ()).functions / rows[used, None]
         size = np.sqrt(np.maximum(np.sum(g.reshape(len(g), -1, 2) ** 2, axis=(0, 2)) / 2, 1e-300))
-        both = (g.T @ flat).reshape(-1, 2, *left.shape[1:])
-        A[first : first + few] = (both[:, 0] + 1j * both[:, 1]) / size[:, None, None]
+        both = (g.T @ left[used].reshape(len(g), -1)).reshape(-1, 2, *left.shape[1:])
+        A[some] = (both[:, 0] + 1j * both[:, 1]) / size[:, None, None]
     return A
+
+
+def _near(response: Response, poles: Array, rows: int) -> tuple[Response, Array]:
+    """Return the part of a response that poles show in, and its rows: lines far off a resonance tell nothing of it."""
+    lines, f, half = response.grid, np.abs(poles.imag) / (2 * np.pi), _REACH * np.max(-poles.real) / (2 * np.pi)
+    if lines is None or rows != 2 * lines.size:
+        return response, np.arange(rows)
+    half = max(half, _FEW * float(np.median(np.diff(lines)))) if lines.size > 1 else half
+    low, high = np.searchsorted(lines, [f.min() - half, f.max() + half])
+    low, high = min(low, max(lines.size - _FEW, 0)), max(high, min(_FEW, lines.size))
+    part = response.in_band((float(lines[low]), float(lines[high - 1])))
+    return part, np.concatenate([np.arange(low, high), lines.size + np.arange(low, high)])
 
 
 def _grid(response: Response) -> ComplexArray:

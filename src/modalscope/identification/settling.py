@@ -158,7 +158,7 @@ def settle(
     if (
         task.known is not None and variance <= 1
     ):  # what is left is no more than the noise that is known: its colour is none of a model's
-        return Settled(descent, 1.0, unknown, replace(seen, coloured=False))
+        return Settled(descent, 1.0, unknown, replace(seen, excess=0.0))
     return Settled(descent, variance, unknown, seen)
 
 

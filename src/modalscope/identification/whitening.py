@@ -87,15 +87,21 @@ class Colour:
         Of neighbouring lines or samples.
     uneven : float
         Scatter of the smoothed level over that of white noise; 0 with too few rows to smooth.
-    coloured : bool
+    excess : float
+        The larger of both over what white noise may show.
     """
 
     correlation: float
     uneven: float
-    coloured: bool
+    excess: float
+
+    @property
+    def coloured(self) -> bool:
+        """Whether this is no white noise."""
+        return self.excess > 1
 
 
-def colour(left: RealArray, count: int, unknown: int) -> Colour:
+def colour(left: RealArray, count: int, unknown: int, *, level: bool = True) -> Colour:
     """Judge a whitened residual by how far neighbours agree, and by how its level changes along lines or samples.
 
     Parameters
@@ -105,6 +111,8 @@ def colour(left: RealArray, count: int, unknown: int) -> Colour:
         Lines or samples; K is that, or twice that with real and imaginary parts one after the other.
     unknown : int
         Unknowns a channel: a fit itself correlates what it leaves by about unknown / K.
+    level : bool
+        Whether a level that changes counts.
     """
     e = left / np.maximum(np.sqrt(np.mean(left**2, axis=0)), 1e-300)
     e = e.reshape(-1, count, e[0].size)
@@ -112,11 +120,11 @@ def colour(left: RealArray, count: int, unknown: int) -> Colour:
     deviation = 1 / np.sqrt(max(e[:, 1:].size, 1))
     uneven = 0.0
     if count >= 4 * _SMOOTHED:
-        level = np.convolve(np.mean(e**2, axis=(0, 2)), np.ones(_SMOOTHED) / _SMOOTHED, mode="valid")
+        smooth = np.convolve(np.mean(e**2, axis=(0, 2)), np.ones(_SMOOTHED) / _SMOOTHED, mode="valid")
         # the square of a standard normal number scatters by sqrt 2
-        uneven = float(np.std(np.log(level)) * np.sqrt(_SMOOTHED * e.shape[0] * e.shape[2] / 2))
-    coloured = abs(rho) > _CORRELATED * deviation + unknown / len(left) or uneven > _UNEVEN
-    return Colour(rho, uneven, bool(coloured))
+        uneven = float(np.std(np.log(smooth)) * np.sqrt(_SMOOTHED * e.shape[0] * e.shape[2] / 2))
+    excess = max(abs(rho) / (_CORRELATED * deviation + unknown / len(left)), uneven / _UNEVEN if level else 0.0)
+    return Colour(rho, uneven, float(excess))
 
 
 def blocks_of(rows: int, count: int, correlation: float) -> Array:

@@ -14,14 +14,22 @@ from modalscope.identification.descent import Descent, descend
 from modalscope.identification.information import inverse, normal, residual
 from modalscope.identification.likelihood import Fitted, Point, Whitened
 from modalscope.identification.matched import amplitudes, strongest_peaks
+from modalscope.identification.whitening import colour
+from modalscope.modal.indicators import mac
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.poles import frequencies_and_damping
 from modalscope.uncertainty.covariance import deviations_of_poles, pole_blocks
 
-__all__ = ["Arena", "Outcome", "contest", "gains_beside"]
+__all__ = ["Arena", "Outcome", "collinear", "contest", "gains_beside"]
 
 #: No pole so far outside the band (part of its edge) or so much damped is a mode: it makes up for something else.
 _OUTSIDE, _DAMPED = 0.1, 0.9
+
+#: Poles that overlap are one mode above this MAC, and those of single channels nearer than this part of both half bandwidths.
+ONE_SHAPE, _CLOSE = 0.9, 0.25
+
+#: In data that may not be white every round leaves at most this part of what exceeds white noise.
+_WHITER = 0.7
 
 #: Rounds of looking for what is missing, and poles taken up in each.
 _ROUNDS, _PEAKS = 8, 6
@@ -41,12 +49,19 @@ class Arena:
         What noise may explain, in variances.
     band : (float, float)
         Hz.
+    brief : bool
+        Whether poles are refined roughly.
+    coloured : bool
+        Whether what is left of the data is more than noise: then nothing is looked for in it, collinear neighbours are not taken for two
+        modes of which one may be noise, and the variance stays what it is.
     """
 
     problem: Whitened
     variance: float
     bar: float
     band: tuple[float, float]
+    brief: bool = False
+    coloured: bool = False
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -98,6 +113,10 @@ class _State:
         return self.descent.point.sides
 
     @property
+    def residues(self) -> tuple[ComplexArray, ComplexArray]:
+        return self.descent.point.problem.scaled_back(self.descent.point, self.descent.fitted)
+
+    @property
     def gain(self) -> RealArray:
         return self.descent.fitted.gain / self.variance
 
@@ -105,7 +124,7 @@ class _State:
         return np.delete(self.poles, gone), np.delete(self.sides, gone, axis=0)
 
 
-def contest(arena: Arena, poles: ComplexArray, sides: ComplexArray) -> Outcome:
+def contest(arena: Arena, poles: ComplexArray, sides: ComplexArray, *, doubted: bool = False) -> Outcome | None:
     """Return the poles that hold their own, from candidates on.
 
     Parameters
@@ -115,22 +134,51 @@ def contest(arena: Arena, poles: ComplexArray, sides: ComplexArray) -> Outcome:
         rad/s, as they are in the data.
     sides : array of complex, (n, p)
         Participation of the side that varies, divided as the data are.
+    doubted : bool
+        Whether it is in doubt that the data are white: None when what is left does not become white, or much whiter round by round.
     """
     size = np.maximum(np.linalg.norm(sides, axis=1, keepdims=True), 1e-300)
     point = arena.problem.at(poles, sides / size, slopes=False)
     kept = _standing(point.fitted(), arena.bar / 2 * arena.variance)
     state = _settled(arena, arena.variance, poles[kept], (sides / size)[kept])
+    if not arena.coloured:
+        completed = _completed(state, _excess(state) if doubted else None)
+        if completed is None:
+            return None
+        state = completed
+    return _judged(_one_or_two(state))
+
+
+def _completed(state: _State, excess: float | None) -> _State | None:
+    """Take up the strongest peaks of the residual, round by round, while they stay; give up where it is to become white and does not."""
     tried = state.poles
     for _ in range(_ROUNDS):
         more, named = _with_peaks(state, tried)
         if not len(named):
             break
+        if excess is not None and _excess(state, named) > max(1.0, _WHITER * excess):
+            return None
         before = len(state.poles)
-        state = _settled(arena, state.variance, *more)
+        state = _settled(state.arena, state.variance, *more)
         tried = np.concatenate([tried, named, state.poles])
+        if excess is not None:
+            excess = _excess(state)
+            excess = excess if excess > 1 else None
         if len(state.poles) <= before:
             break
-    return _judged(_one_or_two(state))
+    return state if excess is None or excess <= 1 else None
+
+
+def _excess(state: _State, more: ComplexArray | tuple[()] = ()) -> float:
+    """Return how far what is left exceeds what white noise may do, white up to 1: also without what more poles can explain of it."""
+    point = state.descent.point
+    left = residual(point, state.descent.fitted)
+    if len(more):
+        Q = np.linalg.qr(point.problem.columns(np.asarray(more), slopes=False)[0])[0]
+        flat = left.reshape(len(left), -1)
+        left = (flat - Q @ (Q.T @ flat)).reshape(left.shape)
+    unknown = point.problem.terms.shape[1] + 2 * (len(state.poles) + len(more))
+    return colour(left, point.problem.light.count, unknown).excess
 
 
 def gains_beside(arena: Arena, found: Outcome, poles: Array) -> RealArray:
@@ -143,8 +191,9 @@ def gains_beside(arena: Arena, found: Outcome, poles: Array) -> RealArray:
 def _settled(arena: Arena, variance: float, poles: ComplexArray, sides: ComplexArray) -> _State:
     """Refine jointly, throw out what is no mode, prune at the bar, and again until nothing goes."""
     while True:
-        descent = descend(arena.problem, poles, sides, tolerance=1e-7, most=25)
-        state = _State(arena, descent, min(variance, _own_variance(arena, descent)))
+        tolerance, most = (1e-5, 8) if arena.brief else (1e-7, 25)
+        descent = descend(arena.problem, poles, sides, tolerance=tolerance, most=most)
+        state = _State(arena, descent, variance if arena.coloured else min(variance, _own_variance(arena, descent)))
         fit = np.flatnonzero(_possible(arena, state.poles))
         poles, sides = state.poles[fit], state.sides[fit]
         if len(fit) == len(state.poles):
@@ -212,26 +261,44 @@ def _one_or_two(state: _State) -> _State:
         if not doubtful:
             return state
         j = doubtful[0]
-        other = descend(state.arena.problem, *state.without(j), tolerance=1e-5, most=12)
-        if (other.cost - state.descent.cost) / state.variance < state.arena.bar:
+        least = state.descent.cost + state.arena.bar * state.variance
+        other = descend(state.arena.problem, *state.without(j), tolerance=1e-5, most=12, decisive=least)
+        if other.cost < least:
             state = _settled(state.arena, state.variance, other.point.poles, other.point.sides)
         else:
             cleared.add(complex(state.poles[j]))
 
 
 def _doubtful(state: _State) -> list[int]:
-    """Return the weak modes and the weaker one of every pair that overlaps, the weakest first."""
+    """Return the weak modes and the weaker one of every pair that overlaps, the weakest first; parts of a mode are in no doubt."""
     w, half, gain = state.poles.imag, -state.poles.real, state.gain
     near = np.abs(w[:, None] - w) < half[:, None] + half
+    if state.arena.coloured:
+        near &= ~collinear(state.poles, *state.residues)
     weaker = np.any(near & (gain[:, None] < gain), axis=1)
     return [int(j) for j in np.argsort(gain) if weaker[j] or gain[j] < 2 * state.arena.bar]
 
 
+def collinear(poles: ComplexArray, shapes: ComplexArray, participation: ComplexArray) -> Array:
+    """Return which pairs of poles act as one mode, (n, n): they overlap, and their shapes are one.
+
+    With a single output or input, shapes or participation tell little: there any two poles are one that lie much closer yet.
+    """
+    w, half = poles.imag, -poles.real
+    apart = np.abs(w[:, None] - w) / (half[:, None] + half)
+    one = (apart < 1) & (mac(shapes) > ONE_SHAPE)
+    if 1 in (len(shapes), participation.shape[1]):
+        one |= apart < _CLOSE
+    return np.asarray(one)
+
+
 def _judged(state: _State) -> Outcome:
     """Refine to the end and give every mode its deviations."""
-    descent = descend(state.arena.problem, state.poles, state.sides, tolerance=1e-9, most=40)
+    descent, coloured = state.descent, state.arena.coloured
+    if not coloured:
+        descent = descend(state.arena.problem, state.poles, state.sides, tolerance=1e-9, most=40)
     own = _own_variance(state.arena, descent)
-    state = replace(state, descent=descent, variance=min(state.variance, own))
+    state = replace(state, descent=descent, variance=state.variance if coloured else min(state.variance, own))
     point: Point = descent.point
     n, p = point.sides.shape
     covariance = max(state.variance, own) * inverse(normal(point, descent.fitted)[0]) if n else np.zeros((0, 0))

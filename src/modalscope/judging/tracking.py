@@ -79,6 +79,10 @@ class Poles:
         """Return some of the poles."""
         return replace(self, **{name: getattr(self, name)[index] for name in _FLAT})
 
+    def beside(self, others: Poles) -> Poles:
+        """Return these poles and behind them others of the same orders."""
+        return Poles(self.orders, *(np.concatenate([getattr(p, name) for p in (self, others)]) for name in _FLAT))
+
 
 def merge_splits(poles: Poles) -> Poles:
     """Merge, within every order, neighbours that act as one mode; their value is the energy-weighted mean.

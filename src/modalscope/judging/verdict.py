@@ -1,0 +1,188 @@
+"""What a contest decided, told of the groups of poles in a diagram: which are modes, which are parts of one, and what the others lack.
+
+Values are those of the diagram, the median of the orders that agree, so that every method keeps its own; a mode of white data that no
+orders agree on has refined ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from modalscope.judging.contest import Arena, Outcome, collinear, gains_beside
+from modalscope.judging.evidence import Candidate, Evidence, Own, judge, peaks
+from modalscope.judging.tracking import Poles
+from modalscope.modal.contribution import contributions
+from modalscope.modal.indicators import mac
+from modalscope.modal.sufficient import usable_orders
+from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
+from modalscope.model.diagram import StabilizationDiagram
+from modalscope.model.poles import frequencies_and_damping, poles_from
+from modalscope.model.response import window_damping
+
+__all__ = ["Trial", "verdicts"]
+
+#: With more damping than this a mode has to be shown by the diagram.
+_DAMPED = 0.3
+
+#: A mode is sure when frequency and damping are known to this part of the half bandwidth and of the damping ratio, and values of
+#: the diagram stand for it within this part of a half bandwidth.
+_SURE = 0.3
+
+#: A group shows a mode when it lies within a half bandwidth, its damping within this part and its shape above this MAC.
+_DAMPING, _SHAPE = 0.5, 0.8
+
+#: Of coloured data a mode is shown at this part of the orders.
+_SHARE = 0.25
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Trial:
+    """All that a verdict rests on.
+
+    Parameters
+    ----------
+    diagram : StabilizationDiagram
+    poles : Poles
+    evidence : Evidence
+    arena : Arena
+    found : Outcome
+    """
+
+    diagram: StabilizationDiagram
+    poles: Poles
+    evidence: Evidence
+    arena: Arena
+    found: Outcome
+
+    @property
+    def settled(self) -> ComplexArray:
+        """The refined poles as modes have them, rad/s."""
+        return self.found.poles + window_damping(self.diagram.response)
+
+    @property
+    def bar(self) -> float:
+        """What noise may explain, in deviations."""
+        return float(np.sqrt(self.arena.bar / 2))
+
+    @property
+    def gain(self) -> RealArray:
+        """What each mode explains, in deviations."""
+        return np.asarray(np.sqrt(np.maximum(self.found.gain, 0) / 2))
+
+    def hosts(self) -> IntArray:
+        """Return the mode that each pole is part of, itself where it is none: of coloured data the strongest of those that act as one."""
+        host = np.arange(len(self.settled))
+        if self.arena.coloured:
+            one = collinear(self.found.poles, *self.found.residues)
+            for j in np.argsort(-self.found.gain):
+                stronger = [k for k in np.flatnonzero(one[j]) if self.found.gain[k] > self.found.gain[j]]
+                if stronger:
+                    host[j] = host[max(stronger, key=lambda k: self.found.gain[k])]
+        return host
+
+
+def verdicts(trial: Trial, groups: list[Array]) -> list[Candidate]:
+    """Return modes and all that was found beside them, these with what speaks against them.
+
+    Parameters
+    ----------
+    trial : Trial
+    groups : list of array of int
+        Poles that agree over orders; those that values are preferably taken from first.
+    """
+    peak, fit = peaks(trial.diagram, trial.poles, trial.evidence), usable_orders(trial.diagram)[1]
+    known = [judge(trial.poles, group, peak, fit, trial.evidence) for group in groups]
+    host = trial.hosts()
+    shown = [-1 if mode < 0 else int(host[mode]) for mode in _shown_by(trial, groups)]
+    found = []
+    for j, leader in enumerate(host):
+        own = [each for each, mode in zip(known, shown, strict=True) if mode == j]
+        found.append(_mode(trial, j, own, fit) if leader == j else _part(trial, j, int(leader), fit))
+    return found + _left(trial, [each for each, mode in zip(known, shown, strict=True) if mode < 0])
+
+
+def _shown_by(trial: Trial, groups: list[Array]) -> list[int]:
+    """Return the pole that each group shows, the nearest one; -1 where there is none."""
+    modes, (shapes, _) = trial.settled, trial.found.residues
+    f, zeta = frequencies_and_damping(modes)
+    shown = []
+    for group in groups:
+        g, eta = np.median(trial.poles.frequency[group]), np.median(trial.poles.damping[group])
+        alike = np.median(mac(shapes, trial.poles.shape[group].T), axis=1) if len(modes) else np.zeros(0)
+        apart = np.abs(f - g) / np.maximum(f * zeta, g * eta)
+        near = (apart < 1) & (np.abs(zeta - eta) < _DAMPING * np.maximum(zeta, eta)) & (alike > _SHAPE)
+        cost = np.where(near, apart + 1 - alike, np.inf)
+        shown.append(int(np.argmin(cost)) if np.any(near) else -1)
+    return shown
+
+
+def _mode(trial: Trial, j: int, groups: list[Candidate], fit: float) -> Candidate:
+    """Return a mode with its gain, and what speaks against it: values that the data leave open, or too few orders."""
+    near = groups if trial.arena.coloured else [c for c in groups if _close(c, complex(trial.settled[j]))]
+    best = max(near, key=lambda c: c.members.size) if near else _by_itself(trial, j, fit)
+    f, zeta = (float(v) for v in frequencies_and_damping(trial.settled[j]))
+    low, high = trial.diagram.response.reported_band(trial.diagram.settings.band)
+    against = []
+    if not low <= f <= high:
+        against.append(f"lies outside the band, at {f:.5g} Hz")
+    if trial.arena.coloured and best.members.size < _SHARE * len(trial.poles.orders):
+        against.append(
+            f"shown at {best.members.size} of {len(trial.poles.orders)} orders only, in data whose errors are no white noise"
+        )
+    apart, damped = trial.found.frequency_std[j] / (f * zeta), trial.found.damping_std[j] / zeta
+    if not (apart < _SURE and damped < _SURE and (zeta < _DAMPED or best.own is None)):
+        against.append(
+            f"the data leave its frequency open by {apart:.2g} half bandwidths and its damping by {100 * damped:.2g} %"
+        )
+    return _with_gain(trial, replace(best, against=tuple(against)), trial.gain[j])
+
+
+def _close(group: Candidate, mode: complex) -> bool:
+    """Return whether the values of a group can stand for those of a mode."""
+    middle = complex(poles_from(group.frequency, group.damping))
+    return abs(middle - mode) < _SURE * max(-middle.real, -mode.real)
+
+
+def _by_itself(trial: Trial, j: int, fit: float) -> Candidate:
+    """Return a mode that no orders agree on, with refined values."""
+    response, orders = trial.diagram.response, trial.poles.orders
+    s, (shapes, participation) = trial.settled[[j]], trial.found.residues
+    shape, part = shapes.T[[j]], participation[[j]]
+    own = contributions(response, s, shape, part)
+    alone = Poles(orders, np.array([orders[-1]]), s, shape, part, own)
+    known = judge(alone, np.array([0]), peaks(trial.diagram, alone, trial.evidence), fit, trial.evidence)
+    deviations = float(trial.found.frequency_std[j]), float(trial.found.damping_std[j])
+    counted = {"orders_found": 0, "orders_tried": len(orders)}
+    shown = {name: known.facts[name] for name in ("signal_to_noise", "share_of_peak", "indicator_prominence")}
+    values = Own(shape[0], part[0], *deviations)
+    return Candidate(np.zeros(0, dtype=int), known.frequency, known.damping, counted | shown, (), own=values)
+
+
+def _part(trial: Trial, j: int, host: int, fit: float) -> Candidate:
+    """Return a pole that acts as one with a stronger one."""
+    f, _ = frequencies_and_damping(trial.settled[host])
+    against = (f"part of the mode at {f:.5g} Hz: a resonance that shifts while it is measured needs several poles",)
+    return _with_gain(trial, replace(_by_itself(trial, j, fit), against=against), trial.gain[j])
+
+
+def _with_gain(trial: Trial, candidate: Candidate, gain: float) -> Candidate:
+    facts = {**candidate.facts, "gain": float(gain), "noise_gain": trial.bar}
+    return replace(candidate, facts=facts, gain=float(gain))
+
+
+def _left(trial: Trial, groups: list[Candidate]) -> list[Candidate]:
+    """Return the groups that no mode answers to, each once, with what they would explain beside the modes."""
+    each: list[Candidate] = []
+    for c in sorted(groups, key=lambda c: -c.members.size):
+        if not any(abs(c.frequency - k.frequency) < _SURE * k.frequency * max(k.damping, c.damping) for k in each):
+            each.append(c)
+    if not each:
+        return []
+    poles = poles_from([c.frequency for c in each], [c.damping for c in each])
+    gain = np.sqrt(gains_beside(trial.arena, trial.found, poles - window_damping(trial.diagram.response)) / 2)
+    text = "beside the modes it explains {:.1f} standard deviations of the noise; noise alone may explain {:.1f}"
+    return [
+        _with_gain(trial, replace(c, against=(text.format(g, trial.bar),)), g) for c, g in zip(each, gain, strict=True)
+    ]
