@@ -8,10 +8,9 @@ are eliminated. The rows are compressed at every point to the span of what the m
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
-import scipy.linalg as sla
 
 from modalscope.identification.likelihood import Point, Whitened, across, orthonormal
 from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
@@ -34,7 +33,7 @@ class DrivenWhitened(Whitened):
     """
 
     light: RecordSpectra
-    lines: DrivenLines
+    lines: DrivenLines = field(kw_only=True)
 
     @property
     def parts(self) -> IntArray | None:
@@ -52,13 +51,9 @@ class DrivenWhitened(Whitened):
             columns = np.hstack([columns, np.stack(moved, axis=2).reshape(-1, n * p)])
         both = np.stack([columns.real, -columns.imag], axis=2).reshape(len(columns), -1) / self.rows[:, None]
         both -= self.terms @ (self.terms.T @ both)
-        factors = sla.qr(both, mode="economic", overwrite_a=True, check_finite=False)
-        Q, R = (np.asarray(factor, dtype=np.float64) for factor in factors)
-        flat = self.data[:, :, 0]
-        Z = Q.T @ flat
-        beyond = np.sum((flat - Q @ Z) ** 2, axis=0)[:, None]
+        Q, R, Z, beyond = self.compressed(both)
         own = R[:, ::2] - 1j * R[:, 1::2]
-        return DrivenPoint(self, poles, sides, own[:, :n], own[:, n:], Z[:, :, None], beyond, Q)
+        return DrivenPoint(self, poles, sides, own[:, :n], own[:, n:], Z[:, :, None], beyond[:, None], Q)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -94,4 +89,4 @@ def whitened_records(
     size[lines.inputs :] = 1
     size = np.where(size > 0, size, 1)
     light = records.select(outputs=[0])
-    return DrivenWhitened(light, rows, terms, flat[:, :, None], outputs, 1 / size, False, lines.divided(size))
+    return DrivenWhitened(light, rows, terms, flat[:, :, None], outputs, 1 / size, False, lines=lines.divided(size))

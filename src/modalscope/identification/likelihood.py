@@ -91,11 +91,15 @@ class Whitened:
     def at(self, poles: ComplexArray, sides: ComplexArray, *, slopes: bool = True) -> Point:
         """Return the likelihood at poles (n,) and unit vectors (n, p), and all that a step needs unless there is to be none."""
         own, derived = self.columns(poles, slopes=slopes)
-        flat = self.data.reshape(len(self.data), self.data[0].size)
-        Q, R, Z, beyond = (_by_products if self.swift else _by_reflections)(np.hstack([own, derived]), flat)
+        Q, R, Z, beyond = self.compressed(np.hstack([own, derived]))
         g, e = R[:, : 2 * len(poles)], R[:, 2 * len(poles) :]
         Z, beyond = Z.reshape(len(Z), *self.data.shape[1:]), beyond.reshape(self.data.shape[1:])
         return Point(self, poles, sides, g[:, ::2] - 1j * g[:, 1::2], e[:, ::2] - 1j * e[:, 1::2], Z, beyond, Q)
+
+    def compressed(self, columns: RealArray) -> tuple[_Span, RealArray, RealArray, RealArray]:
+        """Return orthogonal Q as a `_Span`, R of columns Q R, the data's part Q'Y, and the squared norm of the rest of every channel."""
+        flat = self.data.reshape(len(self.data), self.data[0].size)
+        return (_by_products if self.swift else _by_reflections)(columns, flat)
 
     def scaled_back(self, point: Point, fitted: Fitted) -> tuple[ComplexArray, ComplexArray]:
         """Return shapes (l, n) and participation (n, m) of the data as they were."""
@@ -104,7 +108,7 @@ class Whitened:
 
 
 def _by_reflections(columns: RealArray, flat: RealArray) -> tuple[_Span, RealArray, RealArray, RealArray]:
-    """Return orthogonal Q as a `_Span`, R of columns Q R, the data's part Q'Y, and the squared norm of the rest of every channel."""
+    """Return what `Whitened.compressed` does, exact to rounding."""
     factors = sla.qr(columns, mode="economic", check_finite=False)
     Q, R = (np.asarray(factor, dtype=np.float64) for factor in factors)
     Z = Q.T @ flat
