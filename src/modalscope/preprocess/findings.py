@@ -32,6 +32,14 @@ KINDS = (
     "reciprocity",
     "wrong quantity",
     "short record",
+    "overflow",
+    "frozen",
+    "gap",
+    "spikes",
+    "transposed",
+    "conjugated",
+    "no phase",
+    "lone lines",
 )
 
 #: Channels of a smaller RMS than this part of the median of all are dead: a sensor shows more noise than that.

@@ -17,6 +17,7 @@ from modalscope.preprocess.findings import Finding, dead_channels, identical_cha
 from modalscope.preprocess.frf import estimate_frf
 from modalscope.preprocess.record_checks import bad_hits, clipped, leakage, noisy_channels, too_short, useful_lines
 from modalscope.preprocess.response_checks import examine_response
+from modalscope.preprocess.sample_checks import frozen, spikes, wrapped
 from modalscope.preprocess.spectra import Segments, cross_spectra, window_samples
 
 __all__ = ["examine"]
@@ -33,8 +34,9 @@ _SHOWN_BY_RESPONSES = {"low coherence", "reciprocity", "polarity", "swapped", "w
 def examine(data: Signals | Records | Response) -> tuple[Finding, ...]:
     """Look for what commonly goes wrong in a test: each finding names channels and reason, and says what to do.
 
-    Looked for are overloaded, double and clipped hits, clipped, dead, noisy, duplicate and swapped channels, wrong polarity,
-    leakage, low coherence, responses that are not reciprocal, a quantity that cannot be right, and records too short for the
+    Looked for are overloaded, double and clipped hits, clipped, dead, noisy, duplicate and swapped channels, converters that
+    overflowed, values that hold and gaps, spikes, arrays that are transposed, conjugate or without phase, lines that stand alone,
+    wrong polarity, leakage, low coherence, responses that are not reciprocal, a quantity that cannot be right, records too short for the
     damping in them. What of these can be seen depends on the data: polarity needs driving points, reciprocity two
     inputs at output dofs.
 
@@ -73,7 +75,9 @@ def _examine_record(signals: Signals) -> list[Finding]:
         dead = [finding.channels[0] for finding in at_rest]
         alive[side] = [i for i, dof in enumerate(labels) if dof not in dead]
         found += at_rest + identical_channels(flat, labels)
-    found += clipped(signals, kind)
+    overflown = wrapped(signals)
+    found += clipped(signals, kind) + overflown + frozen(signals)
+    found += spikes(signals, kind, {finding.channels[0] for finding in overflown}) + _transposed(signals)
     if not all(alive.values()):
         return found
     moving = signals.select(**{f"{side}s": kept for side, kept in alive.items()})
@@ -93,6 +97,21 @@ def _examine_record(signals: Signals) -> list[Finding]:
     if forced:
         found += _of_response(moving, bool(short), explained | {finding.channels[0] for finding in noisy})
     return found
+
+
+def _transposed(signals: Signals) -> list[Finding]:
+    """Find records with more channels than samples: rows and columns may have changed places."""
+    channels = len(signals.output_dofs) + len(signals.input_dofs)
+    if signals.samples >= channels:
+        return []
+    return [
+        Finding(
+            "transposed",
+            (*signals.output_dofs, *signals.input_dofs),
+            f"{signals.samples} samples of {channels} channels",
+            "If rows and columns have changed places, transpose the arrays (--transpose for files).",
+        )
+    ]
 
 
 def _of_response(signals: Signals, short: bool, explained: set[str]) -> list[Finding]:

@@ -9,6 +9,7 @@ from modalscope.model.checks import Array, RealArray
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.response import Response
 from modalscope.preprocess.findings import Finding, dead_channels, identical_channels, sides_of
+from modalscope.preprocess.line_checks import conjugated, lone_lines, no_phase
 from modalscope.preprocess.polarity import check_polarity
 from modalscope.preprocess.quantity_checks import check_slope, level
 
@@ -28,7 +29,8 @@ def examine_response(response: Response) -> list[Finding]:
     found += identical_channels(flat, labels)
     found += check_polarity(response)
     if isinstance(response, FrequencyResponse):
-        found += _coherence(response) + check_slope(response) + _resolution(response)
+        found += no_phase(response) or conjugated(response)
+        found += _coherence(response) + check_slope(response) + _resolution(response) + lone_lines(response)
     return found
 
 
