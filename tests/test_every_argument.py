@@ -70,7 +70,7 @@ def within(seconds: int) -> Iterator[None]:
 
 @pytest.mark.study
 def test_all_wrong_values_for_every_argument() -> None:
-    """Some 20 000 calls, each answered within 20 s."""
+    """Each answered within 20 s. Measured: 22 932 calls of 138 names in nine minutes of a busy core."""
     import resource
 
     limits = resource.getrlimit(resource.RLIMIT_AS)

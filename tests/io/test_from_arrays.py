@@ -1,8 +1,11 @@
 """Named arrays as data: what is unknown, of the wrong sort or in another order is named with the way out."""
 
 import numpy as np
+import pytest
 
 import modalscope.io as mio
+from modalscope.io.arrays import to_arrays
+from tests.io import samples
 from tests.support import refused
 
 
@@ -55,3 +58,33 @@ def test_axes_put_arrays_in_order(tmp_path):
     assert (record.runs, record.samples, record.outputs.shape) == (5, 20, (5, 20, 1))
     assert (record.quantity, record.units) == ("acceleration", (("m/s2",), ("N",)))
     np.testing.assert_array_equal(record.outputs[:, :, 0], hits)
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"reasons": "[{"}, "reasons in a.npz needs JSON text"),
+        ({"notes": "[" * 5000}, "notes in a.npz needs JSON text"),
+        ({"reasons": '{"a": 1}'}, "reasons"),
+        ({"left_out": "[3]"}, "left_out"),
+        ({"harmonics": '[{"frequency": "high"}]'}, "frequency needs a finite number"),
+        ({"geometry_lines": np.array([[0, 9]])}, "geometry_lines needs indices 0 to 3 into the nodes"),
+        ({"geometry_motions": "[[[]]]"}, "motions of a geometry: expected a mapping"),
+        ({"geometry_motions": '{"a": [3]}'}, "they are no lists of a node and a direction"),
+        ({"output_dofs": np.array(["x" * 1001, "b", "c"])}, "output_dofs in a.npz needs labels"),
+    ],
+)
+def test_damaged_texts_and_indices_are_named(tmp_path, changed, said):
+    whole = to_arrays(samples.EVERY["modes"]())
+    np.savez(tmp_path / "a.npz", **{**whole, **changed})
+    refused(said, mio.read, tmp_path / "a.npz")
+
+
+def test_options_that_the_data_do_not_have_are_named(tmp_path):
+    mio.write(tmp_path / "a.npz", samples.EVERY["modes"]())
+    refused("averages", mio.read, tmp_path / "a.npz", averages=3)
+
+
+def test_labels_of_bytes_are_text(tmp_path):
+    np.savez(tmp_path / "a.npz", outputs=np.ones((4, 2)), sampling_rate=1.0, output_dofs=np.array([b"1:+X", b"2:+X"]))
+    assert mio.read(tmp_path / "a.npz").output_dofs == ("1:+X", "2:+X")

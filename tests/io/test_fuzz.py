@@ -27,6 +27,7 @@ def test_two_thousand_damaged_files_are_refused_or_read(tmp_path, whole):
 
 @pytest.mark.study
 def test_a_hundred_thousand_damaged_files_are_refused_or_read(tmp_path, whole):
+    """Measured: 80 678 refused, 13 939 as they were, 5383 as something else (formats without checksums); no fault. 17 minutes of a core."""
     start = time.monotonic()
     tally = fuzz.run(tmp_path, whole, 100_000, seed=1)
     print(f"\n{tally}; {time.monotonic() - start:.0f} s")

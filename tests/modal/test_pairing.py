@@ -66,3 +66,5 @@ def test_the_criterion_by_output_names_the_one_that_moves_otherwise() -> None:
     a, b = (np.array([x, [0.0, 0.0]]) for x in by_hand)  # one output moves, so that every shape has length one
     assert comac(a, b)[0] == pytest.approx(1)
     assert comac(a, b)[1] == 0
+    with pytest.raises(DataError, match=r"the shapes are \(3, 3\) and \(3, 1\)"):
+        comac(SHAPES, SHAPES[:, :1])  # one mode is not every mode

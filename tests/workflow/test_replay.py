@@ -142,3 +142,17 @@ def test_a_document_is_a_file_of_its_own(tmp_path: Path) -> None:
         ms.replay(path, SAMPLES)
     with pytest.raises(ms.DataError, match="Name a file that can be read"):
         ms.replay(tmp_path / "none.json", SAMPLES)
+
+
+def test_data_of_several_files_are_those_of_the_document_while_the_files_are(tmp_path: Path) -> None:
+    places = [tmp_path / "1.npz", tmp_path / "2.npz"]
+    for k, place in enumerate(places):
+        ms.write(place, LINES.select(inputs=[k]))
+    found = ms.analyze(places, method="era", domain="z", orders=(8, 10, 12), refine=False)
+    merged = ms.merge([ms.read(place) for place in places])
+    equal(ms.replay(found.analysis, merged).modes, found.modes)
+    with pytest.raises(ms.DataError, match="these are others"):
+        ms.replay(found.analysis, replace(merged, values=2 * merged.values))
+    ms.write(places[1], LINES.select(inputs=[0]))
+    with pytest.raises(ms.DataError, match="these are others"):
+        ms.replay(found.analysis, merged)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.model.channels import known_quantity
-from modalscope.model.checks import Array, RealArray, check_kind, complex_array
+from modalscope.model.checks import Array, DataError, RealArray, check_kind, complex_array, real_array
 from modalscope.model.entries import plainly
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.sizes import check_size
@@ -86,8 +86,19 @@ def prominence(curves: ArrayLike, frequencies: ArrayLike, frequency: float, damp
         Hz.
     frequency, damping_ratio : float
         Of the mode.
+
+    Raises
+    ------
+    DataError
+        Curves of another number of lines than the frequencies.
     """
-    f, c = np.asarray(frequencies), np.asarray(curves)
+    f, c = real_array("frequencies", frequencies, "lines", 1), real_array("curves", curves, "lines, curves", 2)
+    if len(c) != len(f):
+        raise DataError(
+            f"the prominence of peaks on {len(f)} lines was asked",
+            f"the curves have {len(c)}",
+            "Give both on one axis.",
+        )
     step = float(np.median(np.diff(f)))
     half, far = max(damping_ratio * frequency, 2 * step), max(8 * damping_ratio * frequency, 8 * step)
     near = np.flatnonzero(np.abs(f - frequency) <= half)

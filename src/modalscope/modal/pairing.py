@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import linear_sum_assignment
 
 from modalscope.modal.indicators import mac
-from modalscope.model.checks import DataError, IntArray, RealArray, check_positive
+from modalscope.model.checks import DataError, IntArray, RealArray, check_positive, complex_array
 from modalscope.model.keywords import named
 from modalscope.model.modes import ModalModel
 
@@ -153,11 +153,26 @@ def comac(shapes_a: ArrayLike, shapes_b: ArrayLike) -> RealArray:
     array, (l,)
         1 where an output moves alike in every pair; 0 for one that stands still in one set.
 
+    Raises
+    ------
+    DataError
+        Other outputs or modes in one set than in the other.
+
     References
     ----------
     Lieven and Ewins, "Spatial correlation of mode shapes, the coordinate modal assurance criterion (COMAC)", IMAC VI, 1988.
     """
-    a, b = (np.asarray(x) / np.maximum(np.linalg.norm(x, axis=0), 1e-300) for x in (shapes_a, shapes_b))
+    given = (
+        complex_array("shapes_a", shapes_a, "outputs, modes", 2),
+        complex_array("shapes_b", shapes_b, "outputs, modes", 2),
+    )
+    if given[0].shape != given[1].shape:
+        raise DataError(
+            "COMAC of paired modes was asked",
+            f"the shapes are {given[0].shape} and {given[1].shape}",
+            "Give as many modes and outputs of both (see pair_modes).",
+        )
+    a, b = (x / np.maximum(np.linalg.norm(x, axis=0), 1e-300) for x in given)
     both = np.sum(np.abs(a * np.conj(b)), axis=1) ** 2
     each = np.sum(np.abs(a) ** 2, axis=1) * np.sum(np.abs(b) ** 2, axis=1)
     return np.asarray(np.divide(both, each, out=np.zeros_like(both), where=each > 0))

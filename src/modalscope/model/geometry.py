@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +15,7 @@ from modalscope.model.checks import (
     IntArray,
     RealArray,
     check_each,
+    check_kind,
     freeze,
     locked,
     real_array,
@@ -48,6 +50,21 @@ def _elements(name: str, elements: ArrayLike | None, width: tuple[int, ...], nod
             "Add the nodes or drop the element.",
         )
     return locked(np.array([[position[str(node)] for node in row] for row in array], dtype=np.int64))
+
+
+def _motions(given: Any) -> dict[str, tuple[Motion, ...]]:
+    """Return what every channel moves, by its label."""
+    check_kind("motions of a geometry", given, Mapping)
+    try:
+        return {str(label): tuple((str(node), _vector(v)) for node, v in rows) for label, rows in given.items()}
+    except (TypeError, ValueError) as error:
+        if isinstance(error, DataError):
+            raise
+        raise DataError(
+            "motions of a geometry were asked",
+            f"they are no lists of a node and a direction ({error})",
+            'Give for instance {"a": [("1", (0, 0, 1))]}.',
+        ) from None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
@@ -100,7 +117,7 @@ class Geometry(Shown):
             coordinates=xyz,
             lines=_elements("geometry lines", self.lines, (2,), nodes),
             faces=_elements("geometry faces", self.faces, (3, 4), nodes),
-            motions={str(k): tuple((str(n), _vector(v)) for n, v in rows) for k, rows in self.motions.items()},
+            motions=_motions(self.motions),
         )
 
     def motion_of(self, label: str) -> tuple[Motion, ...]:
