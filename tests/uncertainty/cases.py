@@ -49,11 +49,12 @@ def unknown(seed: int) -> Any:
 
 
 def periodic(seed: int) -> Any:
-    """Ten periods of 2048 samples of a random force at each of two inputs in turn, after six of settling (nine decay times)."""
+    """Ten periods of 2048 samples of equal amplitudes and random phases at two inputs in turn, after six of settling (nine decay times)."""
     rng = np.random.default_rng(1000 + seed)
     forces = np.zeros((2, 16 * 2048, 2))
     for run in range(2):
-        forces[run, :, run] = np.tile(rng.standard_normal(2048), 16)
+        one = np.fft.irfft(np.exp(2j * np.pi * rng.random(1025)) * np.r_[0, np.ones(1023), 0])
+        forces[run, :, run] = np.tile(one / one.std(), 16)
     record = chain5().simulate(inputs=forces, at=[0, 3], sampling_rate=20, noise=NOISE, seed=seed)
     return ms.estimate_frf(record, excitation="periodic", period=2048, settle=6, held=True).band(0.2, 7.0)
 

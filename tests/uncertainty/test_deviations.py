@@ -10,12 +10,16 @@ import scipy.linalg as sla
 
 import modalscope as ms
 from modalscope.blocks.influence import Moments
+from modalscope.identification.sweep import cut_order
 from modalscope.systems import chain5
 from modalscope.uncertainty.covariance import deviations_of_poles
+from modalscope.uncertainty.deviations import lines_for_all
+from modalscope.uncertainty.influence import influence_on
 from modalscope.uncertainty.noise import Parts, Residual, Unknown, White, noise_of
 from modalscope.uncertainty.of_modes import typical_deviation
 from modalscope.uncertainty.residual import residual_variance
-from tests.uncertainty.cases import errors, lines, windowed
+from tests.support import built
+from tests.uncertainty.cases import TRUTH, errors, lines, windowed
 
 
 def test_deviations_of_f_and_zeta_are_those_of_many_poles_drawn():
@@ -154,3 +158,29 @@ def test_the_residual_gives_the_variance_of_the_noise():
     np.testing.assert_allclose(residual_variance(left, 4000, False), [[4.0], [0.25]], rtol=0.1)
     np.testing.assert_allclose(residual_variance(left, 2000, True), 4 * residual_variance(left, 4000, False))
     assert np.all(np.isnan(residual_variance(left, 0, False)))
+
+
+def test_lines_far_from_all_poles_stand_for_their_neighbours_and_together_for_all():
+    frf = lines(0)
+    poles = TRUTH.poles
+    kept = lines_for_all(frf, poles, 20)
+    assert kept.each.sum() == frf.count
+    assert len(kept.used) < 0.7 * frf.count
+    grid = frf.frequencies
+    near = np.min(np.abs(2j * np.pi * grid[:, None] - poles), axis=1) / (2 * np.pi)
+    assert np.all(np.isin(np.flatnonzero(near < 3 * 2 * 0.01), kept.used))  # a third of it spans less than two lines
+    assert np.all(lines_for_all(frf, poles, 80).each == 1)  # a polynomial of degree 80 turns within 8 lines
+    assert lines_for_all(windowed(0), poles, 20) is None
+    assert lines_for_all(windowed(0, False), poles, 20) is None
+
+
+def test_deviations_by_some_lines_are_those_by_all():
+    pipeline = built(lines(0), 10, method="alternate", block_rows=20)
+    cut = cut_order(pipeline, 10)
+    found = [
+        influence_on(pipeline.matrix, pipeline.realization, 10, cut.triple, cut.modal.eigen, kept)
+        for kept in (None, lines_for_all(pipeline.response, cut.modal.poles, 20))
+    ]
+    variance = np.ones(pipeline.response.values.shape[1:])
+    whole, part = (f.joint(f, variance).size for f in found)
+    np.testing.assert_allclose(part, whole, rtol=0.05)  # of variances: 2.5 % of deviations

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.fraction_influence import fraction_influence
-from modalscope.blocks.influence import LineInfluence
+from modalscope.blocks.influence import LineInfluence, Lines
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_count
@@ -219,12 +219,12 @@ class Fraction(DataMatrix):
         except sla.LinAlgError:  # singular to rounding: data without noise, more degrees than modes
             return np.asarray(np.linalg.lstsq(inner, target, rcond=inner.shape[0] * np.finfo(float).eps)[0])
 
-    def influence(self, left: Array, right: Array, every: int = 1) -> LineInfluence:
+    def influence(self, left: Array, right: Array, lines: Lines | None = None) -> LineInfluence:
         """Return the gradient of left_j dA right_j, A = [A_1; ...; A_p] of the degree that the length of the rows says.
 
         See `modalscope.blocks.fraction_influence`.
         """
-        return fraction_influence(self, left, right, every)
+        return fraction_influence(self, left, right, lines)
 
     @cached_property
     def factors(self) -> Factors:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.blocks.influence import LineInfluence, Outer
+from modalscope.blocks.influence import LineInfluence, Lines, Outer, all_lines
 from modalscope.blocks.polynomials import both_sums
 from modalscope.model.checks import Array, ComplexArray, IntArray
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["fraction_influence"]
 
 
-def fraction_influence(matrix: Fraction, left: Array, right: Array, every: int = 1) -> LineInfluence:
+def fraction_influence(matrix: Fraction, left: Array, right: Array, lines: Lines | None = None) -> LineInfluence:
     """Return the gradient of left_j dA right_j, A = [A_1; ...; A_p] of the degree that the length of the rows says.
 
     Parameters
@@ -32,22 +32,21 @@ def fraction_influence(matrix: Fraction, left: Array, right: Array, every: int =
     matrix : Fraction
     left : array, (k, p m)
     right : array, (m, k)
-    every : int
-        Lines that one stands for.
+    lines : Lines, optional
+        Those that stand for all; by default all.
     """
     m, degree = matrix.inputs, left.shape[1] // matrix.inputs
-    lines = np.arange(every // 2, matrix.response.lines, every)
+    kept = all_lines(matrix.response.lines) if lines is None else lines
     # coefficients (k, powers, inputs): of the row by which X is multiplied, and of A times the column
     rows = np.concatenate([np.zeros((len(left), m)), -matrix.solved(degree, left.T).T], axis=1)
     stacked = np.vstack([np.eye(m), matrix.denominator(degree)])
     shape = (len(left), degree + 1, m)
-    of_row, row = _projected(matrix, rows.reshape(shape), lines)
-    misfit, model = _projected(matrix, (stacked @ right).T.reshape(shape), lines)
+    of_row, row = _projected(matrix, rows.reshape(shape), kept.used)
+    misfit, model = _projected(matrix, (stacked @ right).T.reshape(shape), kept.used)
     return LineInfluence(
         (Outer(of_row[1], model[0]), Outer(misfit[1], row[0])),
         (Outer(of_row[0], model[1]), Outer(misfit[0], row[1])),
-        lines,
-        every,
+        kept,
     )
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.hankel import Hankel
-from modalscope.blocks.influence import SampleInfluence
+from modalscope.blocks.influence import Lines, SampleInfluence
 from modalscope.blocks.operators import DenseMatrix
 from modalscope.blocks.shift import RowShift
 from modalscope.blocks.side import Side
@@ -84,10 +84,10 @@ class GeneralHankel(Hankel):
         both = np.hstack([entries, entries + np.array([[1], [0]])])
         return _scattered(np.hstack([-np.asarray(values)[:, None] * F, F]), both, self.values.shape[1])
 
-    def influence(self, left: Array, right: Array, every: int = 1) -> SampleInfluence:
+    def influence(self, left: Array, right: Array, lines: Lines | None = None) -> SampleInfluence:
         """Return the gradient; columns are taken back to whole consecutive blocks first."""
         v = _scattered(self.columns.taken_back(right.T), self.columns.entries, self.values.shape[2])
-        return super().influence(left, v.T, every)
+        return super().influence(left, v.T, lines)
 
     def row_blocks(self, P: Array) -> RealArray | None:
         """Return a left factor (rows, k) by block rows, (blocks, l', k); None where the blocks are not whole."""

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from modalscope.blocks.compression import adds_channels
 from modalscope.blocks.factor import Factors
-from modalscope.blocks.influence import SampleInfluence, convolved
+from modalscope.blocks.influence import Lines, SampleInfluence, convolved
 from modalscope.blocks.layout import block_shifts
 from modalscope.blocks.matrix import DataMatrix, Evolved
 from modalscope.blocks.operators import BlockHankel, Operator
@@ -210,7 +210,7 @@ class Hankel(DataMatrix):
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(self.first_block_column(tall=tall).T @ factors.P / factors.d)
 
-    def influence(self, left: Array, right: Array, every: int = 1) -> SampleInfluence:
+    def influence(self, left: Array, right: Array, lines: Lines | None = None) -> SampleInfluence:
         """Return g_j[t] = sum_(a + b = t) L_j[a] (x) v_j[b], with what was combined within blocks taken back to the channels."""
         _, rows, columns = self.values.shape
         L, v = left.reshape(len(left), -1, rows), right.T.reshape(len(left), -1, columns)

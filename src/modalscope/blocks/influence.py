@@ -17,7 +17,19 @@ from scipy.linalg import matmul_toeplitz
 
 from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
 
-__all__ = ["Influence", "LineInfluence", "Moments", "Outer", "SampleInfluence", "convolved"]
+__all__ = ["Influence", "LineInfluence", "Lines", "Moments", "Outer", "SampleInfluence", "all_lines", "convolved"]
+
+
+class Lines(NamedTuple):
+    """Lines that stand for all: which, and for how many each, (F',)."""
+
+    used: IntArray
+    each: RealArray
+
+
+def all_lines(count: int) -> Lines:
+    """Return all lines, each for itself."""
+    return Lines(np.arange(count), np.ones(count))
 
 
 class Outer(NamedTuple):
@@ -117,31 +129,32 @@ class LineInfluence(Influence):
     ----------
     direct, mirrored : tuple of Outer
         a and b on the lines used.
-    lines : array of int, (F',)
-        Which lines are used.
-    each : int
-        How many lines every one of them stands for.
+    lines : Lines
+        Those that are used.
     """
 
     direct: tuple[Outer, ...]
     mirrored: tuple[Outer, ...]
-    lines: IntArray
-    each: int = 1
+    lines: Lines
 
     def joint(self, other: LineInfluence, variance: RealArray, fading: Array | None = None) -> Moments:
         """Return the moments under circular noise, E|dH|^2 = variance."""
         if fading is not None:
             return self._faded(other, variance, fading)
-        used = variance if variance.ndim == 2 else variance[self.lines]
-        sides = ((self.direct, other.direct), (self.mirrored, other.mirrored))
+        used = variance if variance.ndim == 2 else variance[self.lines.used]
+        mine = (self.direct, self.mirrored)
+        direct, mirrored = (
+            tuple(Outer(one.left * self.lines.each[:, None], one.right) for one in part) for part in mine
+        )
+        sides = ((direct, other.direct), (mirrored, other.mirrored))
         size = sum(one.times(two.conjugate()).summed(used) for own, its in sides for one in own for two in its)
-        across = ((self.direct, other.mirrored), (self.mirrored, other.direct))
-        square = sum(one.times(two).summed(used) for own, its in across for one in own for two in its)
-        return Moments(np.asarray(size) * self.each, np.asarray(square, dtype=complex) * self.each)
+        square = np.asarray(sum(one.times(two).summed(used) for one in direct for two in other.mirrored), dtype=complex)
+        swapped = 0 if other is self else sum(one.times(two).summed(used) for one in mirrored for two in other.direct)
+        return Moments(np.asarray(size), 2 * square if other is self else square + swapped)
 
     def _faded(self, other: LineInfluence, variance: RealArray, fading: Array) -> Moments:
         """Return sum a C a'* + b C* b'* and sum a C b' + b C* a', with C the covariance of the lines' noise, pole by pole."""
-        spread = np.sqrt(np.broadcast_to(variance, (len(fading), *variance.shape[-2:]))[self.lines])
+        spread = np.sqrt(np.broadcast_to(variance, (len(fading), *variance.shape[-2:]))[self.lines.used])
         size, square = [], []
         for j in range(len(self.direct[0].left)):
             (a, b), (c, d) = self._plain(j, spread), other._plain(j, spread)
@@ -162,11 +175,11 @@ class LineInfluence(Influence):
     def take(self, index: Array) -> LineInfluence:
         """Return the gradients of some poles."""
         direct, mirrored = (tuple(one.take(index) for one in part) for part in (self.direct, self.mirrored))
-        return LineInfluence(direct, mirrored, self.lines, self.each)
+        return LineInfluence(direct, mirrored, self.lines)
 
     def of(self, change: Array) -> ComplexArray:
         """Return the change of the poles; where lines were left out an estimate."""
-        return np.stack([self._of(one[self.lines]) for one in change]) * self.each
+        return np.stack([self._of(one[self.lines.used] * self.lines.each[:, None, None]) for one in change])
 
     def _of(self, change: Array) -> ComplexArray:
         """Return sum a dH + b dH*, by real and imaginary parts of dH as weights."""
@@ -178,12 +191,12 @@ class LineInfluence(Influence):
 
     def joined(self, other: LineInfluence) -> LineInfluence:
         """Return the sum of two gradients on the same lines."""
-        return LineInfluence(self.direct + other.direct, self.mirrored + other.mirrored, self.lines, self.each)
+        return LineInfluence(self.direct + other.direct, self.mirrored + other.mirrored, self.lines)
 
     def transposed(self) -> LineInfluence:
         """Return the gradient by the transposed response."""
         direct, mirrored = (tuple(one.transposed() for one in part) for part in (self.direct, self.mirrored))
-        return LineInfluence(direct, mirrored, self.lines, self.each)
+        return LineInfluence(direct, mirrored, self.lines)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from typing import NoReturn
 import numpy as np
 
 from modalscope.blocks.factor import Factors
-from modalscope.blocks.influence import Influence
+from modalscope.blocks.influence import Influence, Lines
 from modalscope.blocks.operators import Operator
 from modalscope.blocks.shift import RowShift
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
@@ -144,7 +144,7 @@ class DataMatrix(ABC):
         """
         return np.asarray(factors.Q[:, : len(coefficients)] @ coefficients)
 
-    def influence(self, left: Array, right: Array, every: int = 1) -> Influence:
+    def influence(self, left: Array, right: Array, lines: Lines | None = None) -> Influence:
         """Return the gradient of left_j dH right_j by the response: the adjoint of what makes the matrix of the response.
 
         Parameters
@@ -153,8 +153,8 @@ class DataMatrix(ABC):
             As `pencil` gives them.
         right : array
             As `right_vectors` gives them.
-        every : int
-            Where columns are lines: every so manieth is used, and stands for its neighbours.
+        lines : Lines, optional
+            Where columns are lines: those that stand for all; by default all.
         """
         self._has_no("way back to the response")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from modalscope.blocks.influence import LineInfluence, Outer
+from modalscope.blocks.influence import LineInfluence, Lines, Outer, all_lines
 from modalscope.blocks.lines import RowsOnLines
 from modalscope.blocks.plane import Plane
 from modalscope.blocks.polynomials import both_sums, evaluate
@@ -94,17 +94,18 @@ class PolynomialRows(RowsOnLines):
         """Return p_k(x) / p_0 at the poles."""
         return evaluate(self.recurrence, 1.0, poles)[self.block_indices(blocks)]
 
-    def influence(self, left: Array, right: Array, every: int = 1) -> LineInfluence:
+    def influence(self, left: Array, right: Array, lines: Lines | None = None) -> LineInfluence:
         """Return the gradient: q = sum_k L_k p_k(x) by output times the right vector by input, on dH; the mirror image on dH*.
 
         What is eliminated is orthogonal to the right vectors already.
         """
-        lines = np.arange(every // 2, self.response.count, every)
+        kept = all_lines(self.response.count) if lines is None else lines
+        index = kept.used
         L = left.reshape(len(left), -1, self.outputs)
-        at, mirrored = both_sums(self.polynomials(lines), np.asarray(L / self.output_scale, dtype=complex))
-        w = 0.5 if self.weights is None else self.weights[lines] / 2
+        at, mirrored = both_sums(self.polynomials(index), np.asarray(L / self.output_scale, dtype=complex))
+        w = 0.5 if self.weights is None else self.weights[index] / 2
         parts = np.split(right, 2, axis=1)
-        real, imaginary = (part[:, lines].transpose(2, 1, 0) for part in parts)
+        real, imaginary = (part[:, index].transpose(2, 1, 0) for part in parts)
         upper, lower = (real - 1j * imaginary), (real + 1j * imaginary)
-        half = np.broadcast_to(w, lines.shape)[:, None]
-        return LineInfluence((Outer(at, upper * half),), (Outer(mirrored, lower * half),), lines, every)
+        half = np.broadcast_to(w, index.shape)[:, None]
+        return LineInfluence((Outer(at, upper * half),), (Outer(mirrored, lower * half),), kept)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.blocks.influence import LineInfluence, Outer, SampleInfluence, convolved
+from modalscope.blocks.influence import LineInfluence, Lines, Outer, SampleInfluence, all_lines, convolved
 from modalscope.blocks.lines import LineMatrix, kept_block_rows, real_columns
 from modalscope.blocks.shift import RowShift
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
@@ -198,7 +198,7 @@ class Shifted(LineMatrix):
         """Return z^k."""
         return np.asarray(np.asarray(poles)[None, :] ** self.block_indices(blocks)[:, None], dtype=complex)
 
-    def influence(self, left: Array, right: Array, every: int = 1) -> SampleInfluence | LineInfluence:
+    def influence(self, left: Array, right: Array, lines: Lines | None = None) -> SampleInfluence | LineInfluence:
         """Return the gradient: right vectors go back from lines to the window's samples, where they meet the rows as in a Hankel matrix.
 
         Where lines were measured the gradient is that by the lines, through their inverse transform.
@@ -226,7 +226,7 @@ class Shifted(LineMatrix):
             Outer(g.left[:, back], g.right[:, back] * turn),
             Outer(g.left[:, lines], g.right[:, lines] * turn.conj()),
         )
-        return LineInfluence((direct,), (mirrored,), lines)
+        return LineInfluence((direct,), (mirrored,), all_lines(self.response.count))
 
     def transformed(self, values: Array) -> ComplexArray:
         """Return Y_0 of samples on the lines used, (F, l, m): what the fit of B is made to and judged on."""

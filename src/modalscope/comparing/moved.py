@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from modalscope.blocks.influence import Lines
 from modalscope.identification.sweep import Sweep
 from modalscope.judging.replicates import nearest_order
 from modalscope.model.checks import ComplexArray, DataError, IntArray, RealArray
@@ -18,8 +19,8 @@ from modalscope.uncertainty.noise import Noise
 
 __all__ = ["Moved", "covariance", "moved_by_noise"]
 
-#: Lines that influences are kept on; of more every second to fourth stands for its neighbours.
-_LINES, _MOST = 4000, 4
+#: Lines that influences are kept on; of more every second to eighth stands for its neighbours.
+_LINES, _MOST = 2000, 8
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -64,18 +65,25 @@ def moved_by_noise(found: Sweep, diagram: StabilizationDiagram, modes: ModalMode
     away = np.abs(poles[:, None] - modes.poles) / np.abs(modes.poles.real)
     nearest = np.argmin(away, axis=0)
     there = away[nearest, np.arange(len(modes))] < 1
-    index, every = nearest[there], int(np.clip(response.count // _LINES, 1, _MOST))
-    if window_damping(response) > 0:
-        every = 1
+    index = nearest[there]
     try:
         influence = influence_on(
-            pipeline.matrix, pipeline.realization, cut.order, cut.triple, cut.modal.eigen.take(index), every
+            pipeline.matrix, pipeline.realization, cut.order, cut.triple, cut.modal.eigen.take(index), _lines(response)
         )
     except DataError:  # a way of reading poles off whose first order is not known
         return None
     noise = found.noise_beside(cut)
     row = np.where(there, np.cumsum(there) - 1, -1)
     return None if noise is None else Moved(response, noise, influence, poles[index], row)
+
+
+def _lines(response: Response) -> Lines | None:
+    """Return the same lines for every method on the same data; None for all."""
+    every = int(np.clip(response.count // _LINES, 1, _MOST))
+    if every == 1 or response.grid is None or window_damping(response) > 0:
+        return None
+    index = np.arange(every // 2, response.count, every)
+    return Lines(index, np.full(index.size, float(every)))
 
 
 def covariance(one: Moved, other: Moved, rows: IntArray, beside: IntArray, noise: Noise) -> tuple[RealArray, RealArray]:

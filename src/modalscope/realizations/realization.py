@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from modalscope.blocks.factor import Factors
-from modalscope.blocks.influence import Influence
+from modalscope.blocks.influence import Influence, Lines
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Eigen, Triple
 from modalscope.model.checks import ComplexArray, DataError
@@ -70,17 +70,17 @@ class Realization(ABC):
             "Leave the reduction out, or use method='alternate'.",
         )
 
-    def influence(self, n: int, eigen: Eigen, every: int = 1) -> Influence:
+    def influence(self, n: int, eigen: Eigen, lines: Lines | None = None) -> Influence:
         """Return the gradient of eigenvalues of order n by the response as it was factored.
 
         Parameters
         ----------
         n : int
         eigen : Eigen
-        every : int
-            Lines that one stands for; see `DataMatrix.influence`.
+        lines : Lines, optional
+            Those that stand for all; see `DataMatrix.influence`.
         """
-        found = [self.matrix.influence(side.left, side.right, every) for side in self.sides(n, eigen)]
+        found = [self.matrix.influence(side.left, side.right, lines) for side in self.sides(n, eigen)]
         total = found[0]
         for more in found[1:]:
             total = total.joined(more)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modalscope.blocks.influence import Influence, Moments
+from modalscope.blocks.influence import Influence, Lines, Moments
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Eigen, Triple
 from modalscope.model.checks import Array, ComplexArray, RealArray
@@ -52,7 +52,7 @@ class PoleInfluence:
 
 
 def influence_on(
-    matrix: DataMatrix, realization: Realization, order: int, model: Triple, eigen: Eigen, every: int = 1
+    matrix: DataMatrix, realization: Realization, order: int, model: Triple, eigen: Eigen, lines: Lines | None = None
 ) -> PoleInfluence:
     """Return how the response moves some eigenvalues of a model.
 
@@ -65,8 +65,8 @@ def influence_on(
         Cut out of the realization, with inputs and outputs in their own places.
     eigen : Eigen
         Those of its eigenvalues that are asked.
-    every : int
-        Lines that one stands for; see `DataMatrix.influence`.
+    lines : Lines, optional
+        Those that stand for all; see `DataMatrix.influence`.
 
     Raises
     ------
@@ -75,5 +75,5 @@ def influence_on(
     """
     factored = Eigen(eigen.values, eigen.left.T, eigen.vectors.T) if model.turned else eigen
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        found = realization.influence(order, factored, every)
+        found = realization.influence(order, factored, lines)
         return PoleInfluence(matrix.as_measured(found), slope_to_s(matrix, eigen.values))
