@@ -50,6 +50,12 @@ def modal_damping(M: RealArray, K: RealArray, ratios: Array | float) -> RealArra
         Damping ratios; one for all modes, or one each.
     """
     w, Phi = undamped_modes(M, K)
+    if np.shape(ratios) not in ((), (1,), w.shape):
+        raise DataError(
+            f"ratios of {w.size} modes were asked",
+            f"their shape is {np.shape(ratios)}",
+            "Give one for all, or one each.",
+        )
     carried = M @ Phi
     return np.asarray((carried * (2 * np.broadcast_to(ratios, w.shape) * w)) @ carried.T)
 
