@@ -43,6 +43,8 @@ _SIDE = re.compile(r"^(?P<side>out|in)\s+(?P<dof>.+?)\s*(?:\[(?P<unit>.*)\])?$")
 
 #: Time steps may differ by this part of a step: printed times have few digits.
 _EVEN = 1e-2
+#: Labels by which a table is told.
+_HEADS = 1000
 #: Characters of a label, at most; of a cell in a message.
 _LONGEST, _SHOWN = 400, 20
 
@@ -96,9 +98,9 @@ def _is_own(path: Path) -> bool:
     cells = [cell.strip() for cell in head.split(max(",;\t", key=head.count))]
     if cells[0] not in ("frequency_hz", "time_s"):
         return {"frequency_hz", "damping_ratio"} <= set(cells)
-    for label in (cell[:_LONGEST].strip('"') for cell in cells[1:]):
+    for label in (cell[:_LONGEST].strip('"') for cell in cells[1:_HEADS]):
         pair = _PAIR.match(label)
-        if _SIDE.match(label) or (pair and not is_unit(pair["in"])):
+        if _SIDE.match(label) or (pair and (pair["part"] or pair["in"] == "1" or not is_unit(pair["in"]))):
             return True
     return len(cells) < 2
 

@@ -12,7 +12,7 @@ import numpy as np
 from modalscope.io import from_frame, survey
 from modalscope.io.arrays import to_arrays
 from modalscope.io.frames import is_frame
-from modalscope.model import ModalModel, Note
+from modalscope.model import Geometry, ModalModel, Note
 from modalscope.model.analysis import SourceFile
 from modalscope.model.checks import DataError
 from modalscope.model.records import as_records
@@ -72,6 +72,13 @@ def _opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile, tup
     if isinstance(found.thing, ModalModel):
         raise DataError(
             f"modes in {path} were asked", "the file holds modes already", "Give a file of responses or records."
+        )
+    if isinstance(found.thing, Geometry):
+        left = ", ".join(dict.fromkeys(finding.kind for finding in found.left if finding.kind))
+        raise DataError(
+            f"modes in {path} were asked",
+            f"the file gives a {found.result}{f', and no method identifies from its {left}' if left else ''}",
+            "Give a file of responses or records.",
         )
     return found.thing, source_of_file(path, reading), found.told
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+import modalscope as ms
 import modalscope.io as mio
 from tests.io import samples
 from tests.support import refused
@@ -96,6 +97,13 @@ def test_spectra_are_left_by_name(tmp_path: Path, kind: int, words: str) -> None
     ] * 6
     path.write_bytes(spectra)
     refused(rf"of its \d+ sets none is one(.|\n)*{words}", mio.read, path)
+
+
+def test_the_whole_job_names_spectra_that_it_cannot_use(tmp_path: Path) -> None:
+    path = tmp_path / "a.unv"
+    mio.write(path, replace(samples.frequency_response(), coherence=None), text=True)
+    path.write_bytes(path.read_bytes().replace(b"\n    4  ", b"\n    9  "))
+    refused("the file gives a geometry: (.|\n)*no method identifies from its power spectral density", ms.analyze, path)
 
 
 def test_numbers_between_sets_are_damage_still(tmp_path: Path) -> None:

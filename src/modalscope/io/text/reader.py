@@ -32,7 +32,9 @@ __all__ = ["TEXT_OPTIONS", "contents_of_lines", "read"]
 TEXT_OPTIONS = (*COLUMN_OPTIONS, "skip", "decimal", "delimiter")
 
 #: Lines, and characters of them, by which a file is judged.
-_LINES, _CHARACTERS = 1000, 1 << 22
+_LINES, _CHARACTERS = 1000, 1 << 20
+#: Nobody measures so many channels into a table; rows that are channels have as many cells as samples.
+_COLUMNS, _SAMPLES = 20_000, 10_000_000
 #: What a row and a cell take while they are lists.
 _ROW, _CELL = 120, 60
 
@@ -83,7 +85,7 @@ def contents_of_lines(
     DataError
         As `read`.
     """
-    first = _first(lines, space)
+    first = _first(lines, space, _SAMPLES if options.get("transpose") else _COLUMNS)
     bare = [uncommented(line)[0] for _, line in first]
     dialect = dialect_of(where, bare, *signs)
     if options.get("transpose"):
@@ -110,17 +112,33 @@ def _signs(options: Options) -> tuple[str | None, str | None]:
     return delimiter, decimal
 
 
-def _first(lines: Iterator[Line], space: Room) -> list[Line]:
+def _first(lines: Iterator[Line], space: Room, most: int) -> list[Line]:
     """Return the first lines, as many as the file is judged by."""
     found: list[Line] = []
     size = 0
     for line in lines:
         found.append(line)
         size += len(line[1])
+        if len(line[1]) > 2 * _COLUMNS:
+            _check_width(line, space, most)
         if len(found) >= _LINES or (size > _CHARACTERS and len(found) > 1):
             break
     space.take("its first lines", size)
     return found
+
+
+def _check_width(line: Line, space: Room, most: int) -> None:
+    """Refuse more cells in a row than anybody has, and name the option for rows that are channels."""
+    try:
+        space.parts(f"cells in line {line[0]}", max(line[1].count(sign) for sign in "\t;,| "), most)
+    except DataError as error:
+        if most > _COLUMNS:
+            raise
+        raise DataError(
+            error.asked,
+            error.found,
+            f"If every row is a channel, exchange rows and columns: --transpose. {error.change}",
+        ) from None
 
 
 def _transposed(lines: Iterator[Line], dialect: Dialect, space: Room) -> tuple[list[str], Dialect]:
@@ -168,7 +186,6 @@ def _table(
     space: Room,
     options: Options,
 ) -> Table:
-    space.parts("columns", layout.width)
     rows = [split(line, dialect) for line in islice(bare, layout.body, layout.body + 200)]
     kinds = _but_ignored(kinds_of([row for row in rows if len(row) == layout.width]), layout, options)
     arrays, notes = read_body(
