@@ -49,7 +49,6 @@ def test_damping_is_unbiased_however_short_the_record_is(times: int) -> None:
     bias, deviation = errors.mean(axis=0), errors.std(axis=0, ddof=1)
     for name, b, d in zip(("at the true order", "refined"), bias, deviation, strict=True):
         each = " ".join(f"{x:.2f}" for x in b / d)
-        print(
-            f"\n{times} decay times, {name}: bias / deviation {each}, mean {np.mean(b / d):.2f}; deviation {100 * d.min():.2f} to {100 * d.max():.2f} %"
-        )
+        print(f"\n{times} decay times, {name}: bias / deviation {each}, mean {np.mean(b / d):.2f}", end="; ")
+        print(f"deviation {100 * d.min():.2f} to {100 * d.max():.2f} %")
     assert np.all(np.abs(np.mean(bias / deviation, axis=1)) < 0.3)
