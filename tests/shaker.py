@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import fftconvolve, firwin, lfilter
+from scipy.signal import butter, chirp, fftconvolve, firwin, lfilter
 
 from modalscope.model import Signals
 from modalscope.model.poles import poles_from
 
-__all__ = ["Shaker", "shaker"]
+__all__ = ["Shaker", "forces_of", "shaker"]
 
 #: Sampling rate of the simulation over that of the record.
 OVER = 8
@@ -102,3 +102,29 @@ def _acceleration(pole: complex, force: np.ndarray, rate: float) -> np.ndarray:
     x = lfilter([0, (z - 1) / pole], [1, -z], force.astype(complex))
     q, velocity = x.imag / pole.imag, (pole * x).imag / pole.imag
     return force + 2 * pole.real * velocity - abs(pole) ** 2 * q
+
+
+def forces_of(kind: str, seed: int = 0, *, seconds: float = 8.0, rate: float = 1024.0) -> np.ndarray:
+    """Return two forces (samples, 2) at eight times the rate, two seconds ahead of a record: what shakers and nature do.
+
+    "burst": white noise that stops at two fifths of the record; "sweep": one up, one down; "earthquake": noise of a band under the
+    envelope of a tremor; "stepped": forty sines one after the other, left and right in turn, none of them settled; "release": one load let
+    go at the beginning, another in the middle.
+    """
+    rng, high = np.random.default_rng(seed), OVER * rate
+    t = np.arange(int((seconds + 2) * high)) / high - 2
+    noise, on = rng.standard_normal((t.size, 2)), (t > 0)[:, None]
+    if kind == "burst":
+        return noise * (on & (t < 0.4 * seconds)[:, None])
+    if kind == "sweep":
+        both = [chirp(t, a, seconds, b) for a, b in ((0.02 * rate, 0.47 * rate), (0.47 * rate, 0.02 * rate))]
+        return on * np.column_stack(both)
+    if kind == "earthquake":
+        band = butter(2, [0.03 * rate, 0.42 * rate], btype="band", fs=high)
+        grown = np.maximum(t, 0) / 1.5
+        return lfilter(*band, noise, axis=0) * (grown**2 * np.exp(2 - 2 * grown))[:, None]
+    if kind == "stepped":
+        step = np.clip((t / seconds * 40).astype(int), 0, 39)
+        sine = np.sin(2 * np.pi * rate * np.linspace(0.04, 0.42, 40)[step] * t)
+        return on * np.column_stack([sine * (step % 2 == 0), sine * (step % 2 == 1)])
+    return np.column_stack([t < 0.1, -0.7 * (t < seconds / 2)]).astype(float)

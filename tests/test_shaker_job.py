@@ -9,7 +9,7 @@ import modalscope as ms
 from modalscope.identification.routes import usual_route
 from modalscope.model.record_residual import UNMEASURED
 from modalscope.model.records import Records, as_records
-from tests.shaker import Shaker, shaker
+from tests.shaker import Shaker, forces_of, shaker
 
 
 def errors(test: Shaker, modes: ms.ModalModel) -> tuple[np.ndarray, np.ndarray]:
@@ -51,6 +51,20 @@ def test_every_band_from_gap_to_gap_gives_its_modes() -> None:
         assert len(modes) == inside.sum()
         assert f.max() < 1e-4
         assert zeta.max() < 0.05
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("kind", ["burst", "sweep", "earthquake", "stepped", "release"])
+def test_any_force_will_do(kind: str) -> None:
+    """Settled, decayed or in the middle of it, all lines or few: what is eliminated does not ask."""
+    test = shaker(2, forces=forces_of(kind))
+    modes = ms.analyze(test.signals).modes
+    f, zeta = errors(test, modes)
+    assert len(modes) == 12
+    assert modes.unrefined is not None
+    assert f.max() < 1e-4
+    assert zeta.max() < 0.02
+    assert np.all(zeta * test.damping_ratios < 4 * modes.damping_ratios_std)
 
 
 @pytest.mark.parametrize(

@@ -188,6 +188,7 @@ def test_inputs_that_are_alike_are_left_out_by_rank_with_a_note() -> None:
     match = match_poles(found.poles, poles_of(ss))
     assert max(match.frequency_error, match.damping_error) < EXACT
     assert any("9 of 27 rows" in str(note) for note in found.notes)
+    assert any("inputs u1, u2 are zero or depend on each other" in str(note) for note in found.notes)
     assert found.fit_error < FITTED
     # only u1 - 2 u2 was driven: what it gives is known, how it is shared is not
     both = found.state_space.markov_parameters(20) @ [[1.0], [-2.0]]

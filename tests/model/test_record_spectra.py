@@ -46,6 +46,7 @@ def test_a_drift_lies_at_zero_frequency_and_a_delay_at_zero() -> None:
     assert kinds(1 - 1e-2) == []
     assert kinds(0.0009) == ["delay"]
     assert kinds(0.03) == []
+    assert kinds(-0.0037 + 4e-19j) == []  # one negative pole of noise, not two
     assert kinds(0.03 + 0.005j) == ["delay"]  # a pair: two samples, known to the square root
     late = pole_notes(np.array([0.03 + 0.005j]), 10.0, 100.0)[0]
     assert late.numbers["samples"] == 2

@@ -32,7 +32,7 @@ from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, Re
 from modalscope.model.driven_basis import Run
 from modalscope.model.line_choice import running_mean
 from modalscope.model.record_spectra import RecordSpectra
-from modalscope.model.response import output_scale
+from modalscope.model.response import level_power, output_scale
 from modalscope.model.statespace import StateSpace
 from modalscope.model.triangles import stacked_factor, triangle_of
 
@@ -101,9 +101,7 @@ def resonance_weights(spectra: RecordSpectra, scale: RealArray) -> RealArray:
     scale : array, (l,)
         What the outputs are divided by.
     """
-    scale = np.where(scale > 0, scale, 1)
-    power = np.einsum("fl,l->f", np.abs(spectra.values[:, :, 0]) ** 2, scale**-2.0)
-    power = running_mean(power, spectra.run, _BESIDE)
+    power = running_mean(level_power(spectra, scale), spectra.run, _BESIDE)
     w = np.maximum(power, _QUIET * max(float(np.median(power)), np.finfo(float).tiny)) ** 0.25
     return np.asarray(w / np.sqrt(np.mean(w**2)))
 
@@ -246,12 +244,19 @@ class RecordLines(PolynomialRows):
     def warnings(self) -> tuple[str, ...]:
         """Inputs that are no directions of their own."""
         short = [part.given - part.rank for part in self.parts]
-        if not any(short):
-            return ()
-        return (
-            f"{sum(short)} of {sum(part.given for part in self.parts)} rows of inputs and ends depend on the others and were left out: "
-            "inputs that are alike, or that hold few lines",
-        )
+        untold = self.judged.untold
+        told = []
+        if untold:
+            told.append(
+                f"inputs {', '.join(untold)} are zero or depend on each other: what they give together is known, "
+                "how it is shared among them is not (participation is the shortest that fits)"
+            )
+        if any(short):
+            told.append(
+                f"{sum(short)} of {sum(part.given for part in self.parts)} rows of inputs and ends depend on the others and were left out: "
+                "inputs that are alike, or that hold few lines"
+            )
+        return tuple(told)
 
     def describe(self) -> str:
         """Say what the matrix is, in words."""

@@ -56,6 +56,7 @@ def run(options: argparse.Namespace) -> None:
             orders=orders,
             band=None if options.band is None else tuple(options.band),
             exclude=options.exclude,
+            route=options.route,
             progress=show,
             replicates=options.replicates,
         )

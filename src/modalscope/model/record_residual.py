@@ -26,6 +26,9 @@ _STANDS_OUT, _MATTERS = 6.0, 0.01
 #: are none, but damped noise.
 _DRIFT, _DELAY, _LATEST = 0.5, 1e-3, 6
 
+#: Imaginary parts below this share of a pole are rounding: it is no pair.
+_REAL = 1e-9
+
 #: Half bandwidths of a mode that are near it, and from which on lines are away from all modes.
 _NEAR, _AWAY = 2.0, 10.0
 
@@ -108,12 +111,13 @@ def pole_notes(poles: Array, sampling_rate: float | None, duration: float) -> tu
     """
     notes = []
     distance = np.abs(poles - 1) * sampling_rate if sampling_rate is not None else np.abs(poles)
-    if np.any((poles.imag == 0) & (distance < _DRIFT / duration)):
+    alone = np.abs(poles.imag) <= _REAL * np.abs(poles)  # a negative pole has been through logarithm and exponential
+    if np.any(alone & (distance < _DRIFT / duration)):
         notes.append(
             Note("drift", {}, "a pole at zero frequency: the records drift, which costs a state and no accuracy")
         )
     if sampling_rate is not None:
-        size = np.sort(np.repeat(np.abs(poles), np.where(poles.imag == 0, 1, 2)))
+        size = np.sort(np.repeat(np.abs(poles), np.where(alone, 1, 2)))
         # a pole of multiplicity k is known to the k-th root of what one is known to
         late = max((k for k in range(1, min(size.size, _LATEST) + 1) if size[k - 1] ** k < _DELAY), default=0)
         if late:

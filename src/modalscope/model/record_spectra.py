@@ -28,7 +28,7 @@ from modalscope.model.notes import Note
 from modalscope.model.poles import to_discrete
 from modalscope.model.record_picture import picture_of
 from modalscope.model.record_residual import excess, excess_notes, pole_notes
-from modalscope.model.response import AsLines, AsSamples, Response, output_scale
+from modalscope.model.response import AsLines, AsSamples, Response, level_power, output_scale
 from modalscope.model.statespace import StateSpace
 
 if TYPE_CHECKING:
@@ -38,6 +38,9 @@ __all__ = ["RecordSpectra"]
 
 #: The degree below which damping is hardly known.
 _LEAST_DEGREE = 8
+
+#: Inputs are alike where a direction of them, each of length one, is shorter than this; an input has part in it from so much on.
+_ALIKE, _SHARE = 1e-9, 1e-6
 
 #: Lines on which models of long records are judged, and refined.
 _JUDGED, _REFINED = 32_768, 131_072
@@ -168,7 +171,7 @@ class RecordSpectra(Response):
         """Return the lines on which models are judged: of a long record some of all, and those of the peaks; `whole` has the others."""
         if self.count <= _JUDGED:
             return self
-        power = np.einsum("fl,l->f", np.abs(self.values[:, :, 0]) ** 2, 1 / np.maximum(output_scale(self), 1e-300) ** 2)
+        power = level_power(self, output_scale(self))
         return replace(self._at(telling_lines(power, self.run, _JUDGED)), source=self)
 
     @property
@@ -240,6 +243,18 @@ class RecordSpectra(Response):
         left = self.values[:, :, 0] - self.evaluated(poles, shapes, participation, terms)
         found = excess(self.frequencies, left, self.values[:, :, 0], poles[trusted], 1 / max(self.durations))
         return (*excess_notes(found), *pole_notes(self.in_plane(poles), self.sampling_rate, max(self.durations)))
+
+    @property
+    def untold(self) -> tuple[str, ...]:
+        """Inputs that are zero or depend on the others: what they give together is known, and not how it is shared."""
+        U = np.concatenate([self.drive.real, self.drive.imag])
+        size = np.linalg.norm(U, axis=0)
+        R = np.linalg.qr(U / np.where(size > 0, size, 1), mode="r")
+        _, d, Vt = np.linalg.svd(R)
+        alone = Vt[np.count_nonzero(d > _ALIKE) :]
+        return tuple(
+            dof for dof, part in zip(self.input_dofs, alone.T, strict=True) if np.abs(part).max(initial=0) > _SHARE
+        )
 
     @property
     def separable(self) -> bool:

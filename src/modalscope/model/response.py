@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from modalscope.model.modes import ModalModel
     from modalscope.model.statespace import StateSpace
 
-__all__ = ["AsLines", "AsSamples", "Response", "output_scale", "window_damping"]
+__all__ = ["AsLines", "AsSamples", "Response", "level_power", "output_scale", "window_damping"]
 
 
 class AsSamples(NamedTuple):
@@ -324,8 +324,19 @@ class Response(Channels):
 
 def output_scale(response: Response) -> RealArray:
     """Return the root mean square of every output, (l,), by which quiet outputs are brought level with loud ones."""
-    parts = np.ascontiguousarray(response.values).view(np.float64).reshape(*response.values.shape[:2], -1)
+    parts = _real_parts(response.values)
     return np.asarray(np.sqrt(np.einsum("klp,klp->l", parts, parts) / (response.count * response.values.shape[2])))
+
+
+def level_power(response: Response, scale: RealArray) -> RealArray:
+    """Return the squares of all channels together on every line or sample, outputs divided by a scale (l,) first, (K,)."""
+    parts, weight = _real_parts(response.values), np.where(scale > 0, scale, 1.0) ** -2.0
+    return np.asarray(np.einsum("klp,klp,l->k", parts, parts, weight))
+
+
+def _real_parts(values: Array) -> RealArray:
+    """Return (K, l, m) numbers as real ones, (K, l, m) or (K, l, 2 m), without a copy where they lie in one piece."""
+    return np.ascontiguousarray(values).view(np.float64).reshape(*values.shape[:2], -1)
 
 
 def window_damping(response: Response) -> float:

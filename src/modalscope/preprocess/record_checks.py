@@ -143,7 +143,7 @@ def noisy_channels(signals: Signals, kind: str) -> list[Finding]:
     if inputs is None:
         explained = _from_others(spectra.outputs)
     else:
-        rows = np.linalg.solve(spectra.inputs.transpose(0, 2, 1), spectra.cross.transpose(0, 2, 1)).transpose(0, 2, 1)
+        rows = spectra.cross @ np.linalg.pinv(spectra.inputs, rcond=1e-12, hermitian=True)  # inputs may be alike
         explained = np.sum(rows * np.conj(spectra.cross), axis=2).real
     part = explained.sum(axis=0) / power.sum(axis=0)
     # so much of nothing is "explained" by so many channels from so few averages
