@@ -36,6 +36,7 @@ def add(commands: Commands) -> None:
         action="store_false",
         help="report the values of the diagram, not those of the maximum of the likelihood",
     )
+    parser.add_argument("--all", action="store_true", help="print what was left out, too, and why")
     add_output(parser, "write .json, .csv, .uff or an .html report")
     parser.set_defaults(run=run)
 
@@ -70,7 +71,7 @@ def run(options: argparse.Namespace) -> None:
     written = None
     if options.output is not None:
         written = write_page(options, result) if is_page(options.output) else write_result(options, result)
-    _print(result)
+    _print(result, everything=options.all)
     if written:
         say(written)
 
@@ -85,7 +86,7 @@ def _refuse_page_of(bands: list[Any]) -> None:
     )
 
 
-def _print(result: Result) -> None:
+def _print(result: Result, *, everything: bool = False) -> None:
     """Print how the modes were found, what was noted, and the modes."""
     from modalscope.identification.table import cell_label
     from modalscope.modal.explained import explained
@@ -104,6 +105,7 @@ def _print(result: Result) -> None:
             say(f"  {finding}")
     if not len(result.modes):
         say("no mode stands out of the data")
+        _print_left_out(result, everything)
         return
     several = f"{len(result.diagrams)} bands merged\n\n" if len(result.diagrams) > 1 else ""
     say(f"\n{several}{result.modes.table()}")
@@ -111,3 +113,18 @@ def _print(result: Result) -> None:
         say(f"  {note}")
     if len(result.diagrams) == 1:
         say(f"\n{explained(fit_of(result.modes, result.diagram.response))}")
+    _print_left_out(result, everything)
+
+
+def _print_left_out(result: Result, everything: bool) -> None:
+    """Print the candidates that are no modes, with the reasons; without `--all` how many there are."""
+    left = result.modes.left_out
+    if not left:
+        return
+    if not everything:
+        say(f"{len(left)} candidates were left out; --all prints them, and why")
+        return
+    say("\nleft out:")
+    for each in left:
+        gain = "" if each.gain != each.gain else f" ({each.gain:.1f} deviations)"
+        say(f"  {each}{gain}. {each.remedy}")
