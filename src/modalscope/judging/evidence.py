@@ -207,6 +207,8 @@ def sentence(facts: dict[str, Any], loss: float) -> str:
             0,
             f"explains {facts['gain']:.3g} standard deviations of the noise ({facts['noise_gain']:.2g} could be noise)",
         )
+    if "rests_on" in facts:
+        told.append(f"seen from {facts['rests_on']} alone")
     return f"{', '.join(told)}; without it the fit error grows by {100 * loss:.2g} %"
 
 
