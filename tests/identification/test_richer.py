@@ -113,9 +113,9 @@ def test_a_correlation_near_one_lengthens_the_noise_by_no_more_than_a_hundred() 
 
 @pytest.mark.parametrize("j", range(3))
 def test_the_amplitude_of_a_mode_alone_is_its_residue_times_the_size_of_its_function(j: int) -> None:
-    R = np.outer([1, 2, -1], [1, 0.5])
+    R = np.outer([1, 2j, -1], [1, 0.5 - 0.3j])
     x = 2j * np.pi * F[:, None, None]
-    H = R / (x - POLES[j]) + R / (x - POLES[j].conj())
+    H = R / (x - POLES[j]) + R.conj() / (x - POLES[j].conj())
     data = FrequencyResponse(values=H, frequencies=F)
     light = data.select(outputs=[0], inputs=[0])
     basis = data.basis(POLES[[j]], ())

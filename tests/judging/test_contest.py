@@ -113,19 +113,21 @@ def test_what_stays_when_the_weakest_go_is_what_refits_say() -> None:
     problem = problem_of(data((0, 1, 3)))
     sides = PARTS / np.linalg.norm(PARTS, axis=1, keepdims=True)
     fitted = problem.at(POLES, sides.astype(complex), slopes=False).fitted()
-    gains = []
-    kept = list(range(4))
-    while len(kept) > 1:  # by refits
-        cost = [
-            (p := problem.at(POLES[rest], sides[rest].astype(complex))).cost(p.fitted())
-            for rest in ([k for k in kept if k != j] for j in kept)
-        ]
-        full = (p := problem.at(POLES[kept], sides[kept].astype(complex))).cost(p.fitted())
-        gains.append((kept.pop(int(np.argmin(cost))), min(cost) - full))
-    for stage, (_, gain) in enumerate(gains):
-        gone = {j for j, _ in gains[: stage + 1]}
-        assert set(_standing(fitted, gain * (1 + 1e-6))) == set(range(4)) - gone or gains[stage + 1][1] < gain
-        assert set(_standing(fitted, gain * (1 - 1e-6))) >= set(range(4)) - gone
+    kept, gone = list(range(4)), []
+    while len(kept) > 1:  # by refits, the weakest first
+        cost = [cost_of(problem, sides, [k for k in kept if k != j]) for j in kept]
+        rise = min(cost) - cost_of(problem, sides, kept)
+        gone.append((kept.pop(int(np.argmin(cost))), rise))
+    for least in [gain * (1 + side * 1e-6) for _, gain in gone for side in (-1, 1)]:
+        stay = next((k for k, (_, gain) in enumerate(gone) if gain >= least), len(gone))
+        left = {j for j, _ in gone[stay:]} | set(kept)
+        if stay < len(gone):
+            assert set(_standing(fitted, least)) == left
+
+
+def cost_of(problem: Whitened, sides: np.ndarray, which: list[int]) -> float:
+    point = problem.at(POLES[which], sides[which].astype(complex))
+    return point.cost(point.fitted())
 
 
 def test_what_a_pole_would_explain_beside_the_modes_is_its_own_gain_where_it_is_missing() -> None:

@@ -16,10 +16,12 @@ from modalscope.model.poles import frequencies_and_damping, poles_from
 from modalscope.model.response import output_scale, window_damping
 
 __all__ = [
+    "CERTAIN",
     "LEAST_ORDERS",
     "LEAST_PEAK",
     "LEAST_SHARE",
     "LEAST_SIGNAL",
+    "UNCERTAIN",
     "Candidate",
     "Evidence",
     "Own",

@@ -34,7 +34,8 @@ def grown(found: StabilizationDiagram, again: Callable[[Iterable[int]], Stabiliz
         room = found.response.room
         if room is not None and top > room:
             break
-        found = again(range(2, top + 1, 2 if top <= _FINE else 4))
+        step = 2 if top <= _FINE else 4
+        found = again(range(step, top + 1, step))
         text = f"orders grew to {top}: the fit error still fell at {top // 2}"
         found = replace(found, notes=(*found.notes, Note("orders grew", {"largest": top}, text)))
     if still_falls(found):

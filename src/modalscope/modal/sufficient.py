@@ -13,7 +13,7 @@ SLACK = 1.2
 
 #: The fit still falls when the last quarter of the orders lowers the error by this part and more than this is unexplained: what
 #: noise and models that bend to it lower is less, or of data that are explained.
-_FALLS, _UNEXPLAINED = 0.2, 0.15
+_FALLS, _UNEXPLAINED = 0.1, 0.15
 
 #: Orders above the sufficient one that are still of use: as many again, and this many at least.
 _MORE = 20
