@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from modalscope.judging.evidence import (
+    CERTAIN,
     LEAST_ORDERS,
     LEAST_PEAK,
     LEAST_PEAK_AMBIENT,
@@ -17,6 +18,7 @@ from modalscope.judging.evidence import (
     LEAST_PROMINENCE_AMBIENT,
     LEAST_SHARE,
     LEAST_SIGNAL,
+    UNCERTAIN,
     WHOLE_PEAK,
     Candidate,
     Evidence,
@@ -221,12 +223,13 @@ def weighed(
     peak: float = 1.0,
     samples: float = 1.0,
     ambient: bool = False,
+    left_open: float = np.nan,
 ) -> Candidate:
     """Judge one mode at 10 Hz found at some of the orders 1, 2, ..., beside a pole that does not belong to it."""
     poles = poles_of(Pole(tried, 11, own=0.0), *(Pole(n, own=own) for n in found), orders=range(1, tried + 1))
     group = np.arange(1, len(found) + 1)
     seen = Evidence(FREQUENCIES, np.ones(201), curves(ratio), samples, ambient)
-    return judge(poles, group, np.r_[9.0, np.full(len(found), peak)], fit, seen)
+    return judge(poles, group, np.r_[9.0, np.full(len(found), peak)], fit, seen, left_open)
 
 
 def last(count: int, tried: int = 20) -> range:
@@ -300,6 +303,35 @@ def test_of_correlations_a_mode_is_seen_as_a_peak_with_a_part_in_it_or_as_the_wh
     ratio: float, peak: float, found: int, against: tuple[str]
 ) -> None:
     assert weighed(last(found), ratio=ratio, peak=peak, ambient=True).against == against
+
+
+@pytest.mark.parametrize(
+    ("left_open", "found", "against"),
+    [
+        (CERTAIN - NUDGE, last(5), ()),
+        (CERTAIN, last(5), HIDDEN),
+        (CERTAIN - NUDGE, last(4), ("found at 4 of 20 orders only", *HIDDEN)),
+        # it stays up to the last orders, but for a gap that a track may have
+        (CERTAIN - NUDGE, range(9, 19), ()),
+        (CERTAIN - NUDGE, range(8, 18), HIDDEN),
+    ],
+)
+def test_of_correlations_a_mode_that_is_known_well_and_lasts_need_not_be_seen(
+    left_open: float, found: range, against: tuple[str, ...]
+) -> None:
+    assert weighed(found, ratio=1.0, peak=0.0, ambient=True, left_open=left_open).against == against
+    # of responses, whose deviations are of white noise, that is no evidence here
+    assert HIDDEN[0] in weighed(found, ratio=1.0, peak=0.0, left_open=left_open).against
+
+
+def test_of_correlations_nothing_is_a_mode_that_the_record_leaves_open() -> None:
+    assert weighed(last(20), ambient=True, left_open=UNCERTAIN - NUDGE).against == ()
+    assert weighed(last(20), ambient=True, left_open=UNCERTAIN).against == (
+        "the record leaves it open by 0.7 of its bandwidth or damping",
+    )
+    assert weighed(last(20), left_open=UNCERTAIN).against == ()
+    assert weighed(last(20), ambient=True, left_open=0.4).facts["left_open"] == 0.4
+    assert "left_open" not in weighed(last(20), ambient=True).facts
 
 
 def test_everything_against_a_group_is_said() -> None:

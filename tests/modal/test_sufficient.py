@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from modalscope.modal.sufficient import sufficient_order, usable_orders
+from modalscope.modal.sufficient import still_falls, sufficient_order, usable_orders
 from tests.plot.examples import diagram
 
 ORDERS = (2, 4, 6, 10, 20, 30, 40, 60)
@@ -32,3 +32,16 @@ def test_orders_are_read_to_twice_the_sufficient_one_and_twenty_above_it_at_leas
     assert usable_orders(few) == ((2, 4, 6, 10, 20), 0.11)  # 26
     many = with_errors(1.0, 0.9, 0.8, 0.7, 0.6, 0.11, 0.10, 0.10)
     assert usable_orders(many) == (ORDERS, 0.10)  # 60
+
+
+@pytest.mark.parametrize(
+    ("errors", "falls"),
+    [
+        ((1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.35), True),
+        ((1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.37), False),  # by less than a tenth
+        ((1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.14), False),  # nearly all is explained
+        ((1.0, 0.9, 0.2, 0.7, 0.6, 0.5, 0.4, 0.2), False),  # an order before fits as well
+    ],
+)
+def test_the_fit_still_falls_when_the_last_quarter_of_the_orders_lowers_it_and_much_is_unexplained(errors, falls):
+    assert still_falls(with_errors(*errors)) is falls

@@ -36,6 +36,7 @@ def add(commands: Commands) -> None:
         action="store_false",
         help="report the values of the diagram, not those of the maximum of the likelihood",
     )
+    parser.add_argument("--all", action="store_true", help="print what was left out, too, and why")
     parser.add_argument(
         "--each",
         action="store_true",
@@ -59,7 +60,7 @@ def run(options: argparse.Namespace) -> None:
         _refuse_page_of(options.band)
     result = found_in(options, options.files)
     written = write_outputs(options, result, ", ".join(map(str, options.files)))
-    _print(result)
+    _print(result, everything=options.all)
     for line in written:
         say(line)
 
@@ -99,7 +100,7 @@ def _refuse_page_of(bands: list[Any]) -> None:
     )
 
 
-def _print(result: Result) -> None:
+def _print(result: Result, *, everything: bool = False) -> None:
     """Print how the modes were found, what was noted, and the modes."""
     from modalscope.identification.lookup import cell_label
     from modalscope.modal.explained import explained
@@ -119,6 +120,7 @@ def _print(result: Result) -> None:
             remark(f"  {finding}")
     if not len(result.modes):
         say("no mode stands out of the data")
+        _print_left_out(result, everything)
         return
     several = f"{len(result.diagrams)} bands merged\n\n" if len(result.diagrams) > 1 else ""
     say(f"\n{several}{result.modes.table()}")
@@ -128,5 +130,20 @@ def _print(result: Result) -> None:
             remark(f"  {note}")
     if len(result.diagrams) == 1:
         say(f"\n{explained(fit_of(result.modes, result.diagram.response))}")
+    _print_left_out(result, everything)
     for index, reasons in enumerate(result.modes.reasons):
         explain(f"mode {index + 1}: {reasons}")
+
+
+def _print_left_out(result: Result, everything: bool) -> None:
+    """Print the candidates that are no modes, with the reasons; without `--all` how many there are."""
+    left = result.modes.left_out
+    if not left:
+        return
+    if not everything:
+        remark(f"{len(left)} candidates were left out; --all prints them, and why")
+        return
+    say("\nleft out:")
+    for each in left:
+        gain = "" if each.gain != each.gain else f" ({each.gain:.1f} deviations)"
+        say(f"  {each}{gain}. {each.remedy}")

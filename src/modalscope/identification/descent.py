@@ -20,7 +20,7 @@ _LONGEST = 0.9
 _ROUNDING = 1e-14
 
 #: No descent goes further than so many times what its steps promise.
-_HOPED = 10.0
+_HOPED = 300.0
 
 _FIRST, _LESS, _MORE, _MOST = 1e-3, 6.0, 8.0, 1e10
 
@@ -72,7 +72,7 @@ def descend(
     most : int
         Iterations.
     decisive : float, optional
-        A squared misfit that decides: the descent ends below it, and where ten times what a step promises does not lead there.
+        A squared misfit that decides: the descent ends below it, and where no hundreds of steps like the next would lead there.
     progress : callable, optional
         Called with (iterations done, iterations at most).
     """

@@ -111,4 +111,4 @@ def _few(response: Response, poles: Array) -> Array:
     """Leave out poles that grow, and the most damped of too many."""
     decaying = poles[poles.real < 0]
     most = max(int(_COLUMNS * response.count * (2 if response.grid is not None else 1)) // 2, 1)
-    return np.asarray(decaying[np.argsort(-decaying.real / -np.abs(decaying), kind="stable")[:most]])
+    return np.asarray(decaying[np.argsort(-decaying.real / np.abs(decaying), kind="stable")[:most]])

@@ -10,7 +10,9 @@ from modalscope.judging.evidence import Candidate, Evidence, judge, peaks
 from modalscope.judging.tracking import Poles, consensus, join_broken, merge_splits, tracks
 from modalscope.modal.indicators import mac
 from modalscope.modal.sufficient import usable_orders
+from modalscope.model.checks import Array
 from modalscope.model.diagram import StabilizationDiagram
+from modalscope.uncertainty.of_modes import typical_deviation
 
 __all__ = ["counted"]
 
@@ -32,7 +34,21 @@ def counted(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> 
     poles = merge_splits(poles)
     groups = [group for group in (consensus(poles, t) for t in tracks(poles)) if group.size >= min(3, len(orders))]
     peak = peaks(diagram, poles, evidence)
-    return poles, _none_twice(poles, [judge(poles, group, peak, fit, evidence) for group in join_broken(poles, groups)])
+    candidates = [
+        judge(poles, group, peak, fit, evidence, _left_open(diagram, poles, group))
+        for group in join_broken(poles, groups)
+    ]
+    return poles, _none_twice(poles, candidates)
+
+
+def _left_open(diagram: StabilizationDiagram, poles: Poles, group: Array) -> float:
+    """Return the larger deviation of a group: of frequency in half bandwidths, or of damping in damping ratios; NaN without any."""
+    if diagram.frequencies_std is None or diagram.damping_ratios_std is None:
+        return float("nan")
+    members = poles.index[group]
+    f, zeta = np.median(poles.frequency[group]), np.median(poles.damping[group])
+    apart = typical_deviation(diagram.frequencies_std[members]) / (f * zeta)
+    return float(max(apart, typical_deviation(diagram.damping_ratios_std[members]) / zeta))
 
 
 def _none_twice(poles: Poles, candidates: list[Candidate]) -> list[Candidate]:

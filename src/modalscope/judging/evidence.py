@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.judging.tracking import Poles
+from modalscope.judging.tracking import GAP, Poles
 from modalscope.modal.contribution import of_diagram, peak_sizes
 from modalscope.modal.indicators import cmif, prominence
 from modalscope.model.checks import Array, ComplexArray, RealArray
@@ -16,10 +16,12 @@ from modalscope.model.poles import frequencies_and_damping, poles_from
 from modalscope.model.response import output_scale, window_damping
 
 __all__ = [
+    "CERTAIN",
     "LEAST_ORDERS",
     "LEAST_PEAK",
     "LEAST_SHARE",
     "LEAST_SIGNAL",
+    "UNCERTAIN",
     "Candidate",
     "Evidence",
     "Own",
@@ -43,6 +45,11 @@ LEAST_PROMINENCE = 1.2
 #: Correlations carry estimation errors that every order fits as well as the modes: there the indicator must show the mode
 #: more clearly and the mode must have some part in the peak, unless it is the whole response and found at half of the orders.
 LEAST_PROMINENCE_AMBIENT, LEAST_PEAK_AMBIENT, WHOLE_PEAK = 1.5, 0.1, 0.9
+#: ... or its frequency is known to this part of its half bandwidth and its damping ratio to this part, at this share of the orders and
+#: up to the last ones.
+CERTAIN, CERTAIN_SHARE = 0.3, 0.25
+#: Of correlations nothing is a mode that is known to this part only: what noise leaves by chance is not known better.
+UNCERTAIN = 0.7
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,8 +130,23 @@ def peaks(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> Re
     return np.asarray(size / np.interp(f, evidence.frequencies, evidence.level))
 
 
-def judge(poles: Poles, group: Array, peak: RealArray, fit: float, evidence: Evidence) -> Candidate:
-    """Weigh a group of poles that agree: what speaks for it, and what against."""
+def judge(
+    poles: Poles, group: Array, peak: RealArray, fit: float, evidence: Evidence, left_open: float = np.nan
+) -> Candidate:
+    """Weigh a group of poles that agree: what speaks for it, and what against.
+
+    Parameters
+    ----------
+    poles : Poles
+    group : array of int
+    peak : array, (p,)
+        Of every pole, see `peaks`.
+    fit : float
+        What the best fit leaves of the data.
+    evidence : Evidence
+    left_open : float
+        The larger standard deviation of frequency in half bandwidths and of damping in damping ratios; NaN where it is not known.
+    """
     f, zeta = float(np.median(poles.frequency[group])), float(np.median(poles.damping[group]))
     first, orders = int(poles.order[group].min()), np.array(poles.orders)
     persistence = group.size / max(int((orders >= first).sum()), min(LEAST_ORDERS, len(orders)))
@@ -139,8 +161,13 @@ def judge(poles: Poles, group: Array, peak: RealArray, fit: float, evidence: Evi
         against.append(f"comes and goes: at {100 * persistence:.0f} % of the orders since its first")
     if not evidence.ambient and signal < LEAST_SIGNAL:
         against.append(f"within the noise: {signal:.1f} standard deviations")
-    if not _visible(stands_out, share, group.size / len(orders), evidence.ambient):
+    found = group.size / len(orders)
+    lasting = int(poles.order[group].max()) >= orders[-min(GAP, len(orders))]
+    certain = evidence.ambient and left_open < CERTAIN and found >= CERTAIN_SHARE and lasting
+    if not certain and not _visible(stands_out, share, found, evidence.ambient):
         against.append("weak, and no peak of the mode indicator")
+    if evidence.ambient and left_open >= UNCERTAIN:
+        against.append(f"the record leaves it open by {left_open:.2g} of its bandwidth or damping")
     facts = {
         "orders_found": int(group.size),
         "orders_tried": len(orders),
@@ -150,6 +177,7 @@ def judge(poles: Poles, group: Array, peak: RealArray, fit: float, evidence: Evi
         "signal_to_noise": signal,
         "share_of_peak": share,
         "indicator_prominence": stands_out,
+        **({"left_open": left_open} if np.isfinite(left_open) else {}),
     }
     return Candidate(group, f, zeta, facts, tuple(against))
 
@@ -181,6 +209,8 @@ def sentence(facts: dict[str, Any], loss: float) -> str:
             0,
             f"explains {facts['gain']:.3g} standard deviations of the noise ({facts['noise_gain']:.2g} could be noise)",
         )
+    if "rests_on" in facts:
+        told.append(f"seen from {facts['rests_on']} alone")
     return f"{', '.join(told)}; without it the fit error grows by {100 * loss:.2g} %"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from modalscope.judging.counted import counted
 from modalscope.judging.evidence import Candidate, evidence_of, oscillations
 from modalscope.judging.likely import has_likelihood, likely
 from modalscope.judging.outcome import modes_of
+from modalscope.judging.reference import paired_with, told_beside
 from modalscope.judging.tracking import Poles
 from modalscope.model.checks import DataError, check_each, check_kind, check_positive
 from modalscope.model.diagram import StabilizationDiagram
@@ -29,14 +31,18 @@ def select(
     take: Iterable[float] = (),
     refuse: Iterable[float] = (),
     tolerance: float = 0.01,
+    reference: ModalModel | None = None,
 ) -> ModalModel:
     """Choose the modes of a stabilization diagram automatically, with the reasons for each, or those at given frequencies.
 
     Poles are followed over the orders, and the members of a track that agree in frequency, damping and shape are taken
-    together. The value reported is their median. A mode is found at many orders, persists from its first one on, stands
-    above what the fit leaves, and either dominates the response at its frequency or shows as a peak of a mode indicator
-    curve. Of two that are the same, the one found at fewer orders goes. Nothing is drawn at random: the same data give
-    the same modes.
+    together. The value reported is their median.
+
+    Of responses the likelihood decides which there are: all are refined together, each has to explain more than noise may, and
+    what stands out of the residual is taken up. Where the residual is no white noise, poles that act as one are parts of one mode,
+    and a mode is shown at a quarter of the orders. Of correlations, whose errors have no likelihood, a mode is found at many orders,
+    persists from its first one on, and dominates the response, shows as a peak of a mode indicator curve, or is known well.
+    Nothing is drawn at random: the same data give the same modes.
 
     Parameters
     ----------
@@ -47,16 +53,21 @@ def select(
         Hz; modes to report beside the automatic ones, and automatic ones not to report.
     tolerance : float
         Largest relative distance from a given frequency to its mode.
+    reference : ModalModel, optional
+        Modes of another program or test: those that are the same are returned, with the differences among their reasons, in standard
+        deviations where these are known.
 
     Returns
     -------
     ModalModel
-        With `frequencies_spread`, `damping_ratios_spread`, `indicators` and `reasons`; real and unstable poles are not modes here.
+        With `frequencies_spread`, `damping_ratios_spread`, `gain`, `indicators`, `reasons` and `left_out`; real and unstable poles are
+        not modes here.
 
     Raises
     ------
     DataError
-        A given frequency at which there is no mode, or two that mean the same one; `take` or `refuse` beside `frequencies`.
+        A given frequency at which there is no mode, or two that mean the same one; `take` or `refuse` beside `frequencies`, any of
+        them beside a reference.
 
     Examples
     --------
@@ -69,20 +80,11 @@ def select(
     check_kind("select", diagram, StabilizationDiagram)
     wanted = None if frequencies is None else _wanted("frequencies", frequencies)
     added, refused = (check_each(name, given, "numbers in Hz") for name, given in (("take", take), ("refuse", refuse)))
-    if wanted is not None and (added or refused):
-        raise DataError(
-            "modes to take or refuse were given beside frequencies",
-            "frequencies alone say which modes are reported",
-            "Give frequencies, or take and refuse.",
-        )
+    _check_one_way(wanted, [*added, *refused], reference)
     check_positive("tolerance", tolerance)
-    evidence = evidence_of(diagram)
-    poles = oscillations(diagram)
-    if diagram.exact_rank is not None:
-        candidates = _exact(diagram, poles)
-    else:
-        found = likely(diagram, poles, evidence) if has_likelihood(diagram) else None
-        poles, candidates = found or counted(diagram, poles, evidence)
+    poles, candidates = _candidates(diagram)
+    if reference is not None:
+        return _like(reference, diagram, poles, candidates, tolerance)
     if wanted is not None:
         chosen = _by_hand(candidates, wanted, tolerance, diagram)
     else:
@@ -90,6 +92,47 @@ def select(
         chosen = _changed(candidates, chosen, added, refused, tolerance, diagram)
     left = [c for c in candidates if not any(c is k for k in chosen)]
     return modes_of(diagram, poles, sorted(chosen, key=lambda c: c.frequency), sorted(left, key=lambda c: c.frequency))
+
+
+def _check_one_way(wanted: list[float] | None, changes: list[float], reference: ModalModel | None) -> None:
+    """Refuse two ways at once of saying which modes are reported."""
+    if wanted is not None and changes:
+        raise DataError(
+            "modes to take or refuse were given beside frequencies",
+            "frequencies alone say which modes are reported",
+            "Give frequencies, or take and refuse.",
+        )
+    if reference is None:
+        return
+    check_kind("reference", reference, ModalModel)
+    if wanted is not None or changes:
+        raise DataError(
+            "modes by hand were given beside a reference",
+            "the reference alone says which modes are reported",
+            "Give the reference, or frequencies.",
+        )
+
+
+def _candidates(diagram: StabilizationDiagram) -> tuple[Poles, list[Candidate]]:
+    """Return all that might be a mode, by the rule that suits the data."""
+    poles = oscillations(diagram)
+    if diagram.exact_rank is not None:
+        return poles, _exact(diagram, poles)
+    evidence = evidence_of(diagram)
+    found = likely(diagram, poles, evidence) if has_likelihood(diagram) else None
+    return found or counted(diagram, poles, evidence)
+
+
+def _like(
+    reference: ModalModel, diagram: StabilizationDiagram, poles: Poles, candidates: list[Candidate], tolerance: float
+) -> ModalModel:
+    """Return the candidates that are modes of a reference, with the differences."""
+    pairs = sorted(paired_with(reference, candidates, poles, tolerance), key=lambda pair: pair[0].frequency)
+    chosen = [c for c, _ in pairs]
+    others = (c for c in candidates if not any(c is k for k in chosen))
+    left = [c if c.against else replace(c, against=("a mode that the reference does not have",)) for c in others]
+    modes = modes_of(diagram, poles, chosen, sorted(left, key=lambda c: c.frequency))
+    return told_beside(modes, reference, np.array([k for _, k in pairs], dtype=int))
 
 
 def _changed(

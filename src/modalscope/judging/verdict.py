@@ -96,11 +96,12 @@ def verdicts(trial: Trial, groups: list[Array]) -> list[Candidate]:
     known = [judge(trial.poles, group, peak, fit, trial.evidence) for group in groups]
     host = trial.hosts()
     shown = [-1 if mode < 0 else int(host[mode]) for mode in _shown_by(trial, groups)]
-    found = []
-    for j, leader in enumerate(host):
-        own = [each for each, mode in zip(known, shown, strict=True) if mode == j]
-        found.append(_mode(trial, j, own, fit) if leader == j else _part(trial, j, int(leader), fit))
-    return found + _left(trial, [each for each, mode in zip(known, shown, strict=True) if mode < 0])
+    modes = {}
+    for j in np.flatnonzero(host == np.arange(len(host))):
+        modes[j] = _mode(trial, int(j), [c for c, mode in zip(known, shown, strict=True) if mode == j], fit)
+    parts = [_part(trial, int(j), modes[host[j]], fit) for j in np.flatnonzero(host != np.arange(len(host)))]
+    left = _left(trial, [each for each, mode in zip(known, shown, strict=True) if mode < 0])
+    return [*modes.values(), *parts, *left]
 
 
 def _shown_by(trial: Trial, groups: list[Array]) -> list[int]:
@@ -136,7 +137,18 @@ def _mode(trial: Trial, j: int, groups: list[Candidate], fit: float) -> Candidat
         against.append(
             f"the data leave its frequency open by {apart:.2g} half bandwidths and its damping by {100 * damped:.2g} %"
         )
-    return _with_gain(trial, replace(best, against=tuple(against)), trial.gain[j])
+    known = replace(best, against=tuple(against), facts=best.facts | _alone(trial, j))
+    return _with_gain(trial, known, trial.gain[j])
+
+
+def _alone(trial: Trial, j: int) -> dict[str, str]:
+    """Return the input that a mode rests on, when without it no more would be left than noise may explain; nothing else."""
+    response, (_, participation) = trial.diagram.response, trial.found.residues
+    share = np.abs(participation[j] / trial.arena.problem.sides[1]) ** 2
+    rest = 1 - share.max() / share.sum()
+    if share.size == 1 or trial.gain[j] ** 2 * rest > trial.bar**2:
+        return {}
+    return {"rests_on": response.input_dofs[int(np.argmax(share))]}
 
 
 def _close(group: Candidate, mode: complex) -> bool:
@@ -160,10 +172,10 @@ def _by_itself(trial: Trial, j: int, fit: float) -> Candidate:
     return Candidate(np.zeros(0, dtype=int), known.frequency, known.damping, counted | shown, (), own=values)
 
 
-def _part(trial: Trial, j: int, host: int, fit: float) -> Candidate:
+def _part(trial: Trial, j: int, host: Candidate, fit: float) -> Candidate:
     """Return a pole that acts as one with a stronger one."""
-    f, _ = frequencies_and_damping(trial.settled[host])
-    against = (f"part of the mode at {f:.5g} Hz: a resonance that shifts while it is measured needs several poles",)
+    why = "a resonance that shifts while it is measured needs several poles"
+    against = (f"part of the mode at {host.frequency:.5g} Hz: {why}",)
     return _with_gain(trial, replace(_by_itself(trial, j, fit), against=against), trial.gain[j])
 
 

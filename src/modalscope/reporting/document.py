@@ -158,6 +158,8 @@ def stabilization_sections(modes: ModalModel, diagram: StabilizationDiagram, ori
     yield from sections.mode_pictures(modes, response, fit)
     if modes.reasons:
         yield sections.reasons_section(modes)
+    if modes.left_out:
+        yield sections.left_out_section(modes)
     yield record.data_section(response, origin.source, origin.findings)
     yield record.settings_section(diagram)
     yield record.notes_section(diagram.notes if origin.notes is None else origin.notes, diagram.kinds)

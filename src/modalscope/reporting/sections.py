@@ -26,6 +26,7 @@ from modalscope.reporting.numbers import decimals, frequency, heading, percent, 
 __all__ = [
     "Fit",
     "fit_of",
+    "left_out_section",
     "loud",
     "mac_section",
     "mode_pictures",
@@ -202,6 +203,22 @@ def reasons_section(modes: ModalModel) -> Section:
     if keys:
         body += table(["mode", "frequency [Hz]", *(heading(key) for key in keys)], rows)
     return Section("reasons", "Why each mode", body)
+
+
+def left_out_section(modes: ModalModel) -> Section:
+    """What looked like a mode and is not reported: gain in deviations, the reason, and what would bring it in."""
+    rows = [
+        [
+            f"{each.frequency:.5g}",
+            f"{100 * each.damping_ratio:.3g}",
+            "" if each.gain != each.gain else f"{each.gain:.1f}",
+            each.reason,
+            each.remedy,
+        ]
+        for each in modes.left_out
+    ]
+    columns = ["frequency [Hz]", "damping [%]", "gain [deviations]", "why not", "what to do"]
+    return Section("left-out", "What was left out", table(columns, rows, words=(3, 4)))
 
 
 def responses_section(modes: ModalModel, response: Response, fit: Fit) -> Section:

@@ -3,22 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from modalscope.identification.beside import needed_beside
 from modalscope.identification.refine import refine
+from modalscope.modal.joint import joint_residues
 from modalscope.modal.sufficient import usable_orders
 from modalscope.model.checks import DataError
 from modalscope.model.diagram import StabilizationDiagram
+from modalscope.model.mode_fields import PER_MODE, joined
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
 from modalscope.model.record_residual import UNMEASURED
+from modalscope.model.response import Response
 
 __all__ = ["refined_where_it_helps"]
 
 #: The optimum near a mode lies within a fraction of its decay rate; one further than this away is another.
-_ASTRAY = 2.0
+_ASTRAY = 1.0
+
+#: Modes that go astray are held and the others refined again, so many times at most, while this part of all is left.
+_ROUNDS, _LEAST = 4, 0.5
 
 
 def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> ModalModel:
@@ -39,19 +46,42 @@ def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> 
         return modes.noted(_kept(why))
     last = usable_orders(diagram)[0][-1]
     beside = needed_beside(diagram.response, modes.poles, diagram.poles[diagram.order_of_pole == last])
-    try:
-        found = refine(diagram.response.whole, modes, fixed=beside)
-    except DataError as error:
-        return modes.noted(_kept(f"{error.asked}, but {error.found}"))
-    if not found.converged:
-        reasons = [str(note) for note in found.notes if note.kind == "not converged"]
-        return replace(modes, converged=False).noted(_kept(*reasons))
-    before = modes.poles if found.unrefined is None else found.unrefined.poles
-    astray = np.abs(found.poles - before) > _ASTRAY * np.abs(before.real)
-    if np.any(astray):
-        where = ", ".join(f"{abs(s) / (2 * np.pi):.5g} Hz" for s in before[astray])
-        return modes.noted(_kept(f"the optimum lies far from {where}: the data hold more than these modes"))
-    return found
+    stay = np.ones(len(modes), bool)
+    for _ in range(_ROUNDS):
+        try:
+            found = refine(diagram.response.whole, modes.take(stay), fixed=np.concatenate([beside, modes.poles[~stay]]))
+        except DataError as error:
+            return modes.noted(_kept(f"{error.asked}, but {error.found}"))
+        if not found.converged:
+            reasons = [str(note) for note in found.notes if note.kind == "not converged"]
+            return replace(modes, converged=False).noted(_kept(*reasons))
+        before = modes.poles[stay] if found.unrefined is None else found.unrefined.poles
+        astray = np.abs(found.poles - before) > _ASTRAY * np.abs(before.real)
+        if not np.any(astray):
+            return found if stay.all() else _with_others(diagram.response, modes, found, modes.take(~stay))
+        stay &= ~np.isin(modes.poles, before[astray])
+        if stay.mean() < _LEAST:
+            break
+    where = ", ".join(f"{abs(s) / (2 * np.pi):.5g} Hz" for s in modes.poles[~stay])
+    return modes.noted(_kept(f"the optimum lies far from {where}: the data hold more than these modes"))
+
+
+def _with_others(response: Response, modes: ModalModel, found: ModalModel, others: ModalModel) -> ModalModel:
+    """Return the refined modes, and beside them others with the values that they had: a stronger neighbour would draw them to its place."""
+    unknown = np.full(len(others), np.nan)
+    filled: dict[str, Any] = {
+        name: unknown for name in PER_MODE if getattr(found, name) is not None and getattr(others, name) is None
+    }
+    parts = [replace(found, left_out=()), replace(others, **filled, converged=True)]
+    merged = joined([replace(part, shapes_std=None, unrefined=None) for part in parts])
+    order = np.argsort(merged.frequencies, kind="stable")
+    merged = merged.take(order)
+    shapes, fitted = joint_residues(response, merged.poles, merged.shapes)
+    where = ", ".join(f"{f:.5g} Hz" for f in others.frequencies)
+    text = f"values are not refined at {where}: a stronger neighbour that shifts would draw them to its place"
+    note = Note("not refined", {"modes": len(others)}, text)
+    both = replace(merged, shapes=shapes, left_out=found.left_out, **fitted).normalized("unit")
+    return replace(both, unrefined=modes).noted(note)
 
 
 def _unfit(diagram: StabilizationDiagram) -> str:

@@ -1,0 +1,201 @@
+"""Poles that contend for the data: what each explains, what is missed and what is too much, and when two are one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from modalscope.identification.descent import descend
+from modalscope.identification.likelihood import Whitened, whitened
+from modalscope.identification.whitening import search_bound
+from modalscope.judging.contest import ONE_SHAPE, Arena, _standing, collinear, contest, gains_beside
+from modalscope.model import FrequencyResponse
+from modalscope.model.poles import poles_from
+from tests.judging.made import NUDGE, at_angle
+
+F = np.linspace(5, 25, 400)
+NOISE = 0.002
+POLES = poles_from(np.array([9.0, 12.0, 12.5, 18.0]), np.array([0.01, 0.008, 0.01, 0.012]))
+rng = np.random.default_rng(4)
+SHAPES, PARTS = rng.standard_normal((3, 4)), rng.standard_normal((4, 2))
+
+
+def data(which: tuple[int, ...] = (0, 1, 2, 3), noise: float = NOISE, seed: int = 0) -> FrequencyResponse:
+    """Return responses of some of the modes, by the plain definition, with white noise of this deviation of a real row."""
+    x = 2j * np.pi * F[:, None, None]
+    H = np.zeros((F.size, 3, 2), complex)
+    for j in which:
+        R = np.outer(SHAPES[:, j], PARTS[j])
+        H += R / (x - POLES[j]) + R / (x - POLES[j].conj())
+    own = np.random.default_rng(seed)
+    H = H + noise * (own.standard_normal(H.shape) + 1j * own.standard_normal(H.shape))
+    return FrequencyResponse(values=H, frequencies=F)
+
+
+def problem_of(response: FrequencyResponse, noise: float = NOISE, *, swift: bool = False) -> Whitened:
+    rows = np.ones(2 * F.size)
+    return whitened(response, np.zeros(0), (0,), rows, np.full(3, noise), np.ones(2), swift=swift)
+
+
+def arena_of(response: FrequencyResponse, **how: object) -> Arena:
+    made = Arena(problem_of(response), 1.0, search_bound(3, 2, 2 * F.size), (5.0, 25.0))
+    return replace(made, **how)  # type: ignore[arg-type]
+
+
+def ends(arena: Arena, start: list[int], **how: bool) -> np.ndarray:
+    found = contest(arena, POLES[start], PARTS[start].astype(complex), **how)
+    assert found is not None
+    return np.sort_complex(found.poles)
+
+
+def close(found: np.ndarray, truth: np.ndarray) -> bool:
+    """Within a tenth of a decay rate: gains here are of hundreds of deviations."""
+    return found.size == truth.size and bool(np.all(np.abs(found - np.sort_complex(truth)) < -0.1 * truth.real.max()))
+
+
+def test_the_bound_is_that_of_the_largest_singular_value_over_all_positions() -> None:
+    # sqrt 3 + sqrt 2 + sqrt ln(400 / 1e-3), squared, twice
+    assert search_bound(3, 2, 800) == pytest.approx(2 * (3**0.5 + 2**0.5 + np.log(4e5) ** 0.5) ** 2)
+    assert search_bound(2, 3, 800) == search_bound(3, 2, 800)
+
+
+def test_what_noise_explains_at_its_best_place_stays_below_the_bound() -> None:
+    for seed in range(5):
+        arena = arena_of(data((), seed=seed))
+        assert ends(arena, []).size == 0
+
+
+def test_a_mode_that_no_candidate_shows_is_found_in_what_the_others_leave() -> None:
+    assert close(ends(arena_of(data()), [0, 1, 2]), POLES)
+    assert close(ends(arena_of(data()), []), POLES)
+
+
+def test_of_coloured_data_nothing_is_looked_for() -> None:
+    assert ends(arena_of(data((0, 1, 3)), coloured=True), [0, 1]).size == 2
+
+
+def test_a_candidate_that_explains_no_more_than_noise_goes() -> None:
+    assert close(ends(arena_of(data((0, 1, 3))), [0, 1, 2, 3]), POLES[[0, 1, 3]])
+
+
+def test_two_candidates_of_one_mode_become_one() -> None:
+    start = np.append(POLES, POLES[0] * 1.004)
+    found = contest(arena_of(data()), start, np.vstack([PARTS, PARTS[:1]]).astype(complex))
+    assert found is not None
+    assert close(np.sort_complex(found.poles), POLES)
+
+
+def test_poles_are_looked_for_in_the_band_and_a_tenth_of_its_ends_around() -> None:
+    arena = arena_of(data(), band=(5.0, 18 / 1.1 - NUDGE))
+    assert close(ends(arena, [0, 1, 2, 3]), POLES[:3])
+    arena = arena_of(data(), band=(5.0, 18 / 1.1 + 0.05))
+    assert close(ends(arena, [0, 1, 2, 3]), POLES)
+
+
+def test_the_gain_is_the_rise_of_the_misfit_without_the_mode_and_deviations_are_those_of_repeated_noise() -> None:
+    found = [contest(arena_of(data(seed=s)), POLES, PARTS.astype(complex)) for s in range(40)]
+    poles = np.array([each.poles for each in found if each is not None])
+    told = found[0]
+    assert told is not None
+    spread = np.std(poles.imag, axis=0) / (2 * np.pi)
+    # forty sets know a deviation to 11 %; the frequency is that of Im s but for zeta^2
+    assert np.all(np.abs(spread / told.frequency_std - 1) < 0.4)
+    arena = arena_of(data())
+    whole = descend(arena.problem, told.poles, told.descent.point.sides)
+    point = arena.problem.at(np.delete(told.poles, 3), np.delete(told.descent.point.sides, 3, axis=0))
+    less = point.cost(point.fitted())
+    assert told.gain[3] == pytest.approx((less - whole.cost) / told.variance, rel=1e-3)
+
+
+def test_what_stays_when_the_weakest_go_is_what_refits_say() -> None:
+    problem = problem_of(data((0, 1, 3)))
+    sides = PARTS / np.linalg.norm(PARTS, axis=1, keepdims=True)
+    fitted = problem.at(POLES, sides.astype(complex), slopes=False).fitted()
+    kept, gone = list(range(4)), []
+    while len(kept) > 1:  # by refits, the weakest first
+        cost = [cost_of(problem, sides, [k for k in kept if k != j]) for j in kept]
+        rise = min(cost) - cost_of(problem, sides, kept)
+        gone.append((kept.pop(int(np.argmin(cost))), rise))
+    for least in [gain * (1 + side * 1e-6) for _, gain in gone for side in (-1, 1)]:
+        stay = next((k for k, (_, gain) in enumerate(gone) if gain >= least), len(gone))
+        left = {j for j, _ in gone[stay:]} | set(kept)
+        if stay < len(gone):
+            assert set(_standing(fitted, least)) == left
+
+
+def cost_of(problem: Whitened, sides: np.ndarray, which: list[int]) -> float:
+    point = problem.at(POLES[which], sides[which].astype(complex))
+    return point.cost(point.fitted())
+
+
+def test_what_a_pole_would_explain_beside_the_modes_is_its_own_gain_where_it_is_missing() -> None:
+    arena = arena_of(data())
+    found = contest(replace(arena, coloured=True), POLES[[0, 1, 2]], PARTS[[0, 1, 2]].astype(complex))
+    whole = contest(arena, POLES, PARTS.astype(complex))
+    assert found is not None
+    assert whole is not None
+    gain = gains_beside(arena, found, POLES[[3]])[0] * found.variance
+    # alone at the true place: less the little that the others have taken up of it
+    assert gain == pytest.approx(whole.gain[3] * whole.variance, rel=0.05)
+
+
+# --------------------------------------------------------------------------------------------------------- two that are one
+
+
+def pair(apart: float, likeness: float, outputs: int = 2, inputs: int = 2) -> bool:
+    """Return whether two poles so many sums of half bandwidths apart act as one."""
+    s = poles_from(np.array([10.0, 10.0]), np.array([0.01, 0.02]))
+    s = np.array([s[0], s[0].imag * 1j + apart * -(s.real.sum()) * 1j + s[1].real])
+    shapes = np.array([[1, 0], at_angle(likeness)], dtype=complex).T if outputs == 2 else np.ones((1, 2), complex)
+    return bool(collinear(s, shapes, np.ones((2, inputs), complex))[0, 1])
+
+
+@pytest.mark.parametrize(("side", "one"), [(-1, True), (1, False)])
+def test_poles_that_overlap_are_one_when_their_shapes_are(side: int, one: bool) -> None:
+    assert pair(1 + side * NUDGE, 1.0) is one
+    assert pair(0.5, ONE_SHAPE - side * NUDGE) is one
+
+
+@pytest.mark.parametrize(("apart", "one"), [(0.25 - NUDGE, True), (0.25 + NUDGE, False)])
+def test_with_one_input_close_poles_are_one_whatever_their_shapes(apart: float, one: bool) -> None:
+    assert pair(apart, 0.0, inputs=1) is one
+    assert pair(apart, 0.0) is False
+
+
+# ------------------------------------------------------------------------------------------------------------- doubtful data
+
+
+def test_data_in_doubt_are_given_up_unless_what_is_left_becomes_white() -> None:
+    assert contest(arena_of(data()), POLES[:2], PARTS[:2].astype(complex), doubted=True) is not None
+    e = np.random.default_rng(1).standard_normal((2, F.size, 3, 2))
+    smooth = np.apply_along_axis(lambda v: np.convolve(v, np.ones(9) / 3, mode="same"), 1, e)
+    coloured = replace(data(noise=0.0), values=data(noise=0.0).values + 3 * NOISE * (smooth[0] + 1j * smooth[1]))
+    assert contest(arena_of(coloured), POLES, PARTS.astype(complex), doubted=True) is None
+
+
+# -------------------------------------------------------------------------------------------------------------- faster steps
+
+
+def test_steps_by_products_are_those_by_reflections() -> None:
+    sides = (PARTS / np.linalg.norm(PARTS, axis=1, keepdims=True)).astype(complex)
+    start = POLES * np.exp(0.002j)
+    exact, swift = (descend(problem_of(data(), swift=way), start, sides) for way in (False, True))
+    assert swift.cost == pytest.approx(exact.cost, rel=1e-9)
+    assert np.allclose(swift.point.poles, exact.point.poles, rtol=1e-9)
+    span = swift.point.span
+    assert np.allclose(span.T @ span, np.eye(span.shape[1]), atol=1e-5)
+    assert np.allclose(swift.fitted.gain, exact.fitted.gain, rtol=1e-6)
+
+
+def test_a_descent_that_is_decided_ends() -> None:
+    problem = problem_of(data())
+    sides = (PARTS / np.linalg.norm(PARTS, axis=1, keepdims=True)).astype(complex)
+    start = POLES * np.exp(0.002j)
+    whole = descend(problem, start, sides)
+    first = problem.at(start, sides)
+    assert descend(problem, start, sides, decisive=2 * first.cost(first.fitted())).iterations == 0
+    # far below all that can be reached: where steps promise little there is nothing to hope for
+    assert descend(problem, start, sides, decisive=0.0).iterations < whole.iterations
+    assert descend(problem, start, sides, decisive=1.01 * whole.cost).cost < 1.01 * whole.cost

@@ -1,0 +1,199 @@
+"""What is told of the poles that contended: values of the diagram, refined ones where it has none, parts, and what was left out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from modalscope.judging.contest import Arena, contest
+from modalscope.judging.evidence import Candidate, evidence_of
+from modalscope.judging.select import select
+from modalscope.judging.tracking import Poles
+from modalscope.judging.verdict import Trial, verdicts
+from modalscope.model import FrequencyResponse
+from modalscope.model.poles import poles_from
+from tests.judging.made import Pole, diagram_of, poles_of
+from tests.judging.test_contest import NOISE, PARTS, POLES, SHAPES, F, arena_of, data
+
+ORDERS = tuple(range(2, 42, 2))
+
+#: What a diagram has of the modes: frequencies a hair off, so that its values are known from the refined ones.
+OFF = 1 + 1e-5
+
+
+def shown(j: int, orders: tuple[int, ...] = ORDERS, factor: complex = OFF) -> list[Pole]:
+    shape, part = tuple(SHAPES[:, j]), tuple(PARTS[j])
+    return [Pole(n, shape=shape, part=part, s=complex(POLES[j] * factor)) for n in orders]
+
+
+def trial_of(
+    *made: Pole, start: tuple[int, ...] = (0, 1, 2, 3), response: FrequencyResponse | None = None, **how: object
+) -> tuple[Trial, list[np.ndarray]]:
+    """Return a trial of hand-made poles, and the groups of those that are equal but for their order."""
+    response = data() if response is None else response
+    diagram = diagram_of(*made, response=response, orders=ORDERS)
+    flat: Poles = poles_of(*made, orders=ORDERS)
+    arena: Arena = arena_of(response, **how)
+    found = contest(arena, POLES[list(start)], PARTS[list(start)].astype(complex))
+    assert found is not None
+    groups = [np.flatnonzero(np.abs(flat.pole - s) < 1e-9) for s in dict.fromkeys(flat.pole)]
+    return Trial(diagram, flat, evidence_of(diagram), arena, found), groups
+
+
+def told(*made: Pole, **how: object) -> list[Candidate]:
+    trial, groups = trial_of(*made, **how)  # type: ignore[arg-type]
+    return verdicts(trial, groups)
+
+
+def modes(candidates: list[Candidate]) -> list[Candidate]:
+    return sorted((c for c in candidates if not c.against), key=lambda c: c.frequency)
+
+
+ALL = [p for j in range(4) for p in shown(j)]
+
+
+def test_a_mode_has_the_values_of_the_diagram_and_its_gain() -> None:
+    found = modes(told(*ALL))
+    assert [c.frequency for c in found] == pytest.approx(list(np.abs(POLES * OFF) / (2 * np.pi)), rel=1e-12)
+    assert all(c.own is None and c.members.size == len(ORDERS) for c in found)
+    assert all(c.facts["gain"] == c.gain > 10 * c.facts["noise_gain"] for c in found)
+
+
+def test_the_noise_gain_is_the_bound_in_deviations() -> None:
+    trial, _ = trial_of(*ALL)
+    assert trial.bar == pytest.approx(np.sqrt(trial.arena.bar / 2))
+    assert trial.gain == pytest.approx(np.sqrt(trial.found.gain / 2))
+
+
+def test_a_mode_that_no_orders_agree_on_has_refined_values_and_deviations_of_its_own() -> None:
+    found = modes(told(*(p for j in (0, 1, 2) for p in shown(j))))
+    last = found[-1]
+    assert len(found) == 4
+    assert last.own is not None
+    assert (last.members.size, last.facts["orders_found"]) == (0, 0)
+    assert last.frequency == pytest.approx(18, rel=1e-4)
+    assert 0 < last.own.frequency_std < 0.01
+    assert "no orders agree on it" not in str(last.facts)
+
+
+def test_values_further_off_than_a_part_of_the_bandwidth_do_not_stand_for_a_mode() -> None:
+    # 30 % of the decay rate: zeta = .01 makes it .003 of the frequency
+    near, far = (
+        modes(told(*(p for j in (1, 2, 3) for p in shown(j)), *shown(0, factor=1 + q * 0.003))) for q in (0.9, 1.1)
+    )
+    assert near[0].own is None
+    assert far[0].own is not None
+
+
+@pytest.mark.parametrize("factor", [0.95, 1.05])
+def test_of_groups_that_show_a_mode_the_one_at_most_orders_gives_its_values(factor: float) -> None:
+    few = shown(0, ORDERS[:7], factor=1 + 0.001 * factor)
+    found = modes(told(*ALL, *few))
+    assert len(found) == 4
+    assert found[0].frequency == pytest.approx(abs(POLES[0] * OFF) / (2 * np.pi), rel=1e-12)
+
+
+def test_a_group_that_no_mode_answers_to_is_told_with_what_it_would_explain() -> None:
+    noise = [Pole(n, f=22, zeta=0.01, shape=(1, 0, 1), part=(1, 0)) for n in ORDERS]
+    left = [c for c in told(*ALL, *noise) if c.against]
+    assert len(left) == 1
+    assert left[0].frequency == pytest.approx(22)
+    assert left[0].gain < left[0].facts["noise_gain"]
+    assert (
+        f"it explains {left[0].gain:.1f} standard deviations of the noise; noise alone may explain"
+        in left[0].against[0]
+    )
+
+
+def test_what_data_leave_open_is_no_mode() -> None:
+    weak = data(noise=NOISE)
+    x = 2j * np.pi * F[:, None, None]
+    wide = poles_from(22.0, 0.06)
+    H = weak.values + 0.05 * (np.ones((1, 3, 2)) / (x - wide) + np.ones((1, 3, 2)) / (x - wide.conj()))
+    found = told(*ALL, response=replace(weak, values=H))
+    against = [c for c in found if c.against and abs(c.frequency - 22) < 1.5]
+    sure = [c for c in modes(found) if abs(c.frequency - 22) < 1.5]
+    assert bool(against) != bool(sure)
+    for c in against:
+        assert "leave its frequency open by" in c.against[0] or "beside the modes" in c.against[0]
+
+
+def test_of_coloured_data_a_mode_is_shown_at_a_quarter_of_the_orders() -> None:
+    for count, listed in ((5, True), (4, False)):
+        found = told(*(p for j in (1, 2, 3) for p in shown(j)), *shown(0, ORDERS[:count]), coloured=True)
+        assert (abs(modes(found)[0].frequency - 9) < 0.1) is listed
+    assert "shown at 4 of 20 orders only" in next(c for c in found if c.against).against[0]
+    # of white data gain alone decides
+    assert len(modes(told(*(p for j in (1, 2, 3) for p in shown(j)), *shown(0, ORDERS[:4])))) == 4
+
+
+def test_of_coloured_data_poles_that_act_as_one_are_parts_of_the_strongest() -> None:
+    # the second pole of a resonance that shifts: a third of a bandwidth off, with the same shape
+    x = 2j * np.pi * F[:, None, None]
+    shifted = POLES[3] * 1.008
+    R = np.outer(SHAPES[:, 3], [PARTS[3, 0], 0.3])
+    H = data().values + R / (x - shifted) + R / (x - shifted.conj())
+    response = replace(data(), values=H)
+    flat = [*ALL, *shown(3, ORDERS[:6], factor=1.008)]
+    diagram = diagram_of(*flat, response=response, orders=ORDERS)
+    arena = arena_of(response, coloured=True)
+    start = np.append(POLES, shifted)
+    found = contest(arena, start, np.vstack([PARTS, [[PARTS[3, 0], 0.3]]]).astype(complex))
+    assert found is not None
+    poles = poles_of(*flat, orders=ORDERS)
+    groups = [np.flatnonzero(np.abs(poles.pole - s) < 1e-9) for s in dict.fromkeys(poles.pole)]
+    everything = verdicts(Trial(diagram, poles, evidence_of(diagram), arena, found), groups)
+    assert len(modes(everything)) == 4
+    part = [c for c in everything if c.against and c.against[0].startswith("part of the mode at")]
+    assert len(part) == 1
+    host = modes(everything)[-1]
+    assert f"part of the mode at {host.frequency:.5g} Hz" in part[0].against[0]
+    # the values of a mode with parts are those of the group at most orders
+    assert host.members.size == len(ORDERS)
+
+
+def test_a_mode_that_one_input_alone_shows_says_so() -> None:
+    x = 2j * np.pi * F[:, None, None]
+    R = np.outer([1, 1, 1], [0.2, 0.0])
+    lone = poles_from(22.0, 0.01)
+    response = replace(data(), values=data().values + R / (x - lone) + R / (x - lone.conj()))
+    found = modes(told(*ALL, response=response))
+    assert [c.facts.get("rests_on") for c in found] == [None] * 4 + [response.input_dofs[0]]
+
+
+# -------------------------------------------------------------------------------------------------------------- the whole way
+
+
+def test_select_lists_modes_of_white_data_with_what_it_left_out() -> None:
+    noise = [Pole(n, f=22, zeta=0.01, shape=(1, 0, 1), part=(1, 0)) for n in ORDERS]
+    diagram = diagram_of(*ALL, *noise, response=data(), orders=ORDERS)
+    found = select(diagram)
+    assert np.allclose(found.frequencies, np.abs(POLES) / (2 * np.pi), rtol=1e-4)
+    assert found.gain is not None
+    assert np.all(found.gain > 10)
+    assert [round(c.frequency) for c in found.left_out] == [22]
+    assert found.left_out[0].remedy == "take=[22] reports it all the same"
+    assert len(select(diagram, take=[22])) == 5
+    less = select(diagram, refuse=[18])
+    assert len(less) == 3
+    assert "refused by hand" in [c.reason for c in less.left_out]
+
+
+def test_without_groups_spreads_and_indicators_are_unknown_and_deviations_are_those_of_the_fit() -> None:
+    made = [p for j in (0, 1, 2) for p in shown(j)]
+    diagram = diagram_of(
+        *made,
+        response=data(),
+        orders=ORDERS,
+        frequencies_std=np.full(len(made), 0.5),
+        damping_ratios_std=np.full(len(made), 0.5),
+        indicators={"mpc": np.ones(len(made))},
+    )
+    found = select(diagram)
+    assert np.isnan(found.frequencies_spread).tolist() == [False] * 3 + [True]
+    assert np.isnan(found.indicators["mpc"]).tolist() == [False] * 3 + [True]
+    assert found.frequencies_std[:3].tolist() == [0.5] * 3
+    assert found.frequencies_std[3] < 0.01
+    assert "no orders agree on it" in found.reasons[3]["text"]
