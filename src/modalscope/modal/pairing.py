@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import linear_sum_assignment
 
 from modalscope.modal.indicators import mac
 from modalscope.model.checks import DataError, IntArray, RealArray, check_positive, complex_array
 from modalscope.model.keywords import named
 from modalscope.model.modes import ModalModel
+from modalscope.model.pairing import assign
 
 __all__ = ["Pairs", "comac", "pair_modes"]
 
@@ -131,7 +131,7 @@ def pair_modes(a: ModalModel, b: ModalModel, *, tolerance: float = 0.1) -> Pairs
     apart = np.abs(b.frequencies / a.frequencies[:, None] - 1) / limit
     # what makes no pair costs more than all pairs together
     cost = np.where(apart <= 1, apart + 1 - like, 2.0 * (1 + min(like.shape)))
-    first, second = linear_sum_assignment(cost)
+    first, second = assign(cost)
     kept = apart[first, second] <= 1
     first, second = first[kept], second[kept]
     return Pairs(a=a, b=b, first=first, second=second, mac=like[first, second])
