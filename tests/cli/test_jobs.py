@@ -224,6 +224,17 @@ def test_a_saved_result_becomes_a_report(modes_file: Path, test_file: Path, tmp_
     assert main(["report", str(modes_file), "--data", str(moved), "-o", str(tmp_path / "s.html")]) == 0
 
 
+def test_a_report_keeps_to_the_memory_that_reading_may_take(
+    modes_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["report", str(modes_file), "-o", str(tmp_path / "r.html")]
+    try:
+        assert main([*words, "--max-memory", "100kB"]) == 2
+    finally:
+        ms.io.set_max_memory(None)
+    assert "raise the limit: --max-memory" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("shell", ["bash", "zsh"])
 def test_shells_complete_every_command(shell: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert main(["completion", shell]) == 0

@@ -348,4 +348,8 @@ def test_other_suffixes_folders_and_things_are_errors(tmp_path: Path) -> None:
         report(pair, tmp_path / "missing" / "r.html")
     with pytest.raises(DataError, match="it was given int"):
         report(3, tmp_path / "r.html")  # type: ignore[arg-type]
+    with pytest.raises(DataError, match="title of a report: expected text, got int"):
+        report(pair, tmp_path / "r.html", title=3)  # type: ignore[arg-type]
+    with pytest.raises(DataError, match="command of a report: expected text, got list"):
+        report(pair, tmp_path / "r.html", command=["modalscope"])  # type: ignore[arg-type]
     assert not list(tmp_path.iterdir())

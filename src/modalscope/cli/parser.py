@@ -16,6 +16,7 @@ __all__ = [
     "add_file",
     "add_files",
     "add_force",
+    "add_memory",
     "add_output",
     "add_outputs",
     "add_reading",
@@ -90,6 +91,11 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=AXES",
         help="order of an array's axes in the file, such as values=inputs,outputs,lines",
     )
+    add_memory(parser)
+
+
+def add_memory(parser: argparse.ArgumentParser) -> None:
+    """Take what reading may take of the memory."""
     parser.add_argument(
         "--geometry", metavar="FILE", help="where the sensors are: a table node,x,y,z, a universal file or a mesh"
     )

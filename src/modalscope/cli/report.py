@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from modalscope.cli.parser import Commands, add_outputs
+from modalscope.cli.parser import Commands, add_memory, add_outputs
 from modalscope.cli.process import say
 
 __all__ = ["add", "run"]
@@ -23,6 +23,7 @@ def add(commands: Commands) -> None:
     parser.add_argument("file", type=Path, help="a result that identify wrote as .json, a .analysis.json, or a diagram")
     parser.add_argument("--data", type=Path, nargs="+", metavar="FILE", help="the data, where they lie elsewhere now")
     parser.add_argument("--title", help="heading of the report")
+    add_memory(parser)
     add_outputs(parser, "write .html")
     parser.set_defaults(run=run)
 
@@ -31,9 +32,11 @@ def run(options: argparse.Namespace) -> None:
     """Do a saved analysis again, and write its report."""
     from modalscope.cli.output import check_outputs, needed
     from modalscope.cli.progress import progress
+    from modalscope.io import set_max_memory
     from modalscope.reporting import report
 
     needed(options, "report.html")
+    set_max_memory(options.max_memory)
     check_outputs(options, (options.file, *(options.data or ())), (".html", ".htm"))
     with progress("identifying") as show:
         thing = _saved(options, show)

@@ -18,6 +18,7 @@ from modalscope.judging.select import select
 from modalscope.model import DataError, ModalModel, StabilizationDiagram
 from modalscope.model.checks import check_kind, check_path
 from modalscope.model.keywords import named
+from modalscope.model.kinds import check_kind
 from modalscope.model.notes import Note
 from modalscope.model.response import Response
 from modalscope.model.result import Result
@@ -81,6 +82,9 @@ def report(
     DataError
         Something that has neither modes nor a diagram, another suffix, or a file that cannot be written.
     """
+    source = None if source is None else str(check_path(source))
+    for name, text in (("title", title), ("command", command)):
+        check_kind(f"{name} of a report", "" if text is None else text, str)
     if isinstance(thing, Comparison):
         heading = title or _heading("Methods compared", " on ", source)
         parts = comparison_sections(thing, source=source, command=command)
