@@ -207,3 +207,10 @@ def test_resolution_of_estimates_from_short_segments():
 def test_what_cannot_be_examined_is_said():
     with pytest.raises(DataError, match="expected FrequencyResponse, ImpulseResponse or Signals, got list"):
         examine([1, 2])
+
+
+def test_more_channels_than_samples_are_rows_taken_for_columns() -> None:
+    record = Signals(outputs=np.random.default_rng(0).standard_normal((3, 40)), sampling_rate=10.0)
+    (finding,) = examine(record)
+    assert (finding.kind, "outputs=y.T" in finding.change) == ("transposed", True)
+    assert "transposed" not in {one.kind for one in examine(Signals(outputs=record.outputs.T, sampling_rate=10.0))}

@@ -32,6 +32,7 @@ KINDS = (
     "reciprocity",
     "wrong quantity",
     "short record",
+    "transposed",
 )
 
 #: Channels of a smaller RMS than this part of the median of all are dead: a sensor shows more noise than that.

@@ -14,7 +14,15 @@ from modalscope.model.signals import Signals
 from modalscope.preprocess.excitation import find_excitation
 from modalscope.preprocess.findings import Finding, dead_channels, identical_channels, sides_of
 from modalscope.preprocess.frf import estimate_frf
-from modalscope.preprocess.record_checks import bad_hits, clipped, leakage, noisy_channels, too_short, useful_lines
+from modalscope.preprocess.record_checks import (
+    bad_hits,
+    clipped,
+    leakage,
+    noisy_channels,
+    too_short,
+    transposed,
+    useful_lines,
+)
 from modalscope.preprocess.response_checks import examine_response
 from modalscope.preprocess.spectra import Segments, cross_spectra, window_samples
 
@@ -63,8 +71,10 @@ def examine(data: Signals | Records | Response) -> tuple[Finding, ...]:
 
 
 def _examine_record(signals: Signals) -> list[Finding]:
+    found = transposed(signals)
+    if found:  # the others would speak of what are no channels
+        return found
     kind = "ambient" if signals.inputs is None else find_excitation(signals)
-    found: list[Finding] = []
     alive: dict[str, list[int]] = {}
     for side, flat, labels in sides_of(signals):
         at_rest = dead_channels(flat, labels)
