@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from modalscope.model import DataError, FrequencyResponse
+from modalscope.model import DataError, FrequencyResponse, Signals
 from modalscope.preprocess import estimate_frf, examine
 from modalscope.preprocess.findings import KINDS
 from modalscope.systems import chain5, close4, heavy4, iasc_asce, over4, ring5
