@@ -55,3 +55,12 @@ def test_a_table_of_modes_has_its_numbers_and_shapes(tmp_path):
     assert [float(row["frequency_hz"]) for row in rows] == modes.frequencies.tolist()
     assert [float(row["imag 12:-X"]) for row in rows] == modes.shapes[2].imag.tolist()
     assert [float(row["emac"]) for row in rows] == modes.indicators["emac"].tolist()
+
+
+def test_options_of_tables_serve_the_layout_that_is_written_here_too(tmp_path):
+    record = samples.records()
+    mio.write(tmp_path / "a.csv", record)
+    kept = mio.read(tmp_path / "a.csv", ignore=2)
+    assert (kept.output_dofs, kept.input_dofs) == (record.output_dofs[1:], record.input_dofs)
+    assert (kept.outputs == record.outputs[..., 1:]).all()
+    assert kept.sampling_rate == pytest.approx(record.sampling_rate, rel=1e-9)

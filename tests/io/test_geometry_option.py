@@ -77,6 +77,15 @@ def test_a_universal_file_gives_its_geometry(tmp_path: Path) -> None:
     assert data.geometry.lines.tolist() == [[0, 1]]
 
 
+def test_a_workbook_gives_points(tmp_path: Path) -> None:
+    book = pytest.importorskip("openpyxl").Workbook()
+    for row in (["node", "x", "y", "z"], ["A1", 0, 0, 0], ["A2", 1.5, 0, 0]):
+        book.active.append(row)
+    book.save(tmp_path / "points.xlsx")
+    data = ms.read(record(tmp_path / "a.csv", "A1:+Z", "A2:+Z"), geometry=tmp_path / "points.xlsx")
+    assert data.geometry.coordinates.tolist() == [[0, 0, 0], [1.5, 0, 0]]
+
+
 def test_a_mesh_gives_nodes_lines_and_faces(tmp_path: Path) -> None:
     meshio = pytest.importorskip("meshio")
     points = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0]]

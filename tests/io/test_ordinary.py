@@ -37,6 +37,7 @@ REFUSED = {
     "an archive with channels in rows": "--transpose",
     "hits as columns": "--axes",
     "a workbook of two tables": "--sheet",
+    "a column that says overload": "--ignore",
     "bare lines of real and imaginary parts": "--columns",
 }
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from modalscope.model import DataError, FrequencyResponse
+from modalscope.model import DataError, FrequencyResponse, Signals
 from modalscope.preprocess import estimate_frf, examine
 from modalscope.preprocess.findings import KINDS
 from modalscope.systems import chain5, close4, heavy4, iasc_asce, over4, ring5
@@ -207,3 +207,10 @@ def test_resolution_of_estimates_from_short_segments():
 def test_what_cannot_be_examined_is_said():
     with pytest.raises(DataError, match="expected FrequencyResponse, ImpulseResponse, Signals or Records, got list"):
         examine([1, 2])
+
+
+def test_more_channels_than_samples_are_rows_taken_for_columns() -> None:
+    record = Signals(outputs=np.random.default_rng(0).standard_normal((3, 40)), sampling_rate=10.0)
+    (finding,) = examine(record)
+    assert (finding.kind, "outputs=y.T" in finding.change) == ("transposed", True)
+    assert "transposed" not in {one.kind for one in examine(Signals(outputs=record.outputs.T, sampling_rate=10.0))}

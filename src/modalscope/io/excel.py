@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import date, datetime, time
 from itertools import islice
 from pathlib import Path
@@ -18,7 +19,7 @@ from modalscope.io.text.cells import is_value
 from modalscope.model import DataError
 from modalscope.model.extras import optional_package
 
-__all__ = ["EXCEL_OPTIONS", "read"]
+__all__ = ["EXCEL_OPTIONS", "read", "rows_of"]
 
 EXCEL_OPTIONS = (*COLUMN_OPTIONS, "skip", "sheet")
 
@@ -47,17 +48,35 @@ def read(path: Path, options: Options) -> Contents:
     DataError
         openpyxl is missing, no workbook, several sheets that are tables and no `sheet`, or what tables are refused for.
     """
-    package = optional_package(f"reading {path.suffix}", "openpyxl", "excel")
     space = room(path.name, path.stat().st_size)
+    with _opened(path, space) as book:
+        name = _sheet(path.name, book, options)
+        lines = _lines(book[name], int(options.get("skip") or 0))
+        others = [other for other in book.sheetnames if other != name]
+        notes = (f"sheet {name!r}; the others were left: {', '.join(others[:6])}",) if others else ()
+        return contents_of_lines(path.name, lines, ("\t", "."), space, options, notes)
+
+
+def rows_of(path: Path) -> list[tuple[int, str]]:
+    """Return the rows of the first sheet with their numbers; tabs part their cells.
+
+    Parameters
+    ----------
+    path : path
+    """
+    with _opened(path, room(path.name, path.stat().st_size)) as book:
+        return list(_lines(book[book.sheetnames[0]], 0))
+
+
+@contextmanager
+def _opened(path: Path, space: Room) -> Iterator[Any]:
+    """Give an open workbook; what openpyxl raises on damaged ones becomes a `DataError`."""
+    package = optional_package(f"reading {path.suffix}", "openpyxl", "excel")
     _check_size(path, space)
     try:
         book = package.load_workbook(path, read_only=True, data_only=True)
         try:
-            name = _sheet(path.name, book, options)
-            lines = _lines(book[name], int(options.get("skip") or 0))
-            others = [other for other in book.sheetnames if other != name]
-            notes = (f"sheet {name!r}; the others were left: {', '.join(others[:6])}",) if others else ()
-            return contents_of_lines(path.name, lines, ("\t", "."), space, options, notes)
+            yield book
         finally:
             book.close()
     except (*_DAMAGED, zipfile.BadZipFile) as error:

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.io.columns.words import split_head
+from modalscope.io.excel import rows_of
 from modalscope.io.limits import room
 from modalscope.io.neighbours import neighbour_lines
 from modalscope.io.text.cells import Dialect, is_number, number_of, split, uncommented
@@ -30,7 +31,7 @@ from modalscope.model import DataError, Geometry, parse_dof
 __all__ = ["TABLES", "geometry_of_tables", "joined_by_neighbours"]
 
 #: Suffixes of tables.
-TABLES = (".csv", ".txt", ".asc", ".tsv", ".dat")
+TABLES = (".csv", ".txt", ".asc", ".tsv", ".dat", ".xlsx")
 
 _NODES = {"node", "nodes", "point", "points", "name", "id", "label", "no", "nr", "number", "knoten", "punkt", "pt"}
 _CHANNELS = {"channel", "sensor", "dof", "kanal", "ch"}
@@ -66,8 +67,11 @@ def geometry_of_tables(points: Path, lines: Path | None = None) -> Geometry:
 
 def _rows(path: Path) -> tuple[list[str], list[list[str]], Dialect]:
     """Return the head of a table, empty where it has none, its rows, and how it is written."""
-    space = room(path.name, path.stat().st_size)
-    texts = [uncommented(line) for _, line in islice(lines_of(path, encoding_of(path), 0, space), _MOST)]
+    if path.suffix.lower() == ".xlsx":
+        lines = iter(rows_of(path))
+    else:
+        lines = lines_of(path, encoding_of(path), 0, room(path.name, path.stat().st_size))
+    texts = [uncommented(line) for _, line in islice(lines, _MOST)]
     dialect = _dialect(path, [text for text, comment in texts if not comment])
     rows = [split(text, dialect) for text, _ in texts]
     width = max((len(row) for row, (_, comment) in zip(rows, texts, strict=True) if not comment), default=0)

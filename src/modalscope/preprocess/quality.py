@@ -15,7 +15,15 @@ from modalscope.model.sizes import check_size
 from modalscope.preprocess.excitation import find_excitation
 from modalscope.preprocess.findings import Finding, dead_channels, identical_channels, sides_of
 from modalscope.preprocess.frf import estimate_frf
-from modalscope.preprocess.record_checks import bad_hits, clipped, leakage, noisy_channels, too_short, useful_lines
+from modalscope.preprocess.record_checks import (
+    bad_hits,
+    clipped,
+    leakage,
+    noisy_channels,
+    too_short,
+    transposed,
+    useful_lines,
+)
 from modalscope.preprocess.response_checks import examine_response
 from modalscope.preprocess.sample_checks import frozen, spikes, wrapped
 from modalscope.preprocess.spectra import Segments, cross_spectra, window_samples
@@ -67,8 +75,10 @@ def examine(data: Signals | Records | Response) -> tuple[Finding, ...]:
 
 
 def _examine_record(signals: Signals) -> list[Finding]:
+    found = transposed(signals)
+    if found:  # the others would speak of what are no channels
+        return found
     kind = "ambient" if signals.inputs is None else find_excitation(signals)
-    found: list[Finding] = []
     alive: dict[str, list[int]] = {}
     for side, flat, labels in sides_of(signals):
         at_rest = dead_channels(flat, labels)
@@ -77,7 +87,7 @@ def _examine_record(signals: Signals) -> list[Finding]:
         found += at_rest + identical_channels(flat, labels)
     overflown = wrapped(signals)
     found += clipped(signals, kind) + overflown + frozen(signals)
-    found += spikes(signals, kind, {finding.channels[0] for finding in overflown}) + _transposed(signals)
+    found += spikes(signals, kind, {finding.channels[0] for finding in overflown})
     if not all(alive.values()):
         return found
     moving = signals.select(**{f"{side}s": kept for side, kept in alive.items()})
@@ -97,21 +107,6 @@ def _examine_record(signals: Signals) -> list[Finding]:
     if forced:
         found += _of_response(moving, bool(short), explained | {finding.channels[0] for finding in noisy})
     return found
-
-
-def _transposed(signals: Signals) -> list[Finding]:
-    """Find records with more channels than samples: rows and columns may have changed places."""
-    channels = len(signals.output_dofs) + len(signals.input_dofs)
-    if signals.samples >= channels:
-        return []
-    return [
-        Finding(
-            "transposed",
-            (*signals.output_dofs, *signals.input_dofs),
-            f"{signals.samples} samples of {channels} channels",
-            "If rows and columns have changed places, transpose the arrays (--transpose for files).",
-        )
-    ]
 
 
 def _of_response(signals: Signals, short: bool, explained: set[str]) -> list[Finding]:

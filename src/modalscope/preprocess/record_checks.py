@@ -13,7 +13,7 @@ from modalscope.preprocess.frf import estimate_frf
 from modalscope.preprocess.impacts import clipped_samples, find_hits
 from modalscope.preprocess.spectra import Segments, cross_spectra, segment_starts, window_samples
 
-__all__ = ["bad_hits", "clipped", "leakage", "noisy_channels", "too_short", "useful_lines"]
+__all__ = ["bad_hits", "clipped", "leakage", "noisy_channels", "too_short", "transposed", "useful_lines"]
 
 #: A channel is noisy when less than this part of its power follows from the inputs, and this much less than the median's.
 _NOISY, _BELOW = 0.5, 0.25
@@ -53,6 +53,21 @@ def clipped(signals: Signals, kind: str) -> list[Finding]:
                     )
                 )
     return found
+
+
+def transposed(signals: Signals) -> list[Finding]:
+    """Find records of more channels than samples: nobody measures so many for so short a time, and rows are easily taken for columns."""
+    channels = len(signals.output_dofs) + len(signals.input_dofs)
+    if channels <= signals.samples:
+        return []
+    return [
+        Finding(
+            "transposed",
+            (signals.output_dofs[0],),
+            f"there are {channels} channels of {signals.samples} samples",
+            "Exchange rows and columns: samples come first, outputs=y.T.",
+        )
+    ]
 
 
 def bad_hits(signals: Signals) -> list[Finding]:

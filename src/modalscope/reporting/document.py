@@ -16,7 +16,7 @@ from modalscope.io.formats import sources_of
 from modalscope.judging.certificate import Certificate
 from modalscope.judging.select import select
 from modalscope.model import DataError, ModalModel, StabilizationDiagram
-from modalscope.model.checks import check_kind, check_path
+from modalscope.model.checks import check_path
 from modalscope.model.keywords import named
 from modalscope.model.kinds import check_kind
 from modalscope.model.notes import Note

@@ -144,6 +144,7 @@ def _values(table: Table, axis: Column, base: str, parts: Parts, notes: list[str
 
 def _no_phases(table: Table, axis: Column, columns: Sequence[Column]) -> DataError:
     numbers = [column.number for column in columns]
+    alone = len(numbers) == 1
     if len(numbers) % 2 == 0 and numbers and not any(column.name for column in columns):
         example = ",".join(f"real={a},imag={b}" for a, b in zip(numbers[::2], numbers[1::2], strict=True))
         polar = example.replace("real", "mag").replace("imag", "phase")
@@ -156,7 +157,8 @@ def _no_phases(table: Table, axis: Column, columns: Sequence[Column]) -> DataErr
         )
     return DataError(
         f"reading {table.where} needs complex values beside its frequencies",
-        f"columns {span(numbers)} are real ({', '.join(column.label for column in columns[:6])})",
+        f"{'column' if alone else 'columns'} {span(numbers)} {'is' if alone else 'are'} real "
+        f"({', '.join(column.label for column in columns[:6])})",
         change,
     )
 

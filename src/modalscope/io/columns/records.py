@@ -15,6 +15,7 @@ from modalscope.io.contents import Options
 from modalscope.model import DataError, Signals
 from modalscope.model.channels import QUANTITIES
 from modalscope.model.checks import check_positive
+from modalscope.model.labels import label_of
 
 __all__ = ["records", "refuse_transposed", "sampling_rate"]
 
@@ -61,14 +62,13 @@ def records(
         notes.append("all columns are forces; they were taken as outputs")
     elif not forces and options.get("columns") is None:
         notes.append(f'no column is a force by name or unit: all are outputs (else: --columns "in={others[0].number}")')
-    labels = _labels([*others, *forces], notes)
     thing = Signals(
         outputs=_stacked(others),
         inputs=_stacked(forces) if forces else None,
         sampling_rate=rate,
         quantities=tuple(kind if (kind := kind_of_unit(column.unit)) in QUANTITIES else None for column in others),
-        output_dofs=tuple(labels[: len(others)]),
-        input_dofs=tuple(labels[len(others) :]),
+        output_dofs=tuple(_labels(others, notes)),
+        input_dofs=tuple(_labels(forces, notes)),
         units=(tuple(column.unit for column in others), tuple(column.unit for column in forces)),
     )
     return thing, notes, twice
@@ -80,9 +80,7 @@ def _stacked(columns: Sequence[Column]) -> Any:
 
 def _labels(columns: Sequence[Column], notes: list[str]) -> list[str]:
     """Return a label a column; names that repeat get their place behind them."""
-    from modalscope.model.labels import label_of
-
-    bare = [label_of(column.label) for column in columns]
+    bare = [label_of(column.label.removeprefix("out ").removeprefix("in ")) for column in columns]
     twice = {label for label in bare if bare.count(label) > 1}
     if twice:
         notes.append(f"names that repeat have the number of their column behind them: {', '.join(sorted(twice)[:6])}")

@@ -37,6 +37,8 @@ _SIGNS = frozenset("#%/! \t")
 def kinds_of(rows: Sequence[Sequence[str]]) -> list[str]:
     """Return what each column holds: "number", "complex", "stamp", "text" or "empty", by its first rows.
 
+    Where half of the cells or more are numbers it is a column of these, and the others are for the user to settle.
+
     Examples
     --------
     >>> kinds_of([["0,1", "1+2i", "12:00:01", "", "run 1"], ["1", "3", "12:00:02", "", ""]])
@@ -47,12 +49,12 @@ def kinds_of(rows: Sequence[Sequence[str]]) -> list[str]:
         held = [cell for cell in cells if not is_missing(cell)]
         if not held:
             kinds.append("empty")
-        elif all(map(is_number, held)):
-            kinds.append("number")
         elif all(map(is_stamp, held)):
             kinds.append("stamp")
+        elif not all(map(is_number, held)) and all(is_number(cell) or is_complex(cell) for cell in held):
+            kinds.append("complex")
         else:
-            kinds.append("complex" if all(is_number(cell) or is_complex(cell) for cell in held) else "text")
+            kinds.append("number" if 2 * sum(map(is_number, held)) >= len(held) else "text")
     return kinds
 
 
