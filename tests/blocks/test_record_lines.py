@@ -267,3 +267,20 @@ def test_the_matrix_says_what_it_is() -> None:
     assert "2 runs on 98 lines, 0.01 to 0.49 Hz, polynomials to degree 3" in matrix.describe()
     assert matrix.left == 2 * (2 * 49 - 2 * 4)
     assert isinstance(built(record, 2), Pipeline)
+
+
+def test_lines_are_weighted_by_the_resonances_and_white_noise_stays_white() -> None:
+    """The stacked polynomials are orthonormal as they stand in the rows: what is white on the lines is white in the blocks."""
+    rng = np.random.default_rng(4)
+    ss = random_system(rng, outputs=3, inputs=1, modes=2, damping=(0.002, 0.005))
+    u = rng.standard_normal((3000, 1))
+    spectra = record_spectra(Records(runs=(Signals(outputs=ss.simulate(u), inputs=u, sampling_rate=1.0),)))
+    matrix = record_lines(spectra, domain="z", block_rows=12)
+    (run,) = spectra.runs()
+    rows = np.vstack([columns[:, :13] for _, columns in matrix._columns(0, run)])
+    assert np.abs(rows.T @ rows - np.eye(13)).max() < 1e-12
+    assert matrix.weights is not None
+    assert np.mean(matrix.weights**2) == pytest.approx(1)
+    at = np.abs(np.log(poles_of(ss)).imag) / (2 * np.pi)
+    near = np.min(np.abs(spectra.frequencies[:, None] - at), axis=1) < 0.002
+    assert matrix.weights[near].min() > 1.3 * np.median(matrix.weights)

@@ -5,7 +5,7 @@
     all else                                       -> records on lines, in z
 
 Only records on lines are free of leakage whatever the run does before and after. What they cannot take is noise on the inputs, and
-forces that were not measured: see `modalscope.identification.residuals`.
+forces that were not measured: see `modalscope.model.record_residual`.
 """
 
 from __future__ import annotations
