@@ -121,6 +121,19 @@ def test_methods_on_other_data_do_not_count_and_what_is_not_known_is_said_to_be(
     assert not found.biased[0]
 
 
+def test_of_modes_that_are_split_where_methods_are_compared_the_reported_deviations_are_taken() -> None:
+    def told(name: str, f: float, zeta: float) -> MethodResult:
+        one = result(name, [(10, 0.02, (1, 0))])
+        assert one.modes is not None
+        std = {"frequencies_std": np.array([f]), "damping_ratios_std": np.array([zeta])}
+        return replace(one, modes=replace(one.modes, **std))
+
+    found = judged(apart(10, 10), [told(ERA, 0.1, 0.001), told(ALTERNATE, 0.1, 0.003)])
+    assert found.frequency_noise[0] == pytest.approx(0.1)
+    assert found.damping_noise[0] == pytest.approx(0.001 * np.sqrt(5))
+    assert not found.known[0]
+
+
 def test_nothing_is_stated_more_exactly_than_rounding_allows() -> None:
     found = judged(group(10, 0.02, (ERA,), 1), [result(ERA), result(LEAST)])
     assert (found.frequency[0], found.damping[0]) == (pytest.approx(1e-8), pytest.approx(2e-11))

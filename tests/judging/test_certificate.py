@@ -106,7 +106,20 @@ def test_the_selection_is_replayed_when_asked_and_files_are_taken(tmp_path):
     assert ms.certify(tmp_path / "irf.npz", replicates=2).order >= 10
 
 
+def test_an_ambient_record_is_certified_through_its_correlations():
+    record = chain5().simulate(inputs="ambient", duration=1000, sampling_rate=20, noise=0.01, seed=0)
+    found = ms.certify(ms.analyze(record, orders=range(2, 17, 2)), replicates=20)
+    assert found.found.min() >= 18
+    assert np.all(np.isfinite(found.frequency["bias"]))
+    strong = np.isfinite(found.modes.damping_ratios_std)
+    assert np.all((found.frequency["ratio"][strong] > 0.5) & (found.frequency["ratio"][strong] < 2))
+
+
 def test_what_cannot_be_certified_is_refused():
+    past = chain5().simulate(inputs="ambient", samples=3000, sampling_rate=20, noise=0.01)
+    refused(
+        "certificate of SSI-data", ms.certify, ms.analyze(past, method="ssi-data", orders=range(2, 17, 2)), replicates=2
+    )
     record = chain5().simulate(inputs="ambient", samples=5000)
     result = ms.analyze(ms.estimate_correlation(record, lags=80), orders=range(2, 17, 2))
     refused("noise like that of the data", ms.certify, result, replicates=2)

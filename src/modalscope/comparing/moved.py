@@ -16,6 +16,7 @@ from modalscope.model.response import Response, window_damping
 from modalscope.uncertainty.covariance import covariances_of_poles
 from modalscope.uncertainty.influence import PoleInfluence, influence_on
 from modalscope.uncertainty.noise import Noise
+from modalscope.uncertainty.of_modes import SPLIT
 
 __all__ = ["Moved", "covariance", "moved_by_noise"]
 
@@ -37,7 +38,7 @@ class Moved:
     poles : array of complex, (k,)
         These poles, rad/s.
     row : array of int, (n,)
-        Where each mode stands among them; -1 for a mode that this order has not.
+        Where each mode stands among them; -1 for a mode that this order has not, or has split in two.
     """
 
     response: Response
@@ -65,6 +66,8 @@ def moved_by_noise(found: Sweep, diagram: StabilizationDiagram, modes: ModalMode
     away = np.abs(poles[:, None] - modes.poles) / np.abs(modes.poles.real)
     nearest = np.argmin(away, axis=0)
     there = away[nearest, np.arange(len(modes))] < 1
+    if cut.std is not None and modes.frequencies_std is not None:  # a split mode is not the mode
+        there &= ~(cut.std.frequency[nearest] > SPLIT * modes.frequencies_std)
     index = nearest[there]
     try:
         influence = influence_on(

@@ -133,7 +133,7 @@ class _Shared:
     """Covariances of the methods that read the same data, mode by mode, each pair of methods computed once."""
 
     def __init__(self, groups: Sequence[Group], results: Sequence[MethodResult]) -> None:
-        self._groups = groups
+        self._groups, self._modes = groups, {r.name: r.modes for r in results}
         there = {r.name: r.moved for r in results if r.moved is not None and r.exact}
         first = next((there[name] for g in groups for name in g.votes if name in there), None)
         self._moved = {name: m for name, m in there.items() if first is not None and _same(m, first)}
@@ -150,7 +150,7 @@ class _Shared:
         names = [name for name, j in g.members.items() if name in self._moved and self._moved[name].row[j] >= 0]
         middle = self._middle(g, names)
         if not any(middle):
-            return _Known(np.full(2, np.nan), {}, np.inf)
+            return _Known(self._reported(g), {}, np.inf)
         consensus = np.array([np.mean([self._pair(a, b, k)[i] for a in m for b in m]) for i, m in enumerate(middle)])
         apart = {}
         for name in names:
@@ -159,6 +159,15 @@ class _Shared:
             apart[name] = own + consensus - 2 * across
         degrees = self._noise.note.numbers.get("degrees_of_freedom", np.inf) if self._noise is not None else np.inf
         return _Known(np.maximum(consensus, 0), apart, degrees)
+
+    def _reported(self, g: Group) -> RealArray:
+        """Return the variances (2,) that methods report themselves, in the middle; NaN where none does."""
+        found = []
+        for name in g.votes:
+            modes, j = self._modes[name], g.members[name]
+            if modes is not None and modes.frequencies_std is not None and modes.damping_ratios_std is not None:
+                found.append([modes.frequencies_std[j] ** 2, modes.damping_ratios_std[j] ** 2])
+        return np.asarray(np.median(found, axis=0) if found else np.full(2, np.nan))
 
     @staticmethod
     def _middle(g: Group, names: Sequence[str]) -> tuple[list[str], list[str]]:

@@ -149,6 +149,11 @@ class Method:
         return self.takes in (Takes.RECORDS, Takes.DRIVEN)
 
     @property
+    def of_past(self) -> bool:
+        """Whether it projects the records themselves on their past, so that no response stands in for them."""
+        return self.takes in (Takes.PAST, Takes.DRIVEN)
+
+    @property
     def _told(self) -> tuple[str, ...]:
         """What tells the row from one of the same name and domain."""
         return ("records",) if self.takes is Takes.RECORDS else ()

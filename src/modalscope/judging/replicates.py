@@ -23,6 +23,7 @@ from modalscope.model.pairing import assign
 from modalscope.model.response import Response, window_damping
 from modalscope.model.signals import Signals
 from modalscope.uncertainty.noise import Noise, noise_of
+from modalscope.uncertainty.of_modes import SPLIT
 from modalscope.uncertainty.residual import residual_variance
 
 __all__ = ["Replicates", "matched", "nearest_order", "replicates_of"]
@@ -74,9 +75,13 @@ class Replicates:
             modes = refine(response, modes.take(np.sort(theirs)))
             mine, theirs = matched(self.modes, modes)
         found[0, mine], found[1, mine] = modes.frequencies[theirs], modes.damping_ratios[theirs]
-        for row, std in ((2, modes.frequencies_std), (3, modes.damping_ratios_std)):
-            if std is not None:
-                found[row, mine] = std[theirs]
+        for row, name in ((2, "frequencies_std"), (3, "damping_ratios_std")):
+            told, std = getattr(self.modes, name), getattr(modes, name)
+            if (
+                told is not None
+            ):  # where a replicate has none of its own, as of correlations without records, what is tried itself
+                own = np.full(len(mine), np.nan) if std is None else std[theirs]
+                found[row, mine] = np.where(np.isfinite(own), own, told[mine])
         return found
 
     def _identified(self, response: Response) -> ModalModel:
@@ -110,10 +115,17 @@ def replicates_of(
     Raises
     ------
     DataError
-        No modes, or noise of which nothing is known.
+        No modes, noise of which nothing is known, or a method that works on past records themselves.
     """
     if not len(modes):
         raise DataError("a certificate was asked", "there are no modes", "Give a result with modes.")
+    row = find_method(diagram.method, diagram.domain, diagram.domain, diagram.settings.route)
+    if row.of_past:
+        raise DataError(
+            f"a certificate of {row.label} was asked",
+            "it projects the records themselves on their past, and replicates are made of responses",
+            "Certify another method on the same record.",
+        )
     response, order = diagram.response, nearest_order(diagram, modes.unrefined or modes)
     clean = rebuilt(response, modes)
     noise = _noise_beside(diagram, modes, order, records)
@@ -143,15 +155,28 @@ def _noise_beside(diagram: StabilizationDiagram, modes: ModalModel, order: int, 
 
 
 def nearest_order(diagram: StabilizationDiagram, modes: ModalModel) -> int:
-    """Return the order whose poles are nearest to the modes, each at most half a bandwidth to its account."""
+    """Return the order whose poles are nearest to the modes, each at most a half bandwidth to its account, and split the fewest of them.
+
+    Of a mode that is split in two the deviation is, rightly, many times that of the mode.
+
+    Parameters
+    ----------
+    diagram : StabilizationDiagram
+    modes : ModalModel
+        Selected from it.
+    """
     costs = []
     for order in diagram.orders:
-        own = diagram.poles[diagram.order_of_pole == order]
+        own = np.flatnonzero(diagram.order_of_pole == order)
         if not own.size:
             costs.append(np.inf)
             continue
-        distance = np.abs(own[:, None] - modes.poles) / np.abs(modes.poles.real)
-        costs.append(float(np.sum(np.minimum(distance.min(axis=0), 1.0))))
+        distance = np.abs(diagram.poles[own][:, None] - modes.poles) / np.abs(modes.poles.real)
+        cost = np.minimum(distance.min(axis=0), 1.0)
+        if diagram.frequencies_std is not None and modes.frequencies_std is not None:
+            std = diagram.frequencies_std[own[np.argmin(distance, axis=0)]]
+            cost = cost + (std > SPLIT * modes.frequencies_std)
+        costs.append(float(np.sum(cost)))
     return int(diagram.orders[int(np.argmin(costs))])
 
 

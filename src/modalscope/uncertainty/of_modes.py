@@ -9,10 +9,10 @@ from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
 from modalscope.uncertainty.noise import KIND
 
-__all__ = ["typical_deviation", "withheld"]
+__all__ = ["SPLIT", "typical_deviation", "withheld"]
 
 #: Members whose deviation is above so many times that of the smallest quarter are split, or of an order that fits badly.
-_SPLIT = 2.0
+SPLIT = 2.0
 
 
 def typical_deviation(values: RealArray) -> float:
@@ -28,7 +28,7 @@ def typical_deviation(values: RealArray) -> float:
     known = values[np.isfinite(values)]
     if not known.size:
         return float("nan")
-    return float(np.median(known[known <= _SPLIT * np.quantile(known, 0.25)]))
+    return float(np.median(known[known <= SPLIT * np.quantile(known, 0.25)]))
 
 
 def withheld(modes: ModalModel) -> tuple[Note, ...]:

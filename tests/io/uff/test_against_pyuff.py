@@ -1,6 +1,7 @@
 """The second route: pyuff reads what is written here, and what pyuff writes is read here."""
 
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -71,6 +72,17 @@ def test_pyuff_reads_our_modes(tmp_path):
     for s, shape in zip(by_type(tmp_path / "b.uff", 2414), modes.shapes.T, strict=True):
         assert (s["dataset_location"], s["analysis_type"], list(s["node_nums"])) == (1, 3, [1, 2, 12])
         np.testing.assert_allclose(s["data_at_node"][0][4:6], [shape[0].real, shape[0].imag], rtol=1e-5)
+
+
+def test_modes_carry_their_deviations_as_text(tmp_path):
+    modes = replace(
+        samples.modes(),
+        frequencies_std=np.full(len(samples.modes()), 0.0123),
+        damping_ratios_std=np.full(len(samples.modes()), 4.56e-4),
+    )
+    mio.write(tmp_path / "a.uff", modes)
+    assert (tmp_path / "a.uff").read_text().count("std 0.0123 Hz, 0.000456") == len(modes)
+    assert mio.read(tmp_path / "a.uff").frequencies == pytest.approx(modes.frequencies, rel=1e-5)
 
 
 def test_the_byte_count_of_a_binary_header_is_the_payload(tmp_path):

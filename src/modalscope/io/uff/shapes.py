@@ -228,7 +228,7 @@ def _one(
         f"mode {j + 1}: {f:.6g} Hz, damping ratio {zeta:.6g}",
         "NONE",
         f"shapes {modes.scaling}",
-        "NONE",
+        _deviations(modes, j),
     ]
     lines = [form(_TEXT, {"text": text}) for text in texts] + [form(_DEFINITION, head)]
     if dataset == 2414:
@@ -243,6 +243,16 @@ def _one(
         flat = row.real if real else row.view(float)
         lines += [f"{node:10d}", *(_row(flat[k : k + _A_LINE]) for k in range(0, flat.size, _A_LINE))]
     return one_set(dataset, lines)
+
+
+def _deviations(modes: ModalModel, j: int) -> str:
+    """Return the deviations of frequency and damping ratio as a line of text; NONE where none is known."""
+    said = []
+    for name in ("std", "repeatability"):
+        f, zeta = (getattr(modes, f"{of}_{name}") for of in ("frequencies", "damping_ratios"))
+        if f is not None and zeta is not None and np.isfinite(f[j]):
+            said.append(f"{name} {f[j]:.3g} Hz, {zeta[j]:.3g}")
+    return "; ".join(said) or "NONE"
 
 
 def _row(values: Any) -> str:
