@@ -23,8 +23,8 @@ from modalscope.model.response import window_damping
 
 __all__ = ["Trial", "verdicts"]
 
-#: With more damping than this a mode has to be shown by the diagram.
-_DAMPED = 0.3
+#: With more damping than this a mode has to be shown by the diagram: so wide a pole may stand for modes outside the band.
+_DAMPED = 0.1
 
 #: A mode is sure when frequency and damping are known to this part of the half bandwidth and of the damping ratio, and values of
 #: the diagram stand for it within this part of a half bandwidth.
@@ -133,7 +133,9 @@ def _mode(trial: Trial, j: int, groups: list[Candidate], fit: float) -> Candidat
             f"shown at {best.members.size} of {len(trial.poles.orders)} orders only, in data whose errors are no white noise"
         )
     apart, damped = trial.found.frequency_std[j] / (f * zeta), trial.found.damping_std[j] / zeta
-    if not (apart < _SURE and damped < _SURE and (zeta < _DAMPED or best.own is None)):
+    if zeta >= _DAMPED and not groups:
+        against.append(f"damped by {100 * zeta:.2g} %, which no orders show: it may stand for modes outside the band")
+    if not (apart < _SURE and damped < _SURE):
         against.append(
             f"the data leave its frequency open by {apart:.2g} half bandwidths and its damping by {100 * damped:.2g} %"
         )
