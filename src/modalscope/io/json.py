@@ -45,7 +45,7 @@ __all__ = ["WRITE_OPTIONS", "read", "write"]
 WRITE_OPTIONS = ("method", "domain", "orders", "route", "data", "result")
 
 _DIRECT = ("feedthrough", "lower_residual", "upper_residual")
-_OF_DATA = ("quantity", "dt", "held_input", "scaling")
+_OF_DATA = ("quantity", "dt", "held_input", "scaling", "output_dofs", "input_dofs", "units", "processing")
 
 
 # ------------------------------------------------------------------------------------------------------------- writing
@@ -68,12 +68,6 @@ def write(path: Path, modes: Any, options: Options) -> None:
         )
     options = {**_of_result(options.get("result")), **options}
     data = {name: getattr(modes, name) for name in _OF_DATA}
-    data |= {
-        "output_dofs": modes.output_dofs,
-        "input_dofs": modes.input_dofs,
-        "units": modes.units,
-        "processing": modes.processing,
-    }
     document = {
         "modalscope": VERSION,
         "data": {**dict(options.get("data") or {}), **data},

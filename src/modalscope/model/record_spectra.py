@@ -24,11 +24,13 @@ from modalscope.model.driven_lines import DrivenLines
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.groups import check_groups, run_groups
 from modalscope.model.line_choice import near_modes, telling_lines
+from modalscope.model.no_response import NoResponse
 from modalscope.model.notes import Note
 from modalscope.model.poles import to_discrete
 from modalscope.model.record_picture import picture_of
 from modalscope.model.record_residual import excess, excess_notes, pole_notes
-from modalscope.model.response import AsLines, AsSamples, Response, level_power, output_scale
+from modalscope.model.record_sums import drive_of_poles, rebuilt_values, smoothed, untold_inputs
+from modalscope.model.response import level_power, output_scale
 from modalscope.model.statespace import StateSpace
 
 if TYPE_CHECKING:
@@ -39,18 +41,12 @@ __all__ = ["RecordSpectra"]
 #: The degree below which damping is hardly known.
 _LEAST_DEGREE = 8
 
-#: Inputs are alike where a direction of them, each of length one, is shorter than this; an input has part in it from so much on.
-_ALIKE, _SHARE = 1e-9, 1e-6
-
 #: Lines on which models of long records are judged, and refined.
 _JUDGED, _REFINED = 32_768, 131_072
 
-#: Neighbouring lines on either side that one value of the smoothed spectrum is made of.
-_NEAR = 3
-
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
-class RecordSpectra(Response):
+class RecordSpectra(NoResponse):
     """Transforms of the outputs on the lines of all runs, one run after the other, beside those of the inputs.
 
     A model gives Y = D U + sum_j c_j (l_j' U + w_j x) / (x - s_j) + conj: nothing is estimated, and a run may begin and end anywhere.
@@ -91,11 +87,6 @@ class RecordSpectra(Response):
         self._label(self.values.shape[1], self.drive.shape[1])
 
     @property
-    def origin(self) -> str:
-        """Records."""
-        return "records"
-
-    @property
     def span(self) -> tuple[float, float]:
         """Lowest and highest line, Hz."""
         return float(self.frequencies.min()), float(self.frequencies.max())
@@ -109,11 +100,6 @@ class RecordSpectra(Response):
     def held_input(self) -> bool:
         """Whether the inputs were held between samples."""
         return self.sampling_rate is not None
-
-    @property
-    def steps_late(self) -> int:
-        """Lines begin at the impulse itself: 0."""
-        return 0
 
     @property
     def points(self) -> ComplexArray:
@@ -218,23 +204,9 @@ class RecordSpectra(Response):
         """Return the direct term by name."""
         return {"feedthrough": terms[0]}
 
-    def derivatives(self, poles: Array) -> RealArray:
-        """Records have no derivative that is the same for all inputs."""
-        raise DataError(
-            "derivatives of functions of poles alone were asked",
-            "in records every pole is driven by all inputs together",
-            "Use those of a frequency response.",
-        )
-
     def spectrum(self) -> tuple[RealArray, ComplexArray]:
         """Return lines in Hz and the outputs on them and their neighbours, (F, l, p), whose singular values are a smoothed spectrum's."""
-        parts = []
-        for r in range(len(self.durations)):
-            own = np.flatnonzero(self.run == r)
-            near = np.clip(own[:, None] + np.arange(-_NEAR, _NEAR + 1), own[0], own[-1]) if own.size else own[:, None]
-            parts.append((self.frequencies[own], self.values[near, :, 0].transpose(0, 2, 1) / np.sqrt(near.shape[1])))
-        order = np.argsort(np.concatenate([f for f, _ in parts]), kind="stable")
-        return np.concatenate([f for f, _ in parts])[order], np.concatenate([v for _, v in parts])[order]
+        return smoothed(self)
 
     def doubts(
         self, poles: Array, shapes: Array, participation: Array, terms: Array, trusted: Array
@@ -247,24 +219,7 @@ class RecordSpectra(Response):
     @property
     def untold(self) -> tuple[str, ...]:
         """Inputs that are zero or depend on the others: what they give together is known, and not how it is shared."""
-        U = np.concatenate([self.drive.real, self.drive.imag])
-        size = np.linalg.norm(U, axis=0)
-        R = np.linalg.qr(U / np.where(size > 0, size, 1), mode="r")
-        _, d, Vt = np.linalg.svd(R)
-        alone = Vt[np.count_nonzero(d > _ALIKE) :]
-        return tuple(
-            dof for dof, part in zip(self.input_dofs, alone.T, strict=True) if np.abs(part).max(initial=0) > _SHARE
-        )
-
-    @property
-    def separable(self) -> bool:
-        """False: all inputs act together."""
-        return False
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """What the last axis of the values is: all inputs act together."""
-        return ("all inputs",)
+        return untold_inputs(self)
 
     def picture(self) -> FrequencyResponse:
         """Return frequency responses H1 of the lines and their neighbours, for the eye alone: nothing is judged on them."""
@@ -278,44 +233,7 @@ class RecordSpectra(Response):
 
     def driven(self, poles: Array, participation: Array) -> RealArray:
         """Return the root mean square of what drives each pole on the lines near its frequency, (n,); see `Response.driven`."""
-        rate = self.sampling_rate or 1.0
-        f, half = np.abs(poles.imag) / (2 * np.pi), np.abs(poles.real) / (2 * np.pi)
-        power, count = np.zeros(len(poles)), np.zeros(len(poles))
-        for r, run in enumerate(self.runs()):
-            own = self.frequencies[self.run == r]
-            if not own.size:
-                continue
-            drives = np.hstack([run.inputs, np.zeros((own.size, len(self.durations)))])
-            drives[:, run.inputs.shape[1] + r] = run.ends
-            middle = np.searchsorted(own, f)
-            low = np.clip(np.minimum(np.searchsorted(own, f - half), middle - _NEAR), 0, own.size - 1)
-            high = np.clip(np.maximum(np.searchsorted(own, f + half), middle + _NEAR), low + 1, own.size)
-            for j, (a, b) in enumerate(zip(low, high, strict=True)):
-                power[j] += np.sum(np.abs(drives[a:b, : participation.shape[1]] @ participation[j]) ** 2)
-                count[j] += b - a
-        return np.asarray(rate * np.sqrt(power / np.maximum(count, 1)))
-
-    @property
-    def exact_samples(self) -> bool:
-        """False: records are no samples of a response."""
-        return False
-
-    @property
-    def exact_lines(self) -> bool:
-        """False: records are no lines of a response."""
-        return False
-
-    def as_samples(self) -> AsSamples:
-        """Records are no response; see `estimate_markov`."""
-        raise self._no_response("samples of a response", "route='markov'")
-
-    def as_lines(self) -> AsLines:
-        """Records are no response; see `estimate_frf`."""
-        raise self._no_response("frequency responses", "route='frf'")
-
-    @staticmethod
-    def _no_response(what: str, change: str) -> DataError:
-        return DataError(f"{what} were asked", "the data are records on lines", f"Use {change}.")
+        return drive_of_poles(self, poles, participation)
 
     def in_band(self, band: tuple[float, float] | None) -> RecordSpectra:
         """Return the lines in a band."""
@@ -337,19 +255,7 @@ class RecordSpectra(Response):
 
     def rebuilt_by(self, model: StateSpace) -> RecordSpectra:
         """Return what a model gives on these lines under the measured inputs, from the first states that fit best."""
-        s = 2j * np.pi * self.frequencies
-        x = s if model.dt is None else np.exp(s * model.dt)
-        values = np.einsum("flm,fm->fl", model.transfer(x), self.drive)
-        states = StateSpace(A=model.A, B=np.eye(model.order), C=model.C, dt=model.dt)
-        for r in range(len(self.durations)):
-            own = self.run == r
-            free = states.transfer(x[own]) * (1.0 if model.dt is None else x[own, None, None])
-            columns, left = free.reshape(-1, model.order), (self.values[own, :, 0] - values[own]).reshape(-1)
-            first = np.linalg.lstsq(
-                np.concatenate([columns.real, columns.imag]), np.concatenate([left.real, left.imag]), rcond=None
-            )[0]
-            values[own] += free @ first
-        return replace(self, values=values[:, :, None])
+        return replace(self, values=rebuilt_values(self, model))
 
     def of_modes(self, modes: ModalModel) -> RecordSpectra:
         """Return what modes give on these lines under the measured inputs, from the first states that fit best."""

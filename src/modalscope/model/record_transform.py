@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy import fft
 
@@ -34,19 +36,8 @@ def record_spectra(records: Records, band: tuple[float, float] | None = None) ->
     fs, m = records.sampling_rate, len(records.input_dofs)
     if not m:
         raise DataError("records on lines were asked", "they have no inputs", "Give the inputs, or use correlations.")
-    parts = []
-    for N in records.samples:
-        f = np.arange(1, (N + 1) // 2) * fs / N
-        inside = slice(None) if band is None else (f >= band[0]) & (f <= band[1])
-        parts.append((f[inside], inside))
+    parts = _chosen(records, band)
     count = [f.size for f, _ in parts]
-    if not sum(count):
-        asked = "all lines" if band is None else f"the band {band[0]:g} to {band[1]:g} Hz"
-        raise DataError(
-            f"{asked} of records were asked",
-            f"runs of {', '.join(map(str, records.samples))} samples at {fs:g} Hz have no line there",
-            "Choose a wider band, or measure longer.",
-        )
     values, drive = np.empty((sum(count), len(records.output_dofs)), complex), np.zeros((sum(count), m), complex)
     first = 0
     for r, (run, (f, inside)) in enumerate(zip(records.runs, parts, strict=True)):
@@ -74,6 +65,23 @@ def record_spectra(records: Records, band: tuple[float, float] | None = None) ->
         source_path=records.source_path,
         groups=records.groups,
     )
+
+
+def _chosen(records: Records, band: tuple[float, float] | None) -> list[tuple[RealArray, Any]]:
+    """Return the lines of every run in a band, Hz, and which of all they are."""
+    fs, parts = records.sampling_rate, []
+    for N in records.samples:
+        f = np.arange(1, (N + 1) // 2) * fs / N
+        inside = slice(None) if band is None else (f >= band[0]) & (f <= band[1])
+        parts.append((f[inside], inside))
+    if not sum(f.size for f, _ in parts):
+        asked = "all lines" if band is None else f"the band {band[0]:g} to {band[1]:g} Hz"
+        raise DataError(
+            f"{asked} of records were asked",
+            f"runs of {', '.join(map(str, records.samples))} samples at {fs:g} Hz have no line there",
+            "Choose a wider band, or measure longer.",
+        )
+    return parts
 
 
 def _lines(samples: RealArray) -> ComplexArray:

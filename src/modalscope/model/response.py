@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from modalscope.model.channels import Channels
 from modalscope.model.checks import Array, ComplexArray, RealArray
-from modalscope.model.groups import AUTO, Groups
 from modalscope.model.modal_basis import ModalBasis
 from modalscope.model.notes import Note
+from modalscope.model.response_facts import ResponseFacts
 
 if TYPE_CHECKING:
     from modalscope.model.frequency import FrequencyResponse
@@ -38,7 +37,7 @@ class AsLines(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
-class Response(Channels):
+class Response(ResponseFacts):
     """A measured response, (lines or samples, outputs, inputs): what both kinds offer to whoever identifies or judges.
 
     Nobody has to ask which kind it is: what differs is a method here.
@@ -55,57 +54,6 @@ class Response(Channels):
     groups : sequence of labels, "auto" or None
         One label an input (of records: a run): what disagrees between groups is repeatability.
     """
-
-    values: Array
-    sampling_rate: float | None = None
-    quantity: str | None = None
-    added_damping: float = 0.0
-    groups: Groups = AUTO
-
-    @property
-    @abstractmethod
-    def origin(self) -> str:
-        """Where the values came from: "lines", or the kind of an impulse response."""
-
-    @property
-    def ambient(self) -> bool:
-        """Whether the response was estimated from outputs alone, so that its columns are references and it carries estimation errors."""
-        return self.origin == "correlation"
-
-    @property
-    def known_variance(self) -> RealArray | None:
-        """Variance E|error|^2 of every value, where the data carry one."""
-        return getattr(self, "variance", None)
-
-    @property
-    def count(self) -> int:
-        """Number of lines or samples."""
-        return int(self.values.shape[0])
-
-    @property
-    def room(self) -> int | None:
-        """Largest number of states worth a try; None where the samples alone do not tell."""
-        return None
-
-    @property
-    @abstractmethod
-    def span(self) -> tuple[float, float]:
-        """Lowest and highest frequency that the data can show, Hz."""
-
-    @property
-    @abstractmethod
-    def grid(self) -> RealArray | None:
-        """The lines in Hz; None of samples, which have no resolution of their own."""
-
-    @property
-    @abstractmethod
-    def held_input(self) -> bool:
-        """Whether the response is that of a sampled system under a held input, H(z) = D + sum phi l' / (z - exp(s dt))."""
-
-    @property
-    @abstractmethod
-    def steps_late(self) -> int:
-        """Sampling intervals from the impulse to the first sample; 0 for lines."""
 
     @abstractmethod
     def basis(self, poles: Array, powers: tuple[int, ...] = (0,), weights: Array | None = None) -> ModalBasis:
@@ -143,26 +91,6 @@ class Response(Channels):
         powers : tuple of int
         """
         return self.basis(poles, powers)
-
-    @property
-    def parts(self) -> tuple[int, str]:
-        """How many parts have labels of groups, and what a part is, in words."""
-        return int(self.values.shape[2]), "an input"
-
-    @property
-    def drives(self) -> int:
-        """How many numbers say what drives a pole: one an input."""
-        return len(self.input_dofs)
-
-    @property
-    @abstractmethod
-    def outside_powers(self) -> tuple[int, ...]:
-        """Powers of j w that a fit should carry beside the modes, for the modes outside the band; (0,) is the direct term alone."""
-
-    @property
-    def refined_powers(self) -> tuple[int, ...]:
-        """Powers that a refinement carries beside the modes."""
-        return self.outside_powers
 
     @abstractmethod
     def named_terms(self, terms: RealArray, powers: tuple[int, ...]) -> dict[str, RealArray | None]:
@@ -216,16 +144,6 @@ class Response(Channels):
         """
         return ()
 
-    @property
-    def separable(self) -> bool:
-        """Whether what a pole contributes is the same function for all inputs."""
-        return True
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """What the last axis of the values is: the inputs."""
-        return self.input_dofs
-
     def picture(self) -> Response:
         """Return what is drawn for these data: themselves, where they are responses."""
         return self
@@ -250,16 +168,6 @@ class Response(Channels):
         participation : array of complex, (n, m)
         """
         return np.asarray(np.linalg.norm(participation, axis=1))
-
-    @property
-    @abstractmethod
-    def exact_samples(self) -> bool:
-        """Whether the response as samples loses nothing."""
-
-    @property
-    @abstractmethod
-    def exact_lines(self) -> bool:
-        """Whether the response as lines loses nothing."""
 
     @abstractmethod
     def as_samples(self) -> AsSamples:

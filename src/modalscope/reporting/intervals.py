@@ -50,6 +50,17 @@ def certificate_section(found: Certificate) -> Section:
         )
         for of in ("frequency", "damping")
     )
+    caption = "Bias and scatter in predicted deviations; coverage of the 95 % interval; in how many simulations the mode was found"
+    told = "".join(paragraph(str(note)) for note in found.notes)
+    told += (
+        paragraph("What does not hold has the deviation that the simulations show in its place.") if found.notes else ""
+    )
+    body = f'{paragraph(lead)}<div class="pair">{pictures}</div>{table(*_of_certificate(found), words=[9], caption=caption)}{told}'
+    return Section("certificate", "Do the intervals hold", body)
+
+
+def _of_certificate(found: Certificate) -> tuple[list[str], list[list[str]]]:
+    """Return head and rows of the table of a certificate."""
     rows = [
         [
             str(j + 1),
@@ -71,10 +82,4 @@ def certificate_section(found: Certificate) -> Section:
         "found",
         "interval",
     ]
-    caption = "Bias and scatter in predicted deviations; coverage of the 95 % interval; in how many simulations the mode was found"
-    told = "".join(paragraph(str(note)) for note in found.notes)
-    told += (
-        paragraph("What does not hold has the deviation that the simulations show in its place.") if found.notes else ""
-    )
-    body = f'{paragraph(lead)}<div class="pair">{pictures}</div>{table(head, rows, words=[9], caption=caption)}{told}'
-    return Section("certificate", "Do the intervals hold", body)
+    return head, rows

@@ -1,0 +1,81 @@
+"""What lines of records say: smoothed spectra, what drives a pole, inputs that are not told apart, and models rebuilt on them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.statespace import StateSpace
+
+if TYPE_CHECKING:
+    from modalscope.model.record_spectra import RecordSpectra
+
+__all__ = ["NEAR", "drive_of_poles", "rebuilt_values", "smoothed", "untold_inputs"]
+
+#: Neighbouring lines on either side that one value of the smoothed spectrum is made of.
+NEAR = 3
+
+#: Inputs are alike where a direction of them, each of length one, is shorter than this; an input has part in it from so much on.
+_ALIKE, _SHARE = 1e-9, 1e-6
+
+
+def smoothed(lines: RecordSpectra) -> tuple[RealArray, ComplexArray]:
+    """Return lines in Hz and the outputs on them and their neighbours, (F, l, p), whose singular values are a smoothed spectrum's."""
+    parts = []
+    for r in range(len(lines.durations)):
+        own = np.flatnonzero(lines.run == r)
+        near = np.clip(own[:, None] + np.arange(-NEAR, NEAR + 1), own[0], own[-1]) if own.size else own[:, None]
+        parts.append((lines.frequencies[own], lines.values[near, :, 0].transpose(0, 2, 1) / np.sqrt(near.shape[1])))
+    order = np.argsort(np.concatenate([f for f, _ in parts]), kind="stable")
+    return np.concatenate([f for f, _ in parts])[order], np.concatenate([v for _, v in parts])[order]
+
+
+def untold_inputs(lines: RecordSpectra) -> tuple[str, ...]:
+    """Return the inputs that are zero or depend on the others: what they give together is known, and not how it is shared."""
+    U = np.concatenate([lines.drive.real, lines.drive.imag])
+    size = np.linalg.norm(U, axis=0)
+    R = np.linalg.qr(U / np.where(size > 0, size, 1), mode="r")
+    _, d, Vt = np.linalg.svd(R)
+    alone = Vt[np.count_nonzero(d > _ALIKE) :]
+    return tuple(
+        dof for dof, part in zip(lines.input_dofs, alone.T, strict=True) if np.abs(part).max(initial=0) > _SHARE
+    )
+
+
+def drive_of_poles(lines: RecordSpectra, poles: Array, participation: Array) -> RealArray:
+    """Return the root mean square of what drives each pole on the lines near its frequency, (n,)."""
+    rate = lines.sampling_rate or 1.0
+    f, half = np.abs(poles.imag) / (2 * np.pi), np.abs(poles.real) / (2 * np.pi)
+    power, count = np.zeros(len(poles)), np.zeros(len(poles))
+    for r, run in enumerate(lines.runs()):
+        own = lines.frequencies[lines.run == r]
+        if not own.size:
+            continue
+        drives = np.hstack([run.inputs, np.zeros((own.size, len(lines.durations)))])
+        drives[:, run.inputs.shape[1] + r] = run.ends
+        middle = np.searchsorted(own, f)
+        low = np.clip(np.minimum(np.searchsorted(own, f - half), middle - NEAR), 0, own.size - 1)
+        high = np.clip(np.maximum(np.searchsorted(own, f + half), middle + NEAR), low + 1, own.size)
+        for j, (a, b) in enumerate(zip(low, high, strict=True)):
+            power[j] += np.sum(np.abs(drives[a:b, : participation.shape[1]] @ participation[j]) ** 2)
+            count[j] += b - a
+    return np.asarray(rate * np.sqrt(power / np.maximum(count, 1)))
+
+
+def rebuilt_values(lines: RecordSpectra, model: StateSpace) -> ComplexArray:
+    """Return what a model gives on lines under the measured inputs, from the first states that fit best, (F, l, 1)."""
+    s = 2j * np.pi * lines.frequencies
+    x = s if model.dt is None else np.exp(s * model.dt)
+    values = np.einsum("flm,fm->fl", model.transfer(x), lines.drive)
+    states = StateSpace(A=model.A, B=np.eye(model.order), C=model.C, dt=model.dt)
+    for r in range(len(lines.durations)):
+        own = lines.run == r
+        free = states.transfer(x[own]) * (1.0 if model.dt is None else x[own, None, None])
+        columns, left = free.reshape(-1, model.order), (lines.values[own, :, 0] - values[own]).reshape(-1)
+        first = np.linalg.lstsq(
+            np.concatenate([columns.real, columns.imag]), np.concatenate([left.real, left.imag]), rcond=None
+        )[0]
+        values[own] += free @ first
+    return np.asarray(values[:, :, None])
