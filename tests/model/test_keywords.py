@@ -14,7 +14,7 @@ import modalscope as ms
 PLACES = (ms, ms.preprocess, ms.plot)
 
 #: Files have options of their own formats, each with an error of its own.
-FORMATS = {"read", "write"}
+FORMATS = {"read", "write", "from_frame"}
 
 VERBS = {
     f"{place.__name__}.{name}": getattr(place, name)

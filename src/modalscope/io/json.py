@@ -45,7 +45,8 @@ __all__ = ["WRITE_OPTIONS", "read", "write"]
 WRITE_OPTIONS = ("method", "domain", "orders", "route", "data", "result")
 
 _DIRECT = ("feedthrough", "lower_residual", "upper_residual")
-_OF_DATA = ("quantity", "dt", "held_input", "scaling", "output_dofs", "input_dofs", "units", "processing")
+_OF_DATA = ("quantity", "dt", "held_input", "scaling")
+_OF_CHANNELS = ("output_dofs", "input_dofs", "units", "processing")
 
 
 # ------------------------------------------------------------------------------------------------------------- writing
@@ -67,7 +68,7 @@ def write(path: Path, modes: Any, options: Options) -> None:
             "Use .npz, .h5 or .uff for records and responses.",
         )
     options = {**_of_result(options.get("result")), **options}
-    data = {name: getattr(modes, name) for name in _OF_DATA}
+    data = {name: getattr(modes, name) for name in (*_OF_DATA, *_OF_CHANNELS)}
     document = {
         "modalscope": VERSION,
         "data": {**dict(options.get("data") or {}), **data},
