@@ -28,8 +28,9 @@ _OUTSIDE, _DAMPED = 0.1, 0.9
 #: Poles that overlap are one mode above this MAC, and those of single channels nearer than this part of both half bandwidths.
 ONE_SHAPE, _CLOSE = 0.9, 0.25
 
-#: In data that may not be white every round leaves at most this part of what exceeds white noise.
-_WHITER = 0.7
+#: In data that may not be white every round leaves at most this part of what exceeds white noise; of so many values, where a round is
+#: dear, that is asked of the peaks before they are refined with the others.
+_WHITER, _LARGE = 0.7, 20_000
 
 #: Rounds of looking for what is missing, and poles taken up in each.
 _ROUNDS, _PEAKS = 8, 6
@@ -156,14 +157,17 @@ def _completed(state: _State, excess: float | None) -> _State | None:
         more, named = _with_peaks(state, tried)
         if not len(named):
             break
-        if excess is not None and _excess(state, named) > max(1.0, _WHITER * excess):
+        large = state.arena.problem.freedom > _LARGE
+        if excess is not None and large and _excess(state, named) > max(1.0, _WHITER * excess):
             return None
         before = len(state.poles)
         state = _settled(state.arena, state.variance, *more)
         tried = np.concatenate([tried, named, state.poles])
         if excess is not None:
-            excess = _excess(state)
-            excess = excess if excess > 1 else None
+            left = _excess(state)
+            if left > max(1.0, _WHITER * excess):
+                return None
+            excess = left if left > 1 else None
         if len(state.poles) <= before:
             break
     return state if excess is None or excess <= 1 else None
