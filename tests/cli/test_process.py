@@ -144,7 +144,11 @@ def test_a_signal_is_one_line_and_no_temporary_file(tmp_path: Path, test_file: P
 @pytest.mark.parametrize("suffix", FORMATS)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL], ids=["INT", "TERM", "KILL"])
 def test_fifty_kills_at_any_time_lose_nothing(tmp_path: Path, suffix: str, number: int) -> None:
-    """The earlier file or the complete new one stands there; but for SIGKILL, which nobody can answer, there is no other file."""
+    """The earlier file or the complete new one stands there; but for SIGKILL, which nobody can answer, there is no other file.
+
+    Measured: 750 kills, in five formats by three signals; nothing lost, no file left but by SIGKILL. Ctrl-C within the first 0.2 s, while
+    Python starts, ends in Python's own words.
+    """
     source, target = tmp_path / "in.npz", tmp_path / f"out{suffix}"
     data = ms.Signals(outputs=np.random.default_rng(0).standard_normal((20000, 10)), sampling_rate=100.0)
     ms.write(source, data)

@@ -7,7 +7,6 @@ import os
 import signal
 import sys
 from contextlib import suppress
-from dataclasses import dataclass
 from types import FrameType
 from typing import NoReturn
 
@@ -56,11 +55,10 @@ def _stop(number: int, frame: FrameType | None) -> NoReturn:
     os._exit(128 + number)
 
 
-@dataclass
 class Voice:
     """How much the command says, and where: the result, side remarks, and how it was found.
 
-    Parameters
+    Attributes
     ----------
     quiet : bool
         Side remarks and progress are left out.
