@@ -33,7 +33,6 @@ COMMANDS = (
     compare,
     certify,
     refine,
-    certify,
     report,
     mac,
     plot,
