@@ -30,6 +30,7 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
     from modalscope.judging.stabilize import stabilize as stabilize
     from modalscope.modal import indicators as indicators
     from modalscope.modal.indicators import mac as mac
+    from modalscope.modal.pairing import comac as comac, pair_modes as pair_modes
     from modalscope.modal.shapes import fit_residues as fit_residues
     from modalscope.model import (
         DataError as DataError,
@@ -75,6 +76,7 @@ _HOMES = {
     "judging.select": ("select",),
     "judging.stabilize": ("stabilize",),
     "modal.indicators": ("mac",),
+    "modal.pairing": ("comac", "pair_modes"),
     "modal.shapes": ("fit_residues",),
     "model": (
         "DataError",

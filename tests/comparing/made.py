@@ -10,7 +10,7 @@ import numpy as np
 from modalscope.comparing.agreement import Group
 from modalscope.comparing.kinship import Kinship
 from modalscope.comparing.run import MethodResult
-from modalscope.identification.table import find_method
+from modalscope.identification.lookup import find_method
 from modalscope.model.modes import ModalModel
 from modalscope.model.poles import poles_from
 

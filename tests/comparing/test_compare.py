@@ -14,7 +14,8 @@ from modalscope.comparing.labels import find_by_name
 from modalscope.comparing.plan import plan
 from modalscope.comparing.run import MethodResult
 from modalscope.comparing.scatter import noise_floor
-from modalscope.identification.table import cell_label, methods
+from modalscope.identification.lookup import cell_label
+from modalscope.identification.table import methods
 from modalscope.modal.rebuilt import rebuilt
 from modalscope.model import DataError, FrequencyResponse, ImpulseResponse
 

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from modalscope.identification.method import has_decayed
-from modalscope.identification.table import find_method, methods
+from modalscope.identification.lookup import find_method
+from modalscope.identification.table import methods
+from modalscope.identification.takes import has_decayed
 from modalscope.model import ImpulseResponse
 from modalscope.systems import chain5
 

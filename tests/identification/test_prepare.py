@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from modalscope import DataError
-from modalscope.identification.prepare import prepare
+from modalscope.identification.lookup import find_method
+from modalscope.identification.prepare import measure, pose, prepare
 from modalscope.identification.table import methods
 from modalscope.model import FrequencyResponse, ImpulseResponse, Signals
 from modalscope.model.record_spectra import RecordSpectra
@@ -221,6 +222,14 @@ def test_lags_of_a_correlation_that_no_block_holds_are_left_out() -> None:
     rest = built(samples(), order=1, method="era", block_rows=5, block_columns=9).response
     assert isinstance(rest, ImpulseResponse)
     assert rest.samples == 64
+
+
+def test_what_makes_a_row_cannot_be_another_thing() -> None:
+    row = replace(find_method("era", None, "time"), fixed={"block_rows": 5})
+    assert pose(measure(samples()), row, {"block_rows": 5}).options.block_rows == 5
+    assert pose(measure(samples()), row, {}).options.block_rows == 5
+    with pytest.raises(DataError, match="block_rows=5 is what makes that row"):
+        pose(measure(samples()), row, {"block_rows": 6})
 
 
 def test_an_option_of_other_rows_is_refused_with_those_that_have_it() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from modalscope.cli.process import EXIT_WRONG, complain, hang_up, take_over
+from modalscope.cli.process import EXIT_WRONG, STDOUT, VOICE, complain, hang_up, take_over
 
 __all__ = ["main"]
 
@@ -51,10 +51,14 @@ def _run(words: Sequence[str]) -> None:
     import shlex
 
     from modalscope.cli.commands import build_parser
+    from modalscope.cli.config import configured
 
     command_line = shlex.join(["modalscope", *words])
+    parser = build_parser()
     try:
-        options = build_parser().parse_args(words, argparse.Namespace(command_line=command_line))
+        options = parser.parse_args(configured(words), argparse.Namespace(command_line=command_line))
+        VOICE.quiet, VOICE.verbose = (getattr(options, how, False) for how in ("quiet", "verbose"))
+        VOICE.aside = STDOUT in map(str, getattr(options, "outputs", ()))
         options.run(options)
     finally:
         if sys.stdout is not None:

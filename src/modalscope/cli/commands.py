@@ -3,14 +3,51 @@
 from __future__ import annotations
 
 from modalscope import __version__
-from modalscope.cli import compare, convert, identify, info, methods, simulate
-from modalscope.cli.parser import Parser
+from modalscope.cli import (
+    compare,
+    completion,
+    convert,
+    frf,
+    identify,
+    info,
+    mac,
+    merge,
+    methods,
+    plot,
+    psd,
+    realize,
+    refine,
+    report,
+    simulate,
+)
+from modalscope.cli.parser import Parser, add_common
 
-__all__ = ["COMMANDS", "build_parser"]
+__all__ = ["COMMANDS", "build_parser", "names"]
 
 #: The commands in the order of the help. Each is a module with `add`, what can be written, and `run`, what is done; `run`
 #: imports what it needs itself, so that the help of all costs the import of none.
-COMMANDS = (identify, compare, info, convert, methods, simulate)
+COMMANDS = (
+    identify,
+    compare,
+    refine,
+    report,
+    mac,
+    plot,
+    info,
+    frf,
+    psd,
+    merge,
+    convert,
+    realize,
+    methods,
+    simulate,
+    completion,
+)
+
+
+def names() -> tuple[str, ...]:
+    """Return the names of the commands, those of their modules."""
+    return tuple(command.__name__.rpartition(".")[2] for command in COMMANDS)
 
 
 def build_parser() -> Parser:
@@ -20,6 +57,8 @@ def build_parser() -> Parser:
     commands = parser.add_subparsers(title="commands", metavar="COMMAND")
     for command in COMMANDS:
         command.add(commands)
+    for each in commands.choices.values():
+        add_common(each)
     *most, last = commands.choices
     needed = f"a command is needed: {', '.join(most)} or {last} (see --help)"
     parser.set_defaults(run=lambda _: parser.error(needed))

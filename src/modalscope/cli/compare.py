@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 
-from modalscope.cli.parser import Commands, add_choices, add_file, add_output
-from modalscope.cli.process import say
+from modalscope.cli.parser import Commands, add_choices, add_files, add_outputs
+from modalscope.cli.process import remark, say
 
 __all__ = ["add", "run"]
 
@@ -18,7 +18,7 @@ def add(commands: Commands) -> None:
         help="try every method on a file, and say which modes to trust",
         description="Identify a file by every method of the table; say what they agree on, where they differ and why.",
     )
-    add_file(parser)
+    add_files(parser)
     parser.add_argument(
         "--methods",
         nargs="+",
@@ -27,20 +27,20 @@ def add(commands: Commands) -> None:
         help="rows or cells of the table, such as era alternate/s (default: all)",
     )
     add_choices(parser)
-    add_output(parser, "write .json, .csv, .uff (the consensus) or an .html report")
+    add_outputs(parser, "write .json, .csv, .uff (the consensus) or an .html report")
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> None:
     """Identify a file by many methods, write the comparison where that is asked, and print what they agree on."""
-    from modalscope.cli.output import check_output, is_page, write_modes, write_page
+    from modalscope.cli.output import check_outputs, write_outputs
     from modalscope.cli.progress import progress
-    from modalscope.cli.reading import parse_orders, read_responses
+    from modalscope.cli.reading import parse_orders, read_test
     from modalscope.comparing import compare
 
     orders = parse_orders(options.orders)
-    check_output(options, options.file)
-    data, told = read_responses(options, "methods compared")
+    check_outputs(options, options.files)
+    data, told = read_test(options)
     with progress("comparing") as show:
         found = compare(
             data,
@@ -51,10 +51,9 @@ def run(options: argparse.Namespace) -> None:
             progress=show,
         )
     found = replace(found, notes=(*told, *found.notes))
-    written = None
-    if options.output is not None and is_page(options.output):
-        written = write_page(options, found)
-    elif options.output is not None:
-        written = write_modes(options, found.modes, method="consensus", domain="all", orders=orders or ())
-    for line in (*told, found.table(), *([written] if written else [])):
+    beside = {"method": "consensus", "domain": "all", "orders": orders or ()}
+    written = write_outputs(options, found, ", ".join(map(str, options.files)), **beside)
+    for note in told:
+        remark(note)
+    for line in (found.table(), *written):
         say(line)

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from modalscope.cli.parser import Commands, add_force, add_reading
-from modalscope.cli.process import say
+from modalscope.cli.process import remark, say
 
 __all__ = ["add", "run"]
 
@@ -23,12 +23,12 @@ def add(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Read one format and write another."""
-    from modalscope.cli.output import check_output, left_out
+    from modalscope.cli.output import check_output, write_data
     from modalscope.cli.reading import read_data
-    from modalscope.io import describe, write
 
-    check_output(options, options.input)
+    check_output(options.output, (options.input,), options.force)
     data, told = read_data(options, options.input)
-    write(options.output, data)
-    for line in (*told, f"written: {options.output}, {describe(data)}{left_out(options.output, data)}"):
-        say(line)
+    written = write_data(options.output, data)
+    for note in told:
+        remark(note)
+    say(written)

@@ -1,12 +1,12 @@
-"""modalscope identify: the modes in a file."""
+"""modalscope identify: the modes in a file, or in the files of one test."""
 
 from __future__ import annotations
 
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from modalscope.cli.parser import Commands, add_choices, add_file, add_output
-from modalscope.cli.process import say
+from modalscope.cli.parser import Commands, add_choices, add_files, add_outputs
+from modalscope.cli.process import explain, remark, say
 
 if TYPE_CHECKING:
     from modalscope.model.result import Result
@@ -19,7 +19,7 @@ def add(commands: Commands) -> None:
     parser = commands.add_parser(
         "identify", help="find the modes in a file", description="Find the modes in a file, automatically."
     )
-    add_file(parser)
+    add_files(parser)
     parser.add_argument(
         "--method", help="a row of the table (see: modalscope methods); by default the one that suits the data"
     )
@@ -37,29 +37,49 @@ def add(commands: Commands) -> None:
         help="report the values of the diagram, not those of the maximum of the likelihood",
     )
     parser.add_argument("--all", action="store_true", help="print what was left out, too, and why")
-    add_output(parser, "write .json, .csv, .uff or an .html report")
+    parser.add_argument(
+        "--each",
+        action="store_true",
+        help="every file is a test of its own: one table, modes paired with those of the first file",
+    )
+    add_outputs(parser, "write .json, .csv, .uff or an .html report")
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> None:
     """Find the modes in a file, write them where that is asked, and print them: a closed pipe loses no file."""
-    from modalscope.cli.output import check_output, is_page, write_page, write_result
+    from modalscope.cli.output import check_outputs, is_page, write_outputs
+
+    if options.each:
+        from modalscope.cli.batch import run_each
+
+        run_each(options)
+        return
+    check_outputs(options, options.files)
+    if len(options.band or ()) > 1 and any(is_page(path) for path in options.outputs):
+        _refuse_page_of(options.band)
+    result = found_in(options, options.files)
+    written = write_outputs(options, result, ", ".join(map(str, options.files)))
+    _print(result, everything=options.all)
+    for line in written:
+        say(line)
+
+
+def found_in(options: argparse.Namespace, files: list[Any]) -> Result:
+    """Return the result of the choices on the command line for the files of one test."""
     from modalscope.cli.progress import progress
     from modalscope.cli.reading import parse_orders, reading_options
     from modalscope.workflow.analyze import analyze
 
-    check_output(options, options.file)
-    orders, bands = parse_orders(options.orders), [tuple(band) for band in options.band or ()]
-    if len(bands) > 1 and options.output is not None and is_page(options.output):
-        _refuse_page_of(bands)
+    bands = [tuple(band) for band in options.band or ()]
     given: dict[str, Any] = {"band": bands[0] if len(bands) == 1 else bands or None, "exclude": options.exclude}
     given["route"] = options.route
     with progress("identifying") as show:
-        result = analyze(
-            options.file,
+        return analyze(
+            files[0] if len(files) == 1 else files,
             method=options.method,
             domain=options.domain,
-            orders=orders,
+            orders=parse_orders(options.orders),
             frequencies=options.frequencies,
             take=options.take or (),
             refuse=options.refuse or (),
@@ -68,12 +88,6 @@ def run(options: argparse.Namespace) -> None:
             progress=show,
             **given,
         )
-    written = None
-    if options.output is not None:
-        written = write_page(options, result) if is_page(options.output) else write_result(options, result)
-    _print(result, everything=options.all)
-    if written:
-        say(written)
 
 
 def _refuse_page_of(bands: list[Any]) -> None:
@@ -88,21 +102,22 @@ def _refuse_page_of(bands: list[Any]) -> None:
 
 def _print(result: Result, *, everything: bool = False) -> None:
     """Print how the modes were found, what was noted, and the modes."""
-    from modalscope.identification.table import cell_label
+    from modalscope.identification.lookup import cell_label
     from modalscope.modal.explained import explained
     from modalscope.modal.rebuilt import fit_of
 
     for note in result.notes:
         if note.kind == "file":
-            say(note)
+            remark(note)
     for diagram in result.diagrams:
-        say(f"{cell_label(diagram.method, diagram.domain)}, orders {diagram.orders[0]} to {diagram.orders[-1]}")
+        remark(f"{cell_label(diagram.method, diagram.domain)}, orders {diagram.orders[0]} to {diagram.orders[-1]}")
         for note in diagram.notes:
-            say(f"  {note}")
+            remark(f"  {note}")
+        explain("  " + ", ".join(f"{name}={value!r}" for name, value in diagram.settings.items()))
     if result.findings:
-        say("quality:")
+        remark("quality:")
         for finding in result.findings:
-            say(f"  {finding}")
+            remark(f"  {finding}")
     if not len(result.modes):
         say("no mode stands out of the data")
         _print_left_out(result, everything)
@@ -110,9 +125,11 @@ def _print(result: Result, *, everything: bool = False) -> None:
     several = f"{len(result.diagrams)} bands merged\n\n" if len(result.diagrams) > 1 else ""
     say(f"\n{several}{result.modes.table()}")
     for note in result.modes.notes:
-        say(f"  {note}")
+        remark(f"  {note}")
     if len(result.diagrams) == 1:
         say(f"\n{explained(fit_of(result.modes, result.diagram.response))}")
+    for index, reasons in enumerate(result.modes.reasons):
+        explain(f"mode {index + 1}: {reasons}")
     _print_left_out(result, everything)
 
 
@@ -122,7 +139,7 @@ def _print_left_out(result: Result, everything: bool) -> None:
     if not left:
         return
     if not everything:
-        say(f"{len(left)} candidates were left out; --all prints them, and why")
+        remark(f"{len(left)} candidates were left out; --all prints them, and why")
         return
     say("\nleft out:")
     for each in left:

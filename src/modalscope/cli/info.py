@@ -21,7 +21,7 @@ def run(options: argparse.Namespace) -> None:
     """Print what a file holds, what was taken and left, and what is wrong with the data."""
     from modalscope.cli.reading import reading_options
     from modalscope.io import survey
-    from modalscope.model import Geometry, ModalModel, StabilizationDiagram
+    from modalscope.model import Geometry, ModalModel, StabilizationDiagram, StateSpace
     from modalscope.preprocess import examine
 
     told = survey(options.file, **reading_options(options))
@@ -30,7 +30,7 @@ def run(options: argparse.Namespace) -> None:
     if isinstance(data, ModalModel):
         say(data.table())
         return
-    if isinstance(data, Geometry | StabilizationDiagram):  # nothing was measured
+    if isinstance(data, Geometry | StateSpace | StabilizationDiagram):  # nothing was measured
         return
     findings = examine(data)
     say("quality: nothing to report" if not findings else "quality:")

@@ -1,19 +1,41 @@
-"""Results written where the user asked for them."""
+"""Results written where the user asked for them: any number of files, or JSON on stdout."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
 
-from modalscope.io.atomic import check_target
-from modalscope.io.marks import is_ours
+from modalscope.cli.process import STDOUT
+from modalscope.io.atomic import check_target, replacing
+from modalscope.io.marks import MARK, is_ours
 from modalscope.model import DataError, ModalModel
 from modalscope.model.result import Result
 
-__all__ = ["check_output", "is_page", "left_out", "write_modes", "write_page", "write_result"]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = [
+    "DATA",
+    "PICTURES",
+    "check_output",
+    "check_outputs",
+    "is_page",
+    "left_out",
+    "needed",
+    "write_data",
+    "write_outputs",
+    "write_picture",
+]
 
 _PAGES = (".html", ".htm")
+
+#: Suffixes of data, and of pictures.
+DATA = (".uff", ".unv", ".npz", ".mat", ".h5", ".hdf5", ".csv")
+PICTURES = (".png", ".svg", ".pdf")
+
 _KNOWN = (".json", ".csv", ".uff", ".unv", *_PAGES, ".npz", ".h5", ".hdf5", ".mat")
 
 
@@ -22,25 +44,26 @@ def is_page(path: Path) -> bool:
     return path.suffix.lower() in _PAGES
 
 
-def check_output(options: argparse.Namespace, *sources: Path) -> None:
-    """Refuse a name that cannot be written before the work is done, not after it; without an output there is nothing to write.
+def check_outputs(options: argparse.Namespace, sources: Iterable[Path], known: tuple[str, ...] = _KNOWN) -> None:
+    """Refuse names that cannot be written before the work is done, not after it; without an output there is nothing to write."""
+    for path in options.outputs:
+        if str(path) != STDOUT:
+            check_output(path, sources, options.force, known)
+        elif ".json" not in known:
+            raise DataError("JSON on stdout was asked", f"this is written as {', '.join(known)}", "Name a file.")
 
-    A source is never overwritten, and a file that modalscope did not write only with --force.
-    """
-    path = options.output
-    if path is None:
-        return
-    if path.suffix.lower() not in _KNOWN:
+
+def check_output(path: Path, sources: Iterable[Path], force: bool, known: tuple[str, ...] = _KNOWN) -> None:
+    """Refuse a name that cannot be written: a source is never overwritten, a file that modalscope did not write only with --force."""
+    if path.suffix.lower() not in known:
         raise DataError(
-            f"writing {path.name} was asked",
-            f"results are written as {', '.join(_KNOWN)}",
-            "Choose one of these suffixes.",
+            f"writing {path.name} was asked", f"this is written as {', '.join(known)}", "Choose one of these suffixes."
         )
-    target = check_target(path, sources)
+    target = check_target(path, tuple(sources))
     if not target.parent.is_dir():
         what = f"there is no folder {target.parent}"
         raise DataError(f"writing {str(path)!r} was asked", what, "Name a file in a folder that is there.")
-    if not options.force and target.exists() and target.stat().st_size and not is_ours(target):
+    if not force and target.exists() and target.stat().st_size and not is_ours(target):
         raise DataError(
             f"writing {str(path)!r} was asked",
             "that file is there, and modalscope did not write it",
@@ -48,29 +71,73 @@ def check_output(options: argparse.Namespace, *sources: Path) -> None:
         )
 
 
-def write_page(options: argparse.Namespace, result: Any) -> str:
-    """Write a report with the command that repeats it, and say where."""
-    from modalscope.reporting import report
+def write_outputs(options: argparse.Namespace, found: Any, source: str, **beside: Any) -> list[str]:
+    """Write what was found to every output and return what is to be said of each; JSON that stdout is asked for is printed at once.
 
-    report(result, options.output, source=str(options.file), command=options.command_line)
-    return f"written: {options.output}"
+    Parameters
+    ----------
+    options : Namespace
+        `outputs`, and the `command_line` that a report repeats.
+    found : Result, Comparison, ModalModel or data
+    source : str
+        Where the data came from.
+    **beside
+        Written into JSON beside modes.
+    """
+    told = []
+    for path in options.outputs:
+        if str(path) == STDOUT:
+            with TemporaryDirectory() as folder:
+                whole = Path(folder) / "result.json"
+                _write(whole, found, source, beside)
+                print(whole.read_text(encoding="utf-8"))
+            continue
+        if is_page(path):
+            from modalscope.reporting import report
+
+            report(found, path, source=source, command=options.command_line)
+            told.append(f"written: {path}")
+        else:
+            told.append(_write(path, found, source, beside))
+    return told
 
 
-def write_result(options: argparse.Namespace, result: Result) -> str:
-    """Write the modes of a result, in JSON with its analysis, and say where and what the format leaves out."""
+def needed(options: argparse.Namespace, example: str) -> None:
+    """Raise where a command that has nothing to say without a file was given none."""
+    if not options.outputs:
+        raise DataError("a file to write is needed", "there is no -o", f"Add for instance -o {example}.")
+
+
+def write_picture(path: Path, axes: Axes) -> str:
+    """Write a picture with the mark of the program, and return what is to be said of it."""
+    from matplotlib.figure import Figure
+
+    figure = axes.figure
+    assert isinstance(figure, Figure)
+    where = {".png": "Software", ".svg": "Creator", ".pdf": "Creator"}[path.suffix.lower()]
+    with replacing(path) as temporary:
+        figure.savefig(temporary, format=path.suffix.lower()[1:], dpi=150, metadata={where: MARK}, bbox_inches="tight")
+    return f"written: {path}"
+
+
+def write_data(path: Path, data: Any) -> str:
+    """Write data and return what is to be said of the file."""
+    from modalscope.io import describe, write
+
+    write(path, data)
+    return f"written: {path}, {describe(data)}{left_out(path, data)}"
+
+
+def _write(path: Path, found: Any, source: str, beside: dict[str, Any]) -> str:
+    """Write modes, in JSON with the analysis or what was found beside them."""
     from modalscope.io import write
 
-    write(options.output, result)
-    return f"written: {options.output}{left_out(options.output, result.modes)}"
-
-
-def write_modes(options: argparse.Namespace, modes: ModalModel, **found: Any) -> str:
-    """Write modes, in JSON with what was `found` beside them, and say where and what the format leaves out."""
-    from modalscope.io import write
-
-    beside = {**found, "data": {"file": options.file.name}} if options.output.suffix.lower() == ".json" else {}
-    write(options.output, modes, **beside)
-    return f"written: {options.output}{left_out(options.output, modes)}"
+    modes = getattr(found, "modes", found)
+    if isinstance(found, Result) or path.suffix.lower() != ".json":
+        write(path, found if isinstance(found, Result) else modes)
+    else:
+        write(path, modes, **{"data": {"file": Path(source).name}, **beside})
+    return f"written: {path}{left_out(path, modes)}"
 
 
 def left_out(path: Path, thing: Any) -> str:

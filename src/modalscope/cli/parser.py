@@ -4,15 +4,43 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import NoReturn, TypeAlias
+from typing import Any, NoReturn, TypeAlias
 
 from modalscope.cli.process import EXIT_WRONG
 
-__all__ = ["Commands", "Parser", "add_choices", "add_file", "add_force", "add_output", "add_reading"]
+__all__ = [
+    "Commands",
+    "Parser",
+    "add_choices",
+    "add_common",
+    "add_file",
+    "add_files",
+    "add_force",
+    "add_output",
+    "add_outputs",
+    "add_reading",
+]
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose errors are one line on stderr."""
+    """A parser whose errors are one line on stderr, and which takes words whole: --order is never taken for --orders."""
+
+    def __init__(self, **given: Any) -> None:
+        super().__init__(**{"allow_abbrev": False, **given})
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
+        """Read what is known; the rest is an error, with the nearest word that is."""
+        options, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            self.error(f"unknown: {' '.join(unknown)}{self._hint(unknown[0])}")
+        return options, unknown
+
+    def _hint(self, word: str) -> str:
+        from difflib import get_close_matches
+
+        known = [option for action in self._actions for option in action.option_strings if option.startswith("--")]
+        near = get_close_matches(word.partition("=")[0], known, n=2)
+        return f" (did you mean {' or '.join(near)}?)" if near else f" (see {self.prog} --help)"
 
     def error(self, message: str) -> NoReturn:
         """Stop with the message on one line."""
@@ -28,6 +56,18 @@ Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 def add_file(parser: argparse.ArgumentParser) -> None:
     """Take the file to work on, and how its arrays are meant."""
     parser.add_argument("file", type=Path, help="universal file, .npz, .mat, .h5 or .csv")
+    add_reading(parser)
+
+
+def add_files(parser: argparse.ArgumentParser) -> None:
+    """Take the files to work on: one, or the parts of one test."""
+    parser.add_argument(
+        "files",
+        nargs="+",
+        type=Path,
+        metavar="FILE",
+        help="universal file, .npz, .mat, .h5 or .csv; several are parts of one test: of the same outputs runs, of others setups",
+    )
     add_reading(parser)
 
 
@@ -76,6 +116,30 @@ def add_output(parser: argparse.ArgumentParser, what: str) -> None:
     """Take the file to write, and whether it may take the place of one that modalscope did not write."""
     parser.add_argument("-o", "--output", type=Path, help=what)
     add_force(parser)
+
+
+def add_outputs(parser: argparse.ArgumentParser, what: str) -> None:
+    """Take the files to write, any number, and whether they may take the place of what modalscope did not write."""
+    parser.add_argument(
+        "-o",
+        "--output",
+        dest="outputs",
+        action="append",
+        type=Path,
+        default=[],
+        metavar="FILE",
+        help=f"{what}; may be given several times, and - is JSON on stdout",
+    )
+    add_force(parser)
+
+
+def add_common(parser: argparse.ArgumentParser) -> None:
+    """Take what every command takes: how much is said, and a file of options."""
+    parser.add_argument("-q", "--quiet", action="store_true", help="say the result alone: no remarks, no progress")
+    parser.add_argument("-v", "--verbose", action="store_true", help="say what was chosen, with all values, too")
+    parser.add_argument(
+        "--config", metavar="TOML", help="file of options, a table a command; what is written here counts more"
+    )
 
 
 def add_force(parser: argparse.ArgumentParser) -> None:

@@ -7,10 +7,14 @@ import os
 import signal
 import sys
 from contextlib import suppress
+from dataclasses import dataclass
 from types import FrameType
 from typing import NoReturn
 
-__all__ = ["EXIT_WRONG", "complain", "hang_up", "say", "take_over"]
+__all__ = ["EXIT_WRONG", "STDOUT", "VOICE", "complain", "explain", "hang_up", "remark", "say", "take_over"]
+
+#: The name of an output that means JSON on stdout.
+STDOUT = "-"
 
 #: Exit status for wrong use or unusable data.
 EXIT_WRONG = 2
@@ -52,11 +56,45 @@ def _stop(number: int, frame: FrameType | None) -> NoReturn:
     os._exit(128 + number)
 
 
+@dataclass
+class Voice:
+    """How much the command says, and where: the result, side remarks, and how it was found.
+
+    Parameters
+    ----------
+    quiet : bool
+        Side remarks and progress are left out.
+    verbose : bool
+        What was chosen, with which values, is said, too.
+    aside : bool
+        Stdout is for a document: all else goes to stderr.
+    """
+
+    quiet: bool = False
+    verbose: bool = False
+    aside: bool = False
+
+
+VOICE = Voice()
+
+
 def say(text: object) -> None:
-    """Print lines on stdout; what is no sign of its own, such as the codes that move a terminal's cursor, is escaped."""
+    """Print a result; what is no sign of its own, such as the codes that move a terminal's cursor, is escaped."""
     from modalscope.model.errors import printable
 
-    print(printable(str(text)))
+    print(printable(str(text)), file=sys.stderr if VOICE.aside else sys.stdout)
+
+
+def remark(text: object) -> None:
+    """Print what is to be known beside the result, unless quiet was asked."""
+    if not VOICE.quiet:
+        say(text)
+
+
+def explain(text: object) -> None:
+    """Print how the result was found, where that was asked."""
+    if VOICE.verbose:
+        say(text)
 
 
 def complain(text: object) -> None:

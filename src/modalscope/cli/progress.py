@@ -6,6 +6,8 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from modalscope.cli.process import VOICE
+
 __all__ = ["progress"]
 
 
@@ -14,7 +16,7 @@ def progress(what: str) -> Iterator[Callable[[int, int], None]]:
     """Show a bar while the block runs: `show(done, total)`; nothing when stderr is not a terminal a person looks at."""
     from tqdm import tqdm
 
-    with tqdm(desc=what, unit="order", file=sys.stderr, leave=False, disable=None) as bar:
+    with tqdm(desc=what, unit="order", file=sys.stderr, leave=False, disable=VOICE.quiet or None) as bar:
 
         def show(done: int, total: int) -> None:
             bar.total = total

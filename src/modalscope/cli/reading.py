@@ -6,10 +6,11 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from modalscope.io import set_max_memory, survey
+from modalscope.cli.process import remark
+from modalscope.io import describe, set_max_memory, survey
 from modalscope.model import DataError, ModalModel, Note
 
-__all__ = ["parse_orders", "read_data", "read_responses", "reading_options"]
+__all__ = ["parse_orders", "read_data", "read_modes", "read_test", "reading_options"]
 
 
 def read_data(options: argparse.Namespace, path: Path) -> tuple[Any, tuple[Note, ...]]:
@@ -18,16 +19,26 @@ def read_data(options: argparse.Namespace, path: Path) -> tuple[Any, tuple[Note,
     return found.thing, found.told
 
 
-def read_responses(options: argparse.Namespace, asked: str) -> tuple[Any, tuple[Note, ...]]:
-    """Read a file of responses or records; one that holds modes already is refused."""
-    data, told = read_data(options, options.file)
-    if isinstance(data, ModalModel):
-        raise DataError(
-            f"{asked} in {options.file} were asked",
-            "the file holds modes already",
-            "Give a file of responses or records.",
-        )
+def read_test(options: argparse.Namespace) -> tuple[Any, tuple[Note, ...]]:
+    """Read the files of one test, responses or records; say what of them was left out."""
+    from modalscope.workflow.sources import opened
+
+    data, _, told = opened(options.files, reading_options(options))
     return data, told
+
+
+def read_modes(options: argparse.Namespace, path: Path) -> ModalModel:
+    """Read a file of modes."""
+    modes, told = read_data(options, path)
+    for note in told:
+        remark(note)
+    if not isinstance(modes, ModalModel):
+        raise DataError(
+            f"modes in {path} were asked",
+            f"the file holds {describe(modes)}",
+            "Give a file of modes, or find them first: modalscope identify.",
+        )
+    return modes
 
 
 def reading_options(options: argparse.Namespace) -> dict[str, Any]:

@@ -28,8 +28,7 @@ def add(commands: Commands) -> None:
 def run(options: argparse.Namespace) -> None:
     """Write a simulated test of a structure of the catalog, or list them."""
     from modalscope import systems
-    from modalscope.cli.output import check_output
-    from modalscope.io import describe, write
+    from modalscope.cli.output import check_output, write_data
     from modalscope.model import DataError
     from modalscope.systems.trial import trial
 
@@ -44,7 +43,7 @@ def run(options: argparse.Namespace) -> None:
             "there is no file to write it to",
             "Add -o FILE, for instance -o test.npz.",
         )
-    check_output(options)
+    check_output(options.output, (), options.force)
     data = trial(
         structure,
         options.kind,
@@ -53,5 +52,4 @@ def run(options: argparse.Namespace) -> None:
         snr_db=options.noise,
         seed=options.seed,
     )
-    write(options.output, data)
-    say(f"written: {options.output}, {describe(data)}")
+    say(write_data(options.output, data))

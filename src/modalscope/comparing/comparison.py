@@ -32,7 +32,7 @@ from modalscope.model.labels import DofLike
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import notes_of
 from modalscope.model.records import Records, as_records
-from modalscope.model.response import Response, is_held, window_damping
+from modalscope.model.response import Response, window_damping
 from modalscope.model.signals import Signals
 
 __all__ = ["compare"]
@@ -182,7 +182,7 @@ def _consensus(response: Response, groups: Sequence[Group]) -> ModalModel:
         shapes=shapes,
         quantity=response.quantity,
         dt=dt,
-        held_input=is_held(response),
+        held_input=response.held_input,
         frequencies_spread=np.array([g.frequency_between for g in groups]),
         damping_ratios_spread=np.array([g.damping_between for g in groups]),
         indicators={"found_by": np.array([float(len(g.members)) for g in groups])},

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 import scipy.linalg as sla
 
+from modalscope.identification.lookup import find_method
 from modalscope.identification.method import DOMAINS, Method
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
-from modalscope.identification.table import find_method
 from modalscope.model.checks import Array, DataError
 from modalscope.model.pairing import assign
 from modalscope.model.response import Response

@@ -6,9 +6,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from modalscope.identification.lookup import find_method
 from modalscope.identification.method import DOMAINS, Method
 from modalscope.identification.orders import STATES, checked_orders
-from modalscope.identification.table import find_method, methods
+from modalscope.identification.table import methods
 from modalscope.model.checks import DataError, check_choice
 from modalscope.model.response import Response
 

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from enum import Enum
 from types import MappingProxyType
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.identification.options import Options
 from modalscope.identification.orders import OrderRule
-from modalscope.model.checks import DataError
+from modalscope.identification.takes import EXACT, REFUSALS, RESERVATIONS, ROUTES, Refusal, Takes
 from modalscope.model.notes import Note
 from modalscope.model.records import Records
 from modalscope.model.response import Response
@@ -22,29 +19,13 @@ from modalscope.model.settings import Settings
 from modalscope.model.signals import Signals
 from modalscope.realizations.realization import Realization
 
-__all__ = ["DOMAINS", "Built", "Method", "Problem", "Refusal", "Takes"]
+__all__ = ["DOMAINS", "Built", "Method", "Problem", "plain"]
 
 DOMAINS = {
     "time": "Hankel matrix of Markov parameters",
     "z": "shifted transfer functions",
     "s": "differentiated transfer functions",
 }
-
-
-#: A response has decayed when its last tenth holds less than this share of the energy.
-_DECAYED = 1e-3
-
-
-class Takes(Enum):
-    """What the data matrix of a row is made of, and so what `prepare` hands over."""
-
-    SAMPLES = "samples"
-    LINES = "lines"
-    CONTINUOUS = "lines of a continuous structure"
-    RESPONSE = "lines, or the samples of a window"
-    PAST = "records projected on their past"
-    RECORDS = "records with inputs on their own lines"
-    DRIVEN = "records with inputs projected on their past"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -151,7 +132,7 @@ class Method:
     @property
     def route(self) -> str:
         """The way from records with inputs to what the row takes; empty where there is none."""
-        return self.from_records or _ROUTES[self.takes]
+        return self.from_records or ROUTES[self.takes]
 
     def served_by(self, route: str) -> bool:
         """Whether a way from records with inputs ends in what the row takes; from frequency responses samples can be had, too.
@@ -165,7 +146,7 @@ class Method:
     @property
     def driven(self) -> bool:
         """Whether it takes nothing but records with inputs."""
-        return _REFUSALS[self.takes] is _no_spectra
+        return self.takes in (Takes.RECORDS, Takes.DRIVEN)
 
     @property
     def _told(self) -> tuple[str, ...]:
@@ -175,7 +156,7 @@ class Method:
     @property
     def label(self) -> str:
         """The common name first, with the name and domain of the table behind it: "SSI-cov (alternate)"."""
-        same = _letters(self.common) == _letters(self.name)
+        same = plain(self.common) == plain(self.name)
         inside = [] if same else [self.name]
         if self.domain != "time":
             inside.append(self.domain)
@@ -191,7 +172,7 @@ class Method:
         records : bool
             Whether records without inputs are there.
         """
-        return _REFUSALS[self.takes](response, records)
+        return REFUSALS[self.takes](response, records)
 
     def reservation(self, response: Response) -> str:
         """Return why a comparison leaves the row out although it can take the data, empty when it does not.
@@ -200,7 +181,7 @@ class Method:
         ----------
         response : Response
         """
-        return _RESERVATIONS[self.takes](response)
+        return RESERVATIONS[self.takes](response)
 
     def rows_span(self, settings: Settings, dt: float | None) -> float | None:
         """Return the time that the block rows span, seconds; None where they are no samples, or all of them are states.
@@ -228,114 +209,9 @@ class Method:
         ----------
         response : Response
         """
-        return _EXACT[self.takes](response)
+        return EXACT[self.takes](response)
 
 
-#: The way from records with inputs to what a row takes.
-_ROUTES = {
-    Takes.SAMPLES: "markov",
-    Takes.LINES: "frf",
-    Takes.CONTINUOUS: "frf",
-    Takes.RESPONSE: "frf",
-    Takes.PAST: "",
-    Takes.RECORDS: "records",
-    Takes.DRIVEN: "subspace",
-}
-
-
-def _letters(name: str) -> str:
-    return "".join(c for c in name.lower() if c.isalnum())
-
-
-class Refusal(NamedTuple):
-    """Why a row cannot take data, and what to do instead."""
-
-    reason: str
-    change: str
-
-
-def _no_samples(response: Response, records: bool) -> Refusal | None:
-    if response.origin == "lines":
-        return None
-    return Refusal(
-        "the data are samples: their transform is no rational function of j w",
-        "Use domain='z', which is exact for samples, or give measured frequency responses.",
-    )
-
-
-def _no_records(response: Response, records: bool) -> Refusal | None:
-    if records:
-        return None
-    return Refusal(
-        "it projects records without inputs, and there are none",
-        "Give Signals with outputs alone, or use method='alternate', which takes any response.",
-    )
-
-
-def _no_spectra(response: Response, records: bool) -> Refusal | None:
-    if response.origin == "records":
-        return None
-    return Refusal(
-        "it takes records with inputs, and these are none",
-        "Give Signals with inputs, or leave route out.",
-    )
-
-
-def _always(response: Response, records: bool) -> Refusal | None:
-    return None
-
-
-_REFUSALS: dict[Takes, Callable[[Response, bool], Refusal | None]] = {
-    Takes.SAMPLES: _always,
-    Takes.LINES: _always,
-    Takes.CONTINUOUS: _no_samples,
-    Takes.RESPONSE: _always,
-    Takes.PAST: _no_records,
-    Takes.RECORDS: _no_spectra,
-    Takes.DRIVEN: _no_spectra,
-}
-
-
-def _no_even_lines(response: Response) -> str:
-    try:
-        response.as_samples()
-    except DataError as error:
-        return f"{error.asked}, but {error.found}"
-    return ""
-
-
-def _sampled_lines(response: Response) -> str:
-    return "the lines are those of a sampled system, which domain z takes as they are" if response.held_input else ""
-
-
-def _not_decayed(response: Response) -> str:
-    if response.exact_lines or has_decayed(response):
-        return ""
-    return "the response has not decayed at its last sample, so that its lines are biased"
-
-
-def has_decayed(response: Response) -> bool:
-    """Whether little enough is left at the end for a transform of the samples to serve in place of lines."""
-    energy = np.sum(np.abs(response.values) ** 2, axis=(1, 2))
-    return bool(energy[-max(energy.size // 10, 1) :].sum() < _DECAYED * energy.sum())
-
-
-_RESERVATIONS: dict[Takes, Callable[[Response], str]] = {
-    Takes.SAMPLES: _no_even_lines,
-    Takes.LINES: _not_decayed,
-    Takes.CONTINUOUS: _sampled_lines,
-    Takes.RESPONSE: lambda response: "",
-    Takes.PAST: lambda response: "",
-    Takes.RECORDS: lambda response: "",
-    Takes.DRIVEN: lambda response: "",
-}
-
-_EXACT: dict[Takes, Callable[[Response], bool]] = {
-    Takes.SAMPLES: lambda response: response.exact_samples,
-    Takes.LINES: lambda response: response.exact_lines,
-    Takes.CONTINUOUS: lambda response: True,
-    Takes.RESPONSE: lambda response: True,
-    Takes.PAST: lambda response: True,
-    Takes.RECORDS: lambda response: True,
-    Takes.DRIVEN: lambda response: True,
-}
+def plain(name: str) -> str:
+    """Return a name without what people write differently: case, hyphens, underscores and blanks."""
+    return "".join(c for c in name.lower() if c not in "-_ ")

@@ -9,10 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modalscope.identification.method import Method, Problem, Takes
+from modalscope.identification.lookup import find_method
+from modalscope.identification.method import Method, Problem
 from modalscope.identification.options import ROUTES, AllOptions, Options
 from modalscope.identification.routes import USUAL, by_route, chosen_route, one_record
-from modalscope.identification.table import find_method, methods
+from modalscope.identification.table import methods
+from modalscope.identification.takes import Takes
 from modalscope.model.checks import DataError, check_band, check_choice, check_kind, check_size
 from modalscope.model.errors import check_option_names
 from modalscope.model.frequency import FrequencyResponse
@@ -221,7 +223,15 @@ _HAND_OVER: dict[Takes, Any] = {
 def _options_of(row: Method, given: Mapping[str, Any]) -> Options:
     """Return the row's own options; what it has no use for is refused, with the rows that have it."""
     own = {f.name for f in fields(row.options_type)}
-    asked = {name: value for name, value in {**row.fixed, **given}.items() if value is not None}
+    chosen = {name: value for name, value in given.items() if value is not None}
+    for name, value in row.fixed.items():
+        if chosen.get(name, value) != value:
+            raise DataError(
+                f"{name}={chosen[name]!r} was asked of method {row}",
+                f"{name}={value!r} is what makes that row",
+                "Leave the option out, or choose another method.",
+            )
+    asked = {**row.fixed, **chosen}
     check_option_names(str(row), asked, AllOptions.__annotations__)
     for name in asked:
         if name not in own:

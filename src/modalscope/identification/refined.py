@@ -17,7 +17,7 @@ from modalscope.model.mode_fields import DIRECT
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
 from modalscope.model.poles import frequencies_and_damping
-from modalscope.model.response import is_held, window_damping
+from modalscope.model.response import window_damping
 
 __all__ = ["refined"]
 
@@ -45,7 +45,7 @@ def refined(
     spread = spread_of(point, fitted, poles, settled.variance, response.count, groups, settled.colour)
     order = np.argsort(np.abs(poles), kind="stable")
     shapes, participation = settled.residues
-    dt = 1 / response.sampling_rate if is_held(response) and response.sampling_rate else before.dt
+    dt = 1 / response.sampling_rate if response.held_input and response.sampling_rate else before.dt
     beside: dict[str, Any] = {**dict.fromkeys(DIRECT), **_terms(task, point.poles, shapes, participation)}
     model = replace(
         before,
@@ -53,7 +53,7 @@ def refined(
         shapes=shapes,
         participation=participation,
         dt=dt,
-        held_input=is_held(response),
+        held_input=response.held_input,
         frequencies_std=spread.frequency,
         damping_ratios_std=spread.damping,
         shapes_std=spread.shapes,

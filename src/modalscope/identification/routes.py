@@ -15,7 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modalscope.identification.table import find_method, methods
+from modalscope.identification.lookup import find_method
+from modalscope.identification.table import methods
 from modalscope.model.checks import DataError
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse

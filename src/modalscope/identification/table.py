@@ -7,11 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from difflib import get_close_matches
 from typing import Any, NamedTuple
 
 from modalscope.identification import matrices
-from modalscope.identification.method import DOMAINS, Method, Takes
+from modalscope.identification.method import Method
 from modalscope.identification.options import (
     DrivenOptions,
     FractionOptions,
@@ -21,14 +20,14 @@ from modalscope.identification.options import (
     SpectraOptions,
 )
 from modalscope.identification.orders import BLOCKS, COMPANIONS, DEGREES, STATES
-from modalscope.model.checks import DataError, check_choice
+from modalscope.identification.takes import Takes
 from modalscope.realizations.balanced import balanced
 from modalscope.realizations.companion import least_squares_companion, null_space_companion
 from modalscope.realizations.fraction import fraction_companion
 from modalscope.realizations.regression import regression
 from modalscope.realizations.shift import shift
 
-__all__ = ["cell_label", "find_method", "methods"]
+__all__ = ["methods"]
 
 #: What a column of the table fixes for a row whose realization suits every data matrix.
 _COLUMNS: dict[str, dict[str, Any]] = {
@@ -264,82 +263,3 @@ def methods() -> tuple[Method, ...]:
     ['alternate', 'era']
     """
     return _TABLE
-
-
-def cell_label(name: str, domain: str) -> str:
-    """Return the common name of a cell, and its own behind it; of what the table has not, the two as they stand.
-
-    Examples
-    --------
-    >>> cell_label("alternate", "time"), cell_label("lscf", "z")
-    ('SSI-cov (alternate)', 'PolyMAX (lscf, z)')
-    """
-    return next((m.label for m in _TABLE if (m.name, m.domain) == (name, domain)), f"{name} ({domain})")
-
-
-def _letters(name: str) -> str:
-    """Return a name without what people write differently: case, hyphens, underscores and blanks."""
-    return "".join(c for c in name.lower() if c not in "-_ ")
-
-
-def _named(name: Any) -> list[Method]:
-    """Return the cells that a name means: a whole row by its own name, those it is an alias of else."""
-    wanted = _letters(name) if isinstance(name, str) else ""
-    rows = [m for m in _TABLE if _letters(m.name) == wanted]
-    return rows or [m for m in _TABLE if wanted in {_letters(alias) for alias in m.aliases}]
-
-
-def find_method(name: str, domain: str | None, default_domain: str, route: str | None = None) -> Method:
-    """Return the cell of a name and a domain; without a domain the one that suits the data, else the row's only one.
-
-    Parameters
-    ----------
-    name : str
-        A row of the table, or a name from the literature ("ssi-cov", "polymax", "itd"); any case, hyphens and underscores alike.
-    domain : {"time", "z", "s"}, optional
-    default_domain : str
-        What suits the data.
-    route : str, optional
-        From records with inputs: only rows that this way serves.
-
-    Raises
-    ------
-    DataError
-        An unknown name, or a cell that does not exist.
-    """
-    found = _named(name)
-    if not found:
-        raise _unknown(name)
-    cells: dict[str, Method] = {}
-    for m in found:
-        if route is None or not m.route or m.served_by(route):
-            cells.setdefault(m.domain, m)
-    if not cells:
-        ways = dict.fromkeys(m.route for m in found if m.route)
-        raise DataError(
-            f"method {name!r} by route={route!r} was asked",
-            f"from records with inputs it is reached by {' or '.join(ways) or 'no way'}",
-            "Leave route out, or choose another method.",
-        )
-    if domain is None:
-        return cells.get(default_domain) or next(iter(cells.values()))
-    check_choice("domain", domain, DOMAINS)
-    if domain not in cells:
-        raise DataError(
-            f"method {name!r} in domain {domain!r} was asked",
-            f"that row has only {', '.join(cells)}",
-            "Choose one of these domains.",
-        )
-    return cells[domain]
-
-
-def _unknown(name: Any) -> DataError:
-    rows = list(dict.fromkeys(m.name for m in _TABLE))
-    words = {_letters(word): word for m in _TABLE for word in (m.name, *m.aliases)}
-    near = get_close_matches(_letters(str(name)), words, n=1)
-    hint = f"Did you mean {words[near[0]]!r}? " if near else ""
-    return DataError(
-        f"method={name!r} was asked",
-        f"there are only {', '.join(rows)}, and their names in the literature (see methods())",
-        f"{hint}Choose one of these.",
-    )

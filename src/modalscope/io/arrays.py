@@ -12,6 +12,7 @@ JSON text, and the arrays of modes before their refinement are `unrefined_<name>
 | `sampling_rate`, `values` | an impulse response |
 | `sampling_rate`, `outputs` (`inputs`) | records |
 | `poles`, `shapes` | modes |
+| `A`, `B`, `C` (`D`, `dt`, `gain`) | a state-space model |
 | `geometry_nodes`, `geometry_coordinates` alone | a geometry |
 """
 
@@ -25,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.io.contents import Plain
-from modalscope.model import FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Note, Signals
+from modalscope.model import FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Note, Signals, StateSpace
 from modalscope.model.candidates import Candidate, Harmonic
 from modalscope.model.checks import Array, ComplexArray
 from modalscope.model.groups import Groups, input_groups, run_groups
@@ -87,6 +88,8 @@ def noun_of(names: Iterable[str]) -> type[Any] | None:
     ):
         if key in held:
             return noun
+    if {"A", "B", "C"} <= held:
+        return StateSpace
     return Geometry if {"geometry_nodes", "geometry_coordinates"} <= held else None
 
 
@@ -94,6 +97,8 @@ def names_of(noun: type[Any]) -> set[str]:
     """Return the names of the arrays that a data object may have."""
     if noun is Geometry:
         return set(GEOMETRY)
+    if noun is StateSpace:
+        return {field.name for field in fields(noun)}
     own = {field.name for field in fields(noun)} - {"units", "geometry", "indicators", "source_path", "unrefined"}
     return own | {"output_units", "input_units", *GEOMETRY} | ({"quantity"} if noun is Signals else set())
 

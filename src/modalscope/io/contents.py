@@ -17,12 +17,13 @@ from modalscope.model import (
     Note,
     Signals,
     StabilizationDiagram,
+    StateSpace,
 )
 from modalscope.model.response import Response
 
 __all__ = ["Contents", "Finding", "Format", "Options", "Plain", "Survey", "Thing", "describe"]
 
-Plain: TypeAlias = FrequencyResponse | ImpulseResponse | Signals | ModalModel | Geometry
+Plain: TypeAlias = FrequencyResponse | ImpulseResponse | Signals | ModalModel | Geometry | StateSpace
 Thing: TypeAlias = Plain | StabilizationDiagram
 Options: TypeAlias = Mapping[str, Any]
 
@@ -176,6 +177,10 @@ def describe(thing: Thing | Response) -> str:
     if isinstance(thing, StabilizationDiagram):
         size = f"{_count(len(thing.poles), 'pole')} at {_count(len(thing.orders), 'order')}"
         return f"stabilization diagram: {size}, of {describe(thing.response)}"
+    if isinstance(thing, StateSpace):
+        time = "continuous" if thing.dt is None else f"sampled every {thing.dt:g} s"
+        sizes = f"{_count(thing.order, 'state')}, {_count(len(thing.C), 'output')}, {_count(thing.B.shape[1], 'input')}"
+        return f"state-space model: {time}, {sizes}"
     sides = f"{_count(len(thing.output_dofs), 'output')}, {_count(len(thing.input_dofs), 'input')}"
     kind = f" ({thing.quantity})" if thing.quantity else ""
     if isinstance(thing, FrequencyResponse):

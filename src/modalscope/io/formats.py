@@ -20,6 +20,7 @@ from modalscope.model import (
     ModalModel,
     Signals,
     StabilizationDiagram,
+    StateSpace,
 )
 from modalscope.model.analysis import Analysis
 from modalscope.model.channels import Channels
@@ -53,7 +54,17 @@ FORMATS: dict[str, Format] = {
 
 
 #: What can be written, and the suffixes that hold a diagram with its response.
-_WRITTEN = (FrequencyResponse, ImpulseResponse, Signals, ModalModel, Geometry, StabilizationDiagram, Analysis, Result)
+_WRITTEN = (
+    FrequencyResponse,
+    ImpulseResponse,
+    Signals,
+    ModalModel,
+    Geometry,
+    StateSpace,
+    StabilizationDiagram,
+    Analysis,
+    Result,
+)
 _DIAGRAMS = (".npz", ".json")
 
 
@@ -78,7 +89,7 @@ def read(path: str | Path, **options: Any) -> Thing:
 
     Returns
     -------
-    FrequencyResponse, ImpulseResponse, Signals, ModalModel, Geometry or StabilizationDiagram
+    FrequencyResponse, ImpulseResponse, Signals, ModalModel, Geometry, StateSpace or StabilizationDiagram
 
     Raises
     ------
@@ -135,8 +146,9 @@ def write(path: str | Path, thing: Any, **options: Any) -> None:
     ----------
     path : path
         `.npz`, `.h5` and `.uff` hold every data object, `.mat` all arrays; `.csv` responses, one run of records, or a table of modes;
-        `.json` modes, a result with its analysis, or an analysis; `.npz` and `.json` a stabilization diagram with its response.
-    thing : FrequencyResponse, ImpulseResponse, Signals, ModalModel, Geometry, StabilizationDiagram, Result or Analysis
+        `.json` modes, a result with its analysis, or an analysis; `.npz` and `.json` a stabilization diagram with its response, and a
+        state-space model, which `.mat` and `.h5` hold, too.
+    thing : FrequencyResponse, ImpulseResponse, Signals, ModalModel, Geometry, StateSpace, StabilizationDiagram, Result or Analysis
         Of a result the modes are written, in JSON with the document of its analysis.
     **options
         Universal files: `text=True` (datasets 58 as text), `dataset=55 | 2414` (modes), `nodes=2411 | 15`,

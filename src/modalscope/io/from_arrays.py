@@ -14,7 +14,7 @@ import numpy as np
 from modalscope.io.arrays import AXES, GEOMETRY, INDICATOR, JSON, TEXTS, UNREFINED, names_of, noun_of
 from modalscope.io.contents import Contents, Finding, Options, Thing
 from modalscope.io.limits import room
-from modalscope.model import DataError, FrequencyResponse, Geometry, ModalModel, Signals
+from modalscope.model import DataError, FrequencyResponse, Geometry, ModalModel, Signals, StateSpace
 from modalscope.model.checks import Array
 
 __all__ = ["ARRAY_OPTIONS", "FIELD_OPTIONS", "contents_from_arrays"]
@@ -168,6 +168,9 @@ def _build(where: str, noun: type[Any], held: dict[str, Array], given: dict[str,
     }
     if noun is Geometry:
         return _geometry(where, values)
+    if noun is StateSpace:
+        _check_fields(where, noun, values, given)
+        return StateSpace(**values)
     units = (values.pop("output_units", None), values.pop("input_units", None))
     geometry = {name: values.pop(name) for name in GEOMETRY if name in values}
     indicators = {name.removeprefix(INDICATOR): values.pop(name) for name in list(values) if name.startswith(INDICATOR)}
@@ -180,25 +183,7 @@ def _build(where: str, noun: type[Any], held: dict[str, Array], given: dict[str,
     )
     if noun is Signals and "quantity" in values:
         values["quantities"] = values.pop("quantity")
-    needed = [
-        f.name
-        for f in fields(noun)
-        if f.name in ("values", "frequencies", "sampling_rate", "outputs", "poles", "shapes")
-    ]
-    missing = [
-        name for name in needed if name not in values and not (name == "sampling_rate" and noun is FrequencyResponse)
-    ]
-    if missing:
-        raise DataError(
-            f"reading {where} as {noun.__name__} needs {', '.join(needed)}",
-            f"{', '.join(missing)} are missing",
-            "Add the array, or give it as an option.",
-        )
-    refused = sorted(set(given) - {f.name for f in fields(noun)} - {"quantity"})
-    if refused:
-        raise DataError(
-            f"the options {', '.join(refused)} were asked", f"a {noun.__name__} has no such field", "Leave them out."
-        )
+    _check_fields(where, noun, values, given)
     try:
         thing: Thing = noun(**values)
     except DataError:
@@ -207,6 +192,25 @@ def _build(where: str, noun: type[Any], held: dict[str, Array], given: dict[str,
         # JSON text in it may hold anything
         raise _damaged(where, f"{type(error).__name__}: {error}") from None
     return thing
+
+
+def _check_fields(where: str, noun: type[Any], values: dict[str, Any], given: dict[str, Any]) -> None:
+    """Raise where a field that the noun needs is missing, or one was asked for that it does not have."""
+    present = {f.name for f in fields(noun)}
+    needed = sorted(present & {"values", "frequencies", "sampling_rate", "outputs", "poles", "shapes"})
+    free = {"sampling_rate"} if noun is FrequencyResponse else set()
+    missing = [name for name in needed if name not in values and name not in free]
+    if missing:
+        raise DataError(
+            f"reading {where} as {noun.__name__} needs {', '.join(needed)}",
+            f"{', '.join(missing)} are missing",
+            "Add the array, or give it as an option.",
+        )
+    refused = sorted(set(given) - present - {"quantity"})
+    if refused:
+        raise DataError(
+            f"the options {', '.join(refused)} were asked", f"a {noun.__name__} has no such field", "Leave them out."
+        )
 
 
 def _damaged(where: str, found: str) -> DataError:

@@ -12,6 +12,8 @@ The layout is that of the command line (`identify -o modes.json`):
      "geometry", "feedthrough", "lower_residual", "upper_residual", "notes": [{"kind", "numbers", "text"}],
      "analysis": the document of `modalscope.io.analysis` or null}
 
+A state-space model is {"modalscope": version, "state_space": {"A", "B", "C", "D", "dt", ...}}.
+
 `pole` (rad/s) keeps every digit; a file without it is read by frequency and damping ratio. What is not known is null.
 """
 
@@ -25,11 +27,12 @@ from typing import Any
 import numpy as np
 
 from modalscope.io.analysis import analysis_to
-from modalscope.io.arrays import from_json_numbers, joined
+from modalscope.io.arrays import from_json_numbers, joined, to_arrays
 from modalscope.io.contents import Contents, Finding, Options
 from modalscope.io.diagrams import DIAGRAM, document_contents, write_document
+from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import room
-from modalscope.model import DataError, Geometry, ModalModel, StabilizationDiagram
+from modalscope.model import DataError, Geometry, ModalModel, StabilizationDiagram, StateSpace
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.mode_table import COLUMNS
 from modalscope.model.poles import poles_from
@@ -53,10 +56,14 @@ def write(path: Path, modes: Any, options: Options) -> None:
     if isinstance(modes, StabilizationDiagram):
         write_document(path, modes)
         return
+    if isinstance(modes, StateSpace):
+        matrices = {name: array.tolist() for name, array in to_arrays(modes).items()}
+        path.write_text(json.dumps({"modalscope": VERSION, "state_space": matrices}, indent=1) + "\n", encoding="utf-8")
+        return
     if not isinstance(modes, ModalModel):
         raise DataError(
             f"writing {type(modes).__name__} as .json was asked",
-            "that layout holds modes or a stabilization diagram",
+            "that layout holds modes, a state-space model or a stabilization diagram",
             "Use .npz, .h5 or .uff for records and responses.",
         )
     options = {**_of_result(options.get("result")), **options}
@@ -98,9 +105,9 @@ def _of_result(result: Result | None) -> dict[str, Any]:
         "analysis": analysis_to(result.analysis),
         "route": result.analysis.route,
     }
-    files = [{"file": Path(file.path).name} for file in result.analysis.files if file.path]
+    files = [Path(file.path).name for file in result.analysis.files if file.path]
     if files:
-        found["data"] = files[0]
+        found["data"] = {"file": ", ".join(files)}
     if result.diagrams:
         diagram = result.diagram
         route = diagram.settings.get("route")
@@ -175,6 +182,8 @@ def read(path: Path, options: Options) -> Contents:
         ) from None
     if isinstance(document, dict) and DIAGRAM in document:
         return document_contents(path.name, document, space)
+    if isinstance(document, dict) and "modalscope" in document and isinstance(document.get("state_space"), dict):
+        return contents_from_arrays(path.name, _matrices(path, document["state_space"]), options)
     if not isinstance(document, dict) or not isinstance(document.get("modes"), list) or "modalscope" not in document:
         raise DataError(
             f"reading {path.name} as modes was asked",
@@ -192,6 +201,13 @@ def read(path: Path, options: Options) -> Contents:
     how = [f"{key} {document[key]}" for key in ("method", "domain", "orders") if document.get(key) is not None]
     finding = Finding(part="modes", what=f"{len(modes)} modes" + (f" ({', '.join(how)})" if how else ""))
     return Contents(thing=modes, findings=(finding,))
+
+
+def _matrices(path: Path, written: dict[str, Any]) -> dict[str, Array]:
+    try:
+        return {name: np.asarray(values, dtype=float) for name, values in written.items()}
+    except (TypeError, ValueError, OverflowError) as error:
+        raise _spoilt(path, f"its matrices are damaged ({error})") from None
 
 
 def _spoilt(path: Path, found: str) -> DataError:

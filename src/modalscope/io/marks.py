@@ -9,6 +9,7 @@
 | .h5, .hdf5 | an attribute of the root group |
 | .json | the first entry |
 | .html, .htm | the generator in the head of the page |
+| .png, .svg, .pdf | the program in the description of the picture |
 """
 
 from __future__ import annotations
@@ -23,8 +24,9 @@ __all__ = ["MARK", "is_ours"]
 #: What is written into a file.
 MARK = f"modalscope {VERSION}"
 
-#: The mark stands within so many bytes of the beginning or of the end.
-_HEAD, _TAIL = 8192, 256
+#: The mark stands within so many bytes of the beginning, or of the end.
+_HEAD = 8192
+_TAIL = {".npz": 256, ".pdf": 8192}
 
 _UNIVERSAL = rb"\A    -1\s+151\s(?s:.){0,400}?^modalscope \d"
 _HDF5 = rb"\A\x89HDF\r\n\x1a\n(?s:.)*?modalscope_layout"
@@ -41,6 +43,9 @@ _MARKS = {
     ".json": rb'\A\{\s*"modalscope":',
     ".html": _HTML,
     ".htm": _HTML,
+    ".png": rb"\A\x89PNG(?s:.){0,200}?tEXtSoftware\x00modalscope \d",
+    ".svg": rb"<dc:title>modalscope \d",
+    ".pdf": rb"/Creator \(modalscope \d",
 }
 
 
@@ -62,6 +67,7 @@ def is_ours(path: Path) -> bool:
         return False
     with path.open("rb") as file:
         head = file.read(_HEAD)
-        file.seek(max(path.stat().st_size - _TAIL, 0))
-        text = head + file.read() if path.suffix.lower() == ".npz" else head
+        tail = _TAIL.get(path.suffix.lower(), 0)
+        file.seek(max(path.stat().st_size - tail, 0))
+        text = head + file.read(tail)
     return re.search(mark, text, re.MULTILINE) is not None

@@ -18,7 +18,7 @@ from modalscope.model.checks import ComplexArray, RealArray
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.modes import ModalModel
 from modalscope.model.poles import poles_from
-from modalscope.model.response import Response, is_held
+from modalscope.model.response import Response
 from modalscope.model.robust import scatter
 from modalscope.uncertainty.noise import KIND
 from modalscope.uncertainty.of_modes import typical_deviation, withheld
@@ -42,7 +42,7 @@ def modes_of(
         shapes=shapes,
         quantity=response.quantity,
         dt=diagram.dt,
-        held_input=is_held(response),
+        held_input=response.held_input,
         frequencies_spread=np.array([spread["frequency_spread_hz"] for spread in spreads]),
         damping_ratios_spread=np.array([spread["damping_ratio_spread"] for spread in spreads]),
         gain=None if any(np.isnan(c.gain) for c in chosen) else np.array([c.gain for c in chosen]),

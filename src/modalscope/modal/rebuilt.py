@@ -12,7 +12,7 @@ from modalscope.blocks.matrix import DataMatrix
 from modalscope.modal.eigenmodes import Eigenmodes
 from modalscope.model.checks import Array, DataError, RealArray
 from modalscope.model.modes import ModalModel
-from modalscope.model.response import Response, is_held, window_damping
+from modalscope.model.response import Response, window_damping
 
 __all__ = ["fit_error", "fit_of", "modal_model", "rebuilt"]
 
@@ -62,7 +62,7 @@ def modal_model(matrix: DataMatrix, modal: Eigenmodes, indicators: Mapping[str, 
         participation=response.of_inputs(modal.participation),
         quantity=response.quantity,
         dt=matrix.dt,
-        held_input=is_held(response),
+        held_input=response.held_input,
         indicators=dict(indicators),
         **terms,
         **response.labelled(),

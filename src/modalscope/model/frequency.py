@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 
 __all__ = ["FrequencyResponse"]
 
-
 #: Up to so many lines residuals explain the modes themselves.
 _FEW_LINES = 8
 
@@ -282,9 +281,8 @@ class FrequencyResponse(Response):
     def to_impulse_response(self) -> ImpulseResponse:
         """Return the inverse Fourier transform of the lines: samples at twice the highest frequency.
 
-        Lines below the band are taken as zero, and nothing is known above it: for a response that was measured on a band
-        only, damping read off the result is biased. Sample 0 holds the direct term and is kept apart as `feedthrough`.
-        A sampled system's response on its full DFT grid gives exactly the periodised sum over p of Y(k + p M).
+        Nothing is known outside the band: damping read off the result is biased unless the lines cover the whole spectrum.
+        Sample 0 is kept apart as `feedthrough`. A sampled system's full DFT grid gives exactly the sum over p of Y(k + p M).
 
         Raises
         ------
@@ -294,14 +292,9 @@ class FrequencyResponse(Response):
         return inverse_transform(self)
 
     def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
-        def cut(array: Array | None) -> Any:
-            if array is None:
-                return None
-            return array[:, outputs] if array.ndim == 2 else array[:, outputs][:, :, inputs]
-
-        return {
-            "values": cut(self.values),
-            "coherence": cut(self.coherence),
-            "variance": cut(self.variance),
-            "groups": chosen_groups(self.groups, inputs),
-        }
+        cut: dict[str, Any] = {"groups": chosen_groups(self.groups, inputs)}
+        for name in ("values", "coherence", "variance"):
+            array = getattr(self, name)
+            if array is not None:
+                cut[name] = array[:, outputs] if array.ndim == 2 else array[:, outputs][:, :, inputs]
+        return cut

@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 
-from modalscope.model.checks import ComplexArray, DataError, RealArray, check_count, check_positive, freeze, real_array
+from modalscope.model.checks import (
+    Array,
+    ComplexArray,
+    DataError,
+    RealArray,
+    check_count,
+    check_positive,
+    freeze,
+    real_array,
+)
 from modalscope.model.gramians import gramian, krylov
 from modalscope.model.poles import to_continuous
 
@@ -121,6 +131,12 @@ class Quadruple:
             As in `controllability_gramian`.
         """
         return gramian(self.A.T, self.C.T, horizon, self.dt is not None)
+
+    def _moved(self, T: Array, A: Array) -> Self:
+        """Return the model of the states z, x = T z, given its A."""
+        moved: dict[str, Any] = {"A": A, "B": np.linalg.solve(T, self.B), "C": self.C @ T}
+        moved["gain"] = None if self.gain is None else np.linalg.solve(T, self.gain)
+        return replace(self, **moved)
 
     def _need(self, asked: str, *, continuous: bool) -> None:
         """Raise where a model is continuous and a sampled one is asked, or the other way round."""

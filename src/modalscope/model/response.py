@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from modalscope.model.modes import ModalModel
     from modalscope.model.statespace import StateSpace
 
-__all__ = ["AsLines", "AsSamples", "Response", "is_held", "output_scale", "window_damping"]
+__all__ = ["AsLines", "AsSamples", "Response", "output_scale", "window_damping"]
 
 
 class AsSamples(NamedTuple):
@@ -296,8 +296,3 @@ def output_scale(response: Response) -> RealArray:
 def window_damping(response: Response) -> float:
     """Return the decay rate (1/s) that an exponential window added: it is in the data, but not in the modes."""
     return response.added_damping
-
-
-def is_held(response: Response) -> bool:
-    """Whether the response is that of a sampled system under a held input."""
-    return response.held_input

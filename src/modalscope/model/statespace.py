@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,7 @@ from modalscope.model.signals import Signals
 
 __all__ = ["INPUTS", "StateSpace"]
 
-#: What the input does between samples: it is held (zero-order hold), or comes in sampled Dirac impulses (they differ, Eq. 8).
+#: Between samples the input is held (zero-order hold), or comes in sampled Dirac impulses (they differ, Eq. 8).
 INPUTS = ("held", "dirac")
 
 
@@ -226,9 +226,7 @@ class StateSpace(Quadruple):
                 f"T has shape {matrix.shape} or is singular",
                 "Give a regular square matrix.",
             )
-        inverse = np.asarray(np.linalg.inv(matrix), dtype=float)
-        gain = None if self.gain is None else inverse @ self.gain
-        return replace(self, A=inverse @ self.A @ matrix, B=inverse @ self.B, C=self.C @ matrix, gain=gain)
+        return self._moved(matrix, np.linalg.solve(matrix, self.A @ matrix))
 
     def balanced(self, order: int | None = None, *, steady_state: bool = False) -> Balanced:
         """Return the balanced realization, both Gramians diag(Hankel singular values), or its leading `order` states.
@@ -238,7 +236,7 @@ class StateSpace(Quadruple):
         order : int, optional
             States to keep (balanced truncation); by default all that are both seen and driven.
         steady_state : bool
-            Keep the gain at 0 Hz (dropped states in their steady state) instead of the response's first samples (states at zero).
+            Keep the gain at 0 Hz instead of the response's first samples.
 
         Raises
         ------
@@ -260,10 +258,7 @@ class StateSpace(Quadruple):
         Repeated poles with eigenvectors of their own stand in own blocks; those that (nearly) lack them share one, in real Schur form.
         """
         T, M, blocks, condition = block_diagonal_basis(self.A, np.abs(self.continuous_poles))
-        B = np.asarray(np.linalg.solve(T, self.B), dtype=float)
-        gain = None if self.gain is None else np.asarray(np.linalg.solve(T, self.gain), dtype=float)
-        model = replace(self, A=M, B=B, C=self.C @ T, gain=gain)
-        return ModalForm(state_space=model, T=T, blocks=blocks, condition=condition)
+        return ModalForm(state_space=self._moved(T, M), T=T, blocks=blocks, condition=condition)
 
     def pole_groups(self, tolerance: float = 1e-6) -> tuple[PoleGroup, ...]:
         """Return the poles, coinciding ones together, with how many of each the outputs see and the inputs drive.

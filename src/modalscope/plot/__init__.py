@@ -7,6 +7,7 @@ from modalscope.plot.methods import deviations, method_distances, method_map
 from modalscope.plot.phases import complexity
 from modalscope.plot.responses import response
 from modalscope.plot.shapes import shape
+from modalscope.plot.spectra import spectra
 
 __all__ = [
     "complexity",
@@ -20,5 +21,6 @@ __all__ = [
     "response",
     "shape",
     "singular_values",
+    "spectra",
     "stabilization",
 ]

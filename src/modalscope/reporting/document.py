@@ -10,7 +10,7 @@ from typing import Protocol
 
 from modalscope.comparing import Comparison
 from modalscope.identification.identify import Identification
-from modalscope.identification.table import cell_label
+from modalscope.identification.lookup import cell_label
 from modalscope.io.atomic import replacing
 from modalscope.io.formats import sources_of
 from modalscope.judging.select import select
@@ -88,7 +88,7 @@ def report(
     origin = Origin(source, command)
     if isinstance(thing, Result):
         files = [file.path for file in thing.analysis.files if file.path]
-        known = source or (files[0] if files else None)
+        known = source or ", ".join(files) or None
         origin = Origin(known, command, thing.findings, thing.notes, result_script(thing))
     modes, diagram = _selected(thing)
     heading = title or _heading("Modes" if origin.source else "Modal identification", " of ", origin.source)

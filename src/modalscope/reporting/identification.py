@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from modalscope.identification.identify import Identification
-from modalscope.identification.table import cell_label
+from modalscope.identification.lookup import cell_label
 from modalscope.modal.explained import explained, explains_enough
 from modalscope.reporting import record, sections
 from modalscope.reporting.figures import singular_values_svg

@@ -8,7 +8,7 @@ from importlib.metadata import version
 
 import numpy as np
 
-from modalscope.identification.table import cell_label
+from modalscope.identification.lookup import cell_label
 from modalscope.model import FrequencyResponse, ImpulseResponse, StabilizationDiagram
 from modalscope.model.checks import Array
 from modalscope.model.response import Response, output_scale

@@ -34,11 +34,12 @@ def stabilization_script(diagram: StabilizationDiagram, source: str | None) -> s
 def result_script(result: Result) -> str:
     """Return the script that repeats a whole analysis."""
     document = result.analysis
-    file = document.files[0] if document.files else None
-    lines = _options({**({"reading": dict(file.reading)} if file and file.reading else {}), **document.choices()})
+    paths = [file.path for file in document.files if file.path]
+    reading = dict(document.files[0].reading) if document.files else {}
+    lines = _options({**({"reading": reading} if reading else {}), **document.choices()})
     arrays = "import numpy as np\n\n" if any("np." in line for line in lines) else ""
-    source = repr(file.path) if file and file.path else "data  # which came from no file"
-    head = f"{arrays}import modalscope as ms\n\nresult = ms.analyze(\n    {source},\n"
+    source = repr(paths if len(paths) > 1 else paths[0]) + "," if paths else "data,  # which came from no file"
+    head = f"{arrays}import modalscope as ms\n\nresult = ms.analyze(\n    {source}\n"
     return f"{head}{''.join(lines)})\n" + 'print(result.modes.table())\nms.report(result, "report.html")\n'
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from modalscope.identification.table import cell_label
+from modalscope.identification.lookup import cell_label
 from modalscope.modal.explained import explained, explains_enough
 from modalscope.modal.rebuilt import fit_error, rebuilt
 from modalscope.model import ModalModel, StabilizationDiagram

@@ -54,7 +54,8 @@ def analyze(
 
     Parameters
     ----------
-    data : path, FrequencyResponse, ImpulseResponse or Signals
+    data : path, sequence of paths, FrequencyResponse, ImpulseResponse or Signals
+        Several files are parts of one test: of the same outputs runs, of others setups (see `merge`).
     method, domain : str, optional
         A row of the table, or a name from the literature, and a column; by default what suits the data.
     orders : iterable of int, optional
@@ -91,11 +92,11 @@ def analyze(
     >>> len(result.modes), result.analysis.method is None
     (5, True)
     """
-    thing, source, told = opened(data, {} if reading is None else reading)
+    thing, sources, told = opened(data, {} if reading is None else reading)
     bands = _bands(options.pop("band", None))
     exclude, route = options.pop("exclude", None), options.pop("route", None)
     document = Analysis(
-        files=(source,),
+        files=sources,
         bands=bands,
         exclude=() if exclude is None else labels_of(exclude),
         route=route or "auto",

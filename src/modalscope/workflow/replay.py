@@ -12,7 +12,7 @@ from modalscope.model.keywords import named
 from modalscope.model.kinds import check_kind
 from modalscope.model.result import Result
 from modalscope.workflow.analyze import Progress, analyzed
-from modalscope.workflow.sources import opened, source_of_data
+from modalscope.workflow.sources import are_paths, opened, source_of_data
 
 __all__ = ["replay"]
 
@@ -52,34 +52,32 @@ def replay(
     if isinstance(document, str | Path):
         document = read_analysis(Path(document))
     check_kind("document", document, Analysis)
-    known = document.files[0] if document.files else SourceFile()
-    if data is None and not known.path:
+    known = document.files or (SourceFile(),)
+    if data is None and not all(file.path for file in known):
         raise DataError(
             "an analysis was to be done again",
             "its data came from no file",
             "Give the data: replay(document, data).",
         )
-    thing, source, told = opened(known.path if data is None else data, known.reading if _is_path(data) else {})
+    given = [file.path for file in known] if data is None else data
+    thing, sources, told = opened(given, known[0].reading if data is None or are_paths(data) else {})
     if not force:
-        _check_same(known, source, thing)
+        _check_same(known, sources, thing)
     return analyzed(thing, document, progress, told)
 
 
-def _is_path(data: Any) -> bool:
-    return data is None or isinstance(data, str | Path)
-
-
-def _check_same(known: SourceFile, source: SourceFile, thing: Any) -> None:
+def _check_same(known: tuple[SourceFile, ...], sources: tuple[SourceFile, ...], thing: Any) -> None:
     """Raise when data are not those that were analysed, by their hash; where only a file's is known, by that of the data's own file."""
-    if not known.sha256 or known.sha256 == source.sha256:
+    hashes = [file.sha256 for file in known]
+    if not all(hashes) or hashes == [file.sha256 for file in sources]:
         return
     came_from = getattr(thing, "source_path", None)
-    if known.path and not source.path and came_from is not None and Path(came_from).exists():
-        read_again, of_file, _ = opened(Path(came_from), known.reading)
-        if of_file.sha256 == known.sha256 and source.sha256 == source_of_data(read_again).sha256:
+    if len(known) == 1 and known[0].path and not sources[0].path and came_from is not None and Path(came_from).exists():
+        read_again, (of_file,), _ = opened(Path(came_from), known[0].reading)
+        if of_file.sha256 == hashes[0] and sources[0].sha256 == source_of_data(read_again).sha256:
             return
     raise DataError(
-        f"the data of {known.path or 'the analysis'} were expected",
+        f"the data of {', '.join(file.path for file in known if file.path) or 'the analysis'} were expected",
         "these are others: their hash differs from the document's",
         "Give the data that were analysed, or say force=True (a result of other data is another result).",
     )

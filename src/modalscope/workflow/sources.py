@@ -14,19 +14,21 @@ from modalscope.io.arrays import to_arrays
 from modalscope.model import ModalModel, Note
 from modalscope.model.analysis import SourceFile
 from modalscope.model.checks import DataError
+from modalscope.preprocess.merging import merge
 
-__all__ = ["opened", "source_of_data", "source_of_file"]
+__all__ = ["are_paths", "opened", "source_of_data", "source_of_file"]
 
 #: Bytes of a file that are hashed at a time.
 _CHUNK = 1 << 20
 
 
-def opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile, tuple[Note, ...]]:
-    """Return the data, where they came from, and what of a file was left; a path is read.
+def opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, tuple[SourceFile, ...], tuple[Note, ...]]:
+    """Return the data, where they came from, and what of a file was left; a path is read, several are parts of one test.
 
     Parameters
     ----------
-    data : path or data object
+    data : path, sequence of paths, or data object
+        Several files are merged: those of the same outputs are runs, others are setups (see `merge`).
     reading : mapping
         Options of `read`.
 
@@ -35,6 +37,22 @@ def opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile, tupl
     DataError
         A file that holds modes already, or options of reading for data that are read.
     """
+    if isinstance(data, list | tuple) and are_paths(data):
+        parts = [_opened(each, reading) for each in data]
+        thing = parts[0][0] if len(parts) == 1 else merge([part for part, _, _ in parts])
+        told = dict.fromkeys(note for _, _, notes in parts for note in notes)
+        return thing, tuple(source for _, source, _ in parts), tuple(told)
+    thing, source, notes = _opened(data, reading)
+    return thing, (source,), notes
+
+
+def are_paths(data: Any) -> bool:
+    """Whether data are a path, or a sequence of nothing but paths."""
+    several = data if isinstance(data, list | tuple) else (data,)
+    return bool(several) and all(isinstance(each, str | Path) for each in several)
+
+
+def _opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile, tuple[Note, ...]]:
     if not isinstance(data, str | Path):
         if reading:
             raise DataError(

@@ -15,7 +15,7 @@ from modalscope.io.uff.function_writer import write_function
 from modalscope.io.uff.layout import one_set
 from modalscope.io.uff.nodes import write_lines, write_nodes
 from modalscope.io.uff.shapes import write_shapes
-from modalscope.model import DataError, FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals
+from modalscope.model import DataError, FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals, StateSpace
 from modalscope.model.checks import RealArray, check_choice
 from modalscope.model.version import VERSION
 
@@ -50,6 +50,12 @@ def write(path: Path, thing: Plain, options: Options) -> None:
         for name, choices in (("dataset", (55, 2414)), ("nodes", (2411, 15)), ("lines", (82, 2412)))
     )
     data = _header()
+    if isinstance(thing, StateSpace):
+        raise DataError(
+            f"writing StateSpace as {path.suffix} was asked",
+            "there is no such dataset",
+            "Use .npz, .mat, .h5 or .json.",
+        )
     geometry = thing if isinstance(thing, Geometry) else thing.geometry
     if not isinstance(thing, Geometry):
         data += _units(thing)

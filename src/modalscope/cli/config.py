@@ -1,0 +1,78 @@
+"""Options from a file: `--config options.toml`, a table a command.
+
+    [identify]
+    band = [100, 4500]
+    exclude = ["3:+Z"]
+    no-refine = true
+
+Every entry is the option of that name; true is an option without a value, a list gives several values, a list of lists the
+option several times. What stands on the command line counts more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+__all__ = ["configured"]
+
+_OPTION = "--config"
+
+
+def configured(words: Sequence[str]) -> list[str]:
+    """Return the words of a command line with those that its file of options adds.
+
+    Parameters
+    ----------
+    words : sequence of str
+
+    Raises
+    ------
+    DataError
+        A file that cannot be read, that is no TOML, or whose tables are no commands.
+    """
+    at = next((k for k, word in enumerate(words) if word.split("=")[0] == _OPTION), None)
+    if at is None or words[at : at + 2] == [_OPTION]:
+        return list(words)
+    name = words[at].partition("=")[2] or words[at + 1]
+    given = {word.split("=")[0] for word in words}
+    table = _read(Path(name)).get(words[0], {})
+    return [*words, *(word for key, value in table.items() if f"--{key}" not in given for word in _words(key, value))]
+
+
+def _read(path: Path) -> dict[str, dict[str, Any]]:
+    import tomllib
+
+    from modalscope.cli.commands import names
+    from modalscope.model import DataError
+
+    try:
+        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise DataError(
+            f"{_OPTION} {path} was asked", f"the system refuses: {(error.strerror or '').lower()}", "Check the name."
+        ) from None
+    except ValueError as error:
+        raise DataError(f"{_OPTION} {path} was asked", f"it is no TOML: {error}", "Correct that line.") from None
+    for name, table in tables.items():
+        if name not in names() or not isinstance(table, dict):
+            raise DataError(
+                f"{_OPTION} {path} was asked",
+                f"{name!r} is no table of a command",
+                f"Use tables [{'], ['.join(names())}].",
+            )
+    return tables
+
+
+def _words(key: str, value: Any) -> Iterator[str]:
+    """Yield an entry as words of a command line."""
+    if isinstance(value, list) and value and all(isinstance(each, list) for each in value):
+        for each in value:
+            yield from _words(key, each)
+    elif isinstance(value, list):
+        yield from (f"--{key}", *(str(each) for each in value))
+    elif value is True:
+        yield f"--{key}"
+    elif value is not False:
+        yield f"--{key}={value}"

@@ -1,0 +1,33 @@
+"""modalscope merge: the files of one test in one file."""
+
+from __future__ import annotations
+
+import argparse
+
+from modalscope.cli.parser import Commands, add_files, add_outputs
+from modalscope.cli.process import remark, say
+
+__all__ = ["add", "run"]
+
+
+def add(commands: Commands) -> None:
+    """Add the command to the list."""
+    parser = commands.add_parser("merge", help="put the files of one test, runs or setups, into one file")
+    add_files(parser)
+    add_outputs(parser, "write .uff, .npz, .mat or .h5")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Merge the files of one test by the labels of their channels."""
+    from modalscope.cli.output import DATA, check_outputs, needed, write_data
+    from modalscope.cli.reading import read_test
+
+    needed(options, "test.npz")
+    check_outputs(options, options.files, DATA)
+    data, told = read_test(options)
+    written = [write_data(path, data) for path in options.outputs]
+    for note in told:
+        remark(note)
+    for line in written:
+        say(line)

@@ -1,0 +1,47 @@
+"""modalscope refine: known modes to the maximum of the likelihood."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from modalscope.cli.parser import Commands, add_files, add_outputs
+from modalscope.cli.process import remark, say
+
+__all__ = ["add", "run"]
+
+
+def add(commands: Commands) -> None:
+    """Add the command to the list."""
+    parser = commands.add_parser(
+        "refine", help="refine modes to the maximum of the likelihood, with the deviations of each"
+    )
+    add_files(parser)
+    parser.add_argument("--modes", type=Path, required=True, help="modes to start from: .json, .npz, .mat or .h5")
+    parser.add_argument("--band", nargs=2, type=float, metavar=("F1", "F2"), help="lowest and highest frequency, Hz")
+    parser.add_argument(
+        "--complete", action="store_true", help="add poles that stand out of what is left, where it is white"
+    )
+    add_outputs(parser, "write .json, .csv, .uff, .npz, .mat or .h5")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Refine modes on the data they were found in, write them, and print how far they moved."""
+    from modalscope.cli.output import check_outputs, write_outputs
+    from modalscope.cli.reading import read_modes, read_test
+    from modalscope.identification.prepare import measure
+    from modalscope.identification.refine import refine
+    from modalscope.modal.pairing import pair_modes
+
+    check_outputs(options, (*options.files, options.modes))
+    data, told = read_test(options)
+    modes = read_modes(options, options.modes)
+    if options.band is not None:
+        data = measure(data, tuple(options.band)).response
+    found = refine(data, modes, complete=options.complete)
+    written = write_outputs(options, found, ", ".join(map(str, options.files)), method="refined")
+    for note in (*told, *found.notes):
+        remark(note)
+    for line in (found.table(), "", "before (a) and after (b):", pair_modes(modes, found).table(), *written):
+        say(line)
