@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.identification.likelihood import whitened
+from modalscope.identification.whitening import levels_of
 from modalscope.model import FrequencyResponse, ImpulseResponse
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.modes import ModalModel
@@ -99,6 +101,20 @@ def deviations_of(structure: Structure, response: Any, sigma: RealArray) -> Real
         ]
     )
     return np.asarray(np.sqrt(sizes / 2))
+
+
+def gains_of(structure: Structure, response: Any, sigma: RealArray) -> RealArray:
+    """Return by how many standard deviations each mode is needed beside the others, (n,): what overlaps with them is not its own.
+
+    The rise of the squared misfit at the truth when it goes and shapes and terms of the others are fitted again.
+    """
+    levels = levels_of(sigma)
+    rows = np.ones(len(response.basis(structure.poles[:0], ()).data))
+    none, powers = np.zeros(0, complex), response.outside_powers
+    problem = whitened(response, none, powers, rows, levels.outputs, levels.inputs)
+    parts = [np.linalg.svd(R / levels.outputs[:, None] / levels.inputs) for R in structure.residues]
+    sides = np.array([U[:, 0] if problem.turned else Vh[0] for U, _, Vh in parts])
+    return np.asarray(np.sqrt(problem.at(structure.poles, sides, slopes=False).fitted().gain / 2))
 
 
 @dataclass(frozen=True)

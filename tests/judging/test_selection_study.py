@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from modalscope.model.checks import IntArray
 from modalscope.model.poles import poles_from
 from tests.judging.hard import (
     Structure,
     deviations_of,
     frequency_response,
+    gains_of,
     impulse_response,
     random_structure,
     score,
@@ -22,17 +24,16 @@ from tests.judging.hard import (
 KINDS: dict[str, Callable[..., Any]] = {"lines": frequency_response, "samples": impulse_response}
 
 
-def judged(kind: str, decibel: float, seeds: range) -> tuple[int, int, int, int]:
-    """Return how many lists are perfect above 10 and above 30 deviations, modes missed above 10, and spurious ones."""
+def judged(kind: str, decibel: float, seeds: range) -> IntArray:
+    """Return how many lists hold all modes above 10 and 30 deviations and nothing else, all above 10 counted alone, and spurious modes."""
     counts = np.zeros(4, int)
     for seed in seeds:
         structure = random_structure(seed)
         response, sigma = KINDS[kind](structure, decibel, seed)
-        strength = deviations_of(structure, response, sigma)
+        own, alone = (count(structure, response, sigma) for count in (gains_of, deviations_of))
         found = score(structure, ms.select(ms.stabilize(response)))
-        missed = int(np.sum(~found.found & (strength > 10)))
-        counts += [found.perfect(strength > 10), found.perfect(strength > 30), missed, found.spurious]
-    return tuple(int(n) for n in counts)  # type: ignore[return-value]
+        counts += [found.perfect(own > 10), found.perfect(own > 30), found.perfect(alone > 10), found.spurious]
+    return counts
 
 
 @pytest.mark.parametrize("decibel", [40, 20])
