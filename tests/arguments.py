@@ -233,7 +233,8 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
 
 #: Methods of what the classes of responses share with their modules; those are for the library itself.
 INNER = re.compile(
-    r"\.(around|basis|derivatives|doubts|driven|energy|in_band|named_terms|of_inputs|of_modes|processed|rebuilt_by|reported_band|values_of|spectrum)$"
+    r"\.(around|basis|chain|derivatives|doubts|driven|energy|in_band|in_plane|named_terms|of_inputs|of_modes|processed|rebuilt_by|reported_band|"
+    r"values_of|spectrum|whole_basis)$"
 )
 
 #: Classes that the library makes; users read them.
