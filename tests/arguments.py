@@ -96,7 +96,9 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "estimate_markov": lambda t: {"signals": t["records"], "observer_order": 10},
     "first_order_form": lambda t: {"model": ms.StateSpace(A=-np.eye(2), B=np.eye(2), C=np.eye(2))},
     "fit_residues": lambda t: {"response": t["lines"], "modes": t["modes"]},
-    "from_frame": lambda t: {"frame": pd.DataFrame({"a [g]": [0.0, 1.0, 0.0]}, index=[0.0, 0.1, 0.2])},
+    "from_frame": lambda t: {
+        "frame": pd.DataFrame({"a [g]": [0.0, 1.0, 0.0]}, index=pd.Index([0.0, 0.1, 0.2], name="time [s]"))
+    },
     "identify": lambda t: {"data": t["samples"], "method": "era", "order": 4},
     "identify of lines": lambda t: {"data": t["lines"], "method": "alternate", "order": 4},
     "comac": lambda t: {"shapes_a": t["modes"].shapes, "shapes_b": t["modes"].shapes},

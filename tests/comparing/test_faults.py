@@ -11,6 +11,7 @@ import pytest
 from modalscope import systems
 from modalscope.comparing import Comparison, compare
 from modalscope.model import FrequencyResponse, ImpulseResponse
+from modalscope.preprocess import estimate_correlation
 
 NOISE = 0.01
 METHODS = ["era/time", "alternate/time", "prce/time"]
@@ -122,8 +123,17 @@ def test_a_close_pair_is_named() -> None:
 
 @pytest.mark.parametrize("make", [chain, chain_lines])
 @pytest.mark.parametrize("largest", [4, 6, 8])
-def test_too_low_an_order_is_named_and_nothing_is_trusted(make, largest: int) -> None:  # type: ignore[no-untyped-def]
+def test_modes_that_too_few_orders_hide_are_found_in_what_these_leave(make, largest: int) -> None:  # type: ignore[no-untyped-def]
+    """So more orders do not change what is reported, and no order is to blame."""
     c = run(make(), range(2, largest + 1, 2))
+    assert np.allclose(c.modes.frequencies, systems.chain5().modes().frequencies, rtol=1e-3)
+    assert "order too low" not in {x.name for x in c.findings}
+
+
+@pytest.mark.parametrize("largest", [4, 6, 8])
+def test_too_low_an_order_of_ambient_data_is_named_and_nothing_is_trusted(largest: int) -> None:
+    record = systems.chain5().simulate(inputs="ambient", samples=20000, sampling_rate=20.0, seed=0)
+    c = run(estimate_correlation(record), range(2, largest + 1, 2))
     assert "order too low" in {x.name for x in c.findings}
     assert not any(t.trusted for t in c.trust)
 

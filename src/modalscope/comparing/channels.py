@@ -24,6 +24,7 @@ from modalscope.preprocess.polarity import check_polarity
 
 __all__ = ["channel_causes", "sign_causes", "without_dead"]
 
+_PLACE = 0.25  # half bandwidths: poles nearer than that lie in one place
 _BAD, _TIMES = 0.25, 3.0
 _MIXED, _REPAIRED = 0.02, 1 / 3
 
@@ -75,7 +76,8 @@ def _turned_alone(response: Response, poles: Array) -> list[Cause]:
     _, outputs, inputs = response.values.shape
     if min(outputs, inputs) < 2 or max(outputs, inputs) < 3 or not poles.size:
         return []
-    residues = _free_residues(response, poles)
+    # a response of the wrong sign makes two poles of one shape each out of every mode: one place counts once
+    residues = _free_residues(response, _one_a_place(poles))
     before = _beyond_rank_one(residues)
     after = np.empty((outputs, inputs))
     for o, i in np.ndindex(outputs, inputs):
@@ -91,6 +93,15 @@ def _turned_alone(response: Response, poles: Array) -> list[Cause]:
     sides = " or ".join(f"output {response.output_dofs[a]} with input {response.input_dofs[b]}" for a, b in named[:4])
     evidence = f"{sides}: turned, it lowers what no single shape explains from {100 * before:.2g} to {100 * best:.2g} %"
     return [Cause("swapped sign", evidence, response.output_dofs[o])]
+
+
+def _one_a_place(poles: Array) -> Array:
+    """Return poles of which none lies within a quarter of its half bandwidth of another."""
+    kept: list[complex] = []
+    for pole in np.asarray(poles, dtype=complex):
+        if all(abs(pole - other) > _PLACE * min(abs(pole.real), abs(other.real)) for other in kept):
+            kept.append(complex(pole))
+    return np.array(kept)
 
 
 def _free_residues(response: Response, poles: Array) -> Array:

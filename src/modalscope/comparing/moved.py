@@ -69,6 +69,8 @@ def moved_by_noise(found: Sweep, diagram: StabilizationDiagram, modes: ModalMode
     if cut.std is not None and modes.frequencies_std is not None:  # a split mode is not the mode
         there &= ~(cut.std.frequency[nearest] > SPLIT * modes.frequencies_std)
     index = nearest[there]
+    if not index.size:  # modes that no pole of the order is: what the orders do not show was found in the residual
+        return None
     try:
         influence = influence_on(
             pipeline.matrix, pipeline.realization, cut.order, cut.triple, cut.modal.eigen.take(index), _lines(response)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Container
 
 import numpy as np
-from scipy.stats import poisson
+from scipy.special import pdtrc
 
 from modalscope.model.checks import Array, RealArray
 from modalscope.model.signals import Signals
@@ -77,8 +77,10 @@ def wraps(x: RealArray) -> Array:
     jumps = np.flatnonzero((high[:-1] & low[1:]) | (low[:-1] & high[1:]))
     if float(np.median(np.abs(np.diff(side)))) < _SMOOTH:  # no vibration crosses its range in one step
         return np.asarray(jumps, dtype=int)
+    if not jumps.size:
+        return none
     expected = 2 * len(x) * float(np.mean(high) * np.mean(low))
-    return np.asarray(jumps, dtype=int) if poisson.sf(len(jumps) - 1, expected) < _BY_CHANCE else none
+    return np.asarray(jumps, dtype=int) if pdtrc(len(jumps) - 1, expected) < _BY_CHANCE else none
 
 
 def frozen(signals: Signals) -> list[Finding]:

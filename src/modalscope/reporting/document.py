@@ -82,7 +82,9 @@ def report(
     DataError
         Something that has neither modes nor a diagram, another suffix, or a file that cannot be written.
     """
-    source = None if source is None else str(check_path(source))
+    if source is not None:
+        check_kind("source of a report", source, (str, Path))
+        source = str(source)
     for name, text in (("title", title), ("command", command)):
         check_kind(f"{name} of a report", "" if text is None else text, str)
     if isinstance(thing, Comparison):
