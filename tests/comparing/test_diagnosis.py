@@ -11,7 +11,8 @@ import pytest
 
 from modalscope.comparing.agreement import Group
 from modalscope.comparing.causes import CAUSES, Cause
-from modalscope.comparing.diagnosis import HEAVY, disagreements, mode_causes, order_cause
+from modalscope.comparing.diagnosis import HEAVY, disagreements, mode_causes
+from modalscope.comparing.falling import order_cause
 from modalscope.comparing.further import changed
 from modalscope.comparing.run import MethodResult
 from modalscope.comparing.scatter import Biased, Scatter

@@ -10,7 +10,8 @@ import pytest
 from modalscope.identification.descent import descend
 from modalscope.identification.likelihood import Whitened, whitened
 from modalscope.identification.whitening import search_bound
-from modalscope.judging.contest import ONE_SHAPE, Arena, _standing, collinear, contest, gains_beside
+from modalscope.judging.contest import Arena, _standing, contest, gains_beside
+from modalscope.judging.likeness import ONE_SHAPE, collinear
 from modalscope.model import FrequencyResponse
 from modalscope.model.poles import poles_from
 from tests.judging.made import NUDGE, at_angle

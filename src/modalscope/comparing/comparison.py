@@ -12,7 +12,8 @@ from modalscope.comparing.agreement import Group, pair
 from modalscope.comparing.causes import Cause
 from modalscope.comparing.certified import Tried, certified_best, interval_trouble
 from modalscope.comparing.channels import channel_causes, sign_causes, without_dead
-from modalscope.comparing.diagnosis import disagreements, mode_causes, order_cause
+from modalscope.comparing.diagnosis import disagreements, mode_causes
+from modalscope.comparing.falling import order_cause
 from modalscope.comparing.further import changed_by_more_orders
 from modalscope.comparing.identities import check_identities
 from modalscope.comparing.kinship import Kinship, kinship

@@ -15,18 +15,15 @@ from modalscope.identification.information import inverse, normal, residual
 from modalscope.identification.likelihood import Fitted, Point, Whitened
 from modalscope.identification.matched import amplitudes, strongest_peaks
 from modalscope.identification.whitening import colour
-from modalscope.modal.indicators import mac
+from modalscope.judging.likeness import collinear
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.poles import frequencies_and_damping
 from modalscope.uncertainty.covariance import deviations_of_poles, pole_blocks
 
-__all__ = ["Arena", "Outcome", "collinear", "contest", "gains_beside"]
+__all__ = ["Arena", "Outcome", "contest", "gains_beside"]
 
 #: No pole so far outside the band (part of its edge) or so much damped is a mode: it makes up for something else.
 _OUTSIDE, _DAMPED = 0.1, 0.9
-
-#: Poles that overlap are one mode above this MAC, and those of single channels nearer than this part of both half bandwidths.
-ONE_SHAPE, _CLOSE = 0.9, 0.25
 
 #: In data that may not be white every round leaves at most this part of what exceeds white noise; of so many values, where a round is
 #: dear, that is asked of the peaks before they are refined with the others.
@@ -281,19 +278,6 @@ def _doubtful(state: _State) -> list[int]:
         near &= ~collinear(state.poles, *state.residues)
     weaker = np.any(near & (gain[:, None] < gain), axis=1)
     return [int(j) for j in np.argsort(gain) if weaker[j] or gain[j] < 2 * state.arena.bar]
-
-
-def collinear(poles: ComplexArray, shapes: ComplexArray, participation: ComplexArray) -> Array:
-    """Return which pairs of poles act as one mode, (n, n): they overlap, and their shapes are one.
-
-    With a single output or input, shapes or participation tell little: there any two poles are one that lie much closer yet.
-    """
-    w, half = poles.imag, -poles.real
-    apart = np.abs(w[:, None] - w) / (half[:, None] + half)
-    one = (apart < 1) & (mac(shapes) > ONE_SHAPE)
-    if 1 in (len(shapes), participation.shape[1]):
-        one |= apart < _CLOSE
-    return np.asarray(one)
 
 
 def _judged(state: _State) -> Outcome:

@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from modalscope.judging.contest import Arena, Outcome, collinear, gains_beside
+from modalscope.judging.contest import Arena, Outcome, gains_beside
 from modalscope.judging.evidence import Candidate, Evidence, Own, judge, peaks
+from modalscope.judging.likeness import collinear
 from modalscope.judging.tracking import Poles
 from modalscope.modal.contribution import contributions
 from modalscope.modal.indicators import mac
