@@ -23,8 +23,8 @@ with (here / "beam_hammer" / "published_modes.csv").open() as file:
 
 def near(frequency: float) -> tuple[float, float] | None:
     """The published mode within 1 % that no other mode is nearer to, if there is one."""
-    near = [p for p in published if abs(p[0] - frequency) < 0.01 * frequency]
-    return next((p for p in near if abs(p[0] - frequency) <= min(abs(modes.frequencies - p[0]))), None)
+    within = [p for p in published if abs(p[0] - frequency) < 0.01 * frequency]
+    return next((p for p in within if abs(p[0] - frequency) <= min(abs(modes.frequencies - p[0]))), None)
 
 
 print("\n        modalscope                published")
