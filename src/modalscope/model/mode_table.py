@@ -9,7 +9,7 @@ from modalscope.model.extras import optional_package
 if TYPE_CHECKING:
     from modalscope.model.modes import ModalModel
 
-__all__ = ["COLUMNS", "as_dataframe", "as_text", "cells_of_modes", "known_columns"]
+__all__ = ["COLUMNS", "as_dataframe", "as_text", "cells_of_modes", "known_columns", "told"]
 
 #: Column -> field: one number a mode, or nothing.
 COLUMNS = {
@@ -57,14 +57,25 @@ def cells_of_modes(modes: ModalModel) -> list[list[str]]:
         ("+-repeat", modes.frequencies_repeatability, modes.damping_ratios_repeatability),
     ):
         if frequencies is not None:
-            columns[f"f {word}"] = [f"{v:.2g}" for v in frequencies]
+            columns[f"f {word}"] = [told(v) for v in frequencies]
         if damping_ratios is not None:
-            columns[f"zeta {word}"] = [f"{100 * v:.2g}" for v in damping_ratios]
+            columns[f"zeta {word}"] = [told(100 * v) for v in damping_ratios]
     if modes.gain is not None:
         columns["gain"] = [f"{v:.1f}" for v in modes.gain]
     for name, values in modes.indicators.items():
         columns[name] = [f"{v:.3f}" for v in values]
     return [list(columns), *map(list, zip(*columns.values(), strict=True))]
+
+
+def told(deviation: float) -> str:
+    """Return a deviation with two digits; a dash where it is withheld.
+
+    Examples
+    --------
+    >>> told(0.01234), told(float("nan"))
+    ('0.012', '-')
+    """
+    return f"{deviation:.2g}" if deviation == deviation else "-"
 
 
 def as_dataframe(modes: ModalModel) -> Any:

@@ -11,6 +11,7 @@ from modalscope.modal.explained import explained, explains_enough
 from modalscope.modal.rebuilt import fit_error, rebuilt
 from modalscope.model import ModalModel, StabilizationDiagram
 from modalscope.model.checks import Array
+from modalscope.model.mode_table import told
 from modalscope.model.response import Response
 from modalscope.reporting.figures import (
     fit_errors_svg,
@@ -118,7 +119,7 @@ def modes_section(modes: ModalModel) -> Section:
             found = getattr(modes, f"{name}_{suffix}")
             if found is not None:
                 columns[f"{word} {title[title.index('[') :]}{' ' * (name == 'damping_ratios')}"] = [
-                    f"{scale * v:.2g}" for v in found
+                    told(scale * v) for v in found
                 ]
     if any(kind != "mode" for kind in modes.kinds):
         columns["kind"] = list(modes.kinds)
