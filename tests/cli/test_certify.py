@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+from pathlib import Path
+
+import pytest
 
 import modalscope as ms
 from modalscope.cli import main
@@ -48,3 +51,8 @@ def test_a_certificate_is_a_section_of_the_report(tmp_path, capsys):
 def test_selfcheck_reproduces_every_published_value(capsys):
     assert main(["selfcheck"]) == 0
     assert re.search(r"(\d+) of \1 published values reproduced", capsys.readouterr().out)
+
+
+def test_a_negative_seed_is_answered_in_words(test_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["certify", str(test_file), "--orders", "6:12:2", "--seed", "-1"]) == 2
+    assert "seed needs a whole number of at least 0" in capsys.readouterr().err

@@ -77,6 +77,7 @@ def certify(
     True
     """
     count = check_count("replicates", replicates, least=2)
+    start = check_count("seed", seed, least=0)
     if isinstance(result, str | Path):
         result = _analysed(Path(result), data)
     check_kind("certify", result, Result)
@@ -90,7 +91,7 @@ def certify(
         )
     diagram = result.diagram
     made = replicates_of(diagram, result.modes, _records(result, diagram), whole=select)
-    return certified(made, count, np.random.default_rng(seed), progress)
+    return certified(made, count, np.random.default_rng(start), progress)
 
 
 def _analysed(path: Path, data: Any) -> Result:
