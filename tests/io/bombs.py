@@ -10,8 +10,10 @@ from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
-import h5py
 import numpy as np
+import pytest
+
+h5py = pytest.importorskip("h5py")
 
 BOMBS: dict[str, Callable[[Path], None]] = {}
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import h5py
 import numpy as np
+import pytest
 import scipy.io
 
 import modalscope as ms
@@ -13,6 +13,8 @@ import modalscope.io as mio
 from modalscope.io.analysis import write_analysis
 from modalscope.model.analysis import Analysis, SourceFile
 from tests.io import samples
+
+h5py = pytest.importorskip("h5py")
 
 
 def write(folder: Path) -> list[Path]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 import pytest
 
 import modalscope as ms
 from modalscope.systems import chain5
 from tests.io.ordinary import CHANNELS, FREQUENCIES, RATE, RESPONSES, TIMES
 from tests.support import refused
+
+pd = pytest.importorskip("pandas")
 
 HEADS = ["Force [N]", "AccA [m/s2]", "AccB [m/s2]"]
 

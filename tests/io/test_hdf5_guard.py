@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 import time
 
-import h5py
 import numpy as np
 import pytest
 
@@ -14,6 +13,8 @@ from modalscope.io import hdf5_guard, hdf5_walk
 from modalscope.io.limits import room
 from tests.io import samples
 from tests.support import refused
+
+h5py = pytest.importorskip("h5py")
 
 
 @pytest.fixture
@@ -34,7 +35,9 @@ def foreign(tmp_path):
 def counted(monkeypatch):
     """Count the walks in another process."""
     calls, apart = [], hdf5_guard._apart
-    monkeypatch.setattr(hdf5_guard, "_apart", lambda path, room: calls.append(path) or apart(path, room))
+    monkeypatch.setattr(
+        hdf5_guard, "_apart", lambda path, room, streamed="": calls.append(path) or apart(path, room, streamed)
+    )
     return calls
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 
 from modalscope.io.hdf5_walk import Refused, walk
 from tests.io import corpus
 from tests.io.bombs import BOMBS
+
+h5py = pytest.importorskip("h5py")
 
 LEFT = 125_000_000
 

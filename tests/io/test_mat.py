@@ -1,11 +1,13 @@
 """MATLAB files: structures, foreign classes, and axes that MATLAB drops."""
 
-import h5py
 import numpy as np
+import pytest
 
 import modalscope.io as mio
 from tests.io import samples
 from tests.support import refused
+
+h5py = pytest.importorskip("h5py")
 
 
 def test_matlab_structures_are_dotted_and_foreign_classes_named(tmp_path):

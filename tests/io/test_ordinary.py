@@ -56,7 +56,7 @@ def suggestions(message: str) -> list[list[str]]:
 
 
 def told_to_read(path: Path, words: list[str]) -> Any:
-    return ms.read(path, **reading_options(build_parser().parse_args(["info", str(path), *words])))
+    return ms.read(path, **reading_options(build_parser().parse_args(["info", str(path), *words]), path))
 
 
 def is_right(thing: Any, case: Case) -> bool:

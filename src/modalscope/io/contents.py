@@ -18,12 +18,13 @@ from modalscope.model import (
     Signals,
     StabilizationDiagram,
     StateSpace,
+    StoredSignals,
 )
 
 __all__ = ["Contents", "Finding", "Format", "Options", "Plain", "Survey", "Thing"]
 
 Plain: TypeAlias = FrequencyResponse | ImpulseResponse | Signals | ModalModel | Geometry | StateSpace
-Thing: TypeAlias = Plain | StabilizationDiagram
+Thing: TypeAlias = Plain | StoredSignals | StabilizationDiagram
 Options: TypeAlias = Mapping[str, Any]
 
 
@@ -85,6 +86,8 @@ class Format:
         `writer(path, thing, options)`.
     read_options, write_options : tuple of str
         Keyword options of its own.
+    folder : bool
+        Whether it is a folder of files.
     """
 
     name: str
@@ -92,6 +95,7 @@ class Format:
     writer: Callable[[Path, Any, Options], None] | None
     read_options: tuple[str, ...] = ()
     write_options: tuple[str, ...] = ()
+    folder: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

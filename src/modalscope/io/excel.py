@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import struct
 import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import date, datetime, time
@@ -23,7 +25,7 @@ __all__ = ["EXCEL_OPTIONS", "read", "rows_of"]
 
 EXCEL_OPTIONS = (*COLUMN_OPTIONS, "skip", "sheet")
 
-#: What openpyxl and the parser of XML under it raise on damaged workbooks.
+#: What openpyxl and the readers of archives and XML under it raise on damaged workbooks.
 _DAMAGED = (
     ValueError,
     KeyError,
@@ -35,6 +37,9 @@ _DAMAGED = (
     SyntaxError,
     RuntimeError,
     MemoryError,
+    zipfile.BadZipFile,
+    zlib.error,
+    struct.error,
 )
 #: Rows by which a sheet is taken for a table, and rows of values that it then has.
 _ROWS, _VALUES = 200, 3
@@ -72,14 +77,14 @@ def rows_of(path: Path) -> list[tuple[int, str]]:
 def _opened(path: Path, space: Room) -> Iterator[Any]:
     """Give an open workbook; what openpyxl raises on damaged ones becomes a `DataError`."""
     package = optional_package(f"reading {path.suffix}", "openpyxl", "excel")
-    _check_size(path, space)
     try:
+        _check_size(path, space)
         book = package.load_workbook(path, read_only=True, data_only=True)
         try:
             yield book
         finally:
             book.close()
-    except (*_DAMAGED, zipfile.BadZipFile) as error:
+    except _DAMAGED as error:
         if isinstance(error, DataError):
             raise
         raise DataError(

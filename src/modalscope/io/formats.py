@@ -6,13 +6,29 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from modalscope.io import csv, csv_writer, excel, hdf5, json, mat, mesh, npy, npz, recorders, text, uff, wav
+from modalscope.io import (
+    csv,
+    csv_writer,
+    excel,
+    hdf5,
+    json,
+    mat,
+    mesh,
+    npy,
+    npz,
+    recorders,
+    text,
+    uff,
+    wav,
+    zarr_folders,
+)
 from modalscope.io.analysis import write_analysis
 from modalscope.io.atomic import replacing
 from modalscope.io.contents import Contents, Format, Options, Survey, Thing
 from modalscope.io.from_arrays import ARRAY_OPTIONS, FIELD_OPTIONS
 from modalscope.io.geometry_option import told_of_channels, with_geometry
 from modalscope.io.overrides import overridden
+from modalscope.io.stored import STORED_OPTIONS
 from modalscope.io.texts import check_texts
 from modalscope.model import (
     DataError,
@@ -42,7 +58,7 @@ _UNIVERSAL = Format(
 )
 _TEXT = Format(name="text table", reader=text.read, writer=None, read_options=text.TEXT_OPTIONS)
 _MDF = Format(name="MDF file", reader=recorders.read_mdf, writer=None, read_options=recorders.RECORDER_OPTIONS)
-_HDF5 = Format(name="HDF5", reader=hdf5.read, writer=hdf5.write, read_options=ARRAY_OPTIONS)
+_HDF5 = Format(name="HDF5", reader=hdf5.read, writer=hdf5.write, read_options=(*ARRAY_OPTIONS, *STORED_OPTIONS))
 
 #: Suffix -> format.
 FORMATS: dict[str, Format] = {
@@ -72,6 +88,13 @@ FORMATS: dict[str, Format] = {
     ".mat": Format(name="MATLAB file", reader=mat.read, writer=mat.write, read_options=ARRAY_OPTIONS),
     ".h5": _HDF5,
     ".hdf5": _HDF5,
+    ".zarr": Format(
+        name="Zarr folder",
+        reader=zarr_folders.read,
+        writer=None,
+        read_options=(*ARRAY_OPTIONS, *STORED_OPTIONS),
+        folder=True,
+    ),
 }
 
 
@@ -97,8 +120,9 @@ def read(path: str | Path, **options: Any) -> Thing:
     Parameters
     ----------
     path : path
-        A universal file, `.npz`, `.npy`, `.mat`, `.h5`, `.json`, a text table (`.csv`, `.txt`, `.asc`, `.tsv`, `.dat`, `.lvm`), `.wav`, and
-        with extras `.xlsx`, `.tdms`, `.mf4`, `.nc`, `.parquet` or a mesh (`.msh`, `.vtk`, `.bdf`, `.inp` ...).
+        A universal file, `.npz`, `.npy`, `.mat`, `.h5`, `.json`, a folder `.zarr`, a text table (`.csv`, `.txt`, `.asc`,
+        `.tsv`, `.dat`, `.lvm`), `.wav`, and with
+        extras `.xlsx`, `.tdms`, `.mf4`, `.nc`, `.parquet` or a mesh (`.msh`, `.vtk`, `.bdf`, `.inp` ...).
     **options
         For every format: `quantity` ("displacement", "velocity", "acceleration"), `sampling_rate`, `kind`, `output_dofs`,
         `input_dofs`, `units`, `geometry` (also a path, or paths of points and lines), `averages`, `added_damping`, `groups` override what
@@ -110,14 +134,15 @@ def read(path: str | Path, **options: Any) -> Thing:
 
         For files of named arrays (.npz, .mat, .h5): `rename={"y": "outputs", "fs": "sampling_rate"}`, name in the file ->
         name of the layout; `axes={"values": "inputs outputs lines"}`, the axes of a stored array when they stand in
-        another order or one of length 1 is left out; `ignore=["notes"]`, arrays to leave.
+        another order or one of length 1 is left out; `ignore=["notes"]`, arrays to leave. For .h5 and .zarr: `stored=True`, the samples
+        stay in the file and are read stretch by stretch, which is so by itself where they are large beside the memory.
 
         For universal files: `want="frequency response" | "impulse response" | "records" | "modes" | "geometry"` when a file
         holds several, and `repeated="first" | "last"` when a pair of dofs was measured more than once.
 
     Returns
     -------
-    FrequencyResponse, ImpulseResponse, Signals, ModalModel, Geometry, StateSpace or StabilizationDiagram
+    FrequencyResponse, ImpulseResponse, Signals, StoredSignals, ModalModel, Geometry, StateSpace or StabilizationDiagram
 
     Raises
     ------
@@ -245,7 +270,7 @@ def _contents(path: Path, options: Options) -> Contents:
 
 
 def _whole_contents(path: Path, options: Options) -> Contents:
-    if path.is_dir():
+    if path.is_dir() and not (path.suffix.lower() in FORMATS and FORMATS[path.suffix.lower()].folder):
         raise DataError(f"reading {str(path)!r} was asked", "that is a folder", "Name a file in it.")
     row = _format(path, "reading")
     if not path.exists():
@@ -257,8 +282,8 @@ def _whole_contents(path: Path, options: Options) -> Contents:
     _check_options(path, options, (*row.read_options, *FIELD_OPTIONS), "reading")
     if path.stat().st_size == 0:
         raise DataError(f"reading {path.name} was asked", "the file is empty", "Copy or write it again.")
-    contents = row.reader(path, options)
     options, notes = with_geometry(options, _geometry_in)
+    contents = row.reader(path, options)
     whole = replace(contents, thing=overridden(contents.thing, options, path), notes=(*contents.notes, *notes))
     return told_of_channels(whole) if options.get("geometry") is not None else whole
 

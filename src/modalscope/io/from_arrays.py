@@ -86,7 +86,7 @@ def contents_from_arrays(where: str, arrays: Mapping[str, Array], options: Optio
             "Name arrays that are there.",
         )
     held = {rename.get(name, name): array for name, array in arrays.items() if name not in ignore}
-    given = {name: options[name] for name in FIELD_OPTIONS if options.get(name) is not None}
+    given = _fields(options)
     noun = noun_of(held)
     known = set() if noun is None else names_of(noun)
     unknown = [name for name in held if name not in known and not _of_modes(noun, name)]
@@ -97,6 +97,12 @@ def contents_from_arrays(where: str, arrays: Mapping[str, Array], options: Optio
     findings = [Finding(part=name, what=_what(array)) for name, array in arrays.items() if name not in ignore]
     findings += [Finding(part=name, what=_what(arrays[name]), taken=False, reason="ignore names it") for name in ignore]
     return Contents(thing=thing, findings=tuple(findings))
+
+
+def _fields(options: Options) -> dict[str, Any]:
+    """Return the fields that were given; units of single channels are told apart by their labels, once these are known."""
+    given = {name: options[name] for name in FIELD_OPTIONS if options.get(name) is not None}
+    return {name: value for name, value in given.items() if not (name == "units" and isinstance(value, Mapping))}
 
 
 def _by_evidence(
@@ -114,7 +120,7 @@ def _by_evidence(
         found = contents_from_table(meant.table, {**options, "ignore": None})
         return replace(found, notes=(*meant.notes, *found.notes))
     arrays = dict(meant.arrays or {})
-    given = {name: options[name] for name in FIELD_OPTIONS if options.get(name) is not None}
+    given = _fields(options)
     thing = _build(where, noun_of(arrays) or Signals, arrays, given)
     findings = [
         Finding(

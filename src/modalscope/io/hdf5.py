@@ -19,6 +19,7 @@ from modalscope.io.contents import Contents, Options, Plain
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.hdf5_guard import check_hdf5, seal
 from modalscope.io.limits import Room, room
+from modalscope.io.stored import Hdf5Rows, name_of_outputs, stays_stored, stored_contents
 from modalscope.model import DataError, ImpulseResponse
 from modalscope.model.checks import Array
 from modalscope.model.extras import optional_package
@@ -110,13 +111,18 @@ def read(path: Path, options: Options) -> Contents:
     """Read a file in this layout, or any HDF5 file whose root datasets are renamed to it."""
     h5py = optional_package(f"reading {path.suffix}", "h5py", "hdf5")
     space = room(path.name, path.stat().st_size)
-    check_hdf5(path, space)
+    # a file says truly how large its arrays are when it has been walked through: until then its own size decides
+    streamed = name_of_outputs(options) if stays_stored(options, path.stat().st_size) else ""
+    check_hdf5(path, space, streamed)
+    rows: Hdf5Rows | None = None
     try:
         with h5py.File(path, "r") as file:
+            if streamed in file:
+                rows = _rows(path, streamed, file[streamed])
             arrays = {
                 name: _values(name, item, space)
                 for name, item in file.items()
-                if isinstance(item, h5py.Dataset) and not _is_axis(name, item)
+                if isinstance(item, h5py.Dataset) and not _is_axis(name, item) and not (rows and name == streamed)
             }
             if not all(isinstance(name, str) for name in arrays):
                 raise ValueError("a name in it is no text")
@@ -138,7 +144,16 @@ def read(path: Path, options: Options) -> Contents:
                 str(error),
                 "Write the file again.",
             ) from None
+    if rows is not None:
+        return stored_contents(path.name, rows, arrays, options)
     return contents_from_arrays(path.name, arrays, options)
+
+
+def _rows(path: Path, name: str, item: Any) -> Hdf5Rows | None:
+    """Return a dataset of samples and channels as rows; None of another."""
+    if len(item.shape or ()) != 2 or item.dtype.kind not in "biuf":
+        return None
+    return Hdf5Rows(str(path), name, (int(item.shape[0]), int(item.shape[1])))
 
 
 def _is_axis(name: str, item: Any) -> bool:

@@ -36,7 +36,7 @@ def seal(path: Path) -> None:
         file.write(_MARK + digest.encode())
 
 
-def check_hdf5(path: Path, room: Room) -> None:
+def check_hdf5(path: Path, room: Room, streamed: str = "") -> None:
     """Raise a `DataError` where a file is damaged, leads out of itself, or is larger than it may be.
 
     Parameters
@@ -44,13 +44,15 @@ def check_hdf5(path: Path, room: Room) -> None:
     path : path
     room : Room
         What its arrays may take.
+    streamed : str
+        The dataset that is read stretch by stretch: it may have any size, in pieces of a modest one.
 
     Raises
     ------
     DataError
     """
     try:
-        answer = _here(path, room) if _is_sealed(path) or not _python() else _apart(path, room)
+        answer = (_here if _is_sealed(path) or not _python() else _apart)(path, room, streamed)
     except UnicodeEncodeError:
         answer = ["its name has characters that no text has", "Rename the file."]
     if answer:
@@ -92,19 +94,19 @@ def _python() -> str:
     return program if Path(program).stem.lower().startswith(("python", "pypy")) else ""
 
 
-def _here(path: Path, room: Room) -> list[str]:
+def _here(path: Path, room: Room, streamed: str = "") -> list[str]:
     try:
-        hdf5_walk.walk(str(path), room.left)
+        hdf5_walk.walk(str(path), room.left, streamed)
     except hdf5_walk.Refused as refused:
         return [refused.found, refused.change]
     return []
 
 
-def _apart(path: Path, room: Room) -> list[str]:
+def _apart(path: Path, room: Room, streamed: str = "") -> list[str]:
     """Walk in a Python of its own, which finds h5py where this one does and nothing else."""
     seconds, clock = (first + room.size // rate for first, rate in (_SECONDS, _CLOCK))
     numbers = (room.left, seconds, _COPIES * room.left)
-    command = [_python(), "-P", "-S", "-B", hdf5_walk.__file__, str(path), *map(str, numbers)]
+    command = [_python(), "-P", "-S", "-B", hdf5_walk.__file__, str(path), *map(str, numbers), streamed]
     folders = os.pathsep.join(folder for folder in sys.path if folder)
     environment = os.environ | {"PYTHONPATH": folders, "OPENBLAS_NUM_THREADS": "1"}  # a thread is much memory
     try:

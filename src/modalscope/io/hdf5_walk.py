@@ -24,6 +24,8 @@ _FILTERS = (1, 2, 3, 32000)
 _DEEPEST, _MOST_OBJECTS, _MOST_CHUNKS, _MOST_CELLS = 32, 100_000, 10_000, 20_000
 #: Bytes of the file for each chunk beyond; of a chunk of a small array; of an attribute, at most; of a text as an object.
 _A_CHUNK, _A_PIECE, _AN_ATTRIBUTE, _A_TEXT = 64, 16_000_000, 4096, 64
+#: Of a piece of what is read in stretches.
+_A_STRETCH = 512_000_000
 #: Memory that Python and HDF5 take for themselves, where the system does not say.
 _OWN_MEMORY = 1_000_000_000
 #: What h5py raises on damaged files.
@@ -45,12 +47,13 @@ class _Visit:
     h5py: Any
     size: int
     left: int
+    streamed: str = ""
     groups: set[Any] = field(default_factory=set)
     datasets: set[Any] = field(default_factory=set)
     objects: int = 0
 
 
-def walk(path: str, left: int) -> None:
+def walk(path: str, left: int, streamed: str = "") -> None:
     """Visit every group and dataset.
 
     Parameters
@@ -58,6 +61,8 @@ def walk(path: str, left: int) -> None:
     path : str
     left : int
         Bytes that the arrays of the file may take in memory.
+    streamed : str
+        A dataset of numbers that is read in stretches: its pieces are bounded, not its size.
 
     Raises
     ------
@@ -68,7 +73,7 @@ def walk(path: str, left: int) -> None:
 
     try:
         with h5py.File(path, "r") as file:
-            visit = _Visit(h5py, Path(path).stat().st_size, left)
+            visit = _Visit(h5py, Path(path).stat().st_size, left, f"/{streamed}")
             _attributes(file, visit)
             _group("", file, visit, 0)
     except _DAMAGED as error:
@@ -115,6 +120,9 @@ def _dataset(name: str, item: Any, visit: _Visit) -> None:
     if item.shape is None:  # an empty dataset has no shape
         return
     size = prod(item.shape) * item.id.get_type().get_size()
+    if name == visit.streamed and item.dtype.kind in "biuf":
+        _stretches(name, item, plist, size, visit)
+        return
     if size > visit.left:
         raise Refused(f"{name} has the shape {item.shape}, {size} bytes, where {visit.left} are left", "")
     visit.left -= size
@@ -126,6 +134,19 @@ def _dataset(name: str, item: Any, visit: _Visit) -> None:
         _objects(name, item, visit)
     elif layout == h5d.CHUNKED:
         item[()]
+
+
+def _stretches(name: str, item: Any, plist: Any, size: int, visit: _Visit) -> None:
+    """Look at a dataset that is read in stretches: at its pieces, and whether all of them are there."""
+    if plist.get_layout() != visit.h5py.h5d.CHUNKED:
+        _whole(name, item, size, visit)
+        return
+    _chunks(name, item, plist, visit)
+    if prod(item.chunks) * item.dtype.itemsize > _A_STRETCH:
+        raise Refused(f"{name} comes in pieces of the shape {item.chunks}", "Write it in pieces of some megabytes.")
+    count = prod(-(-n // c) for n, c in zip(item.shape, item.chunks, strict=True))
+    if item.id.get_num_chunks() < count:  # what is not there would read as zeros
+        raise Refused(f"{count - item.id.get_num_chunks()} of the {count} pieces of {name} are missing")
 
 
 def _whole(name: str, item: Any, size: int, visit: _Visit) -> None:
@@ -204,17 +225,17 @@ def _bound(seconds: int, memory: int) -> None:
         resource.setrlimit(kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
 
 
-def _main(path: str, left: int, seconds: int, memory: int) -> None:
+def _main(path: str, left: int, seconds: int, memory: int, streamed: str) -> None:
     import h5py  # noqa: F401 - what it takes for itself is not bounded
 
     _bound(seconds, memory)
     answer: list[str] = []
     try:
-        walk(path, left)
+        walk(path, left, streamed)
     except Refused as refused:
         answer = [refused.found, refused.change]
     sys.stdout.write(json.dumps(answer))
 
 
 if __name__ == "__main__":
-    _main(sys.argv[1], *map(int, sys.argv[2:5]))
+    _main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4]), sys.argv[5])

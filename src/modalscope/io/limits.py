@@ -14,6 +14,7 @@ import numpy as np
 
 from modalscope.model import DataError
 from modalscope.model.checks import Array
+from modalscope.model.memory import set_allowed_memory
 
 __all__ = ["MOST_PARTS", "Room", "room", "set_max_memory"]
 
@@ -31,7 +32,7 @@ _max_memory: int | None = None
 
 
 def set_max_memory(size: int | None) -> None:
-    """Set what reading one file may take of the memory, for the whole process.
+    """Set what reading one file may take of the memory, and what work on it may take, for the whole process.
 
     Parameters
     ----------
@@ -52,6 +53,7 @@ def set_max_memory(size: int | None) -> None:
     if size is not None and (isinstance(size, bool) or not isinstance(size, int) or size < 1):
         raise DataError("a bound on memory was asked", f"it is {size!r}", "Give whole bytes above zero, or None.")
     _max_memory = size
+    set_allowed_memory(size)
 
 
 @dataclass(slots=True)

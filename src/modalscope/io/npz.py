@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.io.arrays import to_arrays
-from modalscope.io.contents import Contents, Options, Thing
+from modalscope.io.contents import Contents, Options, Plain
 from modalscope.io.diagrams import DIAGRAM, diagram_arrays, diagram_contents
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import Room, room
@@ -127,7 +127,7 @@ def _refuse(path: Path, error: Exception) -> DataError:
     )
 
 
-def write(path: Path, thing: Thing, options: Options) -> None:
+def write(path: Path, thing: Plain | StabilizationDiagram, options: Options) -> None:
     """Write a noun as named arrays; binary, so that it is read back exactly."""
     arrays: dict[str, Any] = diagram_arrays(thing) if isinstance(thing, StabilizationDiagram) else to_arrays(thing)
     with path.open("wb") as file:

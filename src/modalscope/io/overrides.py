@@ -8,12 +8,32 @@ from pathlib import Path
 
 from modalscope.io.contents import Options, Thing
 from modalscope.io.from_arrays import FIELD_OPTIONS
-from modalscope.model import DataError, Signals, StabilizationDiagram
+from modalscope.model import DataError, Signals, StabilizationDiagram, StoredSignals
 from modalscope.model.channels import Channels
 from modalscope.model.groups import AUTO, input_groups
+from modalscope.model.labels import label_of
 from modalscope.model.shown import summary_of
 
 __all__ = ["overridden"]
+
+
+def _of_channels(thing: Thing, given: Mapping[str, str]) -> tuple[list[str], list[str]] | None:
+    """Return the units of all channels with those given by label, or for all outputs or inputs; None where nothing names a channel.
+
+    Columns of tables have theirs already, by their number or name.
+    """
+    if not isinstance(thing, Channels):
+        return None
+    sides = [list(units) for units in thing.units]
+    found = False
+    for name, unit in given.items():
+        for word, side, dofs in zip(("outputs", "inputs"), sides, (thing.output_dofs, thing.input_dofs), strict=True):
+            places = (
+                range(len(dofs)) if name == word else [i for i, dof in enumerate(dofs) if dof in (name, label_of(name))]
+            )
+            for i in places:
+                side[i], found = unit, True
+    return (sides[0], sides[1]) if found else None
 
 
 def overridden(thing: Thing, options: Options, path: Path | None) -> Thing:
@@ -26,9 +46,10 @@ def overridden(thing: Thing, options: Options, path: Path | None) -> Thing:
     path : path, optional
     """
     given = {name: options[name] for name in FIELD_OPTIONS if options.get(name) is not None}
-    if isinstance(given.get("units"), Mapping):  # of single columns: used already
-        del given["units"]
-    if isinstance(thing, Signals) and "quantity" in given:
+    if isinstance(given.get("units"), Mapping):
+        units = _of_channels(thing, given.pop("units"))
+        given |= {} if units is None else {"units": units}
+    if isinstance(thing, Signals | StoredSignals) and "quantity" in given:
         given["quantities"] = given.pop("quantity")
     refused = sorted(set(given) - {field.name for field in fields(thing)})
     if refused:

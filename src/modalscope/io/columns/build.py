@@ -82,6 +82,7 @@ def _with_units(table: Table, units: Any) -> Table:
     given = {
         column.number: str(unit)
         for name, unit in units.items()
+        if name not in ("outputs", "inputs")
         for column in named_columns(table.columns, [str(name)], "units")
     }
     return replace(

@@ -8,23 +8,16 @@ from __future__ import annotations
 import re
 from functools import cache
 
+from modalscope.model.units import FACTORS, plain_unit
+
 __all__ = ["UNITS", "factor_to_base", "is_unit", "kind_of_unit", "plain_unit", "split_head", "words_of"]
 
 #: What units measure. Letters keep their case: s is a second and S is none.
 UNITS: dict[str, tuple[str, ...]] = {
     "time": ("s", "sec", "secs", "second", "seconds", "ms", "msec", "us", "usec", "ns", "min", "h", "hr"),
     "frequency": ("Hz", "hz", "HZ", "kHz", "cps", "rad/s", "rad/sec", "1/s"),
-    "force": ("N", "kN", "MN", "mN", "lbf", "lb", "lbs", "kgf", "kp", "dyn", "newton", "Newton", "Nm", "N*m", "kNm", "lbf*in"),
-    "acceleration": (
-        "m/s2", "m/s/s", "m/sec2", "ms-2", "ms2", "mm/s2", "cm/s2", "um/s2", "g", "G", "gn", "g0", "mg", "ug", "gal", "Gal", "ft/s2",
-        "in/s2", "m*s-2",
-    ),
-    "velocity": ("m/s", "m/sec", "mm/s", "cm/s", "um/s", "nm/s", "in/s", "ips", "ft/s", "m*s-1", "ms-1", "km/h"),
-    "displacement": ("m", "mm", "cm", "um", "nm", "micron", "in", "inch", "mil", "mils", "ft"),
-    "strain": ("um/m", "mm/m", "m/m", "ustrain", "ue", "strain", "microstrain", "uepsilon", "ueps"),
-    "pressure": ("Pa", "kPa", "MPa", "mPa", "hPa", "bar", "mbar", "psi"),
-    "angle": ("deg", "rad", "degree", "degrees", "grad", "mrad"),
-    "voltage": ("V", "mV", "volt", "volts", "Volt", "Volts", "uV", "kV"),
+    **{kind: tuple(units) for kind, (_, units) in FACTORS.items() if kind != "moment"},
+    "force": (*FACTORS["force"][1], *FACTORS["moment"][1]),
     "level": ("dB", "db", "DB"),
     "no vibration": ("degC", "C", "K", "degF", "F", "%", "%RH", "rpm", "RPM", "U/min", "1/min", "A", "mA", "W", "kW", "ppm", "lx"),
     "none": ("-", "1", "none", "n/a", "counts", "count", "LSB", "EU"),
@@ -33,8 +26,7 @@ UNITS: dict[str, tuple[str, ...]] = {
 #: So many of the base unit (s, Hz, rad) is one of these.
 _FACTORS = {
     "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "usec": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "hr": 3600.0, "kHz": 1e3,
-    "rad/s": 0.15915494309189535, "rad/sec": 0.15915494309189535, "deg": 0.017453292519943295, "degree": 0.017453292519943295,
-    "degrees": 0.017453292519943295, "mrad": 1e-3, "grad": 0.015707963267948967,
+    "rad/s": 0.15915494309189535, "rad/sec": 0.15915494309189535, **FACTORS["angle"][1],
 }  # fmt: skip
 
 _KIND = {unit: kind for kind, units in UNITS.items() for unit in units}
@@ -45,41 +37,11 @@ _WEAK = {"1", "-", "A", "C", "F", "G", "K", "W"}
 #: Characters of a head that are looked at: nobody writes longer ones.
 LONGEST = 400
 
-_SIGNS = str.maketrans(
-    {
-        "²": "2",
-        "³": "3",
-        "⁻": "-",
-        "¹": "1",
-        "µ": "u",
-        "μ": "u",
-        "·": "*",
-        "⋅": "*",
-        "×": "*",
-        "ε": "epsilon",
-        "^": "",
-        " ": "",
-    }
-)
 _BRACKETED = re.compile(r"^(?P<name>.*?)\s*[\[<{](?P<unit>[^\[\]<>{}]*)[\]>}]\s*(?P<rest>\S*)$")
 _ROUND = re.compile(r"^(?P<name>.*\S)\s*\((?P<unit>[^()]*(?:\([^()]*\)[^()]*)*)\)\s*$")
 _SLASH = re.compile(r"^(?P<name>.*\S)\s+(?:/|in|,)\s*(?P<unit>\S+)$")
 _UNDERSCORE = re.compile(r"^(?P<name>.*[A-Za-z0-9])_(?P<unit>s|ms|us|hz|Hz|kHz|N|kN|g|deg|rad|mm|um)$")
 _WORD = re.compile(r"[A-ZÀ-Þ]?[a-zà-ÿ]+|[A-ZÀ-Þ]+(?![a-zà-ÿ])|\d+|#")
-
-
-def plain_unit(unit: str) -> str:
-    """Return a unit without blanks, brackets, signs of powers and capitals of dB.
-
-    Examples
-    --------
-    >>> plain_unit("m / s²"), plain_unit("[m/s^2]"), plain_unit("µm/m"), plain_unit("°")
-    ('m/s2', 'm/s2', 'um/m', 'deg')
-    """
-    text = unit.strip()[:LONGEST].replace("**", "").translate(_SIGNS).replace("°", "deg")
-    while len(text) > 1 and text[0] + text[-1] in ("[]", "()", "<>", "{}"):
-        text = text[1:-1]
-    return re.sub(r"\(([^()]*)\)", r"\1", text) if text.count("/") < 3 else text
 
 
 @cache

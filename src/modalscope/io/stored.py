@@ -1,0 +1,196 @@
+"""Records that are too large for memory: the samples stay in the file, what stands beside them is read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from modalscope.io.contents import Contents, Finding, Options
+from modalscope.io.from_arrays import contents_from_arrays
+from modalscope.model import DataError, Signals, StoredSignals
+from modalscope.model.checks import Array
+from modalscope.model.extras import optional_package
+from modalscope.model.memory import allowed_memory
+from modalscope.model.stored import Rows
+
+__all__ = [
+    "STORED_OPTIONS",
+    "Hdf5Rows",
+    "ZarrRows",
+    "identity_of",
+    "name_of_outputs",
+    "stays_stored",
+    "stored_contents",
+]
+
+STORED_OPTIONS = ("stored",)
+
+#: A record that would take more than one in so many parts of the memory stays where it is.
+_PARTS = 4
+
+#: What h5py and zarr raise on what is damaged or gone.
+_DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError, OverflowError)
+
+
+def stays_stored(options: Options, size: int) -> bool:
+    """Whether a record of so many bytes stays in its file: as asked, or where it is large beside the memory that may be taken.
+
+    Parameters
+    ----------
+    options : mapping
+        With `stored` True or False where that was asked.
+    size : int
+    """
+    asked = options.get("stored")
+    if asked is None:
+        return size > allowed_memory() // _PARTS
+    if not isinstance(asked, bool):
+        raise DataError("stored was asked", f"it is {asked!r}", "Give True, False or nothing.")
+    return asked
+
+
+def name_of_outputs(options: Options) -> str:
+    """Return the name in the file of what is called `outputs` here.
+
+    Parameters
+    ----------
+    options : mapping
+        With `rename`.
+
+    Examples
+    --------
+    >>> name_of_outputs({"rename": {"y": "outputs"}}), name_of_outputs({})
+    ('y', 'outputs')
+    """
+    renamed = dict(options.get("rename") or {})
+    return next((name for name, meant in renamed.items() if meant == "outputs"), "outputs")
+
+
+def identity_of(path: Path) -> str:
+    """Return what tells whether a file is still the same without reading it: its name, size and date.
+
+    Parameters
+    ----------
+    path : path
+    """
+    status = path.stat()
+    return f"{path.resolve()} {status.st_size} {status.st_mtime_ns}"
+
+
+@dataclass(frozen=True)
+class Hdf5Rows:
+    """A dataset of an HDF5 file.
+
+    Parameters
+    ----------
+    path : str
+    name : str
+    shape : (int, int)
+    """
+
+    path: str
+    name: str
+    shape: tuple[int, int]
+
+    @property
+    def identity(self) -> str:
+        """The file, and the dataset."""
+        return f"{identity_of(Path(self.path))} {self.name} {self.shape}"
+
+    def read(self, start: int, stop: int) -> Array:
+        """Return some rows; the file is open no longer than that."""
+        h5py = optional_package("reading an HDF5 file", "h5py", "hdf5")
+        try:
+            with h5py.File(self.path, "r") as file:
+                return np.asarray(file[self.name][start:stop])
+        except _DAMAGED as error:
+            raise _unreadable(self.path, start, stop, error) from None
+
+
+@dataclass(frozen=True)
+class ZarrRows:
+    """An array of a Zarr folder.
+
+    Parameters
+    ----------
+    path : str
+        Of the array's own folder.
+    shape : (int, int)
+    """
+
+    path: str
+    shape: tuple[int, int]
+
+    @property
+    def identity(self) -> str:
+        """The folder, and what it says of the array."""
+        heads = (Path(self.path) / name for name in ("zarr.json", ".zarray"))
+        return " ".join(identity_of(head) for head in heads if head.exists())
+
+    def read(self, start: int, stop: int) -> Array:
+        """Return some rows."""
+        zarr = optional_package("reading a Zarr folder", "zarr", "zarr")
+        try:
+            return np.asarray(zarr.open_array(self.path, mode="r")[start:stop])
+        except _DAMAGED as error:
+            raise _unreadable(self.path, start, stop, error) from None
+
+
+def _unreadable(path: str, start: int, stop: int, error: Exception) -> DataError:
+    return DataError(
+        f"reading samples {start} to {stop - 1} of {Path(path).name} was asked",
+        f"they do not read: the file is damaged or gone ({error})",
+        "Copy or write the file again.",
+    )
+
+
+def stored_contents(where: str, rows: Rows, arrays: Mapping[str, Array], options: Options) -> Contents:
+    """Return a record whose samples stay where they are.
+
+    Parameters
+    ----------
+    where : str
+        The file, for messages.
+    rows : Rows
+        The outputs.
+    arrays : mapping
+        What stands beside them, by the names in the file: rate, labels, units.
+    options : mapping
+        Of files of named arrays.
+
+    Raises
+    ------
+    DataError
+        More than two axes, inputs, no sampling rate, what the data object refuses.
+    """
+    name, samples = name_of_outputs(options), rows.shape[0]
+    beside = {key: array for key, array in arrays.items() if array.ndim == 0 or len(array) != samples}
+    with_times: dict[str, Any] = dict(options)
+    if "time" in arrays and "sampling_rate" not in {*beside, *options}:
+        time = np.asarray(arrays["time"], dtype=float)
+        with_times["sampling_rate"] = float((len(time) - 1) / (time[-1] - time[0]))
+    ignored = [options["ignore"]] if isinstance(options.get("ignore"), str) else list(options.get("ignore") or ())
+    with_times["ignore"] = [key for key in ignored if key in beside or key not in arrays]
+    left = [key for key in arrays if key not in beside and key not in ("time", *ignored)]
+    renamed = dict(options.get("rename") or {})
+    if any(renamed.get(key, key) == "inputs" for key in left):
+        raise DataError(
+            f"reading {where} stretch by stretch was asked",
+            "it holds inputs, and only records of outputs are read so",
+            "Leave them out, ignore=['inputs'], or allow it the memory: --max-memory.",
+        )
+    head: dict[str, Any] = {name: np.asarray(rows.read(0, 2))}
+    found = contents_from_arrays(where, beside | head, with_times)
+    thing = found.thing
+    assert isinstance(thing, Signals)
+    record = StoredSignals(
+        rows=rows, sampling_rate=thing.sampling_rate, quantities=thing.quantities, **thing.labelled()
+    )
+    shown = Finding(part=name, what=f"{'x'.join(map(str, rows.shape))}, read stretch by stretch")
+    others = tuple(finding for finding in found.findings if finding.part != name)
+    unread = tuple(Finding(part=key, what="", taken=False, reason="nothing takes it") for key in left)
+    return replace(found, thing=record, findings=(shown, *others, *unread))
