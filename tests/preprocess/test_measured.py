@@ -9,7 +9,8 @@ from tests.support import measured
 
 
 def load(*parts):
-    return np.load(measured(*parts), allow_pickle=False)
+    with np.load(measured(*parts), allow_pickle=False) as held:
+        return dict(held)
 
 
 @pytest.fixture(scope="module")

@@ -132,4 +132,20 @@ def test_a_line_that_stands_alone_in_every_pair_is_named_and_a_resonance_is_not(
     found = [f for f in examine(FrequencyResponse(values=values, frequencies=LINES)) if f.kind == "lone lines"]
     assert f"{LINES[60]:.6g} Hz" in found[0].reason
     narrow = np.abs(1 / (1j * (np.arange(41) - 20.3) + 0.05))  # a half bandwidth of a twentieth of a line
-    assert stands_alone(np.log(narrow)[:, None]).size == 0
+    assert stands_alone(narrow[:, None] + 0j).size == 0
+
+
+def test_what_one_mode_and_a_level_give_between_lines_is_exact_and_three_times_that_stands_alone() -> None:
+    rng = np.random.default_rng(2)
+    x = np.arange(60.0)
+    shapes, levels = rng.standard_normal((2, 2, 4)) + 1j * rng.standard_normal((2, 2, 4))
+    H = shapes[0] / (1j * (x[:, None] - 31.4) + 0.02) + levels[0]
+    assert stands_alone(H).size == 0
+    for k in (12, 26, 45):
+        for factor in (3, 1 / 3, 3j):
+            spoilt = H.copy()
+            spoilt[k] *= factor
+            assert stands_alone(spoilt).tolist() == [k]
+    # of noise alone no line is named
+    noise = rng.standard_normal((2000, 3)) + 1j * rng.standard_normal((2000, 3))
+    assert stands_alone(noise).size == 0

@@ -6,6 +6,7 @@ from modalscope.preprocess.correlation import correlation_blocks, estimate_corre
 from modalscope.preprocess.findings import Finding
 from modalscope.preprocess.forces import PrincipalForces, force_correlation, partial_coherence, principal_forces
 from modalscope.preprocess.frf import estimate_frf
+from modalscope.preprocess.harmonics_removed import remove_harmonics
 from modalscope.preprocess.impacts import exponential_decay
 from modalscope.preprocess.local_models import LocalEstimate, local_models
 from modalscope.preprocess.markov import estimate_markov
@@ -42,6 +43,7 @@ __all__ = [
     "merge_setups",
     "partial_coherence",
     "principal_forces",
+    "remove_harmonics",
 ]
 
 plain_methods(Decomposition, Observer)

@@ -16,6 +16,8 @@ from modalscope.model.channels import QUANTITIES
 from modalscope.model.checks import Array, DataError, RealArray, check_choice, check_count, check_kind, check_positive
 from modalscope.model.keywords import named
 from modalscope.model.signals import Signals
+from modalscope.model.stored import Record, StoredSignals
+from modalscope.preprocess.filtered_rows import apply_filter, filtered
 
 __all__ = ["decimate", "detrend", "differentiate", "filter_band", "integrate"]
 
@@ -62,14 +64,17 @@ def detrend(signals: Signals, *, kind: str = "linear") -> Signals:
     return _on_all(signals, lambda x: np.asarray(scipy.signal.detrend(x, axis=-2)), "straight-line trend removed")
 
 
-def _apply(sections: Array, x: RealArray, zero_phase: bool) -> RealArray:
-    if zero_phase:
-        pad = min(3 * (2 * len(sections) + 1), x.shape[-2] - 1)
-        return np.asarray(scipy.signal.sosfiltfilt(sections, x, axis=-2, padlen=pad))
-    # the filter starts as if the first sample had been there for ever: no step at the start of the record
-    state = scipy.signal.sosfilt_zi(sections)
-    start = np.moveaxis(np.multiply.outer(state, x[..., 0, :]), 1, -2)  # (sections, ..., 2, channels)
-    return np.asarray(scipy.signal.sosfilt(sections, x, axis=-2, zi=start)[0])
+def _filtered(signals: Record, sections: Array | None, factor: int, zero_phase: bool, note: str) -> Record:
+    """Return a record behind a filter, one sample in `factor` kept; a stored one is filtered when it is read."""
+    rate = signals.sampling_rate / factor
+    if isinstance(signals, StoredSignals):
+        return filtered(signals, sections, factor, zero_phase, note, rate)
+
+    def change(x: RealArray) -> RealArray:
+        y = x if sections is None else apply_filter(sections, x, zero_phase)
+        return np.ascontiguousarray(y[..., ::factor, :])
+
+    return _on_all(signals, change, note, sampling_rate=rate)
 
 
 def _low_pass(edge: float, rate: float) -> Array:
@@ -79,8 +84,8 @@ def _low_pass(edge: float, rate: float) -> Array:
 
 @named()
 def filter_band(
-    signals: Signals, lowest: float, highest: float, *, zero_phase: bool = False, decimate: bool = True
-) -> Signals:
+    signals: Record, lowest: float, highest: float, *, zero_phase: bool = False, decimate: bool = True
+) -> Record:
     """Return the record filtered to a band, at the lowest sampling rate that still carries it.
 
     Outputs and inputs pass the same filters, so that what relates them stays as it was: a Butterworth high-pass of order 4
@@ -90,7 +95,8 @@ def filter_band(
 
     Parameters
     ----------
-    signals : Signals
+    signals : Signals or StoredSignals
+        A stored record stays where it is: it is filtered while it is read.
     lowest, highest : float
         Band in Hz; `lowest` may be 0: no high-pass.
     zero_phase : bool
@@ -109,7 +115,7 @@ def filter_band(
     >>> filter_band(record, 0.5, 4.0).sampling_rate
     10.0
     """
-    check_kind("filter_band", signals, Signals)
+    check_kind("filter_band", signals, (Signals, StoredSignals))
     rate = signals.sampling_rate
     if not (0 <= lowest < highest < rate / 2):
         raise DataError(
@@ -132,21 +138,17 @@ def filter_band(
         )
     sections = np.concatenate(filters) if filters else None
 
-    def change(x: RealArray) -> RealArray:
-        filtered = x if sections is None else _apply(sections, x, zero_phase)
-        return np.ascontiguousarray(filtered[..., ::factor, :])
-
     note = f"filtered to {lowest:g}-{highest:g} Hz" + (f", one sample in {factor} kept" if factor > 1 else "")
-    return _on_all(signals, change, note, sampling_rate=rate / factor)
+    return _filtered(signals, sections, factor, zero_phase, note)
 
 
 @named()
-def decimate(signals: Signals, factor: int, *, zero_phase: bool = False) -> Signals:
+def decimate(signals: Record, factor: int, *, zero_phase: bool = False) -> Record:
     """Return the record low-pass filtered at 0.8 of the new Nyquist frequency, one sample in `factor` kept.
 
     Parameters
     ----------
-    signals : Signals
+    signals : Signals or StoredSignals
     factor : int
         Samples of the old record for one of the new.
     zero_phase : bool
@@ -157,7 +159,7 @@ def decimate(signals: Signals, factor: int, *, zero_phase: bool = False) -> Sign
     DataError
         A factor below 1, or one that leaves fewer than two samples.
     """
-    check_kind("decimate", signals, Signals)
+    check_kind("decimate", signals, (Signals, StoredSignals))
     check_count("factor", factor)
     if factor == 1:
         return signals
@@ -166,12 +168,7 @@ def decimate(signals: Signals, factor: int, *, zero_phase: bool = False) -> Sign
             f"one sample in {factor} was asked", f"the record has {signals.samples}", "Lower factor, or measure longer."
         )
     sections = _low_pass(0.8 * signals.sampling_rate / factor / 2, signals.sampling_rate)
-    return _on_all(
-        signals,
-        lambda x: np.ascontiguousarray(_apply(sections, x, zero_phase)[..., ::factor, :]),
-        f"low-pass filtered, one sample in {factor} kept",
-        sampling_rate=signals.sampling_rate / factor,
-    )
+    return _filtered(signals, sections, factor, zero_phase, f"low-pass filtered, one sample in {factor} kept")
 
 
 def _raised(signals: Signals, power: int) -> tuple[str | None, ...]:

@@ -8,20 +8,27 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy
-from scipy import fft
 
+from modalscope.blocks.threads import one_thread
 from modalscope.model.checks import DataError, RealArray, check_count, check_kind
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.keywords import named
 from modalscope.model.labels import DofLike, indices_of
+from modalscope.model.memory import allowed_memory
 from modalscope.model.signals import Signals
 from modalscope.model.sizes import check_size
+from modalscope.model.stored import StoredSignals
+from modalscope.preprocess.lag_sums import LagSum
 from modalscope.preprocess.spectra import check_window, segment_starts, window_samples
+from modalscope.preprocess.stored_correlation import gathered
 
-__all__ = ["CorrelationBlocks", "correlation_blocks", "estimate_correlation"]
+__all__ = ["BLOCKS", "CorrelationBlocks", "correlation_blocks", "estimate_correlation"]
 
 #: By default a tenth of the samples of all runs, and no more than this many lags.
 _MOST_LAGS = 2000
+
+#: Parts of a record from whose scatter deviations are taken.
+BLOCKS = 20
 
 
 class CorrelationBlocks(NamedTuple):
@@ -49,7 +56,7 @@ class CorrelationBlocks(NamedTuple):
         return np.asarray(self.sums.sum(axis=0) / self.pairs.sum(axis=0)[:, None, None])
 
 
-def _references(signals: Signals, references: Iterable[DofLike] | DofLike | None) -> list[int]:
+def _references(signals: Signals | StoredSignals, references: Iterable[DofLike] | DofLike | None) -> list[int]:
     if references is None:
         return list(range(len(signals.output_dofs)))
     chosen = indices_of("reference", references, signals.output_dofs)
@@ -62,7 +69,7 @@ def _references(signals: Signals, references: Iterable[DofLike] | DofLike | None
     return chosen
 
 
-def _lags(signals: Signals, lags: int | None) -> int:
+def _lags(signals: Signals | StoredSignals, lags: int | None) -> int:
     if lags is None:
         lags = max(2, min(signals.runs * signals.samples // 10, signals.samples // 2, _MOST_LAGS))
     check_count("lags", lags, least=2)
@@ -84,22 +91,19 @@ def _centred(signals: Signals) -> RealArray:
 
 def _products(y: RealArray, later: RealArray, references: list[int], lags: int) -> RealArray:
     """Return sum_t later(t + k) y(t)' for k = 0 ... lags and t over the rows of y; `later` goes on beyond y by up to `lags`."""
-    length = fft.next_fast_len(later.shape[0] + y.shape[0], real=True)
-    ahead = fft.rfft(later, n=length, axis=0)
-    behind = np.conj(fft.rfft(y[:, references], n=length, axis=0))
-    result = np.empty((lags + 1, later.shape[1], len(references)))
-    for j in range(len(references)):  # one reference at a time: memory stays that of the record
-        result[:, :, j] = fft.irfft(ahead * behind[:, j : j + 1], n=length, axis=0)[: lags + 1]
-    return result
+    total = LagSum(later.shape[1], references, lags)
+    total.add(later, len(y))
+    return total.finish()
 
 
 @named()
+@one_thread
 def correlation_blocks(
-    signals: Signals,
+    signals: Signals | StoredSignals,
     *,
     references: Iterable[DofLike] | DofLike | None = None,
     lags: int | None = None,
-    blocks: int = 20,
+    blocks: int = BLOCKS,
 ) -> CorrelationBlocks:
     """Correlate a record block by block, so that the uncertainty of its correlations can be computed from their scatter.
 
@@ -110,8 +114,8 @@ def correlation_blocks(
 
     Parameters
     ----------
-    signals : Signals
-        The mean of every channel and run is removed; inputs are not used.
+    signals : Signals or StoredSignals
+        The mean of every channel and run is removed; inputs are not used. A stored record is read once, see `working`.
     references : labels or indices, optional
         All outputs by default.
     lags : int, optional
@@ -125,7 +129,6 @@ def correlation_blocks(
         Unknown references, more lags than samples, or blocks of no samples.
     """
     chosen, count = _references(signals, references), _lags(signals, lags)
-    records = _centred(signals)
     each = max(1, -(-check_count("blocks", blocks) // signals.runs))
     edges = np.linspace(0, signals.samples, each + 1).round().astype(int)
     if np.any(np.diff(edges) < 2):
@@ -134,25 +137,28 @@ def correlation_blocks(
             f"a run has {signals.samples} samples",
             f"Lower blocks to at most {signals.runs * signals.samples // 2}.",
         )
-    sums, pairs = [], []
-    for y in records:
-        for start, stop in itertools.pairwise(edges):
-            sums.append(_products(y[start:stop], y[start : stop + count], chosen, count))
-            last = np.minimum(stop, signals.samples - np.arange(count + 1))
-            pairs.append(np.maximum(last - start, 0).astype(float))
-    counts = np.array(pairs)
+    last = np.minimum(edges[1:, None], signals.samples - np.arange(count + 1))
+    counts = np.tile(np.maximum(last - edges[:-1, None], 0).astype(float), (signals.runs, 1))
     if np.any(counts == 0):
         raise DataError(
             f"blocks={blocks} with {count} lags was asked",
             "the last block is shorter than the largest lag and has no products there",
             "Lower blocks or lags.",
         )
+    if isinstance(signals, StoredSignals):
+        return CorrelationBlocks(gathered(signals, tuple(chosen), count, tuple(map(int, edges))).sums, counts)
+    sums = [
+        _products(y[start:stop], y[start : stop + count], chosen, count)
+        for y in _centred(signals)
+        for start, stop in itertools.pairwise(edges)
+    ]
     return CorrelationBlocks(np.array(sums), counts)
 
 
 @named()
+@one_thread
 def estimate_correlation(
-    signals: Signals,
+    signals: Signals | StoredSignals,
     *,
     references: Iterable[DofLike] | DofLike | None = None,
     lags: int | None = None,
@@ -168,8 +174,8 @@ def estimate_correlation(
 
     Parameters
     ----------
-    signals : Signals
-        The mean of every channel and run is removed, runs are averaged; inputs are not used.
+    signals : Signals or StoredSignals
+        The mean of every channel and run is removed, runs are averaged; inputs are not used. A stored record is read once, see `working`.
     references : labels or indices, optional
         All outputs by default.
     lags : int, optional
@@ -204,17 +210,20 @@ def estimate_correlation(
     >>> r.values.shape, r.kind
     ((50, 2, 1), 'correlation')
     """
-    check_kind("estimate_correlation", signals, Signals)
+    check_kind("estimate_correlation", signals, (Signals, StoredSignals))
     chosen, count = _references(signals, references), _lags(signals, lags)
     if window is None:
         if segment is not None:
             raise DataError(
                 "segments of a correlation were asked", "no window is given", 'Give window="hann" with segment.'
             )
-        records = _centred(signals)
-        sums = sum(_products(y, y, chosen, count) for y in records)
-        R = np.asarray(sums) / (signals.runs * (signals.samples - np.arange(count + 1)))[:, None, None]
-        how = "unbiased"
+        R, how = _unbiased(signals, chosen, count), "unbiased"
+    elif isinstance(signals, StoredSignals):
+        raise DataError(
+            f"window={window!r} of a stored record was asked",
+            "only the unbiased estimate is summed while it is read",
+            "Leave window out, or take the record into memory: record.load().",
+        )
     else:
         R, how = _windowed(signals, chosen, count, check_window(window), segment, overlap)
     names = [signals.output_dofs[i] for i in chosen]
@@ -232,6 +241,22 @@ def estimate_correlation(
         processing=(*signals.processing, note),
         source_path=signals.source_path,
     )
+
+
+def _unbiased(signals: Signals | StoredSignals, references: list[int], lags: int) -> RealArray:
+    """Return R(0 ... lags), all products of the record over their number; of a stored record by the blocks that deviations need."""
+    if isinstance(signals, StoredSignals):
+        most = signals.samples // (lags + 2)
+        one = 8.0 * (lags + 1) * (len(signals.output_dofs) + 1) * (len(references) + 1)
+        blocks = min(BLOCKS, max(most, 1)) if BLOCKS * one < allowed_memory() / 4 else 1
+        return correlation_blocks(signals, references=references, lags=lags, blocks=blocks).mean
+    check_size(signals)
+    sums = LagSum(len(signals.output_dofs), references, lags)
+    for y in signals.by_run()[0]:
+        own = LagSum(sums.channels, references, lags, y.mean(axis=0))
+        own.add(y)
+        sums.merge(own)
+    return sums.finish() / (signals.runs * (signals.samples - np.arange(lags + 1)))[:, None, None]
 
 
 def _windowed(

@@ -6,6 +6,8 @@ import numpy as np
 from scipy import fft
 
 from modalscope.model.checks import Array, DataError, RealArray, check_choice, check_count
+from modalscope.model.half_transform import half_transform
+from modalscope.model.memory import scratch
 from modalscope.model.signals import Signals
 from modalscope.preprocess.impacts import is_impact
 
@@ -32,6 +34,9 @@ _IN_ORDER = 0.7
 #: Stretches that a run is cut into to see a sweep.
 _STRETCHES = 16
 
+#: Lags that are looked at together.
+_AT_A_TIME = 1 << 16
+
 #: A periodic force is like itself a period on, to this part of its power.
 _PERIODIC = 0.99
 
@@ -47,15 +52,12 @@ def find_excitation(signals: Signals, asked: str = "auto") -> str:
         return asked
     inputs = signals.by_run()[1]
     assert inputs is not None
-    forces = [force - np.median(force) for run in inputs for force in run.T if np.any(force)]
+    forces = [force for run in inputs for force in run.T if np.any(force)]
     if not forces:
         return "random"
-    if all(is_impact(force) for force in forces):
-        return "impact"
-    if all(_is_off(force) for force in forces):
-        return "burst"
-    if all(_is_sweep(force) for force in forces):
-        return "sweep"
+    for kind, shows in (("impact", is_impact), ("burst", _is_off), ("sweep", _is_sweep)):
+        if all(shows(force - np.median(force)) for force in forces):
+            return kind
     return "random"
 
 
@@ -107,17 +109,7 @@ def find_period(forces: RealArray, period: int | None) -> int:
 
 
 def _repeat(forces: RealArray) -> int | None:
-    samples = forces.shape[1]
-    x = forces - forces.mean(axis=1, keepdims=True)
-    length = fft.next_fast_len(2 * samples, real=True)
-    spectrum = fft.rfft(x, n=length, axis=1)
-    products = fft.irfft(np.abs(spectrum) ** 2, n=length, axis=1)[:, : samples // 2 + 1].sum(axis=(0, 2))
-    # energy of the parts that overlap at each lag: first N - k samples, and last N - k
-    energy = np.cumsum(np.sum(x**2, axis=(0, 2)))
-    lags = np.arange(samples // 2 + 1)
-    head = energy[samples - 1 - lags]
-    tail = energy[-1] - np.concatenate([[0.0], energy[: samples // 2]])
-    likeness = products / np.maximum(np.sqrt(head * tail), np.finfo(float).tiny)
+    likeness = _likeness(forces)
     peaks = 1 + np.flatnonzero((likeness[1:-1] >= likeness[:-2]) & (likeness[1:-1] >= likeness[2:]))
     peaks = peaks[peaks >= 2]
     if peaks.size == 0 or likeness[peaks].max() < _PERIODIC:
@@ -125,3 +117,27 @@ def _repeat(forces: RealArray) -> int | None:
     best = likeness[peaks].max()
     # of lags nearly as good as the best, the shortest: the others are its multiples
     return int(peaks[np.flatnonzero(likeness[peaks] > best - 0.1 * (1 - _PERIODIC))[0]])
+
+
+def _likeness(forces: RealArray) -> RealArray:
+    """Return how much all forces (R, N, m) are like themselves at lags 0 ... N / 2: 1 where they repeat."""
+    samples = forces.shape[1]
+    half = 2 * fft.next_fast_len(-(-samples // 2), real=True)  # at least 2 N in all, and it splits in four
+    power, place, energy, x = scratch(half + 1), scratch(half + 1, complex), scratch(samples), scratch(2 * half)
+    for force in (force for run in forces for force in run.T):
+        np.subtract(force, force.mean(), out=x[:samples])
+        half_transform(x, place)
+        power += np.square(place.real, out=place.real)
+        power += np.square(place.imag, out=place.imag)
+        energy += np.square(x[:samples], out=x[:samples])
+        x[:samples] = 0
+    x[: half + 1], x[half + 1 :] = power, power[half - 1 : 0 : -1]  # power is even: its transform is the correlation
+    half_transform(x, place)
+    found: RealArray = place.real[: samples // 2 + 1] / (2 * half)
+    # energy of the parts that overlap at each lag: first N - k samples, and last N - k
+    np.cumsum(energy, out=energy)
+    for start in range(0, found.size, _AT_A_TIME):
+        lags = np.arange(start, min(start + _AT_A_TIME, found.size))
+        before = np.where(lags > 0, energy[lags - 1], 0.0)
+        found[lags] /= np.maximum(np.sqrt(energy[samples - 1 - lags] * (energy[-1] - before)), np.finfo(float).tiny)
+    return found

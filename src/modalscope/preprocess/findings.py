@@ -10,6 +10,7 @@ import numpy as np
 from modalscope.model.checks import Array
 from modalscope.model.records import Records
 from modalscope.model.response import Response
+from modalscope.model.setups import Setups
 from modalscope.model.signals import Signals
 
 __all__ = ["KINDS", "Finding", "Side", "dead_channels", "identical_channels", "sides_of"]
@@ -40,6 +41,11 @@ KINDS = (
     "conjugated",
     "no phase",
     "lone lines",
+    "exchanged",
+    "delay",
+    "missing samples",
+    "no complex values",
+    "places",
 )
 
 #: Channels of a smaller RMS than this part of the median of all are dead: a sensor shows more noise than that.
@@ -62,18 +68,34 @@ class Finding(NamedTuple):
         What was seen.
     change : str
         What to do about it.
+    frequencies : tuple of float
+        Hz: the lines or resonances concerned, where it concerns single ones.
     """
 
     kind: str
     channels: tuple[str, ...]
     reason: str
     change: str
+    frequencies: tuple[float, ...] = ()
+
+    def beside(self, bands: Sequence[tuple[float, float]]) -> Finding:
+        """Return the same finding, which says so where it concerns no line of the bands (Hz).
+
+        Parameters
+        ----------
+        bands : sequence of (float, float)
+        """
+        inside = any(low <= f <= high for f in self.frequencies for low, high in bands)
+        if not bands or not self.frequencies or inside:
+            return self
+        words = ", ".join(f"{low:g} to {high:g} Hz" for low, high in bands)
+        return self._replace(reason=f"{self.reason} (no line of the band {words} is concerned)")
 
     def __str__(self) -> str:
         return f"{self.kind}: {', '.join(self.channels)}: {self.reason}. {self.change}"
 
 
-def sides_of(data: Signals | Records | Response) -> list[Side]:
+def sides_of(data: Signals | Records | Setups | Response) -> list[Side]:
     """Return outputs and, where there are any, inputs as columns: samples or lines, runs and channels of the other side below each other.
 
     Examples
@@ -86,6 +108,8 @@ def sides_of(data: Signals | Records | Response) -> list[Side]:
     """
     if isinstance(data, Records):
         return _sides_of_runs(data)
+    if isinstance(data, Setups):
+        return [side for part in data.parts for side in sides_of(part)]
     both = (data.outputs, data.inputs) if isinstance(data, Signals) else (data.values.swapaxes(1, 2), data.values)
     named = zip(("output", "input"), both, (data.output_dofs, data.input_dofs), strict=True)
     return [(side, x.reshape(-1, x.shape[-1]), labels) for side, x, labels in named if x is not None and x.shape[-1]]

@@ -6,6 +6,7 @@ import itertools
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import pdtrc
 
 from modalscope.model.checks import Array, DataError, RealArray, check_count
 from modalscope.model.keywords import named
@@ -26,7 +27,10 @@ _OUTLIER = 5.0
 _PLATEAU = 3
 
 #: A converter's limit is reached this often at least, and this many times as often as the level before it.
-_OFTEN, _MORE = 6, 3
+_OFTEN, _MORE = 3, 3
+
+#: Steps of a converter below the last level that tell what is usual, and how often more may be chance.
+_STEPS, _BY_CHANCE = 10, 1e-4
 
 #: An impact puts this part of its energy into this part of the record.
 _ENERGY, _PART = 0.95, 0.05
@@ -101,17 +105,29 @@ def is_impact(force: Array) -> bool:
 
 
 def clipped_samples(x: Array) -> int:
-    """Return how many samples of x (N,) stand at a limit: its largest or smallest value, reached often and all of a sudden.
+    """Return how many samples of x (N,) stand at a limit: its largest or smallest value, reached three times or more and all of a sudden.
 
-    Levels of a signal that is not clipped are rarer the further out they are, repeated and binary ones alike at most. The
-    level at which a channel rests is no limit.
+    Levels of a signal that is not clipped are rarer the further out they are, repeated and binary ones alike at most. Of independent values
+    on the steps of a converter so many at the last level, after the mean of those before, have a chance of 1e-4 at most (Poisson's law).
+    The level at which a channel rests is no limit.
     """
     levels, counts = np.unique(x, return_counts=True)
     if levels.size < 3:
         return 0
     rest = float(np.median(x))
-    ends = ((levels[0], counts[0], counts[1]), (levels[-1], counts[-1], counts[-2]))
-    return sum(int(at) for level, at, before in ends if level != rest and at >= _OFTEN and at >= _MORE * before)
+    upward = ((levels, counts, rest), (-levels[::-1], counts[::-1], -rest))
+    return sum(int(c[-1]) for v, c, r in upward if v[-1] != r and _is_limit(v, c))
+
+
+def _is_limit(levels: Array, counts: Array) -> bool:
+    """Whether the last of rising levels has more samples than the steps before it lead one to expect."""
+    last, before = int(counts[-1]), int(counts[-3:-1].max())
+    if last < _OFTEN or last < _MORE * before:
+        return False
+    step = float(np.min(np.diff(levels)))  # of the converter; levels without samples count, too
+    near = levels > levels[-1] - (_STEPS + 0.5) * step
+    expected = float(counts[near][:-1].sum()) / _STEPS
+    return float(pdtrc(last - 1, max(expected, 1 / _STEPS**2))) < _BY_CHANCE
 
 
 def _pulses(force: RealArray, peak: float) -> list[tuple[int, int]]:

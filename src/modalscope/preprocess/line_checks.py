@@ -10,11 +10,12 @@ from modalscope.preprocess.findings import Finding
 
 __all__ = ["conjugated", "lone_lines", "no_phase"]
 
-#: A line that stands alone is so many times larger than the lines beside it, or smaller, in every pair.
-_ALONE = 8.0
+#: A line that stands alone is so many times larger than what the lines beside it give there, or smaller, in every pair, and the square of
+#: that where there are fewer than three pairs: two narrow modes side by side look like it in one pair, hardly in all ...
+_ALONE, _PAIRS = 2.0, 3
 
-#: Lines beside it that must be smooth: within this factor of each other.
-_SMOOTH = 2.0
+#: ... and so many times further away from that than so many lines on either side usually are.
+_UNUSUAL, _AROUND = 6.0, 10
 
 #: The sum of products of neighbouring lines exceeds what noise makes of it by so many deviations (one of 700 sets of noise alone).
 _SURE = 3.0
@@ -64,15 +65,10 @@ def no_phase(response: FrequencyResponse) -> list[Finding]:
 
 
 def lone_lines(response: FrequencyResponse) -> list[Finding]:
-    """Find lines that stand alone in every pair, the lines beside them smooth: mains, an overload, a line that was edited.
-
-    A resonance or antiresonance that the lines resolve changes by a factor of at most sqrt(5) from its top to the next line where half
-    of its half-power bandwidth spans half a line; and lines beside one that they do not resolve fall off on both sides.
-    """
-    if response.lines < 7:
+    """Find lines that stand alone in every pair: mains, an overload, a line that was edited. See `stands_alone`."""
+    if response.lines < 2 * _AROUND:
         return []
-    level = np.log(np.maximum(np.abs(response.values).reshape(response.lines, -1), np.finfo(float).tiny))
-    found = stands_alone(level)
+    found = stands_alone(response.values.reshape(response.lines, -1))
     if not found.size:
         return []
     where = ", ".join(f"{response.frequencies[k]:.6g}" for k in found[:5]) + (", ..." if found.size > 5 else "")
@@ -82,18 +78,49 @@ def lone_lines(response: FrequencyResponse) -> list[Finding]:
             response.output_dofs,
             f"{found.size} lines stand far out of their neighbours in every pair, at {where} Hz",
             "Look for mains or an edited line; leave these lines out: response.at_lines(...).",
+            tuple(float(f) for f in response.frequencies[found]),
         )
     ]
 
 
-def stands_alone(level: RealArray) -> Array:
-    """Return the lines whose level differs from both pairs of neighbours in all channels; the neighbours are alike in most.
+def stands_alone(H: Array) -> Array:
+    """Return the lines that differ in all channels from what two lines on either side of them give, whether a resonance is there or not.
+
+    One mode beside a level is H_c(x) = (a_c + b_c x) / (1 + g x), with x in lines and g the same in all channels, however narrow it is. The
+    lines at x = -2, -1, 1, 2 determine g, by least squares over all channels, and a_c, which line 0 should be. So does a cubic, H_c(0) =
+    (-H_c(-2) + 4 H_c(-1) + 4 H_c(1) - H_c(2)) / 6. Both must be away by a factor, to the same side, in every channel, and further
+    than noise puts them.
 
     Parameters
     ----------
-    level : array, (F, c)
+    H : array of complex, (F, c)
     """
-    beside = np.stack([level[:-4], level[1:-3], level[3:-1], level[4:]])
-    smooth = np.ptp(beside, axis=0) < np.log(_SMOOTH)
-    out = np.abs(level[2:-2] - beside.mean(axis=0)) > np.log(_ALONE)
-    return np.asarray(np.flatnonzero(out.all(axis=1) & (smooth.mean(axis=1) >= 0.5)) + 2)
+    tiny = np.finfo(float).tiny
+    x = np.array([-2.0, -1.0, 1.0, 2.0])
+    beside = np.stack([H[:-4], H[1:-3], H[3:-1], H[4:]])
+    turned = beside * x[:, None, None]
+    # orthogonal to straight lines in x
+    free = np.eye(4) - 1 / 4 - np.outer(x, x) / 10
+    own, other = np.tensordot(free, beside, 1), np.tensordot(free, turned, 1)
+    g = -np.sum(np.conj(other) * own, axis=(0, 2)) / np.maximum(np.sum(np.abs(other) ** 2, axis=(0, 2)), tiny)
+    mode = beside.mean(axis=0) + g[:, None] * turned.mean(axis=0)
+    cubic = np.tensordot(np.array([-1.0, 4.0, 4.0, -1.0]) / 6, beside, 1)
+    level = np.log(np.maximum(np.abs(H[2:-2]), tiny))
+    factors = np.stack([level - np.log(np.maximum(np.abs(given), tiny)) for given in (mode, cubic)])
+    one_side = np.all(factors > 0, axis=(0, 2)) | np.all(factors < 0, axis=(0, 2))
+    size = np.where(one_side, np.abs(factors).min(axis=(0, 2)), 0.0)
+    away = np.abs(H[2:-2] - mode)
+    # noise of one size, and noise as large as the lines are
+    usual = _usual(np.median(np.abs(factors).min(axis=0), axis=1, keepdims=True))[:, 0]
+    far = np.all(away > _UNUSUAL * _usual(away), axis=1) & (size > _UNUSUAL * usual)
+    least = np.log(_ALONE) * (1 if H.shape[1] >= _PAIRS else 2)
+    found = np.flatnonzero((size > least) & far)
+    # a line spoils what is expected of those beside it
+    return np.array([k + 2 for k in found if size[k] == size[max(k - 2, 0) : k + 3].max()], dtype=int)
+
+
+def _usual(x: RealArray) -> RealArray:
+    """Return the medians of x (n, c) over the neighbourhood of every row."""
+    padded = np.pad(x, ((_AROUND, _AROUND), (0, 0)), mode="reflect")
+    wide = np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1, axis=0)
+    return np.asarray(np.median(wide, axis=2))

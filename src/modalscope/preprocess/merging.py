@@ -4,44 +4,46 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from modalscope.model.checks import Array, DataError, check_each, check_kind
+from modalscope.model.checks import DataError, check_each, check_kind
 from modalscope.model.frequency import FrequencyResponse
-from modalscope.model.groups import AUTO
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.keywords import named
 from modalscope.model.records import Records
+from modalscope.model.setups import Setups
 from modalscope.model.signals import Signals
 from modalscope.model.sources import source_of
 from modalscope.preprocess.correlation import estimate_correlation
 from modalscope.preprocess.frf import estimate_frf
-from modalscope.preprocess.setups import merge_setups
+from modalscope.preprocess.joined_responses import check_same, joined_frf, merge_frf, merge_pulses
+from modalscope.preprocess.setups import correlations, merge_setups
 
 __all__ = ["merge"]
 
 Part = Signals | FrequencyResponse | ImpulseResponse
+Test = Records | Setups
 
 
 @named(inspect.signature(estimate_frf).parameters, inspect.signature(estimate_correlation).parameters)
-def merge(parts: Iterable[Part | Records], **options: Any) -> Part | Records:
+def merge(parts: Iterable[Part | Test], **options: Any) -> Part | Test:
     """Put the runs of one test together, by the labels of their channels.
 
     Parameters
     ----------
-    parts : sequence of Signals, Records, FrequencyResponse or ImpulseResponse
+    parts : sequence of Signals, Records, Setups, FrequencyResponse or ImpulseResponse
         All of one kind.
 
         - Records of the same channels and length become one record of several runs, which estimates average.
         - Records of the same outputs, but of other lengths or inputs, become `Records`.
         - Records of different outputs under measured forces (roving sensors) become one frequency response: `estimate_frf`
           of each, put together.
-        - Records of different outputs without forces (ambient setups) become one correlation: every setup is correlated
-          with the outputs that all setups share, and the other outputs are carried over to the common references (see
-          `merge_setups`).
+        - Records of different outputs without forces (ambient setups) become `Setups`, each of which is filtered to the band
+          before they are put together; with options of `estimate_correlation` one correlation at once: every setup is correlated with the
+          outputs that all setups share, and the other outputs are carried over to these common references (see `merge_setups`).
         - Responses are put together output by output and input by input; pairs that several parts hold are averaged,
           weighted by their averages.
     **options
@@ -49,7 +51,7 @@ def merge(parts: Iterable[Part | Records], **options: Any) -> Part | Records:
 
     Returns
     -------
-    Signals, Records, FrequencyResponse or ImpulseResponse
+    Signals, Records, Setups, FrequencyResponse or ImpulseResponse
 
     Raises
     ------
@@ -68,11 +70,12 @@ def merge(parts: Iterable[Part | Records], **options: Any) -> Part | Records:
     """
     given: list[Part] = []
     for part in check_each("parts to merge", parts, "a list of records or responses"):
-        given += part.runs if isinstance(part, Records) else [part]
+        held = {Records: "runs", Setups: "parts"}.get(type(part))
+        given += getattr(part, held) if held else [part]
     if not given:
         raise DataError("parts to merge were asked", "the list is empty", "Give at least one record or response.")
     for part in given:
-        check_kind("each part to merge", part, (FrequencyResponse, ImpulseResponse, Signals, Records))
+        check_kind("each part to merge", part, (FrequencyResponse, ImpulseResponse, Signals, Records, Setups))
     kinds = {type(part).__name__ for part in given}
     if len(kinds) > 1:
         raise DataError(
@@ -95,15 +98,15 @@ def merge(parts: Iterable[Part | Records], **options: Any) -> Part | Records:
 
 def _merge_responses(parts: Sequence[Any]) -> FrequencyResponse | ImpulseResponse:
     if isinstance(parts[0], FrequencyResponse):
-        return _merge_frf(parts)
+        return merge_frf(parts)
     if all(part.kind == "correlation" for part in parts):
         return merge_setups(parts)
-    return _merge_pulses(parts)
+    return merge_pulses(parts)
 
 
-def _merge_records(parts: list[Signals], options: dict[str, Any]) -> Part | Records:
+def _merge_records(parts: list[Signals], options: dict[str, Any]) -> Part | Test:
     first = parts[0]
-    _same(parts, "sampling_rate", "sampling rates", "Decimate the faster records.")
+    check_same(parts, "sampling_rate", "sampling rates", "Decimate the faster records.")
     if all(p.output_dofs == first.output_dofs for p in parts):
         alike = all(p.input_dofs == first.input_dofs for p in parts)
         if alike and len({p.samples for p in parts}) == 1:
@@ -111,31 +114,25 @@ def _merge_records(parts: list[Signals], options: dict[str, Any]) -> Part | Reco
         if alike or not options:
             _check_stacked(options)
             return Records(runs=tuple(parts))
+        parts = list(Records(runs=tuple(parts)).stacked())
     measured = [part.inputs is not None for part in parts]
     if all(measured):
-        return _merge_frf([estimate_frf(part, **options) for part in parts])
+        return joined_frf(parts, **options)
     if any(measured):
         raise DataError(
             "records of one test were asked",
             "some have inputs and others do not",
             "Merge those with inputs and those without each by themselves.",
         )
-    common = [dof for dof in first.output_dofs if all(dof in part.output_dofs for part in parts)]
-    chosen = options.pop("references", common)
-    if not common:
-        raise DataError(
-            "ambient setups to merge were asked",
-            "no output is common to all of them",
-            "Give the reference sensors the same labels in all setups.",
-        )
-    return merge_setups([estimate_correlation(part, references=chosen, **options) for part in parts])
+    setups = Setups(parts=tuple(parts))
+    return merge_setups(correlations(setups, **options)) if options else setups
 
 
 def _runs(parts: list[Signals], options: dict[str, Any]) -> Signals:
     first = parts[0]
     _check_stacked(options)
-    _same(parts, "quantities", "quantities", "Convert the records to one.")
-    _same(parts, "units", "units", "Convert the records to one.")
+    check_same(parts, "quantities", "quantities", "Convert the records to one.")
+    check_same(parts, "units", "units", "Convert the records to one.")
     records = [part.by_run() for part in parts]
     inputs = [u for _, u in records if u is not None]
     return replace(
@@ -154,145 +151,3 @@ def _check_stacked(options: dict[str, Any]) -> None:
             "records of the same channels are stacked as runs, nothing is estimated",
             "Give it to estimate_frf or estimate_correlation of the result.",
         )
-
-
-def _same(parts: Sequence[Any], name: str, words: str, change: str) -> None:
-    values = [getattr(part, name) for part in parts]
-    for number, value in enumerate(values[1:], 2):
-        if value != values[0]:
-            raise DataError(
-                f"parts with the same {words} were asked", f"part 1 has {values[0]}, part {number} {value}", change
-            )
-
-
-@dataclass(slots=True)
-class _Table:
-    """The union of the parts' channels, and where each part stands in it."""
-
-    outputs: tuple[str, ...]
-    inputs: tuple[str, ...]
-    places: list[Any]
-    weights: list[float]
-    units: tuple[tuple[str, ...], tuple[str, ...]]
-
-    def average(self, arrays: Sequence[Array], power: int = 1) -> Array:
-        """Return sum w^p x / (sum w)^p over the parts, (samples, l, m); power 2 is for variances."""
-        shape = (arrays[0].shape[0], len(self.outputs), len(self.inputs))
-        total, weight = np.zeros(shape, dtype=arrays[0].dtype), np.zeros(shape[1:])
-        for array, place, w in zip(arrays, self.places, self.weights, strict=True):
-            total[(slice(None), *place)] += w**power * array
-            weight[place] += w
-        return np.asarray(total / weight**power)
-
-
-def _table(parts: Sequence[Any]) -> _Table:
-    outputs = tuple(dict.fromkeys(dof for part in parts for dof in part.output_dofs))
-    inputs = tuple(dict.fromkeys(dof for part in parts for dof in part.input_dofs))
-    places = []
-    held = np.zeros((len(outputs), len(inputs)), dtype=bool)
-    units: tuple[dict[str, str], dict[str, str]] = ({}, {})
-    for part in parts:
-        place = np.ix_([outputs.index(d) for d in part.output_dofs], [inputs.index(d) for d in part.input_dofs])
-        held[place] = True
-        places.append(place)
-        for side, dofs, own in zip(units, (part.output_dofs, part.input_dofs), part.units, strict=True):
-            for dof, unit in zip(dofs, own, strict=True):
-                if side.setdefault(dof, unit) != unit:
-                    raise DataError(
-                        "parts with the same units were asked",
-                        f"{dof} is in {side[dof] or 'no unit'} in one and in {unit or 'no unit'} in another",
-                        "Convert them to one unit.",
-                    )
-    if not held.all():
-        i, j = (int(k) for k in np.argwhere(~held)[0])
-        raise DataError(
-            f"a response of {len(outputs)} outputs to {len(inputs)} inputs was asked",
-            f"no part holds {outputs[i]} / {inputs[j]}"
-            + (f" and {int((~held).sum()) - 1} other pairs" if (~held).sum() > 1 else ""),
-            "Add the missing runs, or select the channels that are complete.",
-        )
-    weights = [float(getattr(part, "averages", None) or 1) for part in parts]
-    both = (tuple(units[0][d] for d in outputs), tuple(units[1][d] for d in inputs))
-    return _Table(outputs, inputs, places, weights, both)
-
-
-def _merge_frf(parts: Sequence[FrequencyResponse]) -> FrequencyResponse:
-    first = parts[0]
-    for number, part in enumerate(parts[1:], 2):
-        if part.lines != first.lines or not np.allclose(part.frequencies, first.frequencies, rtol=1e-6, atol=0):
-            raise DataError(
-                "parts on the same lines were asked",
-                f"part 1 has {first.lines} lines, {first.frequencies[0]:g} to {first.frequencies[-1]:g} Hz, "
-                f"part {number} {part.lines}, {part.frequencies[0]:g} to {part.frequencies[-1]:g} Hz",
-                "Estimate all parts with the same segment, or cut them to the same band.",
-            )
-    for name, words in (
-        ("quantity", "quantity"),
-        ("sampling_rate", "sampling rate"),
-        ("added_damping", "exponential window"),
-    ):
-        _same(parts, name, words, "Convert the parts, with as_quantity(), or estimate them alike.")
-    table = _table(parts)
-    variances = [part.variance for part in parts if part.variance is not None]
-    averages = [part.averages for part in parts if part.averages is not None]
-    return replace(
-        first,
-        values=table.average([part.values for part in parts]),
-        variance=table.average(variances, power=2) if len(variances) == len(parts) else None,
-        coherence=_coherence(parts, table),
-        averages=min(averages) if len(averages) == len(parts) else None,
-        **_labels(parts, table),
-    )
-
-
-def _coherence(parts: Sequence[FrequencyResponse], table: _Table) -> Array | None:
-    """Return the mean coherence of every output when all parts have the same inputs, of every pair when not."""
-    given = [part.coherence for part in parts if part.coherence is not None]
-    if len(given) < len(parts):
-        return None
-    pairs = [
-        np.broadcast_to(c[:, :, None] if c.ndim == 2 else c, part.values.shape)
-        for c, part in zip(given, parts, strict=True)
-    ]
-    merged = table.average(pairs)
-    by_output = all(c.ndim == 2 for c in given) and len({part.input_dofs for part in parts}) == 1
-    return merged[:, :, 0] if by_output else merged
-
-
-def _merge_pulses(parts: Sequence[ImpulseResponse]) -> ImpulseResponse:
-    for name, words in (
-        ("kind", "kind"),
-        ("sampling_rate", "sampling rate"),
-        ("first_sample", "first sample"),
-        ("quantity", "quantity"),
-    ):
-        _same(parts, name, words, "Merge parts that were measured alike.")
-    table = _table(parts)
-    count = min(part.samples for part in parts)
-    direct = [part.feedthrough[None] for part in parts if part.feedthrough is not None]
-    return replace(
-        parts[0],
-        values=table.average([part.values[:count] for part in parts]),
-        feedthrough=table.average(direct)[0] if len(direct) == len(parts) else None,
-        **_labels(parts, table),
-    )
-
-
-def _labels(parts: Sequence[Any], table: _Table) -> dict[str, Any]:
-    return {
-        "output_dofs": table.outputs,
-        "input_dofs": table.inputs,
-        "units": table.units,
-        "groups": _groups(parts, table.inputs),
-        "geometry": next((part.geometry for part in parts if part.geometry is not None), None),
-        "source_path": source_of(parts),
-        "processing": (*parts[0].processing, f"merged from {len(parts)} parts by their labels"),
-    }
-
-
-def _groups(parts: Sequence[Any], inputs: tuple[str, ...]) -> Any:
-    """Return the group of every input as the parts have it; the default when no part has groups."""
-    named = {
-        dof: label for part in parts if part.groups for dof, label in zip(part.input_dofs, part.groups, strict=True)
-    }
-    return tuple(named.get(dof, dof) for dof in inputs) if named else AUTO

@@ -10,16 +10,29 @@ from modalscope.model.checks import Array, DataError, RealArray
 from modalscope.model.signals import Signals
 from modalscope.preprocess.findings import Finding
 from modalscope.preprocess.frf import estimate_frf
-from modalscope.preprocess.impacts import clipped_samples, find_hits
+from modalscope.preprocess.impacts import Hit, clipped_samples, find_hits
 from modalscope.preprocess.spectra import Segments, cross_spectra, segment_starts, window_samples
 
-__all__ = ["bad_hits", "clipped", "leakage", "noisy_channels", "too_short", "transposed", "useful_lines"]
+__all__ = ["bad_hits", "clipped", "leakage", "noisy_channels", "swept_lines", "too_short", "transposed", "useful_lines"]
 
 #: A channel is noisy when less than this part of its power follows from the inputs, and this much less than the median's.
 _NOISY, _BELOW = 0.5, 0.25
 
 #: The same when only other outputs are there to compare with: what its own force does to a damped mass follows from none.
 _NOISY_ALONE = 0.08
+
+#: Where the usual output follows from the others to the first part, one that does so to less than the second part of that is noise, too:
+#: noise of 1.5 times its vibration leaves 1 / (1 + 1.5^2) of it. Only where the usual spectrum has peaks of so many times its median,
+#: 1 / (2 zeta)^2 for 3 %: without light damping every mass follows its own force.
+_TOGETHER, _SHARE, _PEAK = 0.7, 0.3, 300.0
+
+#: A hit whose outputs are this much larger for its force than those of the others, and by so many times as much as these differ among
+#: themselves, has lost the top of its force.
+_CUT, _UNLIKE = 0.01, 20.0
+
+#: Noise of a half of a channel's vibration has a fifth of its power, at one level at all lines. Of channels of one structure the forces on
+#: their own masses make levels that differ by a factor of four at most, so far seen.
+_FLOOR, _HIGHER = 0.15, 5.0
 
 #: A hammer's useful lines have at least this part of its largest power.
 _USEFUL = 0.01
@@ -28,7 +41,7 @@ _USEFUL = 0.01
 _LEFT = 0.05
 
 #: A random record shorter than this many times 1 / (zeta omega) tells little of the damping.
-_TIME_CONSTANTS = 6.0
+_TIME_CONSTANTS = 4.0
 
 
 def clipped(signals: Signals, kind: str) -> list[Finding]:
@@ -76,7 +89,7 @@ def bad_hits(signals: Signals) -> list[Finding]:
     assert inputs is not None
     if inputs.shape[2] != 1:
         return []
-    hits = find_hits(inputs[:, :, 0])
+    hits = _cut_hits(signals, find_hits(inputs[:, :, 0]))
     found = []
     for hit in hits:
         if not hit.reason:
@@ -89,6 +102,33 @@ def bad_hits(signals: Signals) -> list[Finding]:
             kind, change = "double hit", f"It was kept, the force being recorded; hits={others} leaves it out{effect}"
         found.append(Finding(kind, signals.input_dofs, f"hit {hit.number}: {hit.reason}", change))
     return found
+
+
+def _cut_hits(signals: Signals, hits: list[Hit]) -> list[Hit]:
+    """Name the hit whose outputs are larger for its force than those of all others.
+
+    s_k = sum Re(conj(G_k) Y_k) / sum |G_k|^2 is one, with Y_k the outputs' spectra in the run of hit k, and G_k what the response of the
+    other runs makes of its force. Runs of one hit each, four at least; a hit at another place, or slanted, shows so, too.
+    """
+    outputs, inputs = signals.by_run()
+    assert inputs is not None
+    if len(hits) < 4 or [hit.run for hit in hits] != list(range(signals.runs)) or any(hit.reason for hit in hits):
+        return hits
+    Y = fft.rfft(outputs - np.median(outputs, axis=1, keepdims=True), axis=1)
+    U = fft.rfft(inputs - np.median(inputs, axis=1, keepdims=True), axis=1)
+    cross, power = Y * np.conj(U), np.abs(U) ** 2
+    size = np.empty(len(hits))
+    for k in range(len(hits)):
+        G = (cross.sum(axis=0) - cross[k]) / np.maximum(power.sum(axis=0) - power[k], np.finfo(float).tiny) * U[k]
+        size[k] = np.sum(np.conj(G) * Y[k]).real / max(float(np.sum(np.abs(G) ** 2)), np.finfo(float).tiny)
+    k = int(np.argmax(size))
+    others = np.delete(size, k)
+    more = float(size[k] / others.mean() - 1)
+    # the hit itself is in the mean that the others are compared with, alike for all
+    if more < max(_CUT, _UNLIKE * float(np.std(others, ddof=1))):
+        return hits
+    reason = f"outputs are {100 * more:.2g} % larger for its force than in the other hits: its top was cut, or it fell elsewhere"
+    return [hit._replace(reason=reason, overloaded=True) if hit is hits[k] else hit for hit in hits]
 
 
 def _without(signals: Signals, number: int, others: list[int]) -> str:
@@ -116,6 +156,17 @@ def useful_lines(signals: Signals, frequencies: RealArray) -> Array:
     turn = np.exp(-2j * np.pi * np.outer(frequencies, phase))
     power = sum(np.abs(turn[:, : p.size] @ p) ** 2 for p in pulses)
     return np.asarray(power >= _USEFUL * np.max(power))
+
+
+def swept_lines(signals: Signals, frequencies: RealArray) -> Array:
+    """Return the lines into which sweeps put a hundredth of their largest power or more, smoothed over a hundredth of the band."""
+    _, inputs = signals.by_run()
+    assert inputs is not None
+    power = np.sum(np.abs(fft.rfft(inputs - inputs.mean(axis=1, keepdims=True), axis=1)) ** 2, axis=(0, 2))
+    width = max(len(power) // 100, 1)
+    smooth = scipy.signal.oaconvolve(power, np.ones(width) / width, mode="same")
+    own = np.interp(frequencies, fft.rfftfreq(signals.samples, 1 / signals.sampling_rate), smooth)
+    return np.asarray(own >= _USEFUL * smooth.max())
 
 
 def leakage(signals: Signals) -> list[Finding]:
@@ -165,17 +216,29 @@ def noisy_channels(signals: Signals, kind: str) -> list[Finding]:
     part = 1 - (1 - part) * spectra.effective / (spectra.effective - others)
     limit = _NOISY_ALONE if inputs is None else _NOISY
     usual = float(np.median(part))
+    peak = float(np.median(power.max(axis=0) / np.maximum(np.median(power, axis=0), np.finfo(float).tiny)))
+    if inputs is None and usual > _TOGETHER and peak > _PEAK:
+        limit = _SHARE * usual
     source = "the other outputs" if inputs is None else "the inputs"
-    return [
-        Finding(
-            "noisy",
-            (dof,),
-            f"{100 * own:.0f} % of its power follows from {source}, of the usual channel's {100 * usual:.0f} %",
-            f"Check sensor and cable, or leave it out: exclude={[dof]!r}.",
-        )
+    told = {
+        dof: f"{100 * own:.0f} % of its power follows from {source}, of the usual channel's {100 * usual:.0f} %"
         for dof, own in zip(signals.output_dofs, part, strict=True)
         if own < limit and own < usual - _BELOW
-    ]
+    }
+    floors = _floors(power) if inputs is None else np.zeros(l)
+    for dof, own in zip(signals.output_dofs, floors, strict=True):
+        if own > max(_FLOOR, _HIGHER * float(np.median(floors))):
+            usual = 100 * float(np.median(floors))
+            words = f"{100 * own:.0f} % of its power lies on a level that all lines have, of the usual channel's {usual:.2g} %"
+            told.setdefault(dof, words)
+    change = "Check sensor and cable, or leave it out: exclude={!r}."
+    return [Finding("noisy", (dof,), reason, change.format([dof])) for dof, reason in told.items()]
+
+
+def _floors(power: RealArray) -> RealArray:
+    """Return which part of every output's power (F, l) a floor has: as much at all lines as nine tenths of them exceed."""
+    inside = power[2:-2]
+    return np.asarray(np.quantile(inside, 0.1, axis=0) * len(inside) / np.maximum(inside.sum(axis=0), 1e-300))
 
 
 def _from_others(S: Array) -> RealArray:
@@ -220,5 +283,6 @@ def too_short(signals: Signals) -> list[Finding]:
             f"{signals.runs * signals.duration:.4g} s are {count:.1f} times the decay time of the resonance at {f0:.4g} Hz "
             f"(damping near {100 * damping:.2g} %)",
             f"Damping will scatter by some {100 / np.sqrt(count):.0f} %: measure {100 * constant:.4g} s or more.",
+            (f0,),
         )
     ]

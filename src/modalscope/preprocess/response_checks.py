@@ -10,6 +10,7 @@ from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.response import Response
 from modalscope.preprocess.findings import Finding, dead_channels, identical_channels, sides_of
 from modalscope.preprocess.line_checks import conjugated, lone_lines, no_phase
+from modalscope.preprocess.phase_checks import odd_phases
 from modalscope.preprocess.polarity import check_polarity
 from modalscope.preprocess.quantity_checks import check_slope, level
 
@@ -29,7 +30,10 @@ def examine_response(response: Response) -> list[Finding]:
     found += identical_channels(flat, labels)
     found += check_polarity(response)
     if isinstance(response, FrequencyResponse):
-        found += no_phase(response) or conjugated(response)
+        unlike = odd_phases(response) or no_phase(response)
+        if unlike:  # the others would speak of what are no complex values
+            return found + unlike
+        found += conjugated(response)
         found += _coherence(response) + check_slope(response) + _resolution(response) + lone_lines(response)
     return found
 
@@ -84,5 +88,6 @@ def _resolution(response: FrequencyResponse) -> list[Finding]:
             f"the resonances at {where} Hz are narrower than {_RESOLVED:.1f} lines of {step:.3g} Hz: within one over the line "
             "spacing their vibration does not decay to one per cent",
             "Measure longer, use longer segments, or an exponential window for hits.",
+            tuple(float(f) for f in response.frequencies[peaks[narrow]]),
         )
     ]

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.special import pdtrc
 
 from modalscope.model.checks import Array, RealArray
+from modalscope.model.robust import NORMAL
 from modalscope.model.signals import Signals
 from modalscope.preprocess.findings import Finding
 
@@ -23,8 +24,8 @@ _BY_CHANCE = 1e-3
 #: A wrap joins the outer tenths of the range, where no signal but one of two levels spends most of its time.
 _OUTER, _MOSTLY = 0.8, 0.6
 
-#: A signal whose steps are usually below this part of half its range is smooth.
-_SMOOTH = 0.1
+#: A signal whose steps from or to the outer halves of its range are usually below this part of half that range is smooth.
+_SMOOTH, _LOUD = 0.1, 0.5
 
 #: Of an interval that holds, both neighbourhoods must move by this part of the channel's deviation; they have so many samples.
 _MOVES, _BESIDE = 0.1, 50
@@ -60,7 +61,7 @@ def wraps(x: RealArray) -> Array:
     """Return the samples k of x (N,) at which it jumps between the outer tenths of its range, where that is more than chance.
 
     Neighbours that are not correlated negatively lie in opposite tails at most as often as independent samples do (Slepian's
-    inequality): N p q times, with p and q the parts of the samples in the two tails.
+    inequality): N p q times, with p and q the parts of the samples in the two tails, of the N samples while there is vibration.
 
     Parameters
     ----------
@@ -75,11 +76,16 @@ def wraps(x: RealArray) -> Array:
     if np.mean(high) + np.mean(low) > _MOSTLY:  # a signal of two levels lives at its ends
         return none
     jumps = np.flatnonzero((high[:-1] & low[1:]) | (low[:-1] & high[1:]))
-    if float(np.median(np.abs(np.diff(side)))) < _SMOOTH:  # no vibration crosses its range in one step
-        return np.asarray(jumps, dtype=int)
     if not jumps.size:
         return none
-    expected = 2 * len(x) * float(np.mean(high) * np.mean(low))
+    steps = np.abs(np.diff(side))
+    loud = np.maximum(np.abs(side[1:]), np.abs(side[:-1])) > _LOUD
+    loud[jumps] = False
+    if float(np.median(steps[loud] if np.any(loud) else steps)) < _SMOOTH:  # no vibration crosses its range in one step
+        return np.asarray(jumps, dtype=int)
+    # bursts live in a part of the record: Gaussian samples of one size have mean y^4 = 3 (mean y^2)^2
+    part = min(3 * float(np.mean(y**2)) ** 2 / float(np.mean(y**4)), 1.0)
+    expected = 2 * len(x) * float(np.mean(high) * np.mean(low)) / part
     return np.asarray(jumps, dtype=int) if pdtrc(len(jumps) - 1, expected) < _BY_CHANCE else none
 
 
@@ -89,12 +95,13 @@ def frozen(signals: Signals) -> list[Finding]:
     Where equal neighbours are common, as in coarse steps, the stretch must be longer than chance makes one.
     """
     names, held = [], []
-    for where, x in _channels(signals):
+    channels = _channels(signals)
+    for where, x in channels:
         stretches = [(r, a, b) for r, run in enumerate(x) for a, b in holds(run)]
         if stretches:
             names.append(where)
             held.append(stretches)
-    gaps = set(held[0]).intersection(*held[1:]) if len(held) == _count(signals) > 1 else set()
+    gaps = set(held[0]).intersection(*held[1:]) if len(held) == len(channels) > 1 else set()
     found = [] if not gaps else [_hold("gap", tuple(names), sorted(gaps), signals)]
     for where, stretches in zip(names, held, strict=True):
         own = [stretch for stretch in stretches if stretch not in gaps]
@@ -167,7 +174,7 @@ def lone_samples(x: RealArray) -> Array:
     r = x[1:-1] - (x[:-2] + x[2:]) / 2
     # of N differences of Gaussian noise the largest is below this many deviations but for one record in a thousand
     limit = _MORE * np.sqrt(2 * np.log(len(x) / _BY_CHANCE))
-    rough = np.flatnonzero(np.abs(r[1:-1]) > limit * np.median(np.abs(r)) / 0.6745) + 1
+    rough = np.flatnonzero(np.abs(r[1:-1]) > limit * NORMAL * np.median(np.abs(r))) + 1
     found = []
     for k in rough:
         near = np.concatenate([r[max(k - _NEAR, 0) : max(k - 1, 0)], r[k + 2 : k + 2 + _NEAR]])
@@ -184,10 +191,6 @@ def _channels(signals: Signals, *, inputs: bool = True) -> list[tuple[str, list[
     if forces is not None and inputs:
         sides.append((forces, signals.input_dofs))
     return [(dof, [run[:, i] for run in runs]) for runs, labels in sides for i, dof in enumerate(labels)]
-
-
-def _count(signals: Signals) -> int:
-    return len(signals.output_dofs) + len(signals.input_dofs)
 
 
 def _hold(kind: str, channels: tuple[str, ...], stretches: list[tuple[int, int, int]], signals: Signals) -> Finding:

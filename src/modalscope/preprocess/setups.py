@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -11,31 +12,143 @@ from modalscope.model.checks import Array, DataError, RealArray, check_count
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.keywords import named
 from modalscope.model.robust import noise_threshold
+from modalscope.model.setups import Setups
 from modalscope.model.sizes import check_size
 from modalscope.model.sources import source_of
+from modalscope.preprocess.correlation import estimate_correlation
 
-__all__ = ["merge_setups"]
+__all__ = ["correlations", "heard_lags", "joined_setups", "merge_setups"]
 
-#: Consecutive lags of the references that stand for the state: times the references, more than the states.
-_DEPTH = 20
+#: Columns of joined setups that are worth their time, and how far above its last quarter a correlation is heard.
+_COLUMNS, _LOUD = 48, 3.0
+
+#: This part of the lags stands for the state, by default: long enough to see the slowest mode turn, short against what is fitted ...
+_PART = 5
+
+#: ... as long as no more than so many rows come of it; then one lag in several is taken.
+_ROWS = 300
+
+
+def correlations(setups: Setups, **options: Any) -> tuple[ImpulseResponse, ...]:
+    """Return the correlation of every setup with the references.
+
+    Parameters
+    ----------
+    setups : Setups
+    **options
+        Those of `estimate_correlation`.
+    """
+    chosen = {"references": setups.references, **options}
+    return tuple(estimate_correlation(part, **chosen) for part in setups.parts)
+
+
+def joined_setups(setups: Setups) -> ImpulseResponse:
+    """Correlate every setup with its own channels and carry the outputs that it lacks over from the others, each setup a group of inputs.
+
+    R_j(k) = C A^(k-1) G_j in every setup j, with rows for its own outputs alone. M_i of the setup i that has an output gives its row in
+    all others, M_i X_j(k) (see `merge_setups`), so that all are columns of one Markov sequence: nothing is averaged that differs.
+
+    Parameters
+    ----------
+    setups : Setups
+
+    Returns
+    -------
+    ImpulseResponse
+        (lags, l, columns): lags up to which something is heard; all channels of every setup as references, or, where these would be more
+        than 48 columns, the common references alone.
+
+    Raises
+    ------
+    DataError
+        Setups too short to be correlated.
+    """
+    references, outputs = setups.references, setups.output_dofs
+    every = sum(len(part.output_dofs) for part in setups.parts) <= _COLUMNS
+    parts = correlations(setups, references=None if every else references)
+    heard = heard_lags(parts)
+    parts = tuple(replace(part, values=part.values[:heard] / _level(part, references) ** 2) for part in parts)
+    span, step = _span(parts, None, len(references))
+    lags = heard - span
+    states = [_stacked(_rows(part, references), span, step) for part in parts]
+    blocks = [np.zeros((lags, len(outputs), len(part.input_dofs))) for part in parts]
+    having = {dof: [i for i, part in enumerate(parts) if dof in part.output_dofs] for dof in outputs}
+    for i, part in enumerate(parts):
+        roving = [dof for dof in part.output_dofs if dof not in references]
+        M = _transfer(_rows(part, roving)[:lags], states[i])
+        places = [outputs.index(dof) for dof in roving]
+        shares = np.array([1 / len(having[dof]) for dof in roving])
+        for j, block in enumerate(blocks):
+            if j != i:
+                own = np.array([j in having[dof] for dof in roving], dtype=bool)
+                block[:, places] += np.einsum(
+                    "ia,kar->kir", M * np.where(own, 0, shares)[:, None], states[j], optimize=True
+                )
+        blocks[i][:, [outputs.index(dof) for dof in part.output_dofs]] = part.values[:lags]
+    return _as_one(setups, parts, np.concatenate(blocks, axis=2), lags)
+
+
+def _as_one(setups: Setups, parts: Sequence[ImpulseResponse], values: RealArray, lags: int) -> ImpulseResponse:
+    """Return the columns of all setups as one correlation, its inputs named by their setups."""
+    labels = setups.groups or tuple(f"setup {j + 1}" for j in range(len(parts)))
+    return ImpulseResponse(
+        values=values,
+        sampling_rate=setups.sampling_rate,
+        kind="correlation",
+        quantity=setups.quantity,
+        output_dofs=setups.output_dofs,
+        input_dofs=tuple(f"{dof} in setup {j + 1}" for j, part in enumerate(parts) for dof in part.input_dofs),
+        units=(setups.units[0], None),  # type: ignore[arg-type]
+        groups=None
+        if setups.groups is None
+        else tuple(labels[j] for j, part in enumerate(parts) for _ in part.input_dofs),
+        geometry=setups.geometry,
+        source_path=setups.source_path,
+        processing=(
+            *setups.processing,
+            f"{len(parts)} setups carried over to each other through {', '.join(setups.references)}, {lags} lags",
+        ),
+    )
+
+
+def heard_lags(parts: Sequence[ImpulseResponse]) -> int:
+    """Return the lags up to which correlations are above their own scatter: it stays at one level where the modes have faded.
+
+    The energy of all pairs, each by its lag 0, in windows of a twentieth of the lags, is more than three times what it is in the last
+    quarter; all lags where it never falls so far.
+
+    Parameters
+    ----------
+    parts : sequence of ImpulseResponse
+    """
+    count = min(part.samples for part in parts)
+    energy = np.zeros(count)
+    for part in parts:
+        size = np.abs(part.values[:count]).max(axis=0)
+        energy += np.sum((part.values[:count] / np.where(size > 0, size, 1)) ** 2, axis=(1, 2))
+    width = max(count // 20, 1)
+    smooth = np.convolve(energy, np.full(width, 1 / width), mode="valid")
+    loud = np.flatnonzero(smooth > _LOUD * np.median(smooth[-max(len(smooth) // 4, 1) :]))
+    return int(loud[-1] + width) if loud.size else count
 
 
 @named()
-def merge_setups(parts: Sequence[ImpulseResponse], *, depth: int = _DEPTH) -> ImpulseResponse:
+def merge_setups(parts: Sequence[ImpulseResponse], *, depth: int | None = None) -> ImpulseResponse:
     """Merge correlations of roving setups with the same references into one of all outputs.
 
     The forces differ from setup to setup, mode by mode: R_j(k) = C A^(k-1) G_j. The common references give the state: with
-    X_j(k) = [R_j,ref(k); ...; R_j,ref(k + depth - 1)], every other output obeys R_j,rov(k) = M_j X_j(k) for all k, whatever
-    G_j is. M_j is the least-squares solution, with the singular values of X_j above the noise; M_j X(k), X of
+    X_j(k) = [R_j,ref(k); R_j,ref(k + s); ...; R_j,ref(k + (depth - 1) s)], every other output obeys R_j,rov(k) = M_j X_j(k) for all k,
+    whatever G_j is. M_j is the least-squares solution, with the singular values of X_j above the noise; M_j X(k), X of
     the references' mean over all setups, is that output's correlation under common forces. Without noise it is exact when
-    depth times the references is at least the number of states.
+    depth times the references is at least the number of states. With noise the span of X_j should be a good part of the slowest mode's
+    period, whatever the sampling rate. An output that several setups have is their mean.
 
     Parameters
     ----------
     parts : sequence of ImpulseResponse
         Correlations with the same references, each of which is among the outputs of every part.
-    depth : int
-        Consecutive lags that stand for the state.
+    depth : int, optional
+        Lags that stand for the state, one beside the other (s = 1); by default a fifth of the lags, s as large as 300 rows of X_j ask.
 
     Raises
     ------
@@ -49,25 +162,20 @@ def merge_setups(parts: Sequence[ImpulseResponse], *, depth: int = _DEPTH) -> Im
     """
     first = parts[0]
     _check(parts, depth)
-    lags = min(part.samples for part in parts) - depth + 1
-    references = first.input_dofs
-    of_references = [part.values[:, [part.output_dofs.index(dof) for dof in references]] for part in parts]
-    common = _mean([R[: lags + depth - 1] for R in of_references])
-    state = _stacked(common, depth, lags)
-    names, columns, units = list(references), [common[:lags]], []
+    span, step = _span(parts, depth)
+    lags = min(part.samples for part in parts) - span
+    of_references = [_rows(part, first.input_dofs)[: lags + span] for part in parts]
+    common = _mean(of_references)
+    state = _stacked(common, span, step)
+    carried: dict[str, list[RealArray]] = {}
     for part, R in zip(parts, of_references, strict=True):
-        roving = [i for i, dof in enumerate(part.output_dofs) if dof not in references]
-        repeated = [part.output_dofs[i] for i in roving if part.output_dofs[i] in names]
-        if repeated:
-            raise DataError(
-                "setups that share their references only were asked",
-                f"{repeated[0]} is in several of them and no reference",
-                "Add it to the references, or select it out of all setups but one.",
-            )
-        names += [part.output_dofs[i] for i in roving]
+        roving = [dof for dof in part.output_dofs if dof not in first.input_dofs]
         if roving:
-            M = _transfer(part.values[:lags, roving], _stacked(R, depth, lags))
-            columns.append(np.einsum("ia,kar->kir", M, state, optimize=True))
+            M = _transfer(_rows(part, roving)[:lags], _stacked(R, span, step))
+            for row, dof in zip(M, roving, strict=True):
+                carried.setdefault(dof, []).append(np.einsum("a,kar->kr", row, state))
+    names = [*first.input_dofs, *carried]
+    columns = [common[:lags], *(np.mean(each, axis=0)[:, None] for each in carried.values())]
     unit = {dof: u for part in parts for dof, u in zip(part.output_dofs, part.units[0], strict=True)}
     units = [unit[name] for name in names]
     merged = np.concatenate(columns, axis=1)
@@ -83,13 +191,13 @@ def merge_setups(parts: Sequence[ImpulseResponse], *, depth: int = _DEPTH) -> Im
         source_path=source_of(parts),
         processing=(
             *first.processing,
-            f"{len(parts)} setups merged over the references {', '.join(references)}, {depth} lags deep; R(0) is not carried over",
+            f"{len(parts)} setups merged over the references {', '.join(first.input_dofs)}, {span + 1} lags deep; R(0) is not carried over",
         ),
     )
 
 
-def _check(parts: Sequence[ImpulseResponse], depth: int) -> None:
-    check_count("depth", depth)
+def _check(parts: Sequence[ImpulseResponse], depth: int | None) -> None:
+    least = 3 * (2 if depth is None else check_count("depth", depth))
     if not parts:
         raise DataError("setups to merge were asked", "parts is empty", "Give the correlations of two setups or more.")
     first = parts[0]
@@ -109,9 +217,9 @@ def _check(parts: Sequence[ImpulseResponse], depth: int) -> None:
                 f"setup {number} lacks {', '.join(missing)}",
                 "Keep the references among the outputs of every setup.",
             )
-        if part.samples < 3 * depth:
+        if part.samples < least:
             raise DataError(
-                f"setups with at least {3 * depth} lags were asked",
+                f"setups with at least {least} lags were asked",
                 f"setup {number} has {part.samples}",
                 "Estimate the correlations with more lags.",
             )
@@ -123,9 +231,31 @@ def _mean(parts: Sequence[RealArray]) -> RealArray:
     return np.asarray(np.mean([R / s for R, s in zip(parts, scales, strict=True)], axis=0) * scales[0])
 
 
-def _stacked(R: Array, depth: int, lags: int) -> RealArray:
-    """Return X(k) = [R(k); ...; R(k + depth - 1)], (lags, depth r, r)."""
-    return np.concatenate([R[i : i + lags] for i in range(depth)], axis=1)
+def _rows(part: ImpulseResponse, dofs: Sequence[str]) -> RealArray:
+    """Return the correlations of some outputs, (lags, outputs, inputs)."""
+    return part.values[:, [part.output_dofs.index(dof) for dof in dofs]]
+
+
+def _level(part: ImpulseResponse, references: Sequence[str]) -> float:
+    """Return the RMS of the references."""
+    assert part.feedthrough is not None
+    own = [part.feedthrough[part.output_dofs.index(dof), part.input_dofs.index(dof)] for dof in references]
+    return float(np.sqrt(np.mean(own))) or 1.0
+
+
+def _span(parts: Sequence[ImpulseResponse], depth: int | None, references: int | None = None) -> tuple[int, int]:
+    """Return the lags from the first to the last row of X, and the step between two."""
+    if depth is not None:
+        return depth - 1, 1
+    lags = min(part.samples for part in parts)
+    step = -(-lags * (references or parts[0].values.shape[2]) // (_PART * _ROWS))
+    return max(lags // (_PART * step), 2) * step - step, step
+
+
+def _stacked(R: Array, span: int, step: int) -> RealArray:
+    """Return X(k) = [R(k); R(k + step); ...; R(k + span)], (lags - span, rows, r)."""
+    lags = len(R) - span
+    return np.concatenate([R[i : i + lags] for i in range(0, span + 1, step)], axis=1)
 
 
 def _transfer(R: Array, X: Array) -> RealArray:

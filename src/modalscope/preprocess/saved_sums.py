@@ -1,0 +1,112 @@
+"""Partial sums in a file: written beside it and moved into place, so that a run that is stopped goes on where it was."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from pathlib import Path
+from secrets import token_hex
+from typing import IO
+
+import numpy as np
+
+from modalscope.model.checks import BoolArray, RealArray
+
+__all__ = ["SavedSums"]
+
+#: Seconds from one writing to the next, at least, and so many times as long as it took: what is kept costs little.
+_SECONDS, _TIMES = 10.0, 20.0
+
+#: Bytes of the digest that a file begins with.
+_DIGEST = 32
+
+
+class SavedSums:
+    """Sums of blocks, and which tasks are in them; in a file, where a folder is given.
+
+    Parameters
+    ----------
+    folder : path or None
+    work : str
+        All that decides the numbers: another work has a file of its own.
+    shape : tuple of int
+        Of the sums, blocks first.
+    tasks : int
+
+    Examples
+    --------
+    >>> saved = SavedSums(None, "sums of nothing", (1, 2), tasks=3)
+    >>> saved.add(2, 0, np.ones(2))
+    >>> saved.done.tolist(), saved.sums.tolist()
+    ([False, False, True], [[1.0, 1.0]])
+    """
+
+    def __init__(self, folder: Path | None, work: str, shape: tuple[int, ...], tasks: int) -> None:
+        self.sums: RealArray = np.zeros(shape)
+        self.done: BoolArray = np.zeros(tasks, dtype=bool)
+        self._path = None if folder is None else folder / f"sums-{_name(work, shape, tasks)}.npz"
+        self._next = time.monotonic() + _SECONDS
+        self._kept = 0
+        self._take_up()
+
+    def add(self, task: int, block: int, sums: RealArray) -> None:
+        """Take in the sums of a task.
+
+        Parameters
+        ----------
+        task, block : int
+        sums : array
+        """
+        self.sums[block] += sums
+        self.done[task] = True
+        if time.monotonic() >= self._next:
+            self.keep()
+
+    def keep(self) -> None:
+        """Write what there is, if it is more than was written."""
+        if self._path is None or self._kept == self.done.sum():
+            return
+        began = time.monotonic()
+        temporary = self._path.with_name(f".{self._path.stem}-{token_hex(4)}.npz")
+        try:
+            with temporary.open("wb+") as file:
+                file.write(bytes(_DIGEST))
+                np.savez(file, sums=self.sums, done=self.done)
+                digest = _digest(file)
+                file.seek(0)
+                file.write(digest)
+            temporary.replace(self._path)
+        finally:
+            temporary.unlink(missing_ok=True)
+        self._kept = int(self.done.sum())
+        self._next = time.monotonic() + max(_SECONDS, _TIMES * (time.monotonic() - began))
+
+    def forget(self) -> None:
+        """Take the file away: all is done."""
+        if self._path is not None:
+            self._path.unlink(missing_ok=True)
+
+    def _take_up(self) -> None:
+        """Read what was kept; a file that is damaged is none."""
+        if self._path is None or not self._path.exists():
+            return
+        with self._path.open("rb") as file:
+            if file.read(_DIGEST) != _digest(file):
+                return
+            file.seek(_DIGEST)
+            with np.load(file, allow_pickle=False) as kept:
+                self.sums, self.done = kept["sums"], kept["done"]
+        self._kept = int(self.done.sum())
+
+
+def _digest(file: IO[bytes]) -> bytes:
+    """Return what tells that all after the digest itself is as it was written."""
+    file.seek(_DIGEST)
+    digest = hashlib.sha256()
+    while part := file.read(1 << 20):
+        digest.update(part)
+    return digest.digest()
+
+
+def _name(work: str, shape: tuple[int, ...], tasks: int) -> str:
+    return hashlib.sha256(f"{work} {shape} {tasks}".encode()).hexdigest()[:24]

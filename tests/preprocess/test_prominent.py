@@ -1,0 +1,43 @@
+"""Where resonances stand out of a record: in none of noise, and from the lowest mode to the highest of a structure at any rate."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from modalscope.model import Signals
+from modalscope.preprocess.prominent import levels_of, prominent_span
+from tests.judging.ambient_records import random_structure
+
+
+def record(seed: int, samples: int = 20_000, outputs: int = 3) -> Signals:
+    return Signals(outputs=np.random.default_rng(seed).standard_normal((samples, outputs)), sampling_rate=100.0)
+
+
+def test_levels_are_those_of_white_noise() -> None:
+    levels = levels_of(record(0))
+    # unit variance over 0 to 50 Hz, the largest of 60 000 values lies between 4 and 8; bins of 1 % of 40 Hz hold 80 lines
+    assert np.allclose(levels.levels[-30:].mean(), 1 / 50 / 4**2, rtol=0.05)
+
+
+def test_a_line_of_a_machine_moves_no_level() -> None:
+    noise = record(1)
+    hum = 5 * np.sin(2 * np.pi * 20 * np.arange(noise.samples) / 100)
+    with_line = Signals(outputs=noise.outputs + hum[:, None], sampling_rate=100.0)
+    assert prominent_span(levels_of(with_line)) is None
+
+
+def test_chance_shows_something_in_one_record_of_a_thousand() -> None:
+    seen = sum(prominent_span(levels_of(record(seed, 5000, 1 + seed % 5))) is not None for seed in range(60))
+    assert seen <= 2  # .06 are expected; neighbouring bins are not quite independent
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("times", [1, 5])
+def test_the_span_holds_all_modes_at_any_rate(seed: int, times: float) -> None:
+    structure = random_structure(seed)
+    span = prominent_span(levels_of(structure.record(times, seed)))
+    assert span is not None
+    # a peak stands out on its flanks, too: some tenths of its frequency
+    assert 0.8 * structure.frequencies[0] < span[0] < 1.01 * structure.frequencies[0]
+    assert 0.99 * structure.frequencies[-1] < span[1] < 1.2 * structure.frequencies[-1]

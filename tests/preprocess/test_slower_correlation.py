@@ -1,0 +1,30 @@
+"""A correlation at the rate of a band has the poles of the structure."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modalscope.identification.identify import identify
+from modalscope.model.impulse import ImpulseResponse
+from modalscope.preprocess.slower_correlation import slower_correlation
+from modalscope.systems import chain5
+from tests.support import match_poles
+
+
+def test_a_filtered_and_decimated_markov_sequence_has_its_poles_and_those_of_the_filter() -> None:
+    fast = chain5().state_space(dt=0.005).impulse_response(4000)
+    given = ImpulseResponse(values=fast.values, sampling_rate=200.0, kind="correlation")
+    slow = slower_correlation(given, 8.0)
+    assert slow.sampling_rate == 200 / 6
+    assert slow.kind == "correlation"
+    found = identify(slow, method="era", order=18)  # ten states, and eight of the low-pass
+    # poles of the filter that die within a sample cost digits: the smallest singular value is 1e-8 of the largest
+    assert match_poles(found.modes.poles, chain5().modes().poles).damping_error < 0.02
+
+
+def test_a_response_that_is_no_correlation_stays() -> None:
+    response = chain5().state_space(dt=0.005).impulse_response(4000)
+    assert slower_correlation(response, 8.0) is response
+    correlation = ImpulseResponse(values=response.values, sampling_rate=200.0, kind="correlation")
+    assert slower_correlation(correlation, 60.0) is correlation
+    assert np.all(np.isfinite(slower_correlation(correlation, 1.0).values))

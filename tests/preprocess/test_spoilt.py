@@ -1,0 +1,148 @@
+"""Spoilt records and responses are named, sound ones are not: a short form, and the study of docs/doctor.md."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import modalscope as ms
+from modalscope.preprocess import examine
+from modalscope.preprocess.causality_checks import delayed, exchanged
+from modalscope.preprocess.impacts import clipped_samples
+from modalscope.preprocess.phase_checks import odd_phases
+from modalscope.preprocess.sample_checks import wraps
+from modalscope.preprocess.slip_checks import jumps
+from modalscope.systems import chain5, over4
+from tests.preprocess import spoilt
+from tests.preprocess.spoilt import FAULTS, is_found, sound
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_strong_fault_is_found(name: str) -> None:
+    fault = FAULTS[name]
+    assert is_found(fault, 1, fault.strengths[2])
+
+
+def test_sound_records_of_every_kind_are_not_named() -> None:
+    for k, (name, record) in enumerate(sound()):
+        if k % 5 == 2:
+            assert examine(record) == (), name
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("name", FAULTS)
+def test_faults_that_move_a_mode_by_its_deviation_are_found(name: str) -> None:
+    """Strengths and their effects stand in docs/doctor.md; what is not found there is named there."""
+    fault = FAULTS[name]
+    assert sum(is_found(fault, seed, fault.strengths[2]) for seed in range(10)) >= spoilt.FOUND.get(name, 10)
+
+
+@pytest.mark.study
+def test_forty_sound_records_are_not_named() -> None:
+    named = {name: found for name, record in sound() if (found := examine(record))}
+    assert named == {}
+
+
+def test_three_equal_extremes_are_enough_where_the_steps_are_fine() -> None:
+    rng = np.random.default_rng(0)
+    x = rng.standard_normal(5000)
+    limit = np.sort(x)[-3]
+    assert clipped_samples(np.minimum(x, limit)) == 3
+    assert clipped_samples(x) == 0
+    assert clipped_samples(np.tile(x, 4)) == 0  # of four periods every level stands there four times
+
+
+def test_coarse_steps_are_not_clipped() -> None:
+    rng = np.random.default_rng(1)
+    for bits in range(2, 12):
+        x = rng.standard_normal(20_000)
+        coarse = np.round(x / np.abs(x).max() * 2**bits) / 2**bits
+        assert clipped_samples(coarse) == 0
+        clipped = np.clip(coarse, -0.25, 0.25)
+        if bits > 4:  # of a few levels the last is not rarer than those before it
+            assert clipped_samples(clipped) == np.count_nonzero(np.abs(clipped) == 0.25)
+
+
+@pytest.mark.parametrize("samples", [-1.5, 0.4, 3.0])
+def test_a_delay_is_told_in_seconds_with_its_sign(samples: float) -> None:
+    record = spoilt.late(spoilt.ambient(0), samples, np.random.default_rng(0))
+    (found,) = delayed(record)
+    assert found.channels == (record.output_dofs[1],)
+    told = float(found.reason.split("s, ")[1].split()[0])
+    # delays are told to a thirty-second of a sample
+    assert told == pytest.approx(abs(samples), abs=0.1)
+    assert ("later" in found.reason) is (samples > 0)
+
+
+def test_what_dampers_do_is_no_delay() -> None:
+    for quantity in ("displacement", "acceleration"):
+        record = over4().simulate(inputs="ambient", samples=20_000, sampling_rate=20.0, quantity=quantity, noise=0.02)
+        assert delayed(record) == []
+
+
+def test_a_force_among_the_outputs_is_found_and_named() -> None:
+    record = spoilt.exchanged(spoilt.shaken(3), 0.0, np.random.default_rng(0))
+    (found,) = exchanged(record)
+    assert record.output_dofs[1] in found.channels
+    assert exchanged(spoilt.shaken(3)) == []
+
+
+def test_a_hit_whose_force_lost_its_top_is_told_by_its_outputs() -> None:
+    record = spoilt.overloaded(spoilt.hit(3), 0.9, np.random.default_rng(0))
+    (found,) = examine(record)
+    assert found.kind == "overload"
+    assert "hit 3: outputs are " in found.reason
+    assert examine(spoilt.hit(3)) == ()
+
+
+def test_noise_of_half_a_channel_is_seen_on_its_floor() -> None:
+    record = spoilt.ambient(1)
+    assert examine(record) == ()
+    (found,) = examine(spoilt.noisy(record, 0.5, np.random.default_rng(0)))
+    assert found.kind == "noisy"
+    assert "on a level that all lines have" in found.reason
+
+
+def test_a_burst_that_leaves_most_of_a_record_quiet_does_not_overflow() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        x = rng.standard_normal(6000) * np.r_[np.ones(600), np.full(5400, 1e-3)]
+        assert wraps(x).size == 0
+    smooth = np.sin(np.arange(600) / 7) * np.r_[np.ones(300), np.full(300, 1e-3)]
+    assert wraps((smooth + 0.9) % 1.8 - 0.9).size > 0
+
+
+def test_blocks_that_were_lost_are_found_and_a_blow_is_none() -> None:
+    y = (
+        chain5()
+        .simulate(inputs="ambient", samples=8000, sampling_rate=50.0, quantity="displacement", noise=0.001)
+        .outputs
+    )
+    assert jumps(y) == []
+    lost = {k: jumps(np.delete(y, np.s_[k : k + 5], axis=0)) for k in range(1000, 7000, 600)}
+    # now and then the motion is growing, or turns back to where it was
+    assert sum(bool(found) and abs(found[0] - k) <= 2 for k, found in lost.items()) >= 8
+    struck = y.copy()
+    blow = chain5().free_decay(5000, velocity=30 * np.ones(5) * y.std(), sampling_rate=50.0).values[:, :, 0]
+    struck[3000:] += blow
+    assert jumps(struck) == []
+
+
+@pytest.mark.parametrize("quantity", ["displacement", "velocity", "acceleration"])
+def test_sound_phases_are_not_odd(quantity: str) -> None:
+    for noise in (0.001, 0.1, 0.5):
+        response = chain5().frequency_response(spoilt.LINES, quantity=quantity, noise=noise, seed=0)
+        assert odd_phases(response) == []
+
+
+def test_a_finding_about_lines_outside_the_band_says_so() -> None:
+    response = spoilt.outlier(spoilt.lines(0), 100.0, np.random.default_rng(3))
+    (found,) = [finding for finding in examine(response) if finding.kind == "lone lines"]
+    lowest = min(found.frequencies)
+    assert "no line of the band 0.2 to 0.25 Hz is concerned" in found.beside([(0.2, 0.25)]).reason
+    assert found.beside([(lowest - 0.1, lowest + 0.1)]) is found
+    assert found.beside([]) is found
+    result = ms.analyze(response, band=(0.5, 1.5), refine=False)
+    told = [finding.reason for finding in result.findings if finding.kind == "lone lines"]
+    assert len(told) == 1
+    assert ("no line of the band" in told[0]) is not any(0.5 <= f <= 1.5 for f in found.frequencies)
