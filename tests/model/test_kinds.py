@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import pytest
 
 import modalscope as ms
@@ -16,6 +15,8 @@ from modalscope.model import DataError, Records
 from modalscope.model.checks import check_kind
 from modalscope.model.errors import check_option_names
 from modalscope.systems import chain5
+
+pd = pytest.importorskip("pandas")
 
 STRUCTURE = chain5()
 FRF = STRUCTURE.frequency_response(np.linspace(0.2, 9, 60))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from modalscope.model import triangles as module
 from modalscope.model.triangles import factor_of_gram, triangle_of
 
 RNG = np.random.default_rng(0)
@@ -23,7 +24,7 @@ def test_the_factor_is_that_of_the_whole(rows, columns, step):
     assert not np.any(np.tril(R[:, : len(R)], -1))
 
 
-@pytest.mark.parametrize("own", [1e-2, 1e-6, 1e-10, 0.0])
+@pytest.mark.parametrize("own", [1e-2, 3e-5, 3e-6, 1e-7, 1e-10, 0.0])
 def test_what_a_column_has_of_its_own_is_known_to_eight_digits(own):
     X = RNG.standard_normal((200, 4))
     Q, _ = np.linalg.qr(X)
@@ -40,3 +41,30 @@ def test_columns_of_zeros_stay():
     assert R is not None
     assert not np.any(R[:, 1])
     assert np.allclose(R.T @ R, X.T @ X)
+
+
+def test_a_second_factor_betters_the_first_without_reflections(monkeypatch):
+    """Of 3e-6 of its length one Gram matrix leaves five digits, two leave eight, whatever is in the other columns; one of zeros stays."""
+    X = RNG.standard_normal((200, 5))
+    X[:, 3] = X[:, 1] - X[:, 2] + 3e-6 * X[:, 3]
+    X[:, 4] = 0
+    exact = np.linalg.qr(X[:, :4], mode="r")
+    monkeypatch.setattr(module, "_orthogonally", None)
+    R = triangle_of(in_chunks(X, 30), 5)
+    assert np.allclose(np.abs(np.diag(R)[:4]), np.abs(np.diag(exact)), rtol=1e-8)
+    assert not np.any(R[:, 4])
+
+
+def test_who_needs_more_digits_gets_them(monkeypatch):
+    X = RNG.standard_normal((100, 3))
+    X[:, 2] = X[:, 1] + 5e-4 * X[:, 2]
+    passes = []
+
+    def chunks():
+        passes.append(len(passes))
+        return in_chunks(X, 40)()
+
+    triangle_of(chunks, 3, 1e-4)
+    assert len(passes) == 1
+    triangle_of(chunks, 3, 1e-3)
+    assert len(passes) == 3

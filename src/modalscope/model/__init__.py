@@ -16,8 +16,10 @@ from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
 from modalscope.model.records import Records, as_records
 from modalscope.model.result import Result
+from modalscope.model.setups import Setups
 from modalscope.model.signals import Signals
 from modalscope.model.statespace import StateSpace
+from modalscope.model.stored import StoredSignals
 
 __all__ = [
     "Candidate",
@@ -31,9 +33,11 @@ __all__ = [
     "Mode",
     "Note",
     "Records",
+    "Setups",
     "Signals",
     "StabilizationDiagram",
     "StateSpace",
+    "StoredSignals",
     "as_records",
     "parse_dof",
 ]
@@ -49,7 +53,9 @@ plain_methods(
     Note,
     Records,
     Result,
+    Setups,
     Signals,
     StabilizationDiagram,
     StateSpace,
+    StoredSignals,
 )

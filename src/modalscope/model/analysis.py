@@ -66,6 +66,8 @@ class Analysis:
         Modes taken beside the automatic ones, and automatic ones refused, Hz.
     refine : bool
         Whether the selected modes are refined.
+    apart : bool
+        Whether setups are identified one by one and their modes merged.
     names : mapping of frequency as text to name
         What the user calls modes.
     remarks : tuple of str
@@ -91,6 +93,7 @@ class Analysis:
     taken: tuple[float, ...] = ()
     refused: tuple[float, ...] = ()
     refine: bool = True
+    apart: bool = False
     names: Mapping[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
 
@@ -103,6 +106,7 @@ class Analysis:
             )
         check_kind("options of an analysis", self.options, Mapping)
         check_kind("refine", self.refine, bool)
+        check_kind("apart", self.apart, bool)
         freeze(
             self,
             bands=tuple(check_band(band) for band in self.bands),
@@ -113,6 +117,12 @@ class Analysis:
             refused=tuple(float(f) for f in self.refused),
             remarks=tuple(str(text) for text in self.remarks),
         )
+
+    @property
+    def reading(self) -> dict[str, Any] | list[dict[str, Any]]:
+        """Options that the files were read with: of all of them where they are the same, else of each."""
+        each = [dict(file.reading) for file in self.files] or [{}]
+        return each[0] if all(own == each[0] for own in each) else each
 
     def choices(self) -> dict[str, Any]:
         """Return what was chosen, by the keywords of `analyze`; what was left to the program is left out."""
@@ -128,5 +138,6 @@ class Analysis:
             "take": self.taken or None,
             "refuse": self.refused or None,
             "refine": None if self.refine else False,
+            "apart": self.apart or None,
         }
         return {**{name: value for name, value in named.items() if value is not None}, **self.options}

@@ -37,6 +37,9 @@ __all__ = [
     "real_array",
 ]
 
+#: From so many numbers on arrays are looked through without one of their size beside them.
+_LONG = 1_000_000
+
 #: What an array holds; `Array` where that is either.
 Array = NDArray[Any]
 RealArray = NDArray[np.float64]
@@ -52,10 +55,10 @@ def freeze(data: object, **values: object) -> None:
 
 
 def locked(array: Array) -> Array:
-    """Return the array read-only: itself when nobody can write to it any more, else a copy."""
+    """Return the array read-only: itself when nobody can write to it any more, else a copy. A map of a file opened to read stays one."""
     owner: Any = array
     while isinstance(owner, np.ndarray) and not owner.flags.writeable:
-        if owner.base is None:
+        if owner.base is None or (isinstance(owner, np.memmap) and owner.mode == "r"):
             return array
         owner = owner.base
     copy = np.array(array, order="C")
@@ -84,6 +87,8 @@ def _numeric(name: str, values: ArrayLike, axes: str, ndim: int | Sequence[int])
 
 def check_finite(name: str, array: Array, change: str = "Repair or leave out what is not a finite number.") -> None:
     """Raise a `DataError` that names the first NaN or infinite value and how many there are."""
+    if array.dtype.kind == "f" and array.size > _LONG and np.isfinite(array.min()) and np.isfinite(array.max()):
+        return  # of long records nothing of their size is made
     bad = ~np.isfinite(array)
     count = int(np.count_nonzero(bad))
     if count:

@@ -150,9 +150,9 @@ class DrivenBasis(ModalBasis):
     @staticmethod
     def _sum(functions: RealArray, shapes: Array, participation: Array) -> RealArray:
         """Return sum_j c_j (l_j' d) g_j of every output, (K, l)."""
-        each = functions.reshape(*functions.shape[:2], -1, 2)
-        of_pole = np.einsum("kdj,jd->kj", each[..., 0] - 1j * each[..., 1], participation)
-        return np.asarray((of_pole @ np.asarray(shapes).T).real)
+        tied = np.asarray(shapes)[:, None, :] * np.asarray(participation).T  # (l, d, n)
+        both = np.stack([tied.real, tied.imag], axis=3).reshape(len(tied), -1)
+        return np.asarray(functions.reshape(len(functions), -1) @ both.T)
 
 
 def driven_basis(runs: Sequence[Run], poles: Array) -> DrivenBasis:
@@ -237,7 +237,7 @@ def _tied_fit(w: ComplexArray, c: ComplexArray, data: RealArray) -> ComplexArray
         return None
     found = np.zeros(a, dtype=complex)
     for _ in range(2):  # the second time corrects rounding
-        slope = np.einsum("oa,ao->a", c, w.T @ (data - (w @ (found * c).T).real))
+        slope = np.sum(c * (w.T @ (data - (w @ (found * c).T).real)).T, axis=0)
         step = np.zeros(2 * a)
         step[alive] = sla.cho_solve((R, False), np.concatenate([slope.real, -slope.imag])[alive], check_finite=False)
         found += step[:a] + 1j * step[a:]

@@ -11,8 +11,8 @@ from modalscope.model.driven_basis import DrivenBasis
 
 __all__ = ["DrivenLines"]
 
-#: Complex numbers in the columns that are made at a time: 4 MB.
-_NUMBERS = 1 << 18
+#: Complex numbers in the columns that are made at a time: 1 MB.
+_NUMBERS = 1 << 16
 
 
 @dataclass(frozen=True, eq=False, slots=True)

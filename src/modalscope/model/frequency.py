@@ -209,8 +209,9 @@ class FrequencyResponse(Response):
         return self if band is None else self.band(*band)
 
     def reported_band(self, band: tuple[float, float] | None) -> tuple[float, float]:
-        """Return the lowest and the highest line: the band has cut them."""
-        return self.span
+        """Return the lowest and the highest line, within the band: where it has not cut them, only poles inside are reported."""
+        low, high = self.span
+        return (low, high) if band is None else (max(low, band[0]), min(high, band[1]))
 
     def rebuilt_by(self, model: StateSpace) -> FrequencyResponse:
         """Return the response of a model on these lines; see `Response.rebuilt_by`."""

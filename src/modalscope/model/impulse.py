@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,7 @@ from modalscope.model.checks import (
 )
 from modalscope.model.groups import AUTO, Groups, check_groups, chosen_groups, input_groups
 from modalscope.model.modal_basis import ModalBasis, sample_basis, sample_derivatives
+from modalscope.model.recursion import markov_parameters
 from modalscope.model.resolvent import HELD
 from modalscope.model.response import AsLines, AsSamples, Response
 
@@ -199,6 +201,19 @@ class ImpulseResponse(Response):
         """Return the response of a model at these samples; see `Response.rebuilt_by`."""
         labels = self.rebuilt_labels()
         return model.impulse_response(self.samples, kind=self.kind, first_sample=self.first_sample, **labels)
+
+    def values_of(self, model: StateSpace) -> Array:
+        """Return the Markov parameters of a model at these samples; see `Response.values_of`."""
+        return model.markov_parameters(self.samples)
+
+    def beside(self, model: StateSpace) -> Iterator[tuple[Array, Array]]:
+        """Yield samples and those of a model, never all of many outputs together; see `Response.beside`."""
+        _, l, m = self.values.shape
+        step, state = max(1, HELD // (l * m)), model.B
+        for first in range(0, self.samples, step):
+            measured = self.values[first : first + step]
+            yield measured, markov_parameters(model.A, state, model.C, len(measured))
+            state = np.linalg.matrix_power(model.A, len(measured)) @ state
 
     def of_modes(self, modes: ModalModel) -> ImpulseResponse:
         """Return the response of modes at these samples; see `Response.of_modes`."""

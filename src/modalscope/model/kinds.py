@@ -21,9 +21,9 @@ _WRAPPED = {
 }
 
 #: What reading a file gives.
-_READ = ("FrequencyResponse", "ImpulseResponse", "Signals", "Records", "ModalModel", "Geometry")
+_READ = ("FrequencyResponse", "ImpulseResponse", "Signals", "Records", "Setups", "ModalModel", "Geometry")
 
-_MEASURED = ("FrequencyResponse", "ImpulseResponse", "Signals", "Records")
+_MEASURED = ("FrequencyResponse", "ImpulseResponse", "Signals", "Records", "Setups")
 
 #: (expected, given) -> how the one is made of the other.
 _MADE: dict[tuple[str, str], str] = {
@@ -39,6 +39,7 @@ _MADE: dict[tuple[str, str], str] = {
     ("ImpulseResponse", "ModalModel"): "compute it: modes.impulse_response(samples)",
     ("ImpulseResponse", "Structure"): "compute it: structure.impulse_response(samples)",
     ("Signals", "Records"): "give one of its runs: records.runs[0]",
+    ("Signals", "Setups"): "give one of its setups: setups.parts[0]",
     ("Signals", "Structure"): "simulate it: structure.simulate(duration=...)",
     ("ModalModel", "StabilizationDiagram"): "select them first: ms.select(diagram)",
     ("ModalModel", "Identification"): "give its modes: result.modes",

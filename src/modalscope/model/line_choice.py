@@ -11,10 +11,16 @@ import numpy as np
 
 from modalscope.model.checks import Array, IntArray, RealArray
 
-__all__ = ["near_modes", "running_mean", "telling_lines"]
+__all__ = ["near_modes", "resonance_weights", "running_mean", "telling_lines"]
+
+#: Lines on either side that a weight is averaged over, and the least power over the median that it follows.
+_BESIDE, _QUIET = 20, 0.01
 
 #: Neighbours on either side over which a peak and its surroundings are averaged.
 _PEAK, _AROUND = 3, 2000
+
+#: Lines that are averaged together: of long records an array of all lines is large.
+_AT_A_TIME = 1 << 16
 
 
 def running_mean(values: RealArray, run: IntArray, beside: int) -> RealArray:
@@ -33,12 +39,31 @@ def running_mean(values: RealArray, run: IntArray, beside: int) -> RealArray:
     array([1.5, 3. , 4. , 5. ])
     """
     found = np.empty_like(values)
-    for first, last in pairwise(np.searchsorted(run, np.arange(run[-1] + 2) if run.size else [0])):
-        total = np.concatenate([[0.0], np.cumsum(values[first:last])])
-        k = np.arange(last - first)
-        low, high = np.maximum(k - beside, 0), np.minimum(k + beside + 1, last - first)
-        found[first:last] = (total[high] - total[low]) / (high - low)
+    for first, last in pairwise(np.searchsorted(run, np.arange(run[-1] + 2 if run.size else 1, dtype=run.dtype))):
+        for start in range(first, last, _AT_A_TIME):
+            own = np.arange(start, min(start + _AT_A_TIME, last))
+            low, high = np.maximum(own - beside, first), np.minimum(own + beside + 1, last)
+            total = np.concatenate([[0.0], np.cumsum(values[low[0] : high[-1]], dtype=float)])
+            found[own] = (total[high - low[0]] - total[low - low[0]]) / (high - low)
     return found
+
+
+def resonance_weights(power: RealArray, run: IntArray) -> RealArray:
+    """Return a weight a line, (F,), of mean square one: the root of the outputs' amplitude over neighbouring lines of the run.
+
+    Parameters
+    ----------
+    power : array, (F,)
+        Of the outputs together.
+    run : array of int, (F,)
+    """
+    w = running_mean(power, run, _BESIDE)
+    np.maximum(w, _QUIET * max(float(np.median(w)), np.finfo(float).tiny), out=w)
+    np.sqrt(w, out=w)
+    mean = float(np.mean(w))
+    np.sqrt(w, out=w)
+    w /= np.sqrt(mean)
+    return w
 
 
 def telling_lines(power: RealArray, run: IntArray, most: int) -> IntArray:
@@ -54,10 +79,19 @@ def telling_lines(power: RealArray, run: IntArray, most: int) -> IntArray:
     if power.size <= most:
         return np.arange(power.size)
     even = np.arange(0, power.size, -(-power.size // (most // 2)))
-    level = running_mean(power, run, _AROUND)
-    height = running_mean(power, run, _PEAK) / np.where(level > 0, level, 1)
+    level, height = running_mean(power, run, _AROUND), running_mean(power, run, _PEAK)
+    np.divide(height, level, out=height, where=level > 0)
     height[even] = np.inf
-    return np.sort(np.argpartition(-height, most - 1)[:most])
+    return _largest(height, most, level)
+
+
+def _largest(values: RealArray, most: int, place: RealArray) -> IntArray:
+    """Return where the `most` largest values are, increasing; of those alike at the limit the first. The place is overwritten."""
+    place[:] = values
+    place.partition(values.size - most)
+    least = place[values.size - most]
+    above = np.flatnonzero(values > least)
+    return np.sort(np.concatenate([above, np.flatnonzero(values == least)[: most - above.size]]))
 
 
 def near_modes(frequencies: RealArray, poles: Array, resolution: float, most: int) -> IntArray:
@@ -81,4 +115,5 @@ def near_modes(frequencies: RealArray, poles: Array, resolution: float, most: in
     for pole in np.asarray(poles):
         half = max(abs(pole.real) / (2 * np.pi), resolution)
         np.minimum(apart, np.abs(frequencies - abs(pole) / (2 * np.pi)) / half, out=apart)
-    return np.sort(np.argpartition(apart, most - 1)[:most])
+    np.negative(apart, out=apart)
+    return _largest(apart, most, np.empty_like(apart))

@@ -9,12 +9,14 @@ coefficient each and leave the rest to the modes.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as sla
 
 from modalscope.model.channels import QUANTITIES
 from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.orthogonal import orthogonalized
 from modalscope.model.poles import powers_of, to_discrete
 
 __all__ = [
@@ -27,6 +29,27 @@ __all__ = [
     "scaled_terms",
     "stacked_basis",
 ]
+
+
+#: Share of an output's energy below which what is left, a difference of sums, is told from rounding by rebuilding the data.
+_ROUNDING = 1e-10
+
+
+class FittedSide(NamedTuple):
+    """Participation fitted to shapes.
+
+    Parameters
+    ----------
+    side : array of complex, (n, m)
+    terms : array, (t, l, m)
+        Coefficients of the constant and residual terms.
+    left : array, (l, m)
+        Energy that is left of every channel.
+    """
+
+    side: ComplexArray
+    terms: RealArray
+    left: RealArray
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -96,12 +119,34 @@ class ModalBasis:
         terms : array, (t, l, m)
             Coefficients of the constant and residual terms.
         """
+        found = self.solved(shapes)
+        return found.side, found.terms
+
+    def fit_shapes(self, participation: Array) -> tuple[ComplexArray, RealArray]:
+        """Fit shapes to known participation rows, the other way round: shapes (l, n) and terms (t, l, m)."""
+        found = self.turned.solved(np.asarray(participation).T)
+        return found.side.T, found.terms.transpose(0, 2, 1)
+
+    @property
+    def turned(self) -> ModalBasis:
+        """Outputs and inputs in each other's places."""
+        return ModalBasis(self.terms, self.functions, self.data.transpose(0, 2, 1))
+
+    def solved(self, shapes: Array) -> FittedSide:
+        """Return what `fit_participation` does, and how much is left of every channel: |data|^2 - |Q'data|^2 + |Q'data - R theta|^2.
+
+        Nothing is rebuilt for that, unless so little is left that the difference is rounding.
+
+        Parameters
+        ----------
+        shapes : array of complex, (l, n)
+        """
         rows, outputs, inputs = self.data.shape
         t, n = self.terms.shape[1], shapes.shape[1]
         columns = self.columns
         scale = np.linalg.norm(columns, axis=0)
         used = np.flatnonzero(scale > 0)
-        Q, R = sla.qr(columns[:, used] / scale[used], mode="economic", check_finite=False)
+        Q, R = orthogonalized(columns[:, used] / scale[used])
         coefficients = (Q.T @ self.data.reshape(rows, -1)).reshape(-1, outputs, inputs)
         R = R * scale[used]
         spread = _spread(shapes)
@@ -113,13 +158,13 @@ class ModalBasis:
         rest = (spread[:, kept] @ theta).transpose(1, 0, 2)
         left = coefficients[:t] - np.tensordot(R[:t, t:], rest, axes=1)
         terms = sla.solve_triangular(R[:t, :t], left.reshape(t, outputs * inputs)) if t else left
-        return theta[::2] + 1j * theta[1::2], terms.reshape(t, outputs, inputs)
-
-    def fit_shapes(self, participation: Array) -> tuple[ComplexArray, RealArray]:
-        """Fit shapes to known participation rows, the other way round: shapes (l, n) and terms (t, l, m)."""
-        turned = ModalBasis(self.terms, self.functions, self.data.transpose(0, 2, 1))
-        shapes, terms = turned.fit_participation(np.asarray(participation).T)
-        return shapes.T, terms.transpose(0, 2, 1)
+        side, own = theta[::2] + 1j * theta[1::2], terms.reshape(t, outputs, inputs)
+        with np.errstate(over="ignore", invalid="ignore"):
+            missed, whole = np.tensordot(R[t:, t:], rest, axes=1) - coefficients[t:], _energy(self.data)
+            energy = whole - _energy(coefficients) + _energy(missed)
+            if not np.all(energy.sum(axis=1) > _ROUNDING * whole.sum(axis=1)):
+                energy = _energy(self.data - self.rebuilt(shapes, side, own))
+        return FittedSide(side, own, energy)
 
     def of_terms(self, coefficients: RealArray) -> RealArray:
         """Return coefficients (t, channels) of the terms as `fit_participation` gives them, (t, l, m)."""
@@ -131,6 +176,11 @@ class ModalBasis:
         coefficients = np.stack([residues.real, residues.imag], axis=1).reshape(2 * len(residues), self.data[0].size)
         flat = self.functions @ coefficients + self.terms @ terms.reshape(len(terms), coefficients.shape[1])
         return np.asarray(flat.reshape(self.data.shape))
+
+
+def _energy(values: RealArray) -> RealArray:
+    """Return sum over the rows of |v|^2 of every channel, (l, m)."""
+    return np.asarray(np.einsum("klm,klm->lm", values, values))
 
 
 def _spread(shapes: Array) -> RealArray:
@@ -225,10 +275,10 @@ def stacked_basis(
     g1 = np.where(alone, own, own + pair)
     g2 = np.where(alone, 0, 1j * (own - pair))
     functions = np.stack([g1, g2], axis=2).reshape(lines, -1)
-    w = (np.ones(lines) if weights is None else np.asarray(weights))[:, None]
 
     def real(array: Array) -> RealArray:
-        return np.vstack([(w * array).real, (w * array).imag])
+        weighted = array if weights is None else array * np.asarray(weights)[:, None]
+        return np.concatenate([weighted.real, weighted.imag])
 
     return ModalBasis(real(terms), real(functions), real(data.reshape(lines, -1)).reshape(2 * lines, outputs, inputs))
 

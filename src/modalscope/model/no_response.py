@@ -33,6 +33,11 @@ class NoResponse(Response):
         )
 
     @property
+    def outside_powers(self) -> tuple[int, ...]:
+        """The direct term alone."""
+        return (0,)
+
+    @property
     def separable(self) -> bool:
         """False: all inputs act together."""
         return False

@@ -74,12 +74,17 @@ def excess(frequencies: RealArray, left: Array, values: Array, poles: Array, res
     away = away[np.argsort(frequencies[away], kind="stable")]
     place = np.searchsorted(frequencies[away], frequencies[near])
     beside = away[np.clip(place[:, None] + np.arange(-_BESIDE // 2, _BESIDE // 2), 0, away.size - 1)]
-    floor = np.mean(np.abs(left[beside]) ** 2, axis=1)
-    power = np.abs(left[near]) ** 2
-    usable = floor > 0
-    ratio = np.mean(power[usable] / floor[usable]) if usable.any() else np.nan
-    whole = np.sum(np.abs(values[near]) ** 2)
-    return Excess(float(10 * np.log10(ratio)), float(np.sqrt(power.sum() / whole)) if whole > 0 else np.nan)
+    ratio, count, power, whole = 0.0, 0, 0.0, 0.0
+    for own, data in zip(left.T, values.T, strict=True):  # of long records all outputs together are large
+        level = np.abs(own) ** 2
+        floor = level[beside].mean(axis=1)
+        usable = floor > 0
+        ratio += float(np.sum(level[near[usable]] / floor[usable]))
+        count += int(np.count_nonzero(usable))
+        power += float(np.sum(level[near]))
+        whole += float(np.sum(np.abs(data[near]) ** 2))
+    decibels = 10 * np.log10(ratio / count) if count and ratio > 0 else np.nan
+    return Excess(float(decibels), float(np.sqrt(power / whole)) if whole > 0 else np.nan)
 
 
 def excess_notes(found: Excess) -> tuple[Note, ...]:

@@ -29,8 +29,7 @@ from modalscope.model.notes import Note
 from modalscope.model.poles import to_discrete
 from modalscope.model.record_picture import picture_of
 from modalscope.model.record_residual import excess, excess_notes, pole_notes
-from modalscope.model.record_sums import drive_of_poles, rebuilt_values, smoothed, untold_inputs
-from modalscope.model.response import level_power, output_scale
+from modalscope.model.record_sums import drive_of_poles, line_power, rebuilt_values, smoothed, untold_inputs
 from modalscope.model.statespace import StateSpace
 
 if TYPE_CHECKING:
@@ -41,8 +40,9 @@ __all__ = ["RecordSpectra"]
 #: The degree below which damping is hardly known.
 _LEAST_DEGREE = 8
 
-#: Lines on which models of long records are judged, and refined.
+#: Lines on which models of long records are judged, and refined, at most; numbers of the outputs on them, but so many lines at least.
 _JUDGED, _REFINED = 32_768, 131_072
+_NUMBERS, _LEAST_LINES = 1 << 20, 8192
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
@@ -112,21 +112,31 @@ class RecordSpectra(NoResponse):
 
     def in_plane(self, poles: Array) -> ComplexArray:
         """Return poles in the plane of the points."""
-        s = np.asarray(poles, dtype=complex)
-        return s if self.sampling_rate is None else to_discrete(s, 1 / self.sampling_rate)
+        return (
+            np.asarray(poles, dtype=complex)
+            if self.sampling_rate is None
+            else to_discrete(poles, 1 / self.sampling_rate)
+        )
 
     def chain(self, poles: Array) -> ComplexArray:
         """Return d p / d s of poles p in the plane of the points."""
         one = np.ones(len(poles), dtype=complex)
         return one if self.sampling_rate is None else np.asarray(self.in_plane(poles) / self.sampling_rate)
 
+    @property
+    def spans_of_runs(self) -> tuple[slice, ...]:
+        """Where the lines of every run stand."""
+        return tuple(
+            slice(*ends)
+            for ends in pairwise(np.searchsorted(self.run, np.arange(len(self.durations) + 1, dtype=self.run.dtype)))
+        )
+
     def runs(self) -> Iterator[Run]:
         """Yield the lines of every run."""
-        points = self.points
-        for first, last in pairwise(np.searchsorted(self.run, np.arange(len(self.durations) + 1))):
-            x = points[first:last]
+        for own in self.spans_of_runs:
+            x = self._point(self.frequencies[own])
             ends = np.ones_like(x) if self.sampling_rate is None else x
-            yield Run(x, self.values[first:last, :, 0], self.drive[first:last], ends)
+            yield Run(x, self.values[own, :, 0], self.drive[own], ends)
 
     @property
     def lines(self) -> DrivenLines:
@@ -155,10 +165,10 @@ class RecordSpectra(NoResponse):
 
     def judging(self) -> RecordSpectra:
         """Return the lines on which models are judged: of a long record some of all, and those of the peaks; `whole` has the others."""
-        if self.count <= _JUDGED:
+        most = int(np.clip(_NUMBERS // self.values.shape[1], _LEAST_LINES, _JUDGED))
+        if self.count <= most:
             return self
-        power = level_power(self, output_scale(self))
-        return replace(self._at(telling_lines(power, self.run, _JUDGED)), source=self)
+        return replace(self._at(telling_lines(line_power(self), self.run, most)), source=self)
 
     @property
     def whole(self) -> RecordSpectra:
@@ -172,6 +182,8 @@ class RecordSpectra(NoResponse):
 
     def _at(self, lines: Array) -> RecordSpectra:
         own = {name: getattr(self, name)[lines] for name in ("values", "frequencies", "drive", "run")}
+        for array in own.values():
+            array.setflags(write=False)  # nobody else has it: it need not be copied again
         return replace(self, source=None, **own)
 
     def whole_basis(self, poles: Array, powers: tuple[int, ...] = (0,)) -> DrivenBasis:
@@ -179,21 +191,22 @@ class RecordSpectra(NoResponse):
         relative = np.asarray(1j * self.frequencies / self.span[1])
         return self.lines.basis(self.in_plane(poles), np.asarray(poles).imag == 0, self.values, relative, powers)
 
+    def left_of(self, poles: Array, shapes: Array, participation: Array, powers: tuple[int, ...] = (0,)) -> RealArray:
+        """Return the data without what modes give; see `Response.left_of`."""
+        left = self.evaluated(poles, shapes, participation, np.zeros((1, self.values.shape[1], self.drive.shape[1])))
+        np.subtract(self.values[:, :, 0], left, out=left)
+        return np.concatenate([left.real, left.imag])[:, :, None]
+
     @property
     def eliminated(self) -> tuple[int, int]:
         """Functions beside the outputs: at most in one run (its inputs and its ends), and of all runs together."""
-        each = [1 + int(np.any(run.inputs, axis=0).sum()) for run in self.runs() if len(run.points)]
+        each = [1 + int(np.any(self.drive[own], axis=0).sum()) for own in self.spans_of_runs if own.stop > own.start]
         return max(each), sum(each)
 
     @property
     def room(self) -> int:
         """Largest number of states worth a try: half of the columns that are left at the least degree."""
         return max((2 * self.count - (_LEAST_DEGREE + 1) * self.eliminated[1]) // 2, 2)
-
-    @property
-    def outside_powers(self) -> tuple[int, ...]:
-        """The direct term alone."""
-        return (0,)
 
     @property
     def refined_powers(self) -> tuple[int, ...]:
@@ -206,13 +219,19 @@ class RecordSpectra(NoResponse):
 
     def spectrum(self) -> tuple[RealArray, ComplexArray]:
         """Return lines in Hz and the outputs on them and their neighbours, (F, l, p), whose singular values are a smoothed spectrum's."""
+        f, values = zip(*smoothed(self), strict=True)
+        return np.concatenate(f), np.concatenate(values)
+
+    def spectra(self) -> Iterator[tuple[RealArray, ComplexArray]]:
+        """Yield the same, some lines at a time."""
         return smoothed(self)
 
     def doubts(
         self, poles: Array, shapes: Array, participation: Array, terms: Array, trusted: Array
     ) -> tuple[Note, ...]:
         """Return what the fit of a model shows: forces that were not measured, noise on the inputs, drift, delay; see `Response.doubts`."""
-        left = self.values[:, :, 0] - self.evaluated(poles, shapes, participation, terms)
+        left = self.evaluated(poles, shapes, participation, terms)
+        left -= self.values[:, :, 0]
         found = excess(self.frequencies, left, self.values[:, :, 0], poles[trusted], 1 / max(self.durations))
         return (*excess_notes(found), *pole_notes(self.in_plane(poles), self.sampling_rate, max(self.durations)))
 
@@ -262,7 +281,9 @@ class RecordSpectra(NoResponse):
         participation = modes.known_participation("records rebuilt from modes were asked")
         direct = modes.feedthrough
         terms = np.zeros((1, self.values.shape[1], self.drive.shape[1])) if direct is None else direct[None]
-        return replace(self, values=self.evaluated(modes.poles, modes.shapes, participation, terms)[:, :, None])
+        values = self.evaluated(modes.poles, modes.shapes, participation, terms)
+        values.setflags(write=False)  # nobody else has it: it need not be copied again
+        return replace(self, values=values[:, :, None])
 
     def evaluated(self, poles: Array, shapes: Array, participation: Array, terms: Array) -> ComplexArray:
         """Return the outputs (F, l) that shapes (l, n), participation (n, m) or (n, m + R), and D (1, l, m) give.

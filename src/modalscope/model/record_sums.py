@@ -2,34 +2,54 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.response import output_scale
 from modalscope.model.statespace import StateSpace
 
 if TYPE_CHECKING:
     from modalscope.model.record_spectra import RecordSpectra
 
-__all__ = ["NEAR", "drive_of_poles", "rebuilt_values", "smoothed", "untold_inputs"]
+__all__ = ["NEAR", "drive_of_poles", "line_power", "rebuilt_values", "smoothed", "untold_inputs"]
 
 #: Neighbouring lines on either side that one value of the smoothed spectrum is made of.
 NEAR = 3
+
+#: Complex numbers that are held at a time: 4 MB.
+_NUMBERS = 1 << 18
 
 #: Inputs are alike where a direction of them, each of length one, is shorter than this; an input has part in it from so much on.
 _ALIKE, _SHARE = 1e-9, 1e-6
 
 
-def smoothed(lines: RecordSpectra) -> tuple[RealArray, ComplexArray]:
-    """Return lines in Hz and the outputs on them and their neighbours, (F, l, p), whose singular values are a smoothed spectrum's."""
-    parts = []
-    for r in range(len(lines.durations)):
-        own = np.flatnonzero(lines.run == r)
-        near = np.clip(own[:, None] + np.arange(-NEAR, NEAR + 1), own[0], own[-1]) if own.size else own[:, None]
-        parts.append((lines.frequencies[own], lines.values[near, :, 0].transpose(0, 2, 1) / np.sqrt(near.shape[1])))
-    order = np.argsort(np.concatenate([f for f, _ in parts]), kind="stable")
-    return np.concatenate([f for f, _ in parts])[order], np.concatenate([v for _, v in parts])[order]
+def line_power(lines: RecordSpectra) -> RealArray:
+    """Return the squares of all outputs together on every line, each output level, (F,): to seven digits, for it only weighs lines."""
+    scale = output_scale(lines)
+    found: Any = np.empty(lines.count, np.float32)
+    weight = np.where(scale > 0, scale, 1.0) ** -2.0
+    step = max(_NUMBERS // weight.size, 1)
+    for start in range(0, lines.count, step):
+        some = slice(start, start + step)
+        found[some] = np.abs(lines.values[some, :, 0]) ** 2 @ weight
+    return np.asarray(found)
+
+
+def smoothed(lines: RecordSpectra) -> Iterator[tuple[RealArray, ComplexArray]]:
+    """Yield some lines in Hz, increasing, and the outputs on them and their neighbours, (F, l, p): their singular values show modes."""
+    order = np.argsort(lines.frequencies, kind="stable")
+    spans, beside = lines.spans_of_runs, np.arange(-NEAR, NEAR + 1)
+    lowest, highest = (np.array([getattr(own, end) for own in spans]) for end in ("start", "stop"))
+    step = max(_NUMBERS // (lines.values.shape[1] * beside.size), 1)
+    for start in range(0, order.size, step):
+        some = order[start : start + step]
+        r = lines.run[some, None]
+        values = lines.values[np.clip(some[:, None] + beside, lowest[r], highest[r] - 1), :, 0]
+        values /= np.sqrt(beside.size)
+        yield lines.frequencies[some], values.transpose(0, 2, 1)
 
 
 def untold_inputs(lines: RecordSpectra) -> tuple[str, ...]:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy import fft
 
 from modalscope.model.checks import ComplexArray, DataError, RealArray
+from modalscope.model.half_transform import half_transform
+from modalscope.model.memory import scratch
 from modalscope.model.record_spectra import RecordSpectra
 from modalscope.model.records import Records
 
@@ -42,18 +43,21 @@ def record_spectra(records: Records, band: tuple[float, float] | None = None) ->
     first = 0
     for r, (run, (f, inside)) in enumerate(zip(records.runs, parts, strict=True)):
         assert run.inputs is not None
+        place = scratch(len(run.outputs) // 2 + 1, complex)
         for own, samples in enumerate(run.outputs.T):
-            values[first : first + f.size, own] = _lines(samples)[inside]
+            values[first : first + f.size, own] = _lines(samples, place)[inside]
         for own, samples in zip(records.inputs_of(r), run.inputs.T, strict=True):
-            drive[first : first + f.size, own] = _lines(samples)[inside]
+            drive[first : first + f.size, own] = _lines(samples, place)[inside]
         first += f.size
-    values.setflags(write=False)
-    drive.setflags(write=False)
+    frequencies = parts[0][0] if len(parts) == 1 else np.concatenate([f for f, _ in parts])
+    which: Any = np.repeat(np.arange(len(parts), dtype=np.int32), count)
+    for array in (values, drive, frequencies, which):
+        array.setflags(write=False)  # nobody else has it: it need not be copied again
     return RecordSpectra(
         values=values[:, :, None],
-        frequencies=np.concatenate([f for f, _ in parts]),
+        frequencies=frequencies,
         drive=drive,
-        run=np.repeat(np.arange(len(parts)), count),
+        run=which,
         durations=tuple(N / fs for N in records.samples),
         sampling_rate=fs,
         quantity=records.quantity,
@@ -71,9 +75,11 @@ def _chosen(records: Records, band: tuple[float, float] | None) -> list[tuple[Re
     """Return the lines of every run in a band, Hz, and which of all they are."""
     fs, parts = records.sampling_rate, []
     for N in records.samples:
-        f = np.arange(1, (N + 1) // 2) * fs / N
-        inside = slice(None) if band is None else (f >= band[0]) & (f <= band[1])
-        parts.append((f[inside], inside))
+        f = np.arange(1.0, (N + 1) // 2)
+        f *= fs
+        f /= N
+        inside = None if band is None else (f >= band[0]) & (f <= band[1])
+        parts.append((f, slice(None)) if inside is None else (f[inside], inside))
     if not sum(f.size for f, _ in parts):
         asked = "all lines" if band is None else f"the band {band[0]:g} to {band[1]:g} Hz"
         raise DataError(
@@ -84,7 +90,9 @@ def _chosen(records: Records, band: tuple[float, float] | None) -> list[tuple[Re
     return parts
 
 
-def _lines(samples: RealArray) -> ComplexArray:
-    """Return the transform of a channel without 0 Hz and half the rate, over the root of the number of samples."""
+def _lines(samples: RealArray, place: ComplexArray) -> ComplexArray:
+    """Return the transform of a channel without 0 Hz and half the rate, over the root of the number of samples, in a place for all."""
     N = len(samples)
-    return np.asarray(fft.rfft(samples)[1 : (N + 1) // 2] / np.sqrt(N))
+    half_transform(samples, place)
+    place /= np.sqrt(N)
+    return place[1 : (N + 1) // 2]

@@ -132,6 +132,31 @@ class Records(Shown):
         position = {dof: i for i, dof in enumerate(self.input_dofs)}
         return tuple(position[dof] for dof in self.runs[chosen].input_dofs)
 
+    def stacked(self) -> tuple[Signals, ...]:
+        """Return the runs of the same inputs and length as one record of several runs each, in the order in which they come first."""
+        kinds: dict[tuple[Any, ...], list[int]] = {}
+        for k, run in enumerate(self.runs):
+            kinds.setdefault((run.input_dofs, run.samples), []).append(k)
+        return tuple(self._stack(places) for places in kinds.values())
+
+    def _stack(self, places: list[int]) -> Signals:
+        runs = [self.runs[k] for k in places]
+        if len(runs) == 1:
+            return runs[0]
+        return replace(
+            runs[0],
+            outputs=np.stack([run.outputs for run in runs]),
+            inputs=None if runs[0].inputs is None else np.stack([np.asarray(run.inputs) for run in runs]),
+            groups=chosen_groups(self.groups, places),
+            source_path=self.source_path,
+        )
+
+    def in_si(self) -> Records:
+        """Return the same data in SI units: g, lbf, inches or a sensitivity such as 100 mV/g are converted; units not known stay."""
+        from modalscope.model.si import si_form
+
+        return si_form(self)[0]
+
     def select(
         self,
         outputs: Chosen = None,

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
@@ -19,7 +20,10 @@ if TYPE_CHECKING:
     from modalscope.model.modes import ModalModel
     from modalscope.model.statespace import StateSpace
 
-__all__ = ["AsLines", "AsSamples", "Response", "level_power", "output_scale", "window_damping"]
+__all__ = ["AsLines", "AsSamples", "Response", "fading", "output_scale", "window_damping"]
+
+#: Relative rounding of single precision, in which many responses are stored.
+_STORED = 1e-7
 
 
 class AsSamples(NamedTuple):
@@ -38,21 +42,9 @@ class AsLines(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
 class Response(ResponseFacts):
-    """A measured response, (lines or samples, outputs, inputs): what both kinds offer to whoever identifies or judges.
+    """A measured response: what both kinds, lines and samples, offer to whoever identifies or judges; see `ResponseFacts` for its fields.
 
     Nobody has to ask which kind it is: what differs is a method here.
-
-    Parameters
-    ----------
-    values : array, (K, l, m)
-    sampling_rate : float, optional
-        Samples per second of a sampled system; None when the response is that of a continuous structure.
-    quantity : str, optional
-        Displacement, velocity or acceleration of the outputs.
-    added_damping : float
-        Decay rate in 1/s that an exponential window added to every pole: identified poles are shifted back by it.
-    groups : sequence of labels, "auto" or None
-        One label an input (of records: a run): what disagrees between groups is repeatability.
     """
 
     @abstractmethod
@@ -68,9 +60,19 @@ class Response(ResponseFacts):
             Weights of the lines.
         """
 
+    def in_si(self) -> Self:
+        """Return the same data in SI units: g, lbf, inches or a sensitivity such as 100 mV/g are converted; units not known stay."""
+        from modalscope.model.si import si_form
+
+        return si_form(self)[0]
+
     @property
     def whole(self) -> Response:
         """All of the data, where these are what models are judged on."""
+        return self
+
+    def judging(self) -> Response:
+        """Return what models are judged on: of very long records some lines, `whole` has the others; the data themselves else."""
         return self
 
     def around(self, poles: Array) -> Response:
@@ -91,6 +93,21 @@ class Response(ResponseFacts):
         powers : tuple of int
         """
         return self.basis(poles, powers)
+
+    def left_of(self, poles: Array, shapes: Array, participation: Array, powers: tuple[int, ...] = (0,)) -> RealArray:
+        """Return the data without what modes give, on the rows of `whole_basis`, (K, l, m); terms stay in it.
+
+        Parameters
+        ----------
+        poles : array of complex, (n,)
+        shapes : array of complex, (l, n)
+        participation : array of complex, (n, m) or more columns
+        powers : tuple of int
+            Of the terms that the basis has.
+        """
+        basis = self.whole_basis(poles, powers)
+        nothing = basis.of_terms(np.zeros((basis.terms.shape[1], basis.data[0].size)))
+        return np.asarray(basis.data - basis.rebuilt(shapes, participation, nothing))
 
     @abstractmethod
     def named_terms(self, terms: RealArray, powers: tuple[int, ...]) -> dict[str, RealArray | None]:
@@ -125,6 +142,10 @@ class Response(ResponseFacts):
     @abstractmethod
     def spectrum(self) -> tuple[RealArray, ComplexArray]:
         """Return lines in Hz and complex values on them, fine enough that a neighbour's peak is not taken for a mode's own."""
+
+    def spectra(self) -> Iterator[tuple[RealArray, ComplexArray]]:
+        """Yield `spectrum`, of long records some lines at a time."""
+        yield self.spectrum()
 
     def doubts(
         self, poles: Array, shapes: Array, participation: Array, terms: Array, trusted: Array
@@ -215,6 +236,15 @@ class Response(ResponseFacts):
         """
         return self.rebuilt_by(model).values
 
+    def beside(self, model: StateSpace) -> Iterator[tuple[Array, Array]]:
+        """Yield measured values and those of a model, some lines or samples after the other.
+
+        Parameters
+        ----------
+        model : StateSpace
+        """
+        yield self.values, self.values_of(model)
+
     @abstractmethod
     def of_modes(self, modes: ModalModel) -> Response:
         """Return the response of modes where this one was measured.
@@ -236,12 +266,6 @@ def output_scale(response: Response) -> RealArray:
     return np.asarray(np.sqrt(np.einsum("klp,klp->l", parts, parts) / (response.count * response.values.shape[2])))
 
 
-def level_power(response: Response, scale: RealArray) -> RealArray:
-    """Return the squares of all channels together on every line or sample, outputs divided by a scale (l,) first, (K,)."""
-    parts, weight = _real_parts(response.values), np.where(scale > 0, scale, 1.0) ** -2.0
-    return np.asarray(np.einsum("klp,klp,l->k", parts, parts, weight))
-
-
 def _real_parts(values: Array) -> RealArray:
     """Return (K, l, m) numbers as real ones, (K, l, m) or (K, l, 2 m), without a copy where they lie in one piece."""
     return np.ascontiguousarray(values).view(np.float64).reshape(*values.shape[:2], -1)
@@ -250,3 +274,14 @@ def _real_parts(values: Array) -> RealArray:
 def window_damping(response: Response) -> float:
     """Return the decay rate (1/s) that an exponential window added: it is in the data, but not in the modes."""
     return response.added_damping
+
+
+def fading(response: Response) -> RealArray | None:
+    """Return exp(-a t), by which an exponential window lets steady noise fade over samples, (K,); None without one, and of lines.
+
+    No smaller than rounding of what is stored: what lies below it does not fade with the window.
+    """
+    a = window_damping(response)
+    if a <= 0 or response.grid is not None or response.sampling_rate is None:
+        return None
+    return np.asarray(np.maximum(np.exp(-a / response.sampling_rate * np.arange(response.count)), _STORED))

@@ -106,6 +106,11 @@ class ResponseFacts(Channels):
         return True
 
     @property
+    def column_word(self) -> str:
+        """What the field calls a column of the values: an input, or a reference of ambient data."""
+        return "reference" if self.ambient else "input"
+
+    @property
     def columns(self) -> tuple[str, ...]:
         """What the last axis of the values is: the inputs."""
         return self.input_dofs

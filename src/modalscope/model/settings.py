@@ -21,7 +21,7 @@ class Settings:
         Channels left out.
     route : str, optional
         From records with inputs: "records", "frf", "markov" or "subspace".
-    factorization : {"auto", "dense", "gram"}
+    factorization : {"auto", "dense", "gram", "randomized", "lanczos"}
         The route to the singular vectors.
     """
 

@@ -8,10 +8,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import singledispatch
 from html import escape
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 
-from modalscope.model.checks import Array
+from modalscope.model.checks import Array, DataError
 
 __all__ = ["Shown", "cells_of", "counted", "curve", "dots", "html_table", "sketch_of", "summary_of"]
 
@@ -28,6 +30,29 @@ class Shown:
 
     def __repr__(self) -> str:
         return f"<{summary_of(self)}>"
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw it as its kind is drawn: a diagram with its poles, modes as their shapes, responses as curves.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        Axes
+
+        Raises
+        ------
+        DataError
+            It has no picture.
+        """
+        if ax is not None and not hasattr(ax, "transData"):
+            found = f"ax is {type(ax).__name__}"
+            raise DataError("a picture was asked", found, "Give Matplotlib axes, or leave ax out.")
+        # what draws stands above the data classes, and is only loaded where something is drawn
+        return import_module("modalscope.plot.shown").drawn(self, ax)
 
     def _repr_html_(self) -> str:
         return f"<div><p>{escape(summary_of(self))}</p>{sketch_of(self)}{html_table(cells_of(self))}</div>"

@@ -114,10 +114,20 @@ class Signals(Channels):
         """The quantity of all outputs; None when it is not known or not the same for all."""
         return self.quantities[0] if len(set(self.quantities)) == 1 else None
 
+    def excerpt(self) -> Signals:
+        """Return what of it is looked at: all, for it is in memory."""
+        return self
+
     def by_run(self) -> tuple[RealArray, RealArray | None]:
         """Return outputs (R, N, l) and inputs (R, N, m), with R = 1 for a single run."""
         shape = (self.runs, self.samples, -1)
         return self.outputs.reshape(shape), None if self.inputs is None else self.inputs.reshape(shape)
+
+    def in_si(self) -> Signals:
+        """Return the same data in SI units: g, lbf, inches or a sensitivity such as 100 mV/g are converted; units not known stay."""
+        from modalscope.model.si import si_form
+
+        return si_form(self)[0]
 
     def _cut(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
         return {**Channels._cut(self, outputs, inputs), "quantities": tuple(self.quantities[i] for i in outputs)}

@@ -8,20 +8,21 @@ from modalscope.model.checks import Array
 from modalscope.model.errors import DataError
 from modalscope.model.records import Records
 from modalscope.model.response import Response
+from modalscope.model.setups import Setups
 from modalscope.model.signals import Signals
 
-__all__ = ["check_size"]
+__all__ = ["check_alive", "check_size"]
 
 #: The largest number of a channel lies between 1 over these and these. Correlations of records are responses: they go with the square.
 _RECORDS, _RESPONSES = 1e30, 1e60
 
 
-def check_size(data: Signals | Records | Response) -> None:
+def check_size(data: Signals | Records | Setups | Response) -> None:
     """Raise when a channel's numbers are so large or so small that powers of them cannot be computed with.
 
     Parameters
     ----------
-    data : Signals, Records, FrequencyResponse or ImpulseResponse
+    data : Signals, Records, Setups, FrequencyResponse or ImpulseResponse
 
     Raises
     ------
@@ -32,19 +33,27 @@ def check_size(data: Signals | Records | Response) -> None:
     --------
     >>> check_size(Signals(outputs=[[1e-9], [1e-12]], sampling_rate=1.0))
     """
-    if isinstance(data, Records):
-        for run in data.runs:
-            check_size(run)
+    if isinstance(data, Records | Setups):
+        for part in data.runs if isinstance(data, Records) else data.parts:
+            check_size(part)
     elif isinstance(data, Signals):
-        _check("records", data.outputs, data.output_dofs, _RECORDS)
+        _check("records", _rows(data.outputs), data.output_dofs, _RECORDS)
         if data.inputs is not None:
-            _check("records", data.inputs, data.input_dofs, _RECORDS)
+            _check("records", _rows(data.inputs), data.input_dofs, _RECORDS)
     else:
-        _check("responses", np.swapaxes(data.values, 1, 2), data.output_dofs, _RESPONSES)
+        _check("responses", data.values, data.output_dofs, _RESPONSES, channel=1)
 
 
-def _check(name: str, array: Array, labels: tuple[str, ...], most: float) -> None:
-    size = np.abs(array).max(axis=tuple(range(array.ndim - 1)))
+def _rows(record: Array) -> Array:
+    """Return the samples of all runs below each other, (R N, l)."""
+    return record.reshape(-1, record.shape[-1])
+
+
+def _check(name: str, array: Array, labels: tuple[str, ...], most: float, channel: int = -1) -> None:
+    real = not np.iscomplexobj(array)  # of long records no copy is made
+    largest = np.maximum(array.max(axis=0), -array.min(axis=0)) if real else np.abs(array).max(axis=0)
+    rest = np.moveaxis(largest[None], channel, -1)  # whole lines or samples are compared first: they lie together
+    size = rest.max(axis=tuple(range(rest.ndim - 1)))
     odd = np.flatnonzero((size > 0) & ((size < 1 / most) | (size > most)))
     if odd.size:
         raise DataError(
@@ -52,3 +61,25 @@ def _check(name: str, array: Array, labels: tuple[str, ...], most: float) -> Non
             f"the largest of channel {labels[odd[0]]} is {size[odd[0]]:.3g}, in whatever unit that is",
             "Give them in another unit, or correct the factor they were multiplied with.",
         )
+
+
+def check_alive(response: Response) -> None:
+    """Raise on a channel of zeros: nothing can be read off it, and it hides a wrong cable or a wrong column.
+
+    Parameters
+    ----------
+    response : Response
+    """
+    speaks = np.zeros(response.values.shape[1:], dtype=bool)
+    for values in response.values:  # nearly always the first line or sample settles it
+        speaks |= values != 0
+        if speaks.all():
+            return
+    for side, axis, labels in (("output", 1, response.output_dofs), ("input", 0, response.input_dofs)):
+        dead = [labels[i] for i in np.flatnonzero(~speaks.any(axis=axis))]
+        if dead:
+            raise DataError(
+                f"data with a response in every {side} were asked",
+                f"{side} {', '.join(dead)} is zero throughout",
+                f"Leave it out: exclude={dead!r}, or --exclude {' '.join(dead)}.",
+            )

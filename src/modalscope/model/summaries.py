@@ -13,9 +13,11 @@ from modalscope.model.modes import ModalModel
 from modalscope.model.record_spectra import RecordSpectra
 from modalscope.model.records import Records
 from modalscope.model.result import Result
+from modalscope.model.setups import Setups
 from modalscope.model.shown import cells_of, counted, curve, dots, sketch_of, summary_of
 from modalscope.model.signals import Signals
 from modalscope.model.statespace import StateSpace
+from modalscope.model.stored import StoredSignals
 
 __all__: list[str] = []
 
@@ -71,10 +73,23 @@ def _(thing: Signals) -> str:
 
 
 @summary_of.register
+def _(thing: StoredSignals) -> str:
+    return f"stored records: {thing.samples} samples at {thing.sampling_rate:g} Hz, {_outputs_and_inputs(thing)}"
+
+
+@summary_of.register
 def _(thing: Records) -> str:
     lengths = ", ".join(map(str, thing.samples[:4])) + (", ..." if len(thing.samples) > 4 else "")
     runs = f"{counted(len(thing.runs), 'run')} of {lengths} samples"
     return f"records: {runs} at {thing.sampling_rate:g} Hz, {_outputs_and_inputs(thing)}"
+
+
+@summary_of.register
+def _(thing: Setups) -> str:
+    lengths = ", ".join(map(str, thing.samples[:4])) + (", ..." if len(thing.samples) > 4 else "")
+    references = counted(len(thing.references), "reference")
+    parts = f"{counted(len(thing.parts), 'setup')} of {lengths} samples"
+    return f"ambient setups: {parts} at {thing.sampling_rate:g} Hz, {references}, {_outputs_and_inputs(thing)}"
 
 
 @summary_of.register
@@ -120,7 +135,7 @@ def _(thing: Result) -> list[list[str]]:
     return cells_of_modes(thing.modes)
 
 
-def _kind(thing: FrequencyResponse | ImpulseResponse | ModalModel | Signals | Records) -> str:
+def _kind(thing: FrequencyResponse | ImpulseResponse | ModalModel | Signals | StoredSignals | Records | Setups) -> str:
     return f" ({thing.quantity})" if thing.quantity else ""
 
 
@@ -128,7 +143,7 @@ def _sides(thing: FrequencyResponse | ImpulseResponse | ModalModel | RecordSpect
     return f"{counted(len(thing.output_dofs), 'output')}, {counted(len(thing.input_dofs), 'input')}"
 
 
-def _outputs_and_inputs(thing: Signals | Records) -> str:
+def _outputs_and_inputs(thing: Signals | StoredSignals | Records | Setups) -> str:
     inputs = counted(len(thing.input_dofs), "input") if thing.input_dofs else "no inputs"
     return f"{counted(len(thing.output_dofs), 'output')}{_kind(thing)}, {inputs}"
 

@@ -1,0 +1,157 @@
+"""Units of channels and what one of them is in SI.
+
+Units are compared after `plain_unit`, so that `m/s²`, `m/s^2` and `[m / s2]` are one unit. The foot, the pound, the standard acceleration
+and what follows from them are exact by definition (NIST Special Publication 811, 2008, appendix B).
+"""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from typing import NamedTuple
+
+__all__ = ["FACTORS", "InSi", "in_si", "plain_unit"]
+
+_FOOT, _INCH, _GRAVITY, _POUND = 0.3048, 0.0254, 9.80665, 0.45359237
+_POUND_FORCE = _POUND * _GRAVITY
+
+#: What is measured -> its unit in SI, and how many of these one of each unit is.
+FACTORS: dict[str, tuple[str, dict[str, float]]] = {
+    "acceleration": (
+        "m/s2",
+        {
+            **dict.fromkeys(("m/s2", "m/s/s", "m/sec2", "ms-2", "ms2", "m*s-2"), 1.0),
+            **dict.fromkeys(("g", "G", "gn", "g0"), _GRAVITY),
+            "mg": 1e-3 * _GRAVITY, "ug": 1e-6 * _GRAVITY, "mm/s2": 1e-3, "cm/s2": 1e-2, "um/s2": 1e-6,
+            "gal": 1e-2, "Gal": 1e-2, "mGal": 1e-5, "ft/s2": _FOOT, "in/s2": _INCH,
+        },
+    ),
+    "velocity": (
+        "m/s",
+        {
+            **dict.fromkeys(("m/s", "m/sec", "m*s-1", "ms-1"), 1.0),
+            "mm/s": 1e-3, "cm/s": 1e-2, "um/s": 1e-6, "nm/s": 1e-9, "in/s": _INCH, "ips": _INCH, "ft/s": _FOOT, "km/h": 1 / 3.6,
+        },
+    ),
+    "displacement": (
+        "m",
+        {
+            "m": 1.0, "mm": 1e-3, "cm": 1e-2, "um": 1e-6, "nm": 1e-9, "micron": 1e-6, "in": _INCH, "inch": _INCH, "inches": _INCH,
+            "mil": 1e-3 * _INCH, "mils": 1e-3 * _INCH, "ft": _FOOT,
+        },
+    ),
+    "force": (
+        "N",
+        {
+            **dict.fromkeys(("N", "newton", "Newton"), 1.0),
+            **dict.fromkeys(("lbf", "lb", "lbs"), _POUND_FORCE),
+            **dict.fromkeys(("kgf", "kp"), _GRAVITY),
+            "kN": 1e3, "MN": 1e6, "mN": 1e-3, "dyn": 1e-5, "kip": 1e3 * _POUND_FORCE, "ozf": _POUND_FORCE / 16,
+        },
+    ),
+    "moment": ("N*m", {"Nm": 1.0, "N*m": 1.0, "kNm": 1e3, "lbf*in": _POUND_FORCE * _INCH, "lbf*ft": _POUND_FORCE * _FOOT}),
+    "strain": (
+        "m/m",
+        {
+            **dict.fromkeys(("m/m", "strain"), 1.0),
+            **dict.fromkeys(("um/m", "ustrain", "ue", "microstrain", "uepsilon", "ueps"), 1e-6),
+            "mm/m": 1e-3,
+        },
+    ),
+    "pressure": (
+        "Pa",
+        {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "mPa": 1e-3, "hPa": 1e2, "bar": 1e5, "mbar": 1e2, "psi": _POUND_FORCE / _INCH**2},
+    ),
+    "angle": (
+        "rad",
+        {"rad": 1.0, "mrad": 1e-3, "grad": 0.015707963267948967, **dict.fromkeys(("deg", "degree", "degrees"), 0.017453292519943295)},
+    ),
+    "voltage": ("V", {**dict.fromkeys(("V", "volt", "volts", "Volt", "Volts"), 1.0), "mV": 1e-3, "uV": 1e-6, "kV": 1e3}),
+}  # fmt: skip
+
+_KNOWN = {unit: (kind, si, factor) for kind, (si, units) in FACTORS.items() for unit, factor in units.items()}
+
+#: Characters of a unit that are looked at: nobody writes longer ones.
+_LONGEST = 400
+
+_SIGNS = str.maketrans(
+    {
+        "²": "2",
+        "³": "3",
+        "⁻": "-",
+        "¹": "1",
+        "µ": "u",
+        "μ": "u",
+        "·": "*",
+        "⋅": "*",
+        "×": "*",
+        "ε": "epsilon",
+        "^": "",
+        " ": "",
+    }
+)
+
+#: A sensitivity, such as 100 mV/g: the channel is in mV, of which so many are one g.
+_SENSITIVITY = re.compile(r"^(?P<number>\d+\.?\d*(?:[eE][-+]?\d+)?|\.\d+)(?P<signal>mV|V|uV|pC)/(?P<unit>.+)$")
+
+
+class InSi(NamedTuple):
+    """What one of a unit is in SI.
+
+    Attributes
+    ----------
+    factor : float
+        So many of the unit in SI.
+    unit : str
+        In SI.
+    kind : str
+        What it measures; empty for a ratio.
+    """
+
+    factor: float
+    unit: str
+    kind: str
+
+
+def plain_unit(unit: str) -> str:
+    """Return a unit without blanks, brackets, signs of powers and capitals of dB.
+
+    Examples
+    --------
+    >>> plain_unit("m / s²"), plain_unit("[m/s^2]"), plain_unit("µm/m"), plain_unit("°")
+    ('m/s2', 'm/s2', 'um/m', 'deg')
+    """
+    text = unit.strip()[:_LONGEST].replace("**", "").translate(_SIGNS).replace("°", "deg")
+    while len(text) > 1 and text[0] + text[-1] in ("[]", "()", "<>", "{}"):
+        text = text[1:-1]
+    return re.sub(r"\(([^()]*)\)", r"\1", text) if text.count("/") < 3 else text
+
+
+@cache
+def in_si(unit: str) -> InSi | None:
+    """Return what one of a unit is in SI: of a known unit, a ratio of two, or a sensitivity; None where it is not known.
+
+    A sensitivity such as `100 mV/g` says that the channel is in mV, and that 100 of them are one g.
+
+    Parameters
+    ----------
+    unit : str
+
+    Examples
+    --------
+    >>> in_si("g"), in_si("100 mV/g").factor, in_si("m/s^2/lbf").unit, in_si("furlong")
+    (InSi(factor=9.80665, unit='m/s2', kind='acceleration'), 0.0980665, 'm/s2/N', None)
+    """
+    plain = plain_unit(unit)
+    if plain in _KNOWN:
+        kind, si, factor = _KNOWN[plain]
+        return InSi(factor, si, kind)
+    given = _SENSITIVITY.match(plain)
+    if given and float(given["number"]) > 0:
+        measured = in_si(given["unit"])
+        return None if measured is None else measured._replace(factor=measured.factor / float(given["number"]))
+    above, slash, below = plain.rpartition("/")
+    parts = (in_si(above), in_si(below)) if slash else (None, None)
+    if parts[0] is None or parts[1] is None:
+        return None
+    return InSi(parts[0].factor / parts[1].factor, f"{parts[0].unit}/{parts[1].unit}", "")
