@@ -52,9 +52,13 @@ def test_the_triangle_has_the_gram_matrix_of_the_projection(l, m, q, p, seed):
     P, F = (X - X @ np.linalg.pinv(K) @ K for X in (P, F))
     expected = F @ np.linalg.pinv(P) @ P @ F.T / P.shape[1]
     level = np.tile(matrix.scales[0], q + 1)
-    L = matrix.tall().dense() * level[:, None]
+    L = matrix.mixing @ matrix.tall().dense() * level[:, None]
     assert L.shape == (l * (q + 1), p * (l + m))
     assert np.allclose(L @ L.T, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
+    # what is left over is what the rows are whitened by
+    rest = F @ F.T / P.shape[1] - expected
+    noise = matrix.mixing * level[:, None]
+    assert np.allclose(noise @ noise.T, rest, rtol=0, atol=1e-9 * np.abs(rest).max())
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -7,12 +7,17 @@ import tracemalloc
 import numpy as np
 import pytest
 
+from modalscope.blocks import block_hankel, costs
+from modalscope.blocks.block_hankel import BlockHankel
+from modalscope.blocks.costs import costs_of
 from modalscope.blocks.factor import factorize, left_factor
 from modalscope.blocks.hankel import hankel
 from modalscope.blocks.operators import DenseMatrix
 from modalscope.model import DataError, ImpulseResponse
+from modalscope.model.memory import set_allowed_memory
 from modalscope.model.poles import frequencies_and_damping, poles_from
 from modalscope.realizations.balanced import balanced
+from modalscope.realizations.order import recommend_order
 from tests.support import add_noise, match_poles, relative
 
 
@@ -103,6 +108,73 @@ def test_bad_routes_and_zero_matrices_are_errors():
     with pytest.raises(DataError, match="no structure that gives its Gram matrix"):
         factorize(DenseMatrix(np.ones((700, 500))), 3, "gram")
     with pytest.raises(DataError, match="factorization"):
-        factorize(DenseMatrix(np.eye(3)), 3, "lanczos")
+        factorize(DenseMatrix(np.eye(3)), 3, "power")
     with pytest.raises(DataError, match="it is zero"):
         factorize(DenseMatrix(np.zeros((3, 3))))
+
+
+@pytest.mark.parametrize(("outputs", "inputs", "blocks"), [(3, 40, 60), (40, 3, 60), (2, 2, 5), (1, 1, 300)])
+def test_products_by_transforms_are_those_by_block_rows(
+    outputs: int, inputs: int, blocks: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(0)
+    H = BlockHankel(rng.standard_normal((3 * blocks, outputs, inputs)), blocks, 2 * blocks - 1, first=1)
+    X, Z = rng.standard_normal((H.shape[1], 7)), rng.standard_normal((H.shape[0], 7))
+    monkeypatch.setattr(block_hankel, "_AT_A_TIME", 5000)
+    for slower in (0, 1e9):
+        monkeypatch.setattr(block_hankel, "_SLOWER", slower)
+        assert H.by_transforms == (slower == 0)
+        assert relative(H.times(X), H.dense() @ X) < 1e-12
+        assert relative(H.transposed_times(Z), H.dense().T @ Z) < 1e-12
+
+
+@pytest.mark.parametrize("route", ["randomized", "lanczos", "gram"])
+@pytest.mark.parametrize(("weak", "noise"), [(1.0, 40.0), (1.0, None), (1e-7, None)])
+def test_every_route_gives_the_poles_of_the_dense_one(route: str, weak: float, noise: float | None) -> None:
+    """To 1e-8; a mode at 1e-7 of the others keeps the digits that its share leaves."""
+    response, s = response_of(weak, outputs=6, inputs=5, samples=260)
+    H = hankel(response if noise is None else add_noise(response, noise), block_rows=100, block_columns=120)
+    found = [balanced(H, factorize(H.shifted(0), 8, way)).triple(8).A for way in (route, "dense")]
+    ours, theirs = (np.log(np.linalg.eigvals(A)) for A in found)
+    assert match_poles(ours, theirs[theirs.imag > 0]).frequency_error < 1e-8
+    if noise is None:
+        assert match_poles(ours, s).frequency_error < 1e-8
+
+
+def test_where_the_gram_matrix_takes_long_products_serve_and_what_does_not_fit_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    response, _ = response_of(1.0, outputs=10, inputs=10, samples=240)
+    H = hankel(add_noise(response, 40), block_rows=100, block_columns=120)
+    assert factorize(H.shifted(0), 8).how.startswith("structured Gram matrix of 1200 x 1000")
+    monkeypatch.setattr(costs, "_PATIENCE", 1e8)
+    assert factorize(H.shifted(0), 8).how.startswith("randomized range with")
+    try:
+        set_allowed_memory(1_000_000)
+        with pytest.raises(
+            DataError, match=r"8 singular vectors of a matrix of 1200 x 1000 was asked, but it takes about 1 MB"
+        ):
+            factorize(H.shifted(0), 8)
+    finally:
+        set_allowed_memory(None)
+
+
+def test_the_bulk_that_a_range_did_not_carry_has_its_energy_and_its_median() -> None:
+    """So that an order can be recommended: the median decides the threshold, and need not be better than a tenth."""
+    response, _ = response_of(1.0, outputs=10, inputs=10, samples=240)
+    H = hankel(add_noise(response, 40), block_rows=100, block_columns=120).shifted(0)
+    fast, dense = (factorize(H, 8, route) for route in ("randomized", "dense"))
+    assert np.isclose(H.energy, np.sum(dense.spectrum**2))
+    assert fast.complete_spectrum.size == dense.spectrum.size
+    assert np.isclose(np.median(fast.complete_spectrum), np.median(dense.spectrum), rtol=0.1)
+    assert recommend_order(fast).order == recommend_order(dense).order == 8
+
+
+def test_costs_name_every_way_the_cheapest_first() -> None:
+    H = BlockHankel(np.ones((400, 20, 20)), 200, 200)
+    found = costs_of(H, 60)
+    assert [cost.route for cost in found] == ["randomized", "gram", "dense"]
+    assert found[0].seconds < found[-1].seconds / 20
+    assert found[0].memory < found[-1].memory / 20
+    assert [cost.route for cost in costs_of(DenseMatrix(np.ones((600, 500))), 60)] == ["dense", "randomized"]
+    assert [cost.route for cost in costs_of(DenseMatrix(np.ones((3000, 2000))), 60)] == ["randomized", "dense"]

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from modalscope.blocks.block_hankel import BlockHankel
 from modalscope.blocks.compression import leading_directions, random_projection, selection, sums
 from modalscope.blocks.hankel import hankel
-from modalscope.blocks.operators import BlockHankel, DenseMatrix
+from modalscope.blocks.operators import DenseMatrix
 from modalscope.model import DataError, ImpulseResponse
 from tests.support import EPS, relative
 

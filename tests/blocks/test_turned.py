@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from modalscope.blocks.matrix import Evolved
+from modalscope.blocks.evolved import Evolved, ModalSide
 from modalscope.blocks.turned import TurnedHankel
 from tests.support import FIVE, built, relative
 
@@ -16,9 +16,9 @@ LATE = replace(WHOLE, values=WHOLE.values[7:], first_sample=7)
 OPTIONS = {"form": "controllable", "block_rows": 12, "block_columns": 20}
 
 
-def evolved(side: Evolved | None) -> tuple[np.ndarray, np.ndarray]:
+def evolved(side: ModalSide | None) -> tuple[np.ndarray, np.ndarray]:
     """Return a factor in modal coordinates, and what the modes make of its first block."""
-    assert side is not None
+    assert isinstance(side, Evolved)
     return side.blocks @ side.states, side.first * side.evolution[:, None]
 
 

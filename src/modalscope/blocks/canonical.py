@@ -13,10 +13,9 @@ from functools import cached_property
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.blocks.operators import DenseMatrix
 from modalscope.blocks.projection import Projection, projection
-from modalscope.blocks.shift import RowShift
-from modalscope.model.checks import Array, RealArray
+from modalscope.blocks.sample_rows import MixedRows
+from modalscope.model.checks import RealArray
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.labels import DofLike
 from modalscope.model.signals import Signals
@@ -61,7 +60,7 @@ def canonical_projection(
 
 
 @dataclass(frozen=True, eq=False)
-class CanonicalProjection(Projection):
+class CanonicalProjection(MixedRows, Projection):
     """Future outputs projected on past reference outputs, whitened (made by `canonical_projection`)."""
 
     @cached_property
@@ -69,27 +68,6 @@ class CanonicalProjection(Projection):
         """L (l (q + 1), l (q + 1)), lower triangular: what takes whitened rows back to outputs."""
         R = np.asarray(sla.qr(self.future.T, mode="r", check_finite=False)[0])
         return np.asarray(R[: R.shape[1]].T)
-
-    def tall(self) -> DenseMatrix:
-        """Return all q + 1 block rows, whitened."""
-        return DenseMatrix(sla.solve_triangular(self.mixing, self.triangle, lower=True, check_finite=False))
-
-    def shifted(self, k: int) -> DenseMatrix:
-        """Return H(k): the first q block rows, or the last, whitened by those of the first."""
-        rows = self.block_rows * self.outputs
-        part = self.triangle[k * self.outputs : k * self.outputs + rows]
-        return DenseMatrix(sla.solve_triangular(self.mixing[:rows, :rows], part, lower=True, check_finite=False))
-
-    @property
-    def row_shift(self) -> RowShift:
-        """E0 drops the last block, E1 the first, of rows that are taken back to outputs first."""
-        before = np.arange(self.block_rows * self.outputs)
-        return RowShift(block=self.outputs, before=before, after=before + self.outputs, mixing=self.mixing)
-
-    def row_blocks(self, P: Array) -> RealArray:
-        """Return a left factor (rows, k) by block rows in outputs, (blocks, l, k)."""
-        back = self.mixing[: len(P), : len(P)] @ P
-        return np.asarray(back.reshape(-1, self.outputs, P.shape[1]))
 
     def describe(self) -> str:
         """Say what the matrix is, in words."""

@@ -13,10 +13,11 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+import scipy.linalg as sla
 from numpy.lib.stride_tricks import sliding_window_view
 
 from modalscope.blocks.innovations import innovations
-from modalscope.blocks.sample_rows import SampleRows
+from modalscope.blocks.sample_rows import MixedRows
 from modalscope.blocks.sums import TriangleSum
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, DataError, RealArray, check_count
@@ -33,6 +34,9 @@ _CHUNK = 4
 #: How intervals of the past grow.
 _GROWTH = 1.5
 
+#: Noise below this part of the outputs' root mean square is not whitened: records without any have no colour to take away.
+_FLOOR = 1e-6
+
 
 def driven_projection(
     records: Records,
@@ -48,7 +52,9 @@ def driven_projection(
         inputs  [1; u(t); ...; u(t + q)],  past  T [y(t - 1); u(t - 1); ...; y(t - p); u(t - p)],  future  [y(t); ...; y(t + q)],
 
     each channel divided by its root mean square, the whole by the root of the number of times. With [inputs; past; future] =
-    [[L11, 0, 0], [L21, L22, 0], [L31, L32, L33]] Q the matrix is L32. The constant, one a run, takes any offset away exactly. T keeps
+    [[L11, 0, 0], [L21, L22, 0], [L31, L32, L33]] Q the matrix is L^-1 L32, L L' = L33 L33': rows count by how well they are predicted
+    beside what is not, which are the weights of canonical variates. Without them noise and unmeasured forces, which are loudest where the
+    modes are, take states of their own before weak modes do. The constant, one a run, takes any offset away exactly. T keeps
     the latest samples one by one and sums those before over intervals that grow by a half (`intervals`): slow modes need a long past to
     be told from noise, and every row of the past predicts some noise by chance, which biases damping.
 
@@ -75,7 +81,8 @@ def driven_projection(
     References
     ----------
     Verhaegen, "Identification of the deterministic part of MIMO state space models given in innovations form from input-output data",
-    Automatica 30 (1994), 61-74; Van Overschee and De Moor, "Subspace Identification for Linear Systems", 1996, chapter 4.
+    Automatica 30 (1994), 61-74; Larimore, "Canonical variate analysis in identification, filtering, and adaptive control", 29th IEEE CDC
+    (1990); Van Overschee and De Moor, "Subspace Identification for Linear Systems", 1996, chapter 4.
 
     Examples
     --------
@@ -127,7 +134,7 @@ def intervals(samples: int, single: int) -> RealArray:
 
 
 @dataclass(frozen=True, eq=False)
-class DrivenProjection(SampleRows):
+class DrivenProjection(MixedRows):
     """Future outputs projected on past inputs and outputs, future inputs eliminated (made by `driven_projection`).
 
     Parameters
@@ -248,6 +255,14 @@ class DrivenProjection(SampleRows):
         first, last = self.known, self.known + self.past
         return np.ascontiguousarray(self.factor[first:last, last:].T)
 
+    @cached_property
+    def mixing(self) -> RealArray:
+        """L (l (q + 1), l (q + 1)) of what past and inputs do not predict, L33 L33' and a floor: lower triangular."""
+        beyond = self.factor[self.known + self.past :, self.known + self.past :]
+        floor = _FLOOR * np.eye(beyond.shape[1])
+        R = np.asarray(sla.qr(np.vstack([beyond, floor]), mode="r", check_finite=False)[0])
+        return np.ascontiguousarray(R[: R.shape[1]].T)
+
     def first_rows(self, right: Array, k: int = 0) -> RealArray:
         """Return the first block row of H(k), times X, in outputs: C = first_rows(Q d^-1/2)."""
         return np.asarray(super().first_rows(right, k) * self.scales[0][:, None])
@@ -263,10 +278,10 @@ class DrivenProjection(SampleRows):
         participation, terms = basis.fit_participation(shapes)
         return ModalFit(shapes, participation, terms, reach=basis.reach)
 
-    def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> tuple[Array, Array]:
-        """Return the records' lines and what the modes give on them, from the first states that fit best."""
+    def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> Iterator[tuple[Array, Array]]:
+        """Yield the records' lines and what the modes give on them, from the first states that fit best."""
         values = self.response.evaluated(poles, fit.shapes, fit.participation, fit.terms)
-        return self.judged.values, values[:, :, None]
+        yield self.judged.values, values[:, :, None]
 
     def with_noise(self, model: StateSpace) -> StateSpace:
         """Return a model of these records with the gain of its innovations and their covariance."""
@@ -285,5 +300,5 @@ class DrivenProjection(SampleRows):
         """Say what the matrix is, in words."""
         return (
             f"{self.block_rows + 1} future blocks of {self.outputs} outputs projected on {len(self.sums)} sums of {self.past_blocks} past "
-            f"samples of {self.outputs} outputs and {self.inputs} inputs, future inputs eliminated, over {self.columns} times"
+            f"samples of {self.outputs} outputs and {self.inputs} inputs, future inputs eliminated, whitened, over {self.columns} times"
         )

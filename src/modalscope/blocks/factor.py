@@ -1,4 +1,4 @@
-"""Factorizations H = P diag(d) Q': two routes behind one door, and one function that chooses.
+"""Factorizations H = P diag(d) Q': four routes, and one function that chooses.
 
 The dense thin singular value decomposition serves small matrices. Where structure gives the Gram matrix of the shorter side
 cheaply, its eigenvectors give the same factors without the matrix; singular values below about 1e-3 of the largest then
@@ -8,25 +8,27 @@ decomposition) brings them back.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 import scipy.linalg as sla
 
+from modalscope.blocks.costs import EXTRA, Cost, costs_of
 from modalscope.blocks.operators import Operator
+from modalscope.blocks.randomized import Triplets, by_lanczos, by_range
 from modalscope.blocks.sums import TriangleSum
 from modalscope.model.checks import DataError, RealArray, check_choice
+from modalscope.model.memory import allowed_memory, check_fits
 
-__all__ = ["Factors", "RightFactor", "factorize", "left_factor"]
+__all__ = ["FACTORIZATIONS", "Factors", "RightFactor", "factorize", "left_factor"]
 
-#: Up to this many entries, and while the shorter side stays below `_DENSE_SIDE`, the dense route takes a fraction of a second.
+#: What may be asked for.
+FACTORIZATIONS = ("auto", "dense", "gram", "randomized", "lanczos")
+
+#: Up to this many entries the dense route takes a fraction of a second.
 _DENSE_ENTRIES = 250_000
-_DENSE_SIDE = 400
-
-#: Extra columns carried through the refinement pass, so that the last wanted direction is as good as the first.
-_EXTRA = 20
 
 #: Ratio of singular values below which the Gram route alone loses more digits than noise-free work may.
 _PASS_BELOW = 1e-3
@@ -70,6 +72,8 @@ class Factors:
         The route, in words.
     gram : array, optional
         The Gram matrix that was decomposed in part.
+    rest : (int, float)
+        How many singular values were not computed, and the sum of their squares, where a range carried the leading ones.
     right : RightFactor, optional
         The right factor on the data's own columns, where Q belongs to a stand-in.
     """
@@ -81,15 +85,24 @@ class Factors:
     rank: int
     how: str
     gram: RealArray | None = field(default=None, repr=False)
+    rest: tuple[int, float] = (0, 0.0)
     right: RightFactor | None = field(default=None, repr=False)
 
     def transposed(self) -> Factors:
         """Return the factors of H'."""
-        return Factors(self.Q, self.d, self.P, self.spectrum, self.rank, self.how, self.gram)
+        return Factors(self.Q, self.d, self.P, self.spectrum, self.rank, self.how, self.gram, self.rest)
 
     @cached_property
     def complete_spectrum(self) -> RealArray:
-        """All singular values, down to sqrt(eps) of the first where they come from the Gram matrix."""
+        """All singular values, down to sqrt(eps) of the first where they come from the Gram matrix.
+
+        Those that a range did not carry are drawn as d_last (1 - u)^p, u from 0 to 1, with p by the energy that they have together.
+        """
+        count, energy = self.rest
+        if count:
+            last = self.spectrum[-1]
+            p = max(last**2 * count / max(energy, np.finfo(float).tiny) - 1, 0) / 2
+            return np.concatenate([self.spectrum, last * (1 - (np.arange(count) + 0.5) / count) ** p])
         if self.gram is None:
             return self.spectrum
         values = sla.eigvalsh(self.gram, check_finite=False)[::-1]
@@ -113,26 +126,56 @@ def factorize(matrix: Operator, rank: int | None = None, route: str = "auto") ->
     matrix : Operator
     rank : int, optional
         How many triplets will be used.
-    route : {"auto", "dense", "gram"}
-        "auto" takes the dense decomposition for small matrices and where there is no structure.
+    route : {"auto", "dense", "gram", "randomized", "lanczos"}
+        "auto" takes the dense decomposition for small matrices, and of large ones the cheapest that memory allows (see
+        `modalscope.blocks.costs`): the structured Gram matrix, a randomized range unless directions that stand out do not settle, or dense.
 
     Raises
     ------
     DataError
-        A matrix of zeros, or the Gram route without structure.
+        A matrix of zeros, the Gram route without structure, or more memory than there is.
     """
     rows, columns = matrix.shape
     if rows < columns:
         return factorize(matrix.transposed(), rank, route).transposed()
-    check_choice("factorization", route, ("auto", "dense", "gram"))
+    check_choice("factorization", route, FACTORIZATIONS)
     wanted = columns if rank is None else min(rank, columns)
-    small = rows * columns <= _DENSE_ENTRIES and columns <= _DENSE_SIDE
-    if route == "dense" or (route == "auto" and (small or wanted + _EXTRA >= columns)):
-        return _dense(matrix, wanted)
-    gram = matrix.gram()
-    if gram is not None:
-        return _by_gram(matrix, gram, wanted)
+    if route != "auto":
+        found = _by(route, matrix, wanted, asked=True)
+        assert found is not None
+        return found
+    for cost in _that_fit(matrix, wanted):
+        found = _by(cost.route, matrix, wanted, asked=False)
+        if found is not None:
+            return found
+    return _dense(matrix, wanted)
+
+
+def _that_fit(matrix: Operator, wanted: int) -> list[Cost]:
+    """Return the ways that memory allows, the cheapest first, or raise when there is none."""
+    costs = costs_of(matrix, wanted)
+    rows, columns = matrix.shape
+    least = min(cost.memory for cost in costs)
+    change = "Lower the order or the block sizes, choose fewer channels or a narrower band, or raise --max-memory."
+    check_fits(f"{wanted} singular vectors of a matrix of {rows} x {columns}", least, change)
+    return [cost for cost in costs if cost.memory <= allowed_memory()]
+
+
+def _by(route: str, matrix: Operator, wanted: int, *, asked: bool) -> Factors | None:
+    """Return the factors by one way; None where it does not reach its accuracy, or has no structure, and was not asked for."""
+    columns = matrix.shape[1]
+    if route == "lanczos" and wanted < columns:
+        return _by_products(matrix, by_lanczos(matrix, wanted), wanted, "Lanczos")
+    if route == "randomized":
+        found = by_range(matrix, min(wanted + EXTRA, columns))
+        how = f"randomized range with {found.powers} powers"
+        return _by_products(matrix, found, wanted, how) if found.reached or asked else None
     if route == "gram":
+        gram = matrix.gram()
+        if gram is not None:
+            return _by_gram(matrix, gram, wanted)
+        if not asked:
+            return None
         raise DataError(
             "route='gram' was asked",
             "this data matrix has no structure that gives its Gram matrix",
@@ -205,10 +248,18 @@ def _dense(matrix: Operator, wanted: int) -> Factors:
     )
 
 
+def _by_products(matrix: Operator, found: Triplets, wanted: int, how: str) -> Factors:
+    rows, columns = matrix.shape
+    floor = max(rows, columns) * float(np.finfo(float).eps)
+    P, d, Q = found.P[:, :wanted], found.d[:wanted], found.Q[:, :wanted]
+    made = _finish(P, d, Q, found.d, floor, f"{how}, {rows} x {columns}")
+    return replace(made, rest=(columns - found.d.size, max(matrix.energy - float(np.sum(found.d**2)), 0.0)))
+
+
 def _by_gram(matrix: Operator, gram: RealArray, wanted: int) -> Factors:
     columns = gram.shape[0]
     eps = np.finfo(float).eps
-    carried = min(wanted + _EXTRA, columns)
+    carried = min(wanted + EXTRA, columns)
     weights, Q = sla.eigh(gram, subset_by_index=(columns - carried, columns - 1), check_finite=False)
     weights, Q = np.clip(weights[::-1], 0, None), Q[:, ::-1]
     d = np.sqrt(weights)

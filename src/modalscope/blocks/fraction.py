@@ -11,6 +11,7 @@ and with R = L L' the leading blocks of M for every degree, each with numerators
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,9 +20,11 @@ import scipy.linalg as sla
 from numpy.typing import ArrayLike
 
 from modalscope.blocks.factor import Factors
+from modalscope.blocks.fraction_degree import half_circle
 from modalscope.blocks.fraction_influence import fraction_influence
 from modalscope.blocks.influence import LineInfluence, Lines
 from modalscope.blocks.matrix import DataMatrix
+from modalscope.blocks.misfit import Misfit
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_count
 from modalscope.model.frequency import FrequencyResponse
@@ -30,9 +33,6 @@ from modalscope.model.response import output_scale
 from modalscope.model.statespace import StateSpace
 
 __all__ = ["Fraction", "fraction", "trigonometric_sums"]
-
-#: A band that starts above this share of its end is shifted to zero, so that its lines fill the half circle.
-_SHIFTED_FROM = 0.3
 
 
 def trigonometric_sums(values: ComplexArray, angles: RealArray, lags: int) -> RealArray:
@@ -100,12 +100,7 @@ def fraction(
             f"{lines} lines and {outputs} outputs give {2 * lines * outputs}",
             "Widen the band or lower the degree.",
         )
-    f = response.frequencies
-    low, high, rate = float(f[0]), float(f[-1]), response.sampling_rate
-    if rate is not None:
-        low, high = 0.0, rate / 2
-    elif low < _SHIFTED_FROM * high:
-        low = 0.0
+    low, high = half_circle(response)
     level = output_scale(response) if equal_outputs else np.ones(outputs)
     return Fraction(
         response=response,
@@ -176,7 +171,15 @@ class Fraction(DataMatrix):
     def lower_triangle(self) -> RealArray:
         """L with L L' = R, the Gram matrix of the powers."""
         lag = np.arange(self.degree + 1)
-        return np.linalg.cholesky(self._sums[0][lag[None, :] - lag[:, None] + self.degree])
+        try:
+            return np.linalg.cholesky(self._sums[0][lag[None, :] - lag[:, None] + self.degree])
+        except np.linalg.LinAlgError:
+            low, high = self.response.span
+            raise DataError(
+                f"polynomials to degree {self.degree} in z were asked",
+                f"lines from {low:g} to {high:g} Hz fill too little of the unit circle to tell their powers apart",
+                f"Lower the orders to {self.degree // 2}, take a wider band, or method='alternate', whose polynomials are orthogonal.",
+            ) from None
 
     @cached_property
     def gram_blocks(self) -> tuple[RealArray, RealArray]:
@@ -250,15 +253,21 @@ class Fraction(DataMatrix):
         participation = eigen.left[:, -self.inputs :]
         powers = self.response.outside_powers
         basis = self.response.basis(self.to_s(eigen.values), powers, self.weights)
-        shapes, terms = basis.fit_shapes(participation)
-        return ModalFit(shapes, participation, terms, powers)
+        found = basis.turned.solved(participation.T)
+        misfit = self._misfit.of_left(found.left.T) if self.weights is None else None
+        return ModalFit(found.side.T, participation, found.terms.transpose(0, 2, 1), powers, misfit=misfit)
 
-    def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> tuple[Array, Array]:
-        """Return data and model with the residuals, which no state has."""
+    @cached_property
+    def _misfit(self) -> Misfit:
+        return Misfit(self.response, self.output_scale)
+
+    def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> Iterator[tuple[Array, Array]]:
+        """Yield data and model with the residuals, which no state has."""
         if fit.powers == (0,):
-            return super().compared(model, poles, fit)
+            yield from super().compared(model, poles, fit)
+            return
         basis = self.response.basis(poles, fit.powers)
-        return basis.data, basis.rebuilt(fit.shapes, fit.participation, fit.terms)
+        yield basis.data, basis.rebuilt(fit.shapes, fit.participation, fit.terms)
 
     def describe(self) -> str:
         """Say what the normal equations are, in words."""

@@ -13,12 +13,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from modalscope.blocks.block_hankel import BlockHankel
 from modalscope.blocks.compression import adds_channels
+from modalscope.blocks.costs import Cost, costs_of
+from modalscope.blocks.evolved import Evolved, ModalSide
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.influence import Lines, SampleInfluence, convolved
 from modalscope.blocks.layout import block_shifts
-from modalscope.blocks.matrix import DataMatrix, Evolved
-from modalscope.blocks.operators import BlockHankel, Operator
+from modalscope.blocks.matrix import DataMatrix
+from modalscope.blocks.operators import Operator
 from modalscope.blocks.shift import RowShift
 from modalscope.blocks.side import Side, side_of
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
@@ -164,6 +167,10 @@ class Hankel(DataMatrix):
         """Return H(0) with one more block row, the rows of H(0) and of H(1) together."""
         return BlockHankel(self.values, self.block_rows + 1, self.block_columns)
 
+    def costs(self, wanted: int) -> tuple[Cost, ...]:
+        """Return what the ways of factoring it cost; see `DataMatrix.costs`."""
+        return costs_of(self.tall(), wanted)
+
     @property
     def row_shift(self) -> RowShift:
         """E0 and E1 for factors of `tall()`: E0 drops the last block, E1 the first (Eq. 57, with the words the right way)."""
@@ -241,7 +248,7 @@ class Hankel(DataMatrix):
         """Return shapes C X and participation X^-1 B, referred to the impulse (Eqs. 15-16)."""
         return fit_of_samples(self.response, model, eigen)
 
-    def column_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> Evolved | None:
+    def column_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
         """Return W = d^(1-a) Q' against b_j z^k; its columns start from the first sample there is, not from the impulse."""
         if model.factors is None:
             return None

@@ -14,9 +14,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
+from modalscope.blocks.costs import Cost, cost_of_triangle
+from modalscope.blocks.evolved import ModalSide, OnLines
 from modalscope.blocks.factor import Factors
-from modalscope.blocks.matrix import DataMatrix, Evolved
-from modalscope.blocks.operators import DenseMatrix
+from modalscope.blocks.matrix import DataMatrix
+from modalscope.blocks.operators import DenseMatrix, Operator
 from modalscope.blocks.shift import RowShift
 from modalscope.blocks.sums import TriangleSum
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
@@ -114,12 +116,12 @@ class RowsOnLines(DataMatrix):
         blocks = np.arange(self.block_rows) if self.row_shifts is None else np.asarray(self.row_shifts)
         return (blocks[:, None] * self.outputs + np.arange(self.outputs)).ravel()
 
-    def shifted(self, k: int) -> DenseMatrix:
+    def shifted(self, k: int) -> Operator:
         """Return H(k): E0 and E1 applied to the triangular factor."""
         part = self.full_shift.split(self.triangle)[k]
         return DenseMatrix(part if self.row_shifts is None else part[self.kept_rows])
 
-    def tall(self) -> DenseMatrix:
+    def tall(self) -> Operator:
         """Return all q + 1 block rows."""
         self._need_all_rows()
         return DenseMatrix(self.triangle)
@@ -195,6 +197,11 @@ class LineMatrix(RowsOnLines):
             total.add(self.columns_array(i))
         return np.ascontiguousarray(total.finish().T)
 
+    def costs(self, wanted: int) -> tuple[Cost, ...]:
+        """Return what the triangular factor costs; see `DataMatrix.costs`."""
+        rows, each = self.outputs * (self.block_rows + 1), 2 * len(self.level)
+        return (cost_of_triangle(rows, each * self.inputs, each),)
+
     @cached_property
     def compared_lines(self) -> IntArray:
         """Lines on which the right factor is compared with what modes must be: all, of many some evenly and the strongest."""
@@ -205,10 +212,10 @@ class LineMatrix(RowsOnLines):
         return np.union1d(evenly, np.argsort(-level, kind="stable")[: _COMPARED // 2])
 
     def with_columns(self, factors: Factors) -> Factors:
-        """Return the factors with their rows of Q over the lines, H' P d^-1, for when they are asked."""
+        """Return the factors with their rows of Q over the lines: Q itself, or H' P d^-1 for when they are asked."""
         return replace(factors, right=LineColumns(self, factors))
 
-    def column_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> Evolved | None:
+    def column_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
         """Return the rows of W over the lines against b_j / (x_i - s_j) at +w and -w, without what was eliminated.
 
         There is no last block: every line stands for itself.
@@ -216,28 +223,20 @@ class LineMatrix(RowsOnLines):
         if model.factors is None or model.factors.right is None:
             return None
         n = model.rank
-        right = model.factors.right.blocks[:, :, :n] * model.factors.d[:n] ** (1 - model.power)
+        states = model.factors.d[:n, None] ** (1 - model.power) * eigen.left.T
         functions, seen = self.compared_functions(eigen.values)
-        expected = functions * self.residue_scale(eigen.values) * fit.participation.T[:, None, :]
-        blocks, first = (_at_both_signs(part) for part in (right, expected))
-        ones = np.ones((1, eigen.values.size), dtype=complex)
-        return Evolved(blocks.reshape(1, -1, n), eigen.left.T, first.reshape(-1, eigen.values.size), ones, seen)
+        participation = self.residue_scale(eigen.values) * fit.participation.T
+        return OnLines(model.factors.right.blocks[:, :, :n], states, functions, participation, seen)
 
     def compared_functions(self, poles: Array) -> tuple[ComplexArray, Array]:
         """Return `column_functions` on the lines that are compared, and whether rounding leaves enough of each to compare."""
         functions, share = self.column_functions(poles)
         return functions[self.both_parts], share > _SEEN
 
-    @property
+    @cached_property
     def both_parts(self) -> IntArray:
         """Real and imaginary parts of the lines that are compared."""
-        return np.concatenate([self.compared_lines, self.level.size + self.compared_lines])
-
-
-def _at_both_signs(columns: Array) -> ComplexArray:
-    """Turn columns of real and imaginary parts (m, 2 F, k) into the values at +w and -w."""
-    real, imaginary = np.split(columns, 2, axis=1)
-    return np.concatenate([real + 1j * imaginary, real - 1j * imaginary], axis=1)
+        return np.concatenate([self.compared_lines, len(self.level) + self.compared_lines])
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,7 +253,7 @@ class LineColumns:
     matrix: LineMatrix
     factors: Factors
 
-    @property
+    @cached_property
     def blocks(self) -> RealArray:
         """Rows of Q (m, 2 F', k) of every input, on the lines that are compared."""
         return self.whole[:, self.matrix.both_parts]
@@ -263,6 +262,8 @@ class LineColumns:
     def whole(self) -> RealArray:
         """Rows of Q (m, 2 F, k) of every input."""
         matrix, factors = self.matrix, self.factors
+        if len(factors.Q) == 2 * len(matrix.level) * matrix.inputs:
+            return factors.Q.reshape(matrix.inputs, 2 * len(matrix.level), -1)
         n = max(min(factors.rank, factors.d.size), 1)
         rows = factors.P.shape[0]
         everything = rows == matrix.outputs * (matrix.block_rows + 1)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from collections.abc import Iterator
 from typing import NoReturn
 
 import numpy as np
 
+from modalscope.blocks.costs import Cost
+from modalscope.blocks.evolved import Evolved, ModalSide
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.influence import Influence, Lines
 from modalscope.blocks.operators import Operator
@@ -17,32 +19,7 @@ from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
 from modalscope.model.response import Response
 from modalscope.model.statespace import StateSpace
 
-__all__ = ["DataMatrix", "Evolved"]
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Evolved:
-    """One factor of the data matrix in modal coordinates, beside what modes must give there: block k is the first times g_k.
-
-    Parameters
-    ----------
-    blocks : array, (K, c, N)
-        Blocks of the factor.
-    states : array of complex, (N, k)
-        What takes the factor's states to modes.
-    first : array of complex, (c, k)
-        The block that starts the evolution.
-    evolution : array of complex, (K, k)
-        g_k.
-    seen : array of bool, (k,), optional
-        Modes of which something is left to compare; all when None.
-    """
-
-    blocks: Array
-    states: ComplexArray
-    first: ComplexArray
-    evolution: ComplexArray
-    seen: Array | None = None
+__all__ = ["DataMatrix"]
 
 
 class DataMatrix(ABC):
@@ -80,6 +57,15 @@ class DataMatrix(ABC):
     @property
     def observable(self) -> DataMatrix:
         """The matrix that is factored: this one, or in the controllable form that of the transposed response."""
+        return self
+
+    def costs(self, wanted: int) -> tuple[Cost, ...]:
+        """What the ways of factoring it for so many states cost, in the order in which they are tried; nothing where that is not known."""
+        return ()
+
+    @property
+    def fitted(self) -> DataMatrix:
+        """The matrix in whose channels models are fitted: this one, or that of combinations of outputs."""
         return self
 
     def shifted(self, k: int) -> Operator:
@@ -192,12 +178,12 @@ class DataMatrix(ABC):
         """Return a model with the gain and the covariance of its innovations, where the data matrix knows them."""
         return model
 
-    def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> tuple[Array, Array]:
-        """Data and model where the model was fitted: (measured, rebuilt)."""
-        return self.judged.values, self.judged.values_of(model)
+    def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> Iterator[tuple[Array, Array]]:
+        """Data and model where the model was fitted: (measured, rebuilt), some lines or samples after the other."""
+        yield from self.judged.beside(model)
 
     # --------------------------------------------------------------------------------------------------------- indicators
-    def row_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> Evolved | None:
+    def row_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
         """The row factor V against c_j g_k; None when its blocks are not whole, or the states are the rows themselves."""
         if model.factors is None:
             return None
@@ -208,7 +194,7 @@ class DataMatrix(ABC):
         states = model.factors.d[:n, None] ** model.power * eigen.vectors
         return Evolved(blocks, states, self.first_block(fit.shapes), self.evolution(eigen.values, len(blocks)))
 
-    def column_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> Evolved | None:
+    def column_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
         """The column factor W against b_j h_k; None where blocks are not whole, and where columns are times of unknown states."""
         return None
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.model.checks import ComplexArray, DataError, RealArray, check_choice
+from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_choice
 
 __all__ = ["basis_on", "both_sums", "evaluate", "orthogonal_basis", "remainders"]
 
@@ -68,7 +68,7 @@ def orthogonal_basis(
     return basis, h
 
 
-def evaluate(recurrence: RealArray, first: float, points: ArrayLike) -> ComplexArray:
+def evaluate(recurrence: Array, first: float, points: ArrayLike) -> ComplexArray:
     """Return p_0 ... p_q at any points (poles, say) by the recurrence, (q + 1, points); p_0 = `first`."""
     x = np.asarray(points, dtype=complex)
     degree = recurrence.shape[1]

@@ -18,6 +18,7 @@ from modalscope.blocks.influence import Lines, SampleInfluence, convolved
 from modalscope.blocks.sample_rows import SampleRows
 from modalscope.blocks.sums import TriangleSum
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
+from modalscope.blocks.window_gram import triangle_of, window_gram
 from modalscope.model.checks import Array, DataError, IntArray, RealArray, check_count
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.labels import DofLike, indices_of
@@ -169,9 +170,20 @@ class Projection(SampleRows):
                 count = len(part)
                 yield np.hstack([before.reshape(count, -1), part[:, p:].reshape(count, -1)])
 
+    def _gram(self) -> RealArray:
+        """Return [past; future] [past; future]' over all times and runs."""
+        p, blocks = self.past_blocks, self.past_blocks + self.block_rows + 1
+        whole: RealArray = np.sum([window_gram(run, blocks) for run in self.values], axis=0)
+        channels = np.arange(blocks * self.outputs).reshape(blocks, self.outputs)
+        kept = np.concatenate([channels[p - 1 :: -1][:, self.references].ravel(), channels[p:].ravel()])
+        return np.asarray(whole[np.ix_(kept, kept)])
+
     @cached_property
     def _both(self) -> RealArray:
-        """[[L11, 0], [L21, L22]], the past above the future."""
+        """[[L11, 0], [L21, L22]], the past above the future: by the windows' Gram matrix, or where that is not exact by the windows."""
+        L = triangle_of(self._gram())
+        if L is not None:
+            return np.asarray(L / np.sqrt(self.columns), order="C")
         total = TriangleSum(self.rows)
         for chunk in self._chunks():
             total.add(chunk)

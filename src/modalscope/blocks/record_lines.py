@@ -24,34 +24,36 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope.blocks.factor import Factors
+from modalscope.blocks.influence import Lines
+from modalscope.blocks.operators import LargeMatrix
 from modalscope.blocks.plane import Plane, plane_of
 from modalscope.blocks.polynomial_rows import PolynomialRows
 from modalscope.blocks.polynomials import evaluate, orthogonal_basis
+from modalscope.blocks.record_influence import Few, RecordColumns, RecordInfluence, few_points, told_lines
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, check_count
-from modalscope.model.driven_basis import Run
-from modalscope.model.line_choice import running_mean
+from modalscope.model.line_choice import resonance_weights
 from modalscope.model.record_spectra import RecordSpectra
-from modalscope.model.response import level_power, output_scale
+from modalscope.model.record_sums import line_power
+from modalscope.model.response import output_scale
 from modalscope.model.statespace import StateSpace
 from modalscope.model.triangles import stacked_factor, triangle_of
 
 __all__ = ["RecordLines", "record_lines"]
 
-#: Numbers in the columns of the lines that are taken at a time, complex ones: 2 MB.
-_NUMBERS = 1 << 17
+#: Numbers in the columns of the lines that are taken at a time, complex ones: 2 MB, or an eighth of their products.
+_NUMBERS, _EIGHTH = 1 << 17, 8
 
 #: Lines on which polynomials are made orthogonal: those of a longer record are nearly so on all lines, which is as good.
-_ORTHOGONAL = 65_536
-
-#: Lines on either side that a weight is averaged over, and the least power over the median that it follows.
-_BESIDE, _QUIET = 20, 0.01
+_ORTHOGONAL = 32_768
 
 #: Rows p_j U below this share of the largest, in multiples of rounding, are no directions of their own.
 _ROUNDING = 16.0
 
 
-def record_lines(spectra: RecordSpectra, *, domain: str, block_rows: int, order: int | None = None) -> RecordLines:
+def record_lines(
+    spectra: RecordSpectra, *, domain: str, block_rows: int, order: int | None = None, equal_outputs: bool = True
+) -> RecordLines:
     """Stack p_k(x) Y, k = 0 ... block_rows, on the lines of all runs, inputs and ends eliminated.
 
     Parameters
@@ -63,6 +65,8 @@ def record_lines(spectra: RecordSpectra, *, domain: str, block_rows: int, order:
         q, the degree.
     order : int, optional
         Largest number of states that will be asked; used to check that the lines suffice.
+    equal_outputs : bool
+        Whether every output is divided by its root mean square; combinations of level outputs are level as they are.
 
     Raises
     ------
@@ -77,12 +81,12 @@ def record_lines(spectra: RecordSpectra, *, domain: str, block_rows: int, order:
     q = check_count("block_rows", block_rows)
     response = spectra if domain == "z" else spectra.continuous()
     plane = plane_of(domain, response)
-    scale = output_scale(response)
-    w = resonance_weights(response, scale)
+    scale = output_scale(response) if equal_outputs else np.ones(response.values.shape[1])
+    w = resonance_weights(line_power(response), response.run)
     every = -(-response.count // _ORTHOGONAL)
     thin = plane.point(response.frequencies[::every])
     basis, recurrence = orthogonal_basis(thin, q, w[::every] * np.sqrt(response.count / thin.size))
-    made = RecordLines(response, plane, float(basis[0, 0].real), recurrence, scale, weights=w)
+    made = RecordLines(response, plane, float(basis[0, 0].real), recurrence, scale, w)
     if made.left < max(order or 1, 1):
         raise DataError(
             f"order {order or 1} with block_rows={q} was asked",
@@ -90,20 +94,6 @@ def record_lines(spectra: RecordSpectra, *, domain: str, block_rows: int, order:
             "Measure longer, widen the band, or lower block_rows or the order.",
         )
     return made
-
-
-def resonance_weights(spectra: RecordSpectra, scale: RealArray) -> RealArray:
-    """Return a weight a line, (F,), of mean square one: the root of the outputs' amplitude over neighbouring lines of the run.
-
-    Parameters
-    ----------
-    spectra : RecordSpectra
-    scale : array, (l,)
-        What the outputs are divided by.
-    """
-    power = running_mean(level_power(spectra, scale), spectra.run, _BESIDE)
-    w = np.maximum(power, _QUIET * max(float(np.median(power)), np.finfo(float).tiny)) ** 0.25
-    return np.asarray(w / np.sqrt(np.mean(w**2)))
 
 
 class _Taken(NamedTuple):
@@ -123,8 +113,8 @@ class RecordLines(PolynomialRows):
     constant: float
     recurrence: RealArray
     output_scale: RealArray
+    line_weights: RealArray
     row_shifts: tuple[int, ...] | None = None
-    weights: RealArray | None = None
 
     @property
     def first_value(self) -> float:
@@ -153,8 +143,12 @@ class RecordLines(PolynomialRows):
     @property
     def left(self) -> int:
         """Columns that are left of all runs: the sum of 2 F - rank."""
-        own = [int(np.sum(self.response.run == r)) for r in range(len(self.response.durations))]
-        return sum(2 * F - part.rank for F, part in zip([F for F in own if F], self.parts, strict=True))
+        return sum(2 * (own.stop - own.start) - part.rank for own, part in zip(self.spans, self.parts, strict=True))
+
+    @cached_property
+    def spans(self) -> tuple[slice, ...]:
+        """Where the lines of every run stand that has any."""
+        return tuple(own for own in self.response.spans_of_runs if own.stop > own.start)
 
     @property
     def triangle(self) -> RealArray:
@@ -164,22 +158,21 @@ class RecordLines(PolynomialRows):
     @cached_property
     def _eliminated(self) -> tuple[RealArray, tuple[_Taken, ...]]:
         triangle, taken = np.zeros((0, self.outputs * (self.block_rows + 1))), []
-        for r, run in enumerate(self.response.runs()):
-            if len(run.points):
-                left, part = self._left_of(r, run)
-                triangle = stacked_factor(triangle, left)
-                taken.append(part)
+        for own in self.spans:
+            left, part = self._left_of(own)
+            triangle = stacked_factor(triangle, left)
+            taken.append(part)
         return np.ascontiguousarray(triangle.T), tuple(taken)
 
-    def _left_of(self, r: int, run: Run) -> tuple[RealArray, _Taken]:
+    def _left_of(self, own: slice) -> tuple[RealArray, _Taken]:
         """Project the outputs' rows of a run on the complement of p_j and p_j U, in chunks of lines.
 
         The triangular factor of [eliminated, outputs] stands in for the lines; the rank of its first columns is seen on it.
         """
-        terms = 1 + int(np.sum(np.any(run.inputs, axis=0)))
-        width = (terms + self.outputs) * (self.block_rows + 1)
-        R = triangle_of(lambda: (columns for _, columns in self._columns(r, run)), width)
-        given = terms * (self.block_rows + 1)
+        given = (1 + self._drives_of(own)[0].size) * (self.block_rows + 1)
+        R = triangle_of(
+            lambda: (columns for _, columns in self._columns(own)), given + self.outputs * (self.block_rows + 1)
+        )
         known, beside = R[:given, :given], R[:given, given:]
         size = np.linalg.norm(known, axis=0)
         size = np.where(size > 0, size, 1)
@@ -193,36 +186,76 @@ class RecordLines(PolynomialRows):
         left = R[given:, given:] if rank == given else np.vstack([Q[:, rank:].T @ beside, R[given:, given:]])
         return left, _Taken(rank, given, taken_off / size[:, None])
 
-    def _columns(self, r: int, run: Run) -> Iterator[tuple[slice, RealArray]]:
-        """Yield [p_j, p_j U, p_j Y] of a run times the weights, some lines at a time, real parts above imaginary ones."""
-        used = np.any(run.inputs, axis=0)
-        size = np.maximum(np.sqrt(np.mean(np.abs(run.inputs[:, used]) ** 2, axis=0)), 1e-300)
-        wide = (1 + int(used.sum()) + self.outputs) * (self.block_rows + 1)
-        first = int(np.argmax(self.response.run == r))
-        step = max(_NUMBERS // wide, 1)
-        for start in range(0, len(run.points), step):
-            s = slice(start, start + step)
-            basis = self.polynomials(slice(first + start, first + start + len(run.points[s])))
-            drives = np.hstack([np.ones((len(basis), 1)), run.inputs[s][:, used] / size])
-            head = (drives[:, :, None] * basis[:, None, :]).reshape(len(basis), -1)
-            tail = (basis[:, :, None] * (run.outputs[s] / self.output_scale)[:, None, :]).reshape(len(basis), -1)
-            columns = np.empty((2, len(head), wide))
-            for part, own in ((head, slice(None, head.shape[1])), (tail, slice(head.shape[1], None))):
-                columns[0, :, own], columns[1, :, own] = part.real, part.imag
-            if self.weights is not None:
-                columns *= self.weights[first + start : first + start + len(basis), None]
+    def _drives_of(self, own: slice) -> tuple[IntArray, RealArray]:
+        """Return the inputs that a run has, and their root mean squares on its lines."""
+        drive = self.response.drive[own]
+        used = np.flatnonzero(np.any(drive, axis=0))
+        power = np.einsum("fi,fi->i", drive.real, drive.real) + np.einsum("fi,fi->i", drive.imag, drive.imag)
+        return used, np.maximum(np.sqrt(power[used] / max(len(drive), 1)), 1e-300)
+
+    def _columns(self, own: slice, some: IntArray | None = None) -> Iterator[tuple[slice, RealArray]]:
+        """Yield [p_j, p_j U, p_j Y] of the lines of a run, or of some of them, times the weights, some at a time, real above imaginary."""
+        used, size = self._drives_of(own)
+        blocks = self.block_rows + 1
+        given, wide = (1 + used.size) * blocks, (1 + used.size + self.outputs) * blocks
+        step, count = max(_NUMBERS // wide, wide // _EIGHTH), own.stop - own.start if some is None else some.size
+        for start in range(0, count, step):
+            s = slice(start, min(start + step, count))
+            here = slice(own.start + s.start, own.start + s.stop) if some is None else some[s]
+            basis = self.polynomials(here) * self.line_weights[here, None]
+            drives = np.hstack([np.ones((len(basis), 1)), self.response.drive[here][:, used] / size])
+            outputs = self.response.values[here, :, 0] / self.output_scale
+            columns = np.empty((2, len(basis), wide))
+            for values, side in (
+                (drives[:, :, None] * basis[:, None, :], slice(None, given)),
+                (basis[:, :, None] * outputs[:, None, :], slice(given, None)),
+            ):
+                flat = values.reshape(len(basis), -1)
+                columns[0, :, side], columns[1, :, side] = flat.real, flat.imag
             yield s, columns.reshape(-1, wide)
 
+    def shifted(self, k: int) -> LargeMatrix:
+        """Return H(k): E0 and E1 applied to the triangular factor."""
+        return LargeMatrix(super().shifted(k).dense())
+
+    def tall(self) -> LargeMatrix:
+        """Return all q + 1 block rows."""
+        return LargeMatrix(super().tall().dense())
+
     def on_lines(self, rows: RealArray) -> RealArray:
-        """Return H' X of the matrix over the lines, (2 F, k), inputs and ends eliminated: X (l (q + 1), k)."""
-        found = np.zeros((2, self.response.count, rows.shape[1]))
-        there = [(r, run) for r, run in enumerate(self.response.runs()) if len(run.points)]
-        for (r, run), part in zip(there, self.parts, strict=True):
+        """Return H' X of the matrix over the told lines, (2 F, k), inputs and ends eliminated: X (l (q + 1), k)."""
+        used = self.told.used
+        found = np.zeros((2, used.size, rows.shape[1]))
+        for own, part in zip(self.spans, self.parts, strict=True):
             weights = np.vstack([-part.taken_off @ rows, rows])
-            own = np.flatnonzero(self.response.run == r)
-            for s, columns in self._columns(r, run):
-                found[:, own[s]] = (columns @ weights).reshape(2, -1, rows.shape[1])
+            kept = np.flatnonzero((used >= own.start) & (used < own.stop))
+            for s, columns in self._columns(own, used[kept]):
+                found[:, kept[s]] = (columns @ weights).reshape(2, -1, rows.shape[1])
         return found.reshape(-1, rows.shape[1])
+
+    @cached_property
+    def told(self) -> Lines:
+        """The lines on which the influence of noise is kept."""
+        return told_lines(self)
+
+    @cached_property
+    def few(self) -> Few:
+        """Points that stand for the told lines where products of two of the polynomials are summed."""
+        points = self.plane.point(self.response.frequencies[self.told.used])
+        return few_points(points, self.block_rows, circle=self.dt is not None)
+
+    def right_vectors(self, factors: Factors, coefficients: Array) -> ComplexArray:
+        """Return v_j on the told lines (1, 2 F, k)."""
+        assert factors.right is not None
+        Q = factors.right.whole[:, :, : len(coefficients)]
+        real, imaginary = np.split(Q @ np.hstack([coefficients.real, coefficients.imag]), 2, axis=2)
+        return np.asarray(real + 1j * imaginary)
+
+    def influence(self, left: Array, right: Array, lines: Lines | None = None) -> RecordInfluence:
+        """Return the gradient on the told lines, whichever are asked: what it takes does not grow with them; see `RecordInfluence`."""
+        coefficients = np.asarray(left.reshape(len(left), -1, self.outputs) / self.output_scale, dtype=complex)
+        drives = right[0].T.reshape(len(left), 2, -1) * self.line_weights[self.told.used]
+        return RecordInfluence(self, coefficients, drives)
 
     def with_columns(self, factors: Factors) -> Factors:
         """Return the factors with their rows of Q over the lines, for when they are asked."""
@@ -235,10 +268,10 @@ class RecordLines(PolynomialRows):
         participation, terms = basis.fit_participation(shapes)
         return ModalFit(shapes, participation, terms, reach=basis.reach, basis=basis)
 
-    def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> tuple[Array, Array]:
-        """Return the records' lines and what the modes give on them, from the first states that fit best."""
+    def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> Iterator[tuple[Array, Array]]:
+        """Yield the records' lines and what the modes give on them, from the first states that fit best."""
         values = self.judged.evaluated(poles, fit.shapes, fit.participation, fit.terms)
-        return self.judged.values, values[:, :, None]
+        yield self.judged.values, values[:, :, None]
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -267,33 +300,3 @@ class RecordLines(PolynomialRows):
             f"records of {of} on {self.response.count} lines, {low:g} to {high:g} Hz, polynomials to degree {self.block_rows} "
             f"({self.plane.name}); inputs and ends eliminated"
         )
-
-
-@dataclass(frozen=True, eq=False)
-class RecordColumns:
-    """The right factor over the lines of all runs, computed when it is first asked for.
-
-    Parameters
-    ----------
-    matrix : RecordLines
-    factors : Factors
-        Of the triangular stand-in.
-    """
-
-    matrix: RecordLines
-    factors: Factors
-
-    @property
-    def blocks(self) -> RealArray:
-        """Rows of Q (1, 2 F, k), all of them."""
-        return self.whole
-
-    @cached_property
-    def whole(self) -> RealArray:
-        """Rows of Q (1, 2 F, k)."""
-        matrix, factors = self.matrix, self.factors
-        n = max(min(factors.rank, factors.d.size), 1)
-        rows = np.zeros((matrix.outputs * (matrix.block_rows + 1), n))
-        kept = np.arange(len(rows)) if len(factors.P) == len(rows) else matrix.kept_rows
-        rows[kept] = factors.P[:, :n] / factors.d[:n]
-        return matrix.on_lines(rows)[None]

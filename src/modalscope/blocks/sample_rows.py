@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 
 import numpy as np
+import scipy.linalg as sla
 
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.operators import DenseMatrix
@@ -12,7 +13,7 @@ from modalscope.blocks.shift import RowShift
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.poles import powers_of, to_continuous, to_discrete
 
-__all__ = ["SampleRows"]
+__all__ = ["MixedRows", "SampleRows"]
 
 
 class SampleRows(DataMatrix):
@@ -61,3 +62,32 @@ class SampleRows(DataMatrix):
     def evolution(self, poles: Array, blocks: int) -> ComplexArray:
         """Return z^k for blocks k = 0, 1, ...: how a mode runs down the rows."""
         return powers_of(poles, blocks)
+
+
+class MixedRows(SampleRows):
+    """Rows that are whitened before they are factored: L^-1 times the triangle, and L takes the rows back to outputs."""
+
+    @property
+    @abstractmethod
+    def mixing(self) -> RealArray:
+        """L (l (q + 1), l (q + 1)), lower triangular: what takes whitened rows back to outputs."""
+
+    def tall(self) -> DenseMatrix:
+        """Return all q + 1 block rows, whitened."""
+        return DenseMatrix(sla.solve_triangular(self.mixing, self.triangle, lower=True, check_finite=False))
+
+    def shifted(self, k: int) -> DenseMatrix:
+        """Return H(k): the first q block rows, or the last, whitened by those of the first."""
+        rows = self.block_rows * self.outputs
+        part = self.triangle[k * self.outputs : k * self.outputs + rows]
+        return DenseMatrix(sla.solve_triangular(self.mixing[:rows, :rows], part, lower=True, check_finite=False))
+
+    @property
+    def row_shift(self) -> RowShift:
+        """E0 drops the last block, E1 the first, of rows that are taken back to outputs first."""
+        before = np.arange(self.block_rows * self.outputs)
+        return RowShift(block=self.outputs, before=before, after=before + self.outputs, mixing=self.mixing)
+
+    def row_blocks(self, P: Array) -> RealArray:
+        """Return a left factor (rows, k) by block rows in outputs, (blocks, l, k)."""
+        return super().row_blocks(self.mixing[: len(P), : len(P)] @ P)

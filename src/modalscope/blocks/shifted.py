@@ -8,8 +8,9 @@ is periodised, C A^k (I - A^M)^-1 B, and so has the same A and C.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -166,7 +167,7 @@ class Shifted(LineMatrix):
             power = power / (1 - np.asarray(poles) ** (len(self.samples) + 1))
         return power
 
-    @property
+    @cached_property
     def level(self) -> RealArray:
         """Size of the response on every line, (F,)."""
         return np.asarray(np.linalg.norm(self.transformed(self.samples), axis=(1, 2)))
@@ -256,12 +257,12 @@ class Shifted(LineMatrix):
         known = self.response.feedthrough if isinstance(self.response, ImpulseResponse) else None
         return ModalFit(shapes, participation, (np.zeros(self.samples.shape[1:]) if known is None else known)[None])
 
-    def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> tuple[Array, Array]:
-        """Return data and model on the lines of the window; where lines were measured, on those."""
-        measured, rebuilt = super().compared(model, poles, fit)
+    def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> Iterator[tuple[Array, Array]]:
+        """Yield data and model on the lines of the window; where lines were measured, on those."""
         if isinstance(self.response, FrequencyResponse):
-            return measured, rebuilt
-        return self.transformed(measured), self.transformed(rebuilt)
+            yield from super().compared(model, poles, fit)
+            return
+        yield self.transformed(self.judged.values), self.transformed(self.judged.values_of(model))
 
     def describe(self) -> str:
         """Say what the matrix is, in words."""

@@ -10,21 +10,30 @@ Columns are real: real and imaginary parts side by side, which is the same as us
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from modalscope.blocks.costs import Cost, costs_of
+from modalscope.blocks.evolved import squares
+from modalscope.blocks.initial_terms import initial_terms
+from modalscope.blocks.line_products import LineProducts
 from modalscope.blocks.lines import LineMatrix, kept_block_rows, real_columns
+from modalscope.blocks.misfit import Misfit
+from modalscope.blocks.operators import Operator
 from modalscope.blocks.plane import Plane, plane_of
 from modalscope.blocks.polynomial_rows import PolynomialRows
 from modalscope.blocks.polynomials import basis_on, remainders
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
-from modalscope.model.channels import derivatives_between, known_quantity
-from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_count, real_array
+from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_count
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.response import output_scale
 
-__all__ = ["Transfer", "rest_at_start", "transfer"]
+__all__ = ["Transfer", "transfer"]
+
+#: From this many rows on products are cheaper than the triangular factor; fewer are also few beside the orders that are asked.
+_MANY_ROWS = 200
 
 
 def transfer(
@@ -77,7 +86,7 @@ def transfer(
     rows = kept_block_rows(row_shifts)
     q = check_count("block_rows", block_rows if rows is None else rows[-1] + 1)
     plane = plane_of(domain, response)
-    known = None if initial_values is None else _known(initial_values, response, plane)
+    known = None if initial_values is None else initial_terms(initial_values, response, plane)
     unknown = q + 1 - (0 if known is None else min(len(known), q + 1))
     states = order or 1
     if 2 * lines * inputs < states + unknown * inputs:
@@ -105,40 +114,12 @@ def transfer(
         if known is None
         else remainders(recurrence, float(values[0, 0].real), points, min(len(known), q + 1)),
         row_shifts=rows,
+        orthogonal=basis == "orthogonal",
     )
 
 
-def rest_at_start(quantity: str | None, outputs: int, inputs: int) -> RealArray:
-    """Return the initial terms D, CB, ... that vanish for a structure at rest: two for displacements, one for velocities."""
-    own = known_quantity(quantity, "initial_values='rest' was asked")
-    return np.zeros((derivatives_between(own, "acceleration"), outputs, inputs))
-
-
-def _known(given: ArrayLike | str, response: FrequencyResponse, plane: Plane) -> RealArray:
-    """Return the known terms scaled to the plane: H = D + sum_i M_i / x^(i+1), x = s / scale or z."""
-    _, outputs, inputs = response.values.shape
-    if plane.scale is None:
-        raise DataError(
-            "initial_values were asked",
-            "under the bilinear map the direct term and the initial values mix",
-            "Use domain='s', or leave them out: they are eliminated.",
-        )
-    if isinstance(given, str):
-        if given != "rest" or plane.dt is not None:
-            raise DataError(
-                f"initial_values={given!r} was asked",
-                f"there are arrays, and 'rest' in the s-domain (this is the {plane.name})",
-                "Give the terms (K, outputs, inputs), or leave them out.",
-            )
-        return rest_at_start(response.quantity, outputs, inputs)
-    terms = real_array("initial_values", given, "(terms, outputs, inputs)", 3)
-    if terms.shape[1:] != (outputs, inputs):
-        raise DataError(
-            f"initial_values needs shape (terms, {outputs}, {inputs})",
-            f"it has {terms.shape}",
-            "Give one matrix a term: D, CB, CAB, ...",
-        )
-    return np.asarray(terms / plane.scale ** np.arange(len(terms))[:, None, None])
+#: Share of a function's energy below which what is left of it is not told by a difference of sums.
+_LITTLE = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,6 +136,7 @@ class Transfer(PolynomialRows, LineMatrix):
     known: RealArray | None = None
     known_functions: ComplexArray | None = None
     row_shifts: tuple[int, ...] | None = None
+    orthogonal: bool = True
 
     @property
     def judged(self) -> FrequencyResponse:
@@ -170,6 +152,39 @@ class Transfer(PolynomialRows, LineMatrix):
     def inputs(self) -> int:
         """Columns of a line."""
         return int(self.response.values.shape[2])
+
+    @property
+    def products(self) -> bool:
+        """Whether products serve instead of the triangular factor: many rows of responses alone, and polynomials that are orthonormal."""
+        rows, columns = self.outputs * len(self.basis[0]), 2 * len(self.basis) * self.inputs
+        return self.orthogonal and self.known is None and _MANY_ROWS < rows < columns
+
+    def shifted(self, k: int) -> Operator:
+        """Return H(k): p_k H and x p_k H by their products, or from the triangular factor."""
+        if not self.products:
+            return super().shifted(k)
+        functions = self.basis[:, : self.block_rows] if k == 0 else self.basis @ self.recurrence
+        return self._operator(functions[:, self.block_indices(self.block_rows)])
+
+    def tall(self) -> Operator:
+        """Return all q + 1 block rows."""
+        return self._operator(self.basis) if self.products else super().tall()
+
+    def costs(self, wanted: int) -> tuple[Cost, ...]:
+        """Return what the ways of factoring it cost; see `DataMatrix.costs`."""
+        return costs_of(self.tall(), wanted) if self.products else super().costs(wanted)
+
+    def _operator(self, functions: ComplexArray) -> LineProducts:
+        weighted = functions if self.weights is None else functions * self.weights[:, None]
+        return LineProducts(weighted, self.response.values / self.output_scale[:, None], self.eliminated)
+
+    def first_rows(self, right: Array, k: int = 0) -> RealArray:
+        """Return (first block row of H(k) / p_0) X; see `PolynomialRows.first_rows`."""
+        if not self.products:
+            return super().first_rows(right, k)
+        functions = self.basis[:, :1] if k == 0 else (self.basis @ self.recurrence)[:, :1]
+        head = self._operator(functions).times(right)
+        return np.asarray(self.output_scale[:, None] * head / self.first_value)
 
     def columns_array(self, i: int) -> RealArray:
         """Return all block rows of input i without the initial terms, transposed: (2 F, l (q + 1)).
@@ -202,11 +217,32 @@ class Transfer(PolynomialRows, LineMatrix):
         left = self._project(whole)
         return left, np.asarray(np.linalg.norm(left, axis=0) / np.linalg.norm(whole, axis=0))
 
+    def compared_functions(self, poles: Array) -> tuple[ComplexArray, Array]:
+        """Return `column_functions` on the lines that are compared, and whether rounding leaves enough of each to compare.
+
+        What is eliminated of g and of its mirror image is seen on all lines, (P'g + P* m) / 2 with P = Re E - j Im E, and taken off on
+        those alone. Where little is left of a function its difference is made on all lines.
+        """
+        x = self.plane.point(self.response.frequencies)[:, None]
+        g, mirrored = 1 / (x - poles), 1 / (x.conj() - poles)
+        if self.weights is not None:
+            g, mirrored = g * self.weights[:, None], mirrored * self.weights[:, None]
+        E, both = self.eliminated, len(x) * np.arange(2)[:, None] + self.compared_lines
+        P = E[: len(x)] - 1j * E[len(x) :]
+        seen = (P.T @ g + P.conj().T @ mirrored) / 2
+        whole = (squares(g) + squares(mirrored)) / 2
+        left = 1 - squares(seen) / whole
+        if np.any(left < _LITTLE):
+            return super().compared_functions(poles)
+        some, other = g[self.compared_lines], mirrored[self.compared_lines]
+        upper, lower = (some + other) / 2, (some - other) / 2j
+        return np.vstack([upper - E[both[0]] @ seen, lower - E[both[1]] @ seen]), left > 0
+
     def residue_scale(self, poles: Array) -> ComplexArray:
         """Participation in this plane for participation of the modes: (k,)."""
         return np.asarray(self.plane.residue_scale(poles), dtype=complex)
 
-    @property
+    @cached_property
     def level(self) -> RealArray:
         """Size of the scaled response on every line, (F,)."""
         return np.asarray(np.linalg.norm(self.response.values / self.output_scale[:, None], axis=(1, 2)))
@@ -215,8 +251,13 @@ class Transfer(PolynomialRows, LineMatrix):
         """Return shapes from all block rows; participation and direct term by least squares over the lines."""
         shapes = self.shapes(model.row_states(eigen.vectors), eigen.values)
         basis = self.response.basis(self.to_s(eigen.values), weights=self.weights)
-        participation, terms = basis.fit_participation(shapes)
-        return ModalFit(shapes, participation, terms, reach=basis.reach)
+        found = basis.solved(shapes)
+        misfit = self._misfit.of_left(found.left) if self.weights is None else None
+        return ModalFit(shapes, found.side, found.terms, reach=basis.reach, misfit=misfit)
+
+    @cached_property
+    def _misfit(self) -> Misfit:
+        return Misfit(self.response, self.output_scale)
 
     def describe(self) -> str:
         """Say what the matrix is, in words."""

@@ -53,6 +53,8 @@ class ModalFit:
         Norm of each mode's function over the lines.
     basis : ModalBasis, optional
         What it was fitted with, where it is dear to make and small to keep.
+    misfit : float, optional
+        norm(measured - rebuilt) / norm(measured) of the response that is judged, outputs brought level, where the fit knows it.
     """
 
     shapes: ComplexArray
@@ -61,6 +63,7 @@ class ModalFit:
     powers: tuple[int, ...] = (0,)
     reach: RealArray | None = None
     basis: ModalBasis | None = None
+    misfit: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

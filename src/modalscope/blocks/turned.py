@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from modalscope.blocks.evolved import ModalSide
 from modalscope.blocks.hankel import Hankel, fit_of_samples
 from modalscope.blocks.influence import Influence
-from modalscope.blocks.matrix import DataMatrix, Evolved
+from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, ComplexArray
 from modalscope.model.impulse import ImpulseResponse
@@ -83,11 +84,11 @@ class TurnedHankel(DataMatrix):
         """Return shapes C X and participation X^-1 B, referred to the impulse."""
         return fit_of_samples(self.response, model, eigen)
 
-    def row_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> Evolved | None:
+    def row_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
         """Return the columns of the transposed response's matrix: the side of the outputs."""
         return self.inner.column_side(model, _turned(eigen), self._exchanged(eigen, fit))
 
-    def column_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> Evolved | None:
+    def column_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
         """Return the rows of the transposed response's matrix: the side of the inputs."""
         return self.inner.row_side(model, _turned(eigen), self._exchanged(eigen, fit))
 

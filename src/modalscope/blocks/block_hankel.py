@@ -1,0 +1,156 @@
+"""A block Hankel matrix known by its products: it is never formed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import fft
+
+from modalscope.model.checks import Array, ComplexArray, RealArray
+
+__all__ = ["BlockHankel"]
+
+#: Operations of a transform take so many times as long as those of a matrix product.
+_SLOWER = 4
+
+#: Complex numbers in an array in between.
+_AT_A_TIME = 1_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class BlockHankel:
+    """Whole consecutive blocks: block (i, j) is Y(first + i + j) (Eq. 17), i < block_rows, j < block_columns.
+
+    Products run over block rows as matrix products with slices of one array, so that nothing of the matrix' size exists.
+    """
+
+    values: RealArray
+    block_rows: int
+    block_columns: int
+    first: int = 0
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        _, outputs, inputs = self.values.shape
+        return outputs * self.block_rows, inputs * self.block_columns
+
+    @cached_property
+    def _strip(self) -> RealArray:
+        """(l, N m): columns i m to (i + block_columns) m are block row i."""
+        used = self.values[self.first : self.first + self.block_rows + self.block_columns - 1]
+        return np.ascontiguousarray(used.transpose(1, 0, 2)).reshape(self.values.shape[1], -1)
+
+    def _row(self, i: int) -> RealArray:
+        inputs = self.values.shape[2]
+        return self._strip[:, i * inputs : (i + self.block_columns) * inputs]
+
+    def dense(self) -> RealArray:
+        """The matrix as an array, for small ones and for tests."""
+        return np.vstack([self._row(i) for i in range(self.block_rows)])
+
+    @property
+    def _length(self) -> int:
+        """Length of the transforms that hold all samples used: products do not wrap around within it."""
+        return int(fft.next_fast_len(self.block_rows + self.block_columns - 1, real=True))
+
+    @property
+    def _operations(self) -> tuple[float, float]:
+        """Operations of a product by block rows and by Fourier transforms, for one column."""
+        _, l, m = self.values.shape
+        n = self._length
+        by_rows = 2.0 * self.block_rows * self.block_columns * l * m
+        return by_rows, float(_SLOWER * n * (4 * l * m + 2.5 * np.log2(n) * (l + m)))
+
+    @property
+    def by_transforms(self) -> bool:
+        """Whether products by Fourier transforms take fewer operations than those by block rows."""
+        by_rows, transforms = self._operations
+        return transforms < by_rows
+
+    @property
+    def product_operations(self) -> float:
+        """Those of the cheaper way."""
+        return float(min(self._operations))
+
+    @property
+    def gram_operations(self) -> float:
+        """Those of the first block row, and of the updates."""
+        _, l, m = self.values.shape
+        r, s = self.block_rows, self.block_columns
+        return float(2 * l * m * m * s * (r + s))
+
+    @property
+    def energy(self) -> float:
+        """Sum of the squares of all entries: every sample as often as it stands on its antidiagonal."""
+        r, s = self.block_rows, self.block_columns
+        k = np.arange(r + s - 1)
+        often = np.minimum(np.minimum(k + 1, r + s - 1 - k), min(r, s))
+        used = self.values[self.first : self.first + r + s - 1]
+        return float(often @ np.einsum("klm,klm->k", used, used))
+
+    @cached_property
+    def _transform(self) -> ComplexArray:
+        """Transform of the samples used, (length / 2 + 1, l, m)."""
+        used = self.values[self.first : self.first + self.block_rows + self.block_columns - 1]
+        return np.asarray(fft.rfft(used, n=self._length, axis=0))
+
+    def _correlated(self, transform: ComplexArray, blocks: int, right: Array) -> RealArray:
+        """Return sum_j Y(i + j) X_j of block vectors for `blocks` blocks i, some columns at a time."""
+        lines, rows, inner = transform.shape
+        k, found = right.shape[1], np.empty((blocks, rows, right.shape[1]))
+        step = max(_AT_A_TIME // (lines * max(rows, inner)), 1)
+        for c in range(0, k, step):
+            X = np.ascontiguousarray(right[:, c : c + step]).reshape(-1, inner, min(step, k - c))
+            product = transform @ fft.rfft(X, n=self._length, axis=0).conj()
+            found[:, :, c : c + step] = fft.irfft(product, n=self._length, axis=0)[:blocks]
+        return found.reshape(blocks * rows, k)
+
+    def times(self, right: Array) -> RealArray:
+        """H X, by one transform of each block column, or block row by block row."""
+        if self.by_transforms:
+            return self._correlated(self._transform, self.block_rows, right)
+        outputs = self.values.shape[1]
+        product = np.empty((self.shape[0], right.shape[1]))
+        for i in range(self.block_rows):
+            np.matmul(self._row(i), right, out=product[i * outputs : (i + 1) * outputs])
+        return product
+
+    def transposed_times(self, left: Array) -> RealArray:
+        """H' Z, by transforms, or summed over block rows."""
+        if self.by_transforms:
+            return self._correlated(self._transform.transpose(0, 2, 1), self.block_columns, left)
+        outputs = self.values.shape[1]
+        product = np.zeros((self.shape[1], left.shape[1]))
+        for i in range(self.block_rows):
+            product += self._row(i).T @ left[i * outputs : (i + 1) * outputs]
+        return product
+
+    def gram(self) -> RealArray:
+        """H' H by its structure: G[i+1, j+1] = G[i, j] - Y(i)' Y(j) + Y(i+r)' Y(j+r), from the first block row of r products."""
+        m, r, s = self.values.shape[2], self.block_rows, self.block_columns
+        strip = self._strip
+        gram = np.zeros((s * m, s * m))
+        head = gram[:m]
+        for k in range(r):
+            head += strip[:, k * m : (k + 1) * m].T @ self._row(k)
+        for i in range(s - 1):
+            row, below = slice(i * m, (i + 1) * m), slice((i + 1) * m, (i + 2) * m)
+            leave, enter = strip[:, i * m : (i + 1) * m], strip[:, (i + r) * m : (i + r + 1) * m]
+            update = enter.T @ strip[:, (i + r) * m : (s - 1 + r) * m] - leave.T @ strip[:, i * m : (s - 1) * m]
+            gram[below, (i + 1) * m :] = gram[row, i * m : (s - 1) * m] + update
+        upper = np.triu(gram)
+        return np.asarray(upper + np.triu(gram, 1).T)
+
+    def row_chunks(self, rows: int) -> Iterator[RealArray]:
+        """The rows from first to last, whole blocks and about `rows` at a time."""
+        step = max(rows // self.values.shape[1], 1)
+        for i in range(0, self.block_rows, step):
+            yield np.vstack([self._row(k) for k in range(i, min(i + step, self.block_rows))])
+
+    def transposed(self) -> BlockHankel:
+        """H': the block Hankel matrix of the transposed samples."""
+        return BlockHankel(self.values.transpose(0, 2, 1), self.block_columns, self.block_rows, self.first)

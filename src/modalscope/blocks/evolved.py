@@ -1,0 +1,171 @@
+"""One factor of a data matrix in modal coordinates beside what modes must give there, compared in pieces that stay in the cache."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from modalscope.model.checks import Array, ComplexArray, RealArray
+
+__all__ = ["Agreement", "Compared", "Evolved", "ModalSide", "OnLines"]
+
+#: Numbers compared at a time: the arrays in between stay in the cache.
+_AT_A_TIME = 16_000
+
+#: Agreement (c, k) of what was identified (c, k) with what was expected (c, k).
+Agreement = Callable[[Array, Array], RealArray]
+
+
+class Compared(NamedTuple):
+    """Sums over one side for k modes: what a coherence and a weighted mean of agreements need of it.
+
+    Parameters
+    ----------
+    inner : array of complex, (k,)
+        sum conj(identified) expected.
+    identified, expected : array, (k,)
+        sum |identified|^2 and sum |expected|^2.
+    agreement : array, (k,)
+        Mean agreement, weighted by the squared amplitude of the first block.
+    seen : array of bool, (k,), optional
+        Modes of which something is left to compare; all when None.
+    """
+
+    inner: ComplexArray
+    identified: RealArray
+    expected: RealArray
+    agreement: RealArray
+    seen: Array | None = None
+
+
+class ModalSide(Protocol):
+    """The rows or the columns of a data matrix in modal coordinates."""
+
+    def compare(self, agreement: Agreement, step: Callable[[Array], Array]) -> Compared:
+        """Compare what was identified with what modes must give.
+
+        Parameters
+        ----------
+        agreement : callable
+        step : callable
+            Evolution (K, k) -> the block of each mode whose agreement counts.
+        """
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Evolved:
+    """A factor that runs in blocks: block k is the first times g_k.
+
+    Parameters
+    ----------
+    blocks : array, (K, c, N)
+        Blocks of the factor.
+    states : array of complex, (N, k)
+        What takes the factor's states to modes.
+    first : array of complex, (c, k)
+        The block that starts the evolution.
+    evolution : array of complex, (K, k)
+        g_k.
+    """
+
+    blocks: Array
+    states: ComplexArray
+    first: ComplexArray
+    evolution: ComplexArray
+
+    def compare(self, agreement: Agreement, step: Callable[[Array], Array]) -> Compared:
+        """Compare all blocks by their sums, and by agreement the one that `step` chooses; see `ModalSide`."""
+        k = self.states.shape[1]
+        inner, size = np.zeros(k, dtype=complex), np.zeros(k)
+        at, chosen = np.zeros((self.first.shape[0], k), dtype=complex), step(self.evolution)
+        for start, found in self._identified():
+            g = self.evolution[start : start + len(found)]
+            inner += np.sum(np.sum(found.conj() * g[:, None], axis=0) * self.first, axis=0)
+            size += squares(found.reshape(-1, k))
+            here = np.flatnonzero((chosen >= start) & (chosen < start + len(found)))
+            at[:, here] = found[chosen[here] - start, :, here].T
+        expected = self.first * self.evolution[chosen, np.arange(k)]
+        weight = np.abs(self.first) ** 2
+        total = np.sum(weight, axis=0)
+        mean = _share(np.sum(weight * agreement(at, expected), axis=0), total)
+        return Compared(inner, size, total * squares(self.evolution), mean)
+
+    def _identified(self) -> Iterator[tuple[int, Array]]:
+        """Yield the index of a block, and some blocks from there in modal coordinates, (blocks, c, k)."""
+        K, c, N = self.blocks.shape
+        states = np.ascontiguousarray(self.states)
+        real = not np.iscomplexobj(self.blocks)
+        columns = states.view(np.float64) if real else states
+        most = max(_AT_A_TIME // max(c * states.shape[1], 1), 1)
+        for start in range(0, K, most):
+            flat = self.blocks[start : start + most].reshape(-1, N)
+            product = np.ascontiguousarray(flat @ columns)
+            found = np.asarray(product.view(np.complex128) if real else product, dtype=complex)
+            yield start, found.reshape(-1, c, states.shape[1])
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class OnLines:
+    """A factor that runs over lines: every line stands for itself, at +w and at -w.
+
+    Parameters
+    ----------
+    factor : array, (m, 2 F, N)
+        Rows of the factor, real parts above imaginary ones, of every input.
+    states : array of complex, (N, k)
+    functions : array of complex, (2 F, k)
+        What runs along the lines for a mode of unit participation.
+    participation : array of complex, (m, k)
+    seen : array of bool, (k,)
+        Modes of which something is left to compare.
+    """
+
+    factor: RealArray
+    states: ComplexArray
+    functions: ComplexArray
+    participation: ComplexArray
+    seen: Array
+
+    def compare(self, agreement: Agreement, step: Callable[[Array], Array]) -> Compared:
+        """Compare line by line; see `ModalSide`."""
+        k = self.states.shape[1]
+        inner, size, weighted, total = np.zeros(k, dtype=complex), np.zeros(k), np.zeros(k), np.zeros(k)
+        for found, expected in self._pairs():
+            inner += np.einsum("fj,fj->j", found.conj(), expected)
+            size += squares(found)
+            weight = expected.real**2 + expected.imag**2
+            total += np.sum(weight, axis=0)
+            weighted += np.einsum("fj,fj->j", weight, agreement(found, expected))
+        return Compared(inner, size, total, _share(weighted, total), self.seen)
+
+    def _pairs(self) -> Iterator[tuple[ComplexArray, ComplexArray]]:
+        """Yield what was identified and what is expected on some lines of one input, (lines, k) each."""
+        lines, k = len(self.functions) // 2, self.states.shape[1]
+        columns = np.ascontiguousarray(self.states).view(np.float64)
+        most = max(_AT_A_TIME // max(k, 1), 1)
+        for start in range(0, lines, most):
+            s = slice(start, start + most)
+            upper, lower = _both_signs(self.functions[:lines][s], self.functions[lines:][s])
+            for rows, l in zip(self.factor, self.participation, strict=True):
+                real, imaginary = ((part[s] @ columns).view(np.complex128) for part in (rows[:lines], rows[lines:]))
+                above, below = _both_signs(real, imaginary)
+                yield above, upper * l
+                yield below, lower * l
+
+
+def squares(values: Array) -> RealArray:
+    """Return the sums of |v|^2 of columns (rows, k)."""
+    return np.asarray(np.einsum("ij,ij->j", values.real, values.real) + np.einsum("ij,ij->j", values.imag, values.imag))
+
+
+def _both_signs(real: ComplexArray, imaginary: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    """Return the values at +w and at -w of columns in real and imaginary parts."""
+    turned = 1j * imaginary
+    return real + turned, real - turned
+
+
+def _share(part: RealArray, whole: RealArray) -> RealArray:
+    return np.divide(part, whole, out=np.zeros_like(part), where=whole > 0)
