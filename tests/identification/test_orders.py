@@ -7,6 +7,7 @@ import pytest
 
 from modalscope import DataError
 from modalscope.blocks.factor import Factors
+from modalscope.blocks.fraction import fraction
 from modalscope.identification.orders import BLOCKS, DEGREES, STATES, checked_orders
 from modalscope.model import FrequencyResponse, ImpulseResponse
 
@@ -66,6 +67,19 @@ def test_degrees_end_at_sixty_and_at_two_hundred_and_forty_poles() -> None:
     assert DEGREES.ladder(lines(50))[-1] == 60
     assert DEGREES.ladder(lines(50, inputs=6))[-1] == 40
     assert DEGREES.states_each(lines(50, inputs=6)) == 6
+
+
+@pytest.mark.parametrize("start", [0.0, 0.1, 0.2, 0.29, 0.31])
+def test_degrees_end_where_lines_of_a_band_no_longer_tell_powers_apart(start: float) -> None:
+    f = np.linspace(start * 100, 100, 400)
+    measured = FrequencyResponse(values=np.full((400, 1, 1), 1 + 1j), frequencies=f)
+    top = DEGREES.ladder(measured)[-1]
+    # a band from .3 on is shifted to fill the half circle, and so does one that begins at zero
+    assert top == 60 if start in (0.0, 0.31) else 25 < top <= 60
+    assert np.all(np.isfinite(fraction(measured, degree=top).lower_triangle))
+    if start == 0.29:
+        with pytest.raises(DataError, match="fill too little of the unit circle"):
+            assert fraction(measured, degree=2 * top).lower_triangle is None
 
 
 def test_orders_are_sorted_each_once_and_there_must_be_one() -> None:

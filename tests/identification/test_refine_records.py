@@ -100,9 +100,24 @@ def test_runs_are_the_groups_that_tell_how_far_the_test_repeats():
     refused("8 labels, one a run", ms.refine, records, started(records), groups=["a", "b"])
 
 
-def test_peaks_are_not_looked_for_in_records():
-    records = runs_of(system(3, 1), [400])
-    refused("complete=True", ms.refine, records, started(records), complete=True)
+@pytest.mark.parametrize("lengths", [[900], [500, 350]])
+def test_a_mode_that_is_missed_is_found_in_what_the_others_leave(lengths):
+    records = runs_of(system(4, 2), lengths, noise=0.02)
+    modes = ms.identify(records, route="records", order=6).modes
+    whole = ms.refine(records, modes)
+    for missed in range(3):
+        found = ms.refine(records, modes.take(np.delete(np.arange(3), missed)), complete=True)
+        # the same optimum, where the descent stops
+        assert np.allclose(np.sort(found.frequencies), whole.frequencies, rtol=1e-6)
+        assert np.allclose(found.damping_ratios[np.argsort(found.frequencies)], whole.damping_ratios, rtol=1e-4)
+        assert "modes added" in " ".join(str(note) for note in found.notes)
+
+
+def test_noise_gives_no_mode_to_add():
+    """The bar lets noise pass once in a thousand searches."""
+    records = runs_of(system(4, 2), [900], noise=0.02)
+    modes = ms.identify(records, route="records", order=6).modes
+    assert len(ms.refine(records, modes, complete=True)) == 3
 
 
 def test_analyze_refines_what_passes_the_test_of_the_residual_and_nothing_else():

@@ -25,7 +25,7 @@ RESPONSE = CHAIN.impulse_response(200)
         ({"order": 10, "weights": "level"}, "works on samples"),
         ({"order": 10, "blok_rows": 10}, "did you mean 'block_rows'"),
         ({"order": 10, "reduction": "markov"}, "only the canonical form of the null space"),
-        ({"order": 10, "factorization": "lanczos"}, "factorization"),
+        ({"order": 10, "factorization": "power"}, "factorization"),
     ],
 )
 def test_era_with_what_cannot_be(options, words):

@@ -265,14 +265,14 @@ def test_i13_indicators_do_not_depend_on_coordinates(case):
 def test_i13_evolution_is_invariant_under_similarity(case):
     """The factors' own sides: V T and T^-1 W with the model (T^-1 A T, T^-1 B, C T)."""
     from modalscope.blocks.triple import Eigen, ModalFit, Triple
-    from modalscope.modal.evolution import side_coherence, side_emac
+    from modalscope.modal.evolution import followed
 
     def sides(model: Triple, X: np.ndarray) -> list[np.ndarray]:
         Xi = np.linalg.inv(X)
         fit = ModalFit(model.C @ X, Xi @ model.B, np.zeros((1, 4, 3)))
         eigen = Eigen(z, X, Xi)
         found = case.matrix.row_side(model, eigen, fit), case.matrix.column_side(model, eigen, fit)
-        return [judge(side) for side in found for judge in (side_emac, side_coherence)]
+        return [value for side in found for value in followed(side)]
 
     n = case.n
     model = balanced(case.matrix, case.factors).triple(n)

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from modalscope.identification.information import residual
-from modalscope.identification.matched import strongest_peaks
 from modalscope.identification.settling import Settled, Task, least_gain, settle
 from modalscope.model.checks import ComplexArray
 from modalscope.model.mode_fields import PER_MODE, joined
@@ -55,19 +54,15 @@ def completed(task: Task, modes: ModalModel, participation: ComplexArray) -> Mod
 def _with_peak(task: Task, settled: Settled) -> _Found | None:
     """Return what there is with the strongest peak of the residual, or None where no peak exceeds what noise may do."""
     point, fitted = settled.descent.point, settled.descent.fitted
-    left = residual(point, fitted)
-    left = left.transpose(0, 2, 1) if point.problem.turned else left
     least = 2 * least_gain(task) * settled.variance
-    peaks = strongest_peaks(point.problem.light, left, task.rows, point.poles, least)
+    peaks = point.problem.peaks(residual(point, fitted), point.poles, least)
     if not peaks:
         return None
-    peak = peaks[0]
-    outputs, inputs = point.problem.sides
-    shapes, participation = settled.residues
+    peak, (shapes, participation) = peaks[0], settled.residues
     return (
         np.append(point.poles, peak.pole),
-        np.column_stack([shapes, peak.shape * outputs]),
-        np.vstack([participation, peak.participation * inputs]),
+        np.column_stack([shapes, peak.shape]),
+        np.vstack([participation, peak.participation]),
     )
 
 
@@ -90,7 +85,7 @@ def _added(task: Task, modes: ModalModel, found: tuple[Any, ...], participation:
     return ModalModel(
         poles=poles + window_damping(task.response),
         shapes=shapes,
-        participation=participation,
+        participation=task.response.of_inputs(participation),
         quantity=modes.quantity,
         indicators=dict.fromkeys(modes.indicators, unknown),
         reasons=tuple({"text": text} for _ in poles) if modes.reasons else (),

@@ -78,7 +78,7 @@ def descend(
     """
     point = problem.at(poles, sides)
     fitted = point.fitted()
-    cost, size = point.cost(fitted), float(np.sum(problem.data**2))
+    cost, size = point.cost(fitted), float(np.vdot(problem.data, problem.data))
     damping = _FIRST
     for iteration in range(most):
         if progress is not None:

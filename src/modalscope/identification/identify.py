@@ -16,7 +16,7 @@ from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
 from modalscope.identification.sweep import Sweep
 from modalscope.modal.eigenmodes import split_extraneous, state_space
-from modalscope.modal.rebuilt import fit_error
+from modalscope.modal.rebuilt import fit_error_of
 from modalscope.model.checks import ComplexArray, RealArray, check_count
 from modalscope.model.keywords import named
 from modalscope.model.modes import ModalModel
@@ -129,7 +129,7 @@ def identify(
         source is "samples" (of impulse responses; of a sampled system's full grid of lines, periodised) or "elimination" (any lines).
     references : labels, optional
         Outputs of the past, of "ssi-data".
-    factorization : {"auto", "dense", "gram"}, optional
+    factorization : {"auto", "dense", "gram", "randomized", "lanczos"}, optional
         The route to the singular vectors.
     reduction : {"projection", "markov", "reversed"}, optional
         Of polyreference in the time domain to minimum order, see `modalscope.realizations.reduction`.
@@ -202,8 +202,7 @@ def assemble(
     found = Sweep(pipeline, [order], deviations=deviations)
     cut = found.cut(order)
     model = state_space(pipeline.matrix, cut.triple, cut.modal)
-    measured, rebuilt = pipeline.matrix.compared(model, cut.modal.poles, cut.modal.fit)
-    error, by_channel = fit_error(measured, rebuilt)
+    error, by_channel = fit_error_of(pipeline.matrix.compared(model, cut.modal.poles, cut.modal.fit))
     kept, rest = split_extraneous(cut.modal, cut.triple)
     kinds = cut.modes.kinds
     odd: dict[str, float] = {

@@ -42,11 +42,11 @@ def scores_of_rows(point: Point, fitted: Fitted, blocks: Array) -> RealArray:
         The block of every row, counted from zero.
     """
     W, c = _free(point, fitted), _coefficients(point, fitted)
-    left = residual(point, fitted)
+    left, span = residual(point, fitted), point.span
     found = []
     for block in range(int(blocks.max()) + 1):
         rows = blocks == block
-        part = np.tensordot(point.span[rows].T, left[rows], axes=1)  # (4 n, q, p)
+        part = np.tensordot(span[rows].T, left[rows], axes=1)  # (4 n, q, p)
         found.append(np.sum(c * np.einsum("kia,koi->oa", _split(W, part.shape[2]), part, optimize=True), axis=0))
     return _interleaved(np.array(found))
 
@@ -55,8 +55,8 @@ def residual(point: Point, fitted: Fitted) -> RealArray:
     """Return the whitened residual on all rows, (K, q, p)."""
     q, p = point.data.shape[1:]
     explained = point.data - _split(fitted.left, p).transpose(0, 2, 1)
-    flat = point.span @ explained.reshape(len(explained), q * p)
-    return np.asarray(point.problem.data - flat.reshape(-1, q, p))
+    left = point.spanned(explained.reshape(len(explained), q * p)).reshape(-1, q, p)
+    return np.subtract(point.problem.data, left, out=left)
 
 
 def inverse(information: RealArray) -> RealArray:

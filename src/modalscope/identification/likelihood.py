@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as sla
 
+from modalscope.identification.matched import Peak, strongest_peaks
 from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.model.response import Response
 
@@ -97,9 +98,18 @@ class Whitened:
         return Point(self, poles, sides, g[:, ::2] - 1j * g[:, 1::2], e[:, ::2] - 1j * e[:, 1::2], Z, beyond, Q)
 
     def compressed(self, columns: RealArray) -> tuple[_Span, RealArray, RealArray, RealArray]:
-        """Return orthogonal Q as a `_Span`, R of columns Q R, the data's part Q'Y, and the squared norm of the rest of every channel."""
+        """Return orthogonal Q as a `_Span`, in the columns' place, R of columns Q R, Q'Y of the data, squares of the rest by channel."""
         flat = self.data.reshape(len(self.data), self.data[0].size)
         return (_by_products if self.swift else _by_reflections)(columns, flat)
+
+    def peaks(self, left: RealArray, known: Array, least: float) -> list[Peak]:
+        """Return the strongest oscillation in a whitened residual (K, q, p), its sides in the scale of the data; see `strongest_peaks`."""
+        whole = left.transpose(0, 2, 1) if self.turned else left
+        outputs, inputs = self.sides
+        return [
+            Peak(peak.pole, peak.shape * outputs, peak.participation * inputs)
+            for peak in strongest_peaks(self.light, whole, self.rows, known, least)
+        ]
 
     def scaled_back(self, point: Point, fitted: Fitted) -> tuple[ComplexArray, ComplexArray]:
         """Return shapes (l, n) and participation (n, m) of the data as they were."""
@@ -109,10 +119,12 @@ class Whitened:
 
 def _by_reflections(columns: RealArray, flat: RealArray) -> tuple[_Span, RealArray, RealArray, RealArray]:
     """Return what `Whitened.compressed` does, exact to rounding."""
-    factors = sla.qr(columns, mode="economic", check_finite=False)
+    factors = sla.qr(columns, mode="economic", overwrite_a=True, check_finite=False)
     Q, R = (np.asarray(factor, dtype=np.float64) for factor in factors)
     Z = Q.T @ flat
-    return (Q, None), R, Z, np.sum((flat - Q @ Z) ** 2, axis=0)
+    rest = Q @ Z
+    rest -= flat
+    return (Q, None), R, Z, np.einsum("kq,kq->q", rest, rest)
 
 
 def _by_products(columns: RealArray, flat: RealArray) -> tuple[_Span, RealArray, RealArray, RealArray]:
@@ -240,6 +252,10 @@ class Point:
         """Orthonormal columns, from compressed rows to rows, (K, 4 n)."""
         P, W = self.basis
         return P if W is None else P @ W
+
+    def spanned(self, coefficients: RealArray) -> RealArray:
+        """Return `span` times coefficients (4 n, k), on the rows."""
+        return np.asarray(self.span @ coefficients)
 
     def columns(self) -> ComplexArray:
         """Return b g of every mode, complex columns (4 n p, n): a coefficient c contributes Re(c b g)."""

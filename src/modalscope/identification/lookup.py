@@ -5,6 +5,7 @@ from __future__ import annotations
 from difflib import get_close_matches
 from typing import Any
 
+from modalscope.identification.field_words import POINTERS
 from modalscope.identification.method import DOMAINS, Method, plain
 from modalscope.identification.table import methods
 from modalscope.model.checks import DataError, check_choice
@@ -76,6 +77,9 @@ def find_method(name: str, domain: str | None, default_domain: str, route: str |
 
 def _unknown(name: Any) -> DataError:
     rows = list(dict.fromkeys(m.name for m in methods()))
+    pointer = POINTERS.get(" ".join(str(name).lower().replace("-", " ").replace("_", " ").split()))
+    if pointer is not None:
+        return DataError(f"method={name!r} was asked", "it is no row of the table", pointer)
     words = {plain(word): word for m in methods() for word in (m.name, *m.aliases)}
     near = get_close_matches(plain(str(name)), words, n=1)
     hint = f"Did you mean {words[near[0]]!r}? " if near else ""

@@ -10,7 +10,7 @@ from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.poles import poles_from
 from modalscope.model.response import Response
 
-__all__ = ["Peak", "amplitudes", "strongest_peaks"]
+__all__ = ["REACH", "Peak", "amplitudes", "grid_of", "strongest_peaks"]
 
 #: Damping ratios of the grid: neighbours lose less than a tenth of the gain between them.
 _RATIOS = (0.001, 0.003, 0.007, 0.015, 0.03, 0.06)
@@ -19,7 +19,7 @@ _RATIOS = (0.001, 0.003, 0.007, 0.015, 0.03, 0.06)
 _APART = 4.0
 
 #: Poles whose lines are cut out together, lines so many half bandwidths to either side: beyond lie 2 % of the whole; so many at least.
-_TOGETHER, _REACH, _FEW = 32, 30.0, 8
+_TOGETHER, REACH, _FEW = 32, 30.0, 8
 
 #: Numbers held at a time.
 _HELD = 1 << 23
@@ -63,7 +63,7 @@ def strongest_peaks(
     most : int
         Peaks at most; half bandwidths of any two do not reach a quarter of the way.
     """
-    grid = _grid(response)
+    grid = grid_of(response)
     A = amplitudes(response, left, rows, grid)
     gain = np.linalg.norm(A, ord=2, axis=(1, 2)) ** 2
     gain[np.any(np.abs(grid[:, None] - known) < -0.5 * known.real, axis=1)] = 0
@@ -99,7 +99,7 @@ def amplitudes(response: Response, left: RealArray, rows: RealArray, poles: Arra
 
 def _near(response: Response, poles: Array, rows: int) -> tuple[Response, Array]:
     """Return the part of a response that poles show in, and its rows: lines far off a resonance tell nothing of it."""
-    lines, f, half = response.grid, np.abs(poles.imag) / (2 * np.pi), _REACH * np.max(-poles.real) / (2 * np.pi)
+    lines, f, half = response.grid, np.abs(poles.imag) / (2 * np.pi), REACH * np.max(-poles.real) / (2 * np.pi)
     if lines is None or rows != 2 * lines.size:
         return response, np.arange(rows)
     half = max(half, _FEW * float(np.median(np.diff(lines)))) if lines.size > 1 else half
@@ -109,7 +109,7 @@ def _near(response: Response, poles: Array, rows: int) -> tuple[Response, Array]
     return part, np.concatenate([np.arange(low, high), lines.size + np.arange(low, high)])
 
 
-def _grid(response: Response) -> ComplexArray:
+def grid_of(response: Response) -> ComplexArray:
     """Return poles in the band of the data: every line, or every half bandwidth where lines lie closer than that."""
     low, high = response.span
     low = max(low, high / 1000)

@@ -7,6 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 from modalscope.blocks.canonical import canonical_projection
+from modalscope.blocks.combinations import Combinations, combinations, enough
+from modalscope.blocks.combined import CombinedOutputs
 from modalscope.blocks.driven import driven_projection
 from modalscope.blocks.factor import Factors, factorize, left_factor
 from modalscope.blocks.fraction import Fraction, fraction
@@ -14,6 +16,7 @@ from modalscope.blocks.hankel import hankel
 from modalscope.blocks.lines import line_weights
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.projection import Projection, projection
+from modalscope.blocks.record_cost import record_cost, refuse_beyond_memory
 from modalscope.blocks.record_lines import record_lines
 from modalscope.blocks.shifted import shifted
 from modalscope.blocks.transfer import transfer
@@ -33,6 +36,8 @@ from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.notes import Note
 from modalscope.model.record_spectra import RecordSpectra
+from modalscope.model.response import Response
+from modalscope.model.signals import Signals
 
 __all__ = [
     "canonical_hankel",
@@ -78,7 +83,7 @@ def plain_hankel(problem: Problem, order: int) -> Built:
     options: HankelOptions = problem.options
     turned = options.form == "controllable" or (options.form == "smaller" and _fewer_inputs(problem, options))
     rows, columns = default_blocks(_samples(problem), order, *options.spans)
-    return _hankel(problem, turned, rows, columns)
+    return _hankel(problem, turned, rows, columns, order)
 
 
 def canonical_hankel(problem: Problem, order: int) -> Built:
@@ -86,7 +91,7 @@ def canonical_hankel(problem: Problem, order: int) -> Built:
     options: HankelOptions = problem.options
     turned = options.form == "controllable" or (options.form != "observable" and _fewer_inputs(problem, options))
     rows, columns = _canonical_sizes(_samples(problem), order, turned, *options.spans)
-    return _hankel(problem, turned, rows, columns)
+    return _hankel(problem, turned, rows, columns, order)
 
 
 def complete_hankel(problem: Problem, order: int) -> Built:
@@ -100,7 +105,7 @@ def complete_hankel(problem: Problem, order: int) -> Built:
         columns = columns or -(-order // inputs)
     else:
         rows = rows or -(-order // outputs)
-    return _hankel(problem, turned, *_canonical_sizes(response, order, turned, rows, columns))
+    return _hankel(problem, turned, *_canonical_sizes(response, order, turned, rows, columns), order)
 
 
 def _canonical_sizes(
@@ -121,21 +126,25 @@ def _fewer_inputs(problem: Problem, options: HankelOptions) -> bool:
     return bool(inputs * options.block_columns < outputs * options.block_rows)
 
 
-def _hankel(problem: Problem, turned: bool, rows: int, columns: int) -> Built:
+def _hankel(problem: Problem, turned: bool, rows: int, columns: int, order: int) -> Built:
     options: HankelOptions = problem.options
-    response = _samples(problem)
+    measured = _samples(problem)
     settings = replace(options, block_rows=rows, block_columns=columns, form="controllable" if turned else "observable")
-    response, notes = _lags_read(response, rows + columns)
+    measured, notes = _lags_read(measured, rows + columns)
     notes = (*_unfiltered(problem), *notes)
     general = options.general
+    few = _fewer_outputs(measured, order, options, *general.values())
+    response: Any = measured if few is None else few.response
     sizes: dict[str, Any] = {
         "block_rows": None if options.row_shifts else rows,
         "block_columns": None if options.column_shifts else columns,
     }
-    if not turned:
-        return Built(hankel(response, **sizes, **general), settings, notes)
-    exchanged: dict[str, Any] = {_other_side(name): value for name, value in {**sizes, **general}.items()}
-    return Built(TurnedHankel(response, hankel(_transposed(response), **exchanged)), settings, notes)
+    if turned:
+        exchanged: dict[str, Any] = {_other_side(name): value for name, value in {**sizes, **general}.items()}
+        matrix: DataMatrix = TurnedHankel(response, hankel(_transposed(response), **exchanged))
+    else:
+        matrix = hankel(response, **sizes, **general)
+    return Built(matrix if few is None else CombinedOutputs(measured, few, matrix), settings, notes)
 
 
 def _unfiltered(problem: Problem) -> tuple[Note, ...]:
@@ -185,7 +194,7 @@ _PROJECTIONS: dict[str | None, Callable[..., Projection]] = {None: projection, "
 def projected_records(problem: Problem, order: int) -> Built:
     """Return the projection of the records' future on their past; participation belongs to their correlation."""
     options = problem.options
-    assert problem.records is not None
+    assert isinstance(problem.records, Signals)
     correlation = _samples(problem)
     rows, columns = default_projection(problem.records, correlation, order, options.block_rows, options.block_columns)
     correlation, notes = _lags_read(correlation, rows + columns)
@@ -199,9 +208,16 @@ def records_on_lines(problem: Problem, order: int) -> Built:
     options: SpectraOptions = problem.options
     assert isinstance(problem.response, RecordSpectra)
     truncates = problem.method.orders.truncates
-    degree = options.block_rows or default_record_degree(problem.response, order, truncates=truncates)
-    matrix = record_lines(problem.response, domain=problem.method.domain, block_rows=degree)
-    return Built(matrix, replace(options, block_rows=degree, form="observable"))
+    few = _fewer_outputs(problem.response, order, options) if truncates else None
+    taken: Any = problem.response if few is None else few.response
+    degree = options.block_rows or default_record_degree(taken, order, truncates=truncates)
+    lines, outputs, _ = taken.values.shape
+    cost = record_cost(lines, outputs, taken.eliminated[0] - 1, degree)
+    refuse_beyond_memory(cost)
+    matrix: DataMatrix = record_lines(taken, domain=problem.method.domain, block_rows=degree, equal_outputs=few is None)
+    if few is not None:
+        matrix = CombinedOutputs(problem.response, few, matrix)
+    return Built(matrix, replace(options, block_rows=degree, form="observable"), (cost.note,))
 
 
 def driven_records(problem: Problem, order: int) -> Built:
@@ -268,17 +284,29 @@ def transfer_of_lines(problem: Problem, order: int) -> Built:
             "source='elimination' was asked", "the data are samples, not lines", "Leave it out: samples are exact."
         )
     _refuse("the columns of a frequency-domain matrix are lines", options, "block_columns")
-    matrix = transfer(
-        response,
+    few = _fewer_outputs(response, order, options, options.initial_values)
+    taken: Any = response if few is None else few.response
+    matrix: DataMatrix = transfer(
+        taken,
         domain=problem.method.domain,
         block_rows=options.block_rows or default_degree(response, order),
         order=order,
         weights=line_weights(response, options.weights),
+        equal_outputs=few is None,
         basis=options.basis or "orthogonal",
         initial_values=options.initial_values,
         row_shifts=options.row_shifts,
     )
+    if few is not None:
+        matrix = CombinedOutputs(response, few, matrix)
     return Built(matrix, replace(options, block_rows=matrix.block_rows, source="elimination"))
+
+
+def _fewer_outputs(response: Response, order: int, options: Any, *given: Any) -> Combinations | None:
+    """Return combinations of the outputs where there are far more than states can need, and nothing was asked of single ones."""
+    count = enough(len(response.output_dofs), order)
+    plain = options.factorization == "auto" and all(one is None for one in given)
+    return combinations(response, count) if count is not None and plain and not response.ambient else None
 
 
 def _refuse(why: str, options: LineOptions, *names: str) -> None:

@@ -17,6 +17,7 @@ from modalscope.model.records import Records
 from modalscope.model.response import Response
 from modalscope.model.settings import Settings
 from modalscope.model.signals import Signals
+from modalscope.model.stored import StoredSignals
 from modalscope.realizations.realization import Realization
 
 __all__ = ["DOMAINS", "Built", "Method", "Problem", "plain"]
@@ -39,7 +40,7 @@ class Problem:
         As the row takes it, in the band.
     measured : Response
         As it was measured or estimated, in the band: what all rows share.
-    records : Signals, optional
+    records : Signals or StoredSignals, optional
         Records without inputs, filtered to the band, where they were given.
     driven : Records, optional
         Records with inputs, as they were given.
@@ -52,7 +53,7 @@ class Problem:
     method: Method
     response: Response
     measured: Response
-    records: Signals | None
+    records: Signals | StoredSignals | None
     options: Any
     notes: tuple[Note, ...]
     driven: Records | None = None

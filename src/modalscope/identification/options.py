@@ -11,6 +11,7 @@ from typing import Any, ClassVar, TypedDict
 
 from numpy.typing import ArrayLike
 
+from modalscope.blocks.factor import FACTORIZATIONS
 from modalscope.model.checks import check_band, check_choice, check_count, check_each, freeze
 from modalscope.model.labels import Dof
 from modalscope.model.settings import Settings
@@ -83,7 +84,7 @@ class Options(Settings):
             band=None if self.band is None else check_band(self.band),
             exclude=None if exclude is None else labels_of(exclude),
             route=None if self.route is None else check_choice("route", self.route, ROUTES),
-            factorization=check_choice("factorization", self.factorization, ("auto", "dense", "gram")),
+            factorization=check_choice("factorization", self.factorization, FACTORIZATIONS),
         )
 
 
@@ -213,63 +214,6 @@ class FractionOptions(Options):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class RecordOptions(Options):
-    """Of records projected on their past; see `modalscope.blocks.projection`.
-
-    Parameters
-    ----------
-    block_rows, block_columns : int, optional
-        Blocks of the future and of the past.
-    form : {"observable"}, optional
-        The only one there is.
-    references : labels, optional
-        Outputs of the past; all by default.
-    weighting : {"cva"}, optional
-        "cva": both sides are whitened, so that the singular values are canonical correlations.
-    """
-
-    why_not = "a projection of records has whole, equal blocks of samples"
-
-    block_rows: int | None = None
-    block_columns: int | None = None
-    form: str | None = None
-    references: Any = None
-    weighting: str | None = None
-
-    def __post_init__(self) -> None:
-        Options.__post_init__(self)
-        freeze(
-            self,
-            block_rows=_count("block_rows", self.block_rows),
-            block_columns=_count("block_columns", self.block_columns),
-        )
-        if self.weighting is not None:
-            check_choice("weighting", self.weighting, ("cva",))
-
-
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class SpectraOptions(Options):
-    """Of records on lines; see `modalscope.blocks.record_lines`.
-
-    Parameters
-    ----------
-    block_rows : int, optional
-        The degree of the polynomials.
-    form : {"observable"}, optional
-        The only one there is.
-    """
-
-    why_not = "the columns of records on lines are the lines of whole runs, as they are"
-
-    block_rows: int | None = None
-    form: str | None = None
-
-    def __post_init__(self) -> None:
-        Options.__post_init__(self)
-        freeze(self, block_rows=_count("block_rows", self.block_rows))
-
-
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class DrivenOptions(Options):
     """Of records with inputs projected on their past; see `modalscope.blocks.driven`.
 
@@ -294,3 +238,50 @@ class DrivenOptions(Options):
             block_rows=_count("block_rows", self.block_rows),
             block_columns=_count("block_columns", self.block_columns),
         )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class RecordOptions(DrivenOptions):
+    """Of records projected on their past; see `modalscope.blocks.projection`.
+
+    Parameters
+    ----------
+    block_rows, block_columns : int, optional
+        Blocks of the future and of the past.
+    form : {"observable"}, optional
+        The only one there is.
+    references : labels, optional
+        Outputs of the past; all by default.
+    weighting : {"cva"}, optional
+        "cva": both sides are whitened, so that the singular values are canonical correlations.
+    """
+
+    references: Any = None
+    weighting: str | None = None
+
+    def __post_init__(self) -> None:
+        DrivenOptions.__post_init__(self)
+        if self.weighting is not None:
+            check_choice("weighting", self.weighting, ("cva",))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class SpectraOptions(Options):
+    """Of records on lines; see `modalscope.blocks.record_lines`.
+
+    Parameters
+    ----------
+    block_rows : int, optional
+        The degree of the polynomials.
+    form : {"observable"}, optional
+        The only one there is.
+    """
+
+    why_not = "the columns of records on lines are the lines of whole runs, as they are"
+
+    block_rows: int | None = None
+    form: str | None = None
+
+    def __post_init__(self) -> None:
+        Options.__post_init__(self)
+        freeze(self, block_rows=_count("block_rows", self.block_rows))

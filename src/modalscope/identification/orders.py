@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from modalscope.blocks.factor import Factors
+from modalscope.blocks.fraction_degree import largest_degree
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.model.checks import DataError, check_count, check_each
 from modalscope.model.notes import Note
@@ -169,8 +170,8 @@ class _Degrees(OrderRule):
     usual = 30
 
     def ladder(self, measured: Response) -> list[int]:
-        """Degrees up to 60, and to 240 poles."""
-        top = max(min(60, 240 // max(measured.values.shape[2], 1)), 4)
+        """Degrees up to 60, to 240 poles, and to what the lines of a band can tell apart."""
+        top = max(min(60, 240 // max(measured.values.shape[2], 1), largest_degree(measured)), 4)
         return list(range(2, top + 1, 2 if top > 40 else 1))
 
     def choose(self, largest: int, factored: Factored) -> Choice:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import singledispatch
 from typing import Any, NamedTuple
 
-import numpy as np
-
+from modalscope.identification.conditioned import Conditioned, conditioned
+from modalscope.identification.conditioned_setups import conditioned_setups
 from modalscope.identification.lookup import find_method
 from modalscope.identification.method import Method, Problem
 from modalscope.identification.options import ROUTES, AllOptions, Options
 from modalscope.identification.routes import USUAL, by_route, chosen_route, one_record
+from modalscope.identification.sizes import setup_blocks
 from modalscope.identification.table import methods
 from modalscope.identification.takes import Takes
 from modalscope.model.checks import DataError, check_band, check_choice, check_kind
@@ -22,12 +23,14 @@ from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.notes import Note
 from modalscope.model.records import Records, as_records
 from modalscope.model.response import Response
+from modalscope.model.setups import Setups, as_test
 from modalscope.model.signals import Signals
-from modalscope.model.sizes import check_size
+from modalscope.model.sizes import check_alive, check_size
+from modalscope.model.stored import StoredSignals
 
 __all__ = ["Data", "Measured", "measure", "pose", "prepare"]
 
-Data = Signals | Records | Response
+Data = Signals | Records | Setups | Response
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -37,14 +40,14 @@ class Measured:
     Parameters
     ----------
     response : Response
-    records : Signals, optional
+    records : Signals or StoredSignals, optional
         Records without inputs, filtered to the band.
     given : str
         What it was made of, in words.
     row, domain : str
         The row and the column that are taken when none is asked.
     band : (float, float), optional
-        As asked, Hz.
+        As asked, Hz; of records without inputs what was chosen where none was asked.
     exclude : object
         Channels left out, as asked.
     route : str, optional
@@ -52,10 +55,12 @@ class Measured:
     driven : Records, optional
         Records with inputs, as they were given.
     notes : tuple of Note
+    sizes : mapping
+        Block sizes that suit the response where none are asked, for rows that have them.
     """
 
     response: Response
-    records: Signals | None
+    records: Signals | StoredSignals | None
     given: str
     row: str
     domain: str
@@ -64,6 +69,12 @@ class Measured:
     route: str | None = None
     driven: Records | None = None
     notes: tuple[Note, ...] = ()
+    sizes: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def held(self) -> Signals | None:
+        """The records, where they are in memory."""
+        return self.records if isinstance(self.records, Signals) else None
 
 
 def prepare(data: Any, method: str | None = None, domain: str | None = None, **options: Any) -> Problem:
@@ -71,7 +82,7 @@ def prepare(data: Any, method: str | None = None, domain: str | None = None, **o
 
     Parameters
     ----------
-    data : FrequencyResponse, ImpulseResponse, Signals, Records or a list of records
+    data : FrequencyResponse, ImpulseResponse, Signals, Records, Setups or a list of records
     method, domain : str, optional
         A row, or a name from the literature, and a column; by default what suits the data.
     **options
@@ -101,7 +112,7 @@ def measure(
 
     Parameters
     ----------
-    data : FrequencyResponse, ImpulseResponse, Signals, Records or a list of records
+    data : FrequencyResponse, ImpulseResponse, Signals, Records, Setups or a list of records
     band : (float, float), optional
         Hz.
     exclude : labels, optional
@@ -112,14 +123,14 @@ def measure(
     """
     checked = None if band is None else check_band(band)
     asked = "auto" if route is None else check_choice("route", route, ROUTES)
-    thing = as_records(data) if isinstance(data, list | tuple) else data
+    thing = as_test(data) if isinstance(data, list | tuple) else data
     thing = thing if exclude is None or not hasattr(thing, "select") else thing.select(exclude=exclude)
     found = _measured(thing, checked, _Asked(asked, method, domain))
     if asked not in ("auto", found.route):
         raise DataError(
             f"route={asked!r} was asked", f"the data are {found.given}, not records with inputs", "Leave it out."
         )
-    return replace(found, band=checked, exclude=exclude)
+    return replace(found, band=found.band if checked is None else checked, exclude=exclude)
 
 
 class _Asked(NamedTuple):
@@ -132,7 +143,7 @@ class _Asked(NamedTuple):
 
 @singledispatch
 def _measured(data: Any, band: tuple[float, float] | None, asked: _Asked) -> Measured:
-    check_kind("data", data, (FrequencyResponse, ImpulseResponse, Signals, Records))
+    check_kind("data", data, (FrequencyResponse, ImpulseResponse, Signals, StoredSignals, Records, Setups))
     raise AssertionError("one of these has no way to a response")
 
 
@@ -144,25 +155,74 @@ def _(data: Response, band: tuple[float, float] | None, asked: _Asked) -> Measur
 
 
 @_measured.register
+def _(data: ImpulseResponse, band: tuple[float, float] | None, asked: _Asked) -> Measured:
+    from modalscope.preprocess.slower_correlation import slower_correlation
+
+    check_size(data)
+    slower = data if band is None else slower_correlation(data, band[1])
+    row, domain = _USUAL.get((data.origin, data.held_input), ("era", "time"))
+    return Measured(slower, None, type(data).__name__, row, domain)
+
+
+@_measured.register
 def _(data: Signals, band: tuple[float, float] | None, asked: _Asked) -> Measured:
     return _measured(as_records(data), band, asked)
 
 
 @_measured.register
 def _(data: Records, band: tuple[float, float] | None, asked: _Asked) -> Measured:
-    from modalscope.preprocess import estimate_correlation, filter_band
-
     check_size(data)
     if data.input_dofs:
         route = chosen_route(data, asked.method, asked.domain, asked.route)
         response, note = by_route(data, route, band)
         row, domain = USUAL[route]
         return Measured(response, None, "records with inputs", row, domain, route=route, driven=data, notes=(note,))
-    one = one_record(data, "correlations")
-    records = one if band is None else filter_band(one, *band)
+    return _ambient(conditioned(one_record(data, "correlations"), band), "records without inputs")
+
+
+@_measured.register
+def _(data: StoredSignals, band: tuple[float, float] | None, asked: _Asked) -> Measured:
+    seen, taken = data.excerpt(), conditioned(data, band)
+    text = f"band and noise were judged on {seen.duration:.4g} s from the middle of {data.duration:.4g} s"
+    told = (Note("excerpt", {"seconds": seen.duration}, text),) if seen.samples < data.samples else ()
+    inside = taken.records.settled() if isinstance(taken.records, StoredSignals) else taken.records
+    return _ambient(taken._replace(records=inside, notes=(*told, *taken.notes)), "a stored record without inputs")
+
+
+def _ambient(taken: Conditioned, given: str) -> Measured:
+    """Return the correlations of records without inputs."""
+    from modalscope.preprocess import estimate_correlation
+
     note = Note("estimated", {}, "correlations with all channels as references were estimated from the records")
     return Measured(
-        estimate_correlation(records), records, "records without inputs", "alternate", "time", notes=(note,)
+        estimate_correlation(taken.records),
+        taken.records,
+        given,
+        "alternate",
+        "time",
+        band=taken.band,
+        notes=(*taken.notes, note),
+    )
+
+
+@_measured.register
+def _(data: Setups, band: tuple[float, float] | None, asked: _Asked) -> Measured:
+    from modalscope.preprocess.setups import joined_setups
+
+    check_size(data)
+    taken = conditioned_setups(data, band)
+    told = f"correlations of {len(data.parts)} setups were carried over to the references {', '.join(data.references)}"
+    note = Note("estimated", {"setups": len(data.parts)}, told)
+    response = joined_setups(taken.setups)
+    return Measured(
+        response,
+        None,
+        "ambient setups",
+        "alternate",
+        "time",
+        band=taken.band,
+        notes=(*taken.notes, note),
+        sizes=setup_blocks(response, taken.lowest),
     )
 
 
@@ -182,7 +242,7 @@ def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem
         Without band and excluded channels, which were applied.
     """
     response = measured.response
-    refusal = row.refusal(response, measured.records is not None)
+    refusal = row.refusal(response, measured.held is not None)
     if refusal:
         raise DataError(
             f"method {row.name!r} in domain {row.domain!r} was asked",
@@ -190,11 +250,16 @@ def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem
             refusal.change,
         )
     _check_form(row, options.get("form"))
-    chosen = _options_of(row, {"band": measured.band, "exclude": measured.exclude, "route": measured.route, **options})
+    own = {f.name for f in fields(row.options_type)}
+    suited = {name: size for name, size in measured.sizes.items() if name in own and options.get(name) is None}
+    chosen = _options_of(
+        row, {"band": measured.band, "exclude": measured.exclude, "route": measured.route, **options, **suited}
+    )
     converted, note = _HAND_OVER[row.takes](response)
-    if note and measured.band is not None:
+    # the lines of a correlation stay: its rate suits the band, and powers of z are told apart by lines all around the circle
+    if note and measured.band is not None and not response.ambient:
         converted = converted.in_band(measured.band)
-    _check_channels(converted)
+    check_alive(converted)
     return Problem(
         method=row,
         response=converted,
@@ -253,15 +318,3 @@ def _check_form(row: Method, form: str | None) -> None:
             f"it has only {' and '.join(allowed)}: its columns are lines or times, in which the state matrix does not appear as B, AB, ...",
             f"Use form={allowed[0]!r}, or a method in the time domain.",
         )
-
-
-def _check_channels(response: Response) -> None:
-    """Raise on a channel of zeros: nothing can be read off it, and it hides a wrong cable or a wrong column."""
-    for side, axes, labels in (("output", (0, 2), response.output_dofs), ("input", (0, 1), response.input_dofs)):
-        dead = [labels[i] for i in np.flatnonzero(~np.any(response.values, axis=axes))]
-        if dead:
-            raise DataError(
-                f"data with a response in every {side} were asked",
-                f"{side} {', '.join(dead)} is zero throughout",
-                f"Leave it out: exclude={dead!r}, or --exclude {' '.join(dead)}.",
-            )

@@ -87,12 +87,6 @@ def refine(
     check_kind("modes of refine", modes, ModalModel)
     response = _response(data, modes).around(modes.poles)
     chosen = check_groups(groups, *response.parts, response.groups)
-    if complete and not response.separable:
-        raise DataError(
-            "complete=True was asked",
-            "peaks of what is left are looked for in responses, not in records",
-            "Leave it out.",
-        )
     poles = modes.poles - window_damping(response)
     able = (poles.real < 0) & np.array([kind == "mode" for kind in modes.kinds], dtype=bool)
     beside = np.asarray(fixed, dtype=complex).ravel() - window_damping(response)

@@ -81,14 +81,15 @@ def _scale(before: ModalModel) -> str:
 def _terms(task: Task, poles: ComplexArray, shapes: ComplexArray, participation: ComplexArray) -> dict[str, Any]:
     """Fit what stands beside the modes, and return the residual terms by name."""
     powers = task.response.outside_powers
-    modal = task.response.whole_basis(poles, powers)
-    nothing = modal.of_terms(np.zeros((modal.terms.shape[1], modal.data[0].size)))
-    left = modal.data - modal.rebuilt(shapes, participation, nothing)
-    columns = task.response.whole_basis(task.fixed, powers).columns / task.rows[:, None]
+    beside = task.response.whole_basis(task.fixed, powers)
+    columns, count = beside.columns / task.rows[:, None], beside.terms.shape[1]
     size = np.where((norm := np.linalg.norm(columns, axis=0)) > 0, norm, 1)
-    flat = (left / task.rows[:, None, None]).reshape(len(left), -1)
-    found = np.linalg.lstsq(columns / size, flat, rcond=None)[0] / size[:, None]
-    return task.response.named_terms(modal.of_terms(found[: modal.terms.shape[1]]), powers)
+    left = task.response.left_of(poles, shapes, participation, powers)
+    flat = left.reshape(len(left), -1)
+    flat /= task.rows[:, None]
+    Q, R = np.linalg.qr(columns / size)  # of long records the data are large: they are not copied
+    found = np.linalg.lstsq(R, Q.T @ flat, rcond=None)[0] / size[:, None]
+    return task.response.named_terms(beside.of_terms(found[:count]), powers)
 
 
 def _told(seen: Colour, spread: Spread, groups: Groups, poles: ComplexArray) -> list[Note]:

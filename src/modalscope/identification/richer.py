@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.identification.whitening import Colour, Levels, colour, from_variance, levels_of, row_deviations
+from modalscope.identification.whitening import Colour, Levels, colour, from_variance, levels_of
 from modalscope.model.checks import Array, RealArray
-from modalscope.model.response import Response
+from modalscope.model.modal_basis import ModalBasis
+from modalscope.model.response import Response, fading
 
 __all__ = ["Floor", "by_line", "floor_of"]
 
@@ -19,6 +20,13 @@ _COLUMNS = 0.5
 #: Lines over which the level of a coloured residual is smoothed, and the correlation of neighbours; which is white below so many
 #: deviations, and lengthens the noise by this factor at most.
 _LEVELLED, _CORRELATED, _WHITE, _LONGEST = 41, 81, 2.0, 99.0
+
+#: Rounds in which the weights of a level settle.
+_LEVEL_ROUNDS = 10
+
+#: A rate of fading counts above so many deviations, and no noise falls below this part of where it started; rounds until rows settle
+#: to this.
+_SEEN, _STORED, _ROUNDS, _SETTLED = 5.0, 1e-7, 4, 0.05
 
 #: Noise is no less than rounding, relative to the data.
 _ROUNDING = 1e-13
@@ -39,6 +47,10 @@ class Floor:
     colour : Colour
     left : array, (K, l, m)
         The residual, not divided.
+    data : array, (K, l, m)
+        Not divided.
+    correlation : array, (F,), optional
+        Of neighbouring lines around each, where rows are divided line by line.
     """
 
     rows: RealArray
@@ -46,6 +58,8 @@ class Floor:
     variance: float
     colour: Colour
     left: RealArray
+    data: RealArray
+    correlation: RealArray | None = None
 
 
 def floor_of(response: Response, poles: Array) -> Floor:
@@ -53,12 +67,26 @@ def floor_of(response: Response, poles: Array) -> Floor:
 
     sigma_om^2 = RSS_om / (rows - columns) of channel (o, m), so s_i nearest to it in the logarithm.
     """
-    powers = response.outside_powers
-    basis = response.basis(_few(response, poles), powers)
-    rows = len(basis.data)
-    by_row, known = row_deviations(rows, None), None
+    basis = response.basis(_few(response, poles), response.outside_powers)
     if response.known_variance is not None:
-        by_row, known = from_variance(response.known_variance, rows)
+        return _floor(response, basis, *from_variance(response.known_variance, len(basis.data)))
+    told = fading(response)
+    floor = _floor(response, basis, np.ones(len(basis.data)) if told is None else told)
+    if response.grid is not None:
+        return floor
+    for _ in range(_ROUNDS):
+        if floor.colour.coloured:
+            break
+        by_row = _faded(floor)
+        if np.allclose(by_row, floor.rows, rtol=_SETTLED):
+            break
+        floor = _floor(response, basis, by_row)
+    return floor
+
+
+def _floor(response: Response, basis: ModalBasis, by_row: RealArray, known: Levels | None = None) -> Floor:
+    """Return what the columns leave of the data when rows are divided by their deviations."""
+    rows = len(basis.data)
     columns = basis.columns / by_row[:, None]
     size = np.linalg.norm(columns, axis=0)
     Q = np.asarray(sla.qr(columns[:, size > 0] / size[size > 0], mode="economic", check_finite=False)[0])
@@ -70,15 +98,41 @@ def floor_of(response: Response, poles: Array) -> Floor:
     variance = float(np.mean((sigma / np.outer(levels.outputs, levels.inputs)) ** 2))
     # a model that is too rich follows the noise of samples while its poles last, and not later: there the level tells nothing
     seen = colour(left, response.count, Q.shape[1], level=response.grid is not None)
-    return Floor(by_row, levels, variance, seen, left * by_row[:, None, None])
+    return Floor(by_row, levels, variance, seen, left * by_row[:, None, None], basis.data)
+
+
+def _faded(floor: Floor) -> RealArray:
+    """Return exp(-a k) for the rate a at which the residual of samples is likeliest to fade, ones where it does not.
+
+    Noise e_k of variance s^2 exp(-2 a k): the likelihood is largest where the mean of k under the weights e_k^2 exp(2 a k) is the mean
+    of all k. The rate of K samples of q channels is known to 1 / sqrt(2 q sum (k - mean k)^2). Noise never rises: a model that is too
+    rich follows it while its poles last.
+    """
+    from scipy.optimize import brentq  # slow to load
+
+    e = floor.left / np.maximum(np.sqrt(np.mean((floor.left / floor.rows[:, None, None]) ** 2, axis=0)), 1e-300)
+    size = np.log(np.maximum(np.mean(e**2, axis=(1, 2)), 1e-300))
+    k = np.arange(len(size)) - (len(size) - 1) / 2
+
+    def late(a: float) -> float:
+        exponent = size + 2 * a * k
+        weights = np.exp(exponent - exponent.max())
+        return float(weights @ k)
+
+    steepest = -np.log(_STORED) / len(size)
+    least = _SEEN / np.sqrt(2 * e[0].size * np.sum(k**2))
+    if late(least) >= 0:
+        return np.ones(len(size))
+    a = steepest if late(steepest) < 0 else float(brentq(late, least, steepest))
+    return np.asarray(np.exp(-a * np.arange(len(size))))
 
 
 def by_line(floor: Floor, count: int) -> Floor:
     """Return the noise with deviations line by line, for a residual that is coloured: misfit of the model as much as noise.
 
-    With e the residual, channels brought to unit level: level(f) = mean |e|^2, rho(f) = Re mean(e_k+1 conj e_k) / level over neighbours,
-    and a row's deviation sqrt(level tau), tau = (1 + rho) / (1 - rho): so many lines tell as much as one of white noise. The variance
-    is that of the residual divided by its level alone, or the colour would cancel.
+    With e the residual, channels brought to unit level: level(f) as in `_level`, rho(f) = Re mean(e_k+1 conj e_k) / mean |e|^2 over
+    neighbours, and a row's deviation sqrt(level tau), tau = (1 + rho) / (1 - rho): so many lines tell as much as one of white noise. The
+    variance is that of the residual divided by its level alone, or the colour would cancel.
 
     Parameters
     ----------
@@ -87,18 +141,42 @@ def by_line(floor: Floor, count: int) -> Floor:
         Lines.
     """
     rows, l, m = floor.left.shape
-    each = floor.left / floor.rows[:, None, None]
-    each = each / np.maximum(np.sqrt(np.mean(each**2, axis=0)), 1e-300)
-    e = each.reshape(rows // count, count, l * m)
-    level = _smoothed(np.mean(e**2, axis=(0, 2)), _LEVELLED)
-    size = _smoothed(np.mean(e**2, axis=(0, 2)), _CORRELATED)
+    each, data = floor.left / floor.rows[:, None, None], floor.data / floor.rows[:, None, None]
+    channels = np.maximum(np.sqrt(np.mean(each**2, axis=0)), 1e-300)
+    e = (each / channels).reshape(rows // count, count, l * m)
+    size = np.mean((data / channels).reshape(e.shape) ** 2, axis=(0, 2))
+    level = _level(np.mean(e**2, axis=(0, 2)), size)
+    around = _smoothed(np.mean(e**2, axis=(0, 2)), _CORRELATED)
     neighbours = np.append(np.mean(e[:, 1:] * e[:, :-1], axis=(0, 2)), 0)
-    rho = _smoothed(neighbours, _CORRELATED) / size
+    rho = _smoothed(neighbours, _CORRELATED) / around
     rho = np.where(rho > _WHITE / np.sqrt(len(e) * l * m * _CORRELATED), rho, 0)
     tau = (1 + rho) / np.maximum(1 - rho, 2 / (_LONGEST + 1))
     own = np.tile(np.sqrt(level * np.minimum(tau, _LONGEST)), len(e))
     levelled = float(np.mean(e**2 / level[:, None]))
-    return replace(floor, rows=floor.rows * own, variance=floor.variance * levelled)
+    longest = (_LONGEST - 1) / (_LONGEST + 1)
+    return replace(
+        floor, rows=floor.rows * own, variance=floor.variance * levelled, correlation=np.clip(rho, 0, longest)
+    )
+
+
+def _level(power: RealArray, size: RealArray) -> RealArray:
+    """Return the level of a coloured residual line by line: even noise and error that is a part of the response, smoothly corrected.
+
+    power ~ a + b size, the likeliest for squares of normal numbers, times what it is of that, smoothed.
+
+    Parameters
+    ----------
+    power, size : array, (F,)
+        Mean squares of the residual and of the data.
+    """
+    from scipy.optimize import nnls  # slow to load
+
+    level = np.full(len(power), power.mean())
+    columns = np.stack([np.ones(len(power)), size / max(size.mean(), 1e-300)], axis=1)
+    for _ in range(_LEVEL_ROUNDS):
+        a, _ = nnls(columns / level[:, None], power / level)
+        level = np.maximum(columns @ a, 1e-6 * power.mean())
+    return np.asarray(level * _smoothed(power / level, _LEVELLED))
 
 
 def _smoothed(values: RealArray, length: int) -> RealArray:

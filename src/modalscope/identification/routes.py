@@ -1,6 +1,6 @@
 """Ways from records with inputs into the table, and the rule that chooses one.
 
-    impacts                                        -> frf (hits average)
+    impacts                                        -> frf (hits average, each input by itself)
     periodic, settled, two or more periods         -> frf by synchronous averages, on the driven lines only
     all else                                       -> records on lines, in z
 
@@ -10,11 +10,11 @@ forces that were not measured: see `modalscope.model.record_residual`.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from modalscope.blocks.record_cost import record_cost, refuse_beyond_memory
 from modalscope.identification.lookup import find_method
 from modalscope.identification.table import methods
 from modalscope.model.checks import DataError
@@ -36,6 +36,9 @@ USUAL = {
     "subspace": ("n4sid", "time"),
 }
 
+#: Hits are cut to the length of the shortest run: others last this much longer at most.
+_LENGTHS = 2.0
+
 #: Periods after the first that a synchronous average needs, and how alike two periods of the outputs are when all has settled.
 _PERIODS, _SETTLED = 2, 0.99
 
@@ -56,8 +59,11 @@ def usual_route(records: Records) -> str:
     """
     from modalscope.preprocess.excitation import find_excitation
 
-    impacts = all(find_excitation(run) == "impact" for run in records.runs)
-    return "frf" if _alike(records) and (impacts or _periodic(records) is not None) else "records"
+    if max(records.samples) <= _LENGTHS * min(records.samples) and all(
+        len(run.input_dofs) == 1 and find_excitation(run) == "impact" for run in records.runs
+    ):
+        return "frf"
+    return "records" if _periodic(records) is None else "frf"
 
 
 def chosen_route(records: Records, method: str | None, domain: str | None, asked: str) -> str:
@@ -92,16 +98,21 @@ def by_route(records: Records, route: str, band: tuple[float, float] | None) -> 
     band : (float, float) or None
         Hz.
     """
-    from modalscope.preprocess import estimate_frf, estimate_markov
+    from modalscope.preprocess import estimate_markov
+    from modalscope.preprocess.joined_responses import joined_frf
 
     if route == "frf":
-        record, period = one_record(records, "frequency responses"), _periodic(records)
+        period = _periodic(records)
         kind = "auto" if period is None else "periodic"
         note = Note("estimated", {}, "frequency responses were estimated from the records (H1)")
-        return Way(estimate_frf(record, excitation=kind, period=period).in_band(band), note)
+        return Way(joined_frf(records.stacked(), excitation=kind, period=period).in_band(band), note)
     if route == "markov":
         note = Note("estimated", {}, "Markov parameters were estimated from the records by an observer (OKID)")
         return Way(estimate_markov(one_record(records, "Markov parameters")), note)
+    low, high = (0.0, np.inf) if band is None else band
+    rate, samples = records.sampling_rate, sum(records.samples)
+    lines = int(samples * (min(high, rate / 2) - low) / rate) if low < rate / 2 else 0
+    refuse_beyond_memory(record_cost(lines, len(records.output_dofs), len(records.input_dofs), 0))
     runs = len(records.runs)
     of = "the record" if runs == 1 else f"{runs} runs"
     note = Note("records on lines", {"runs": runs}, f"{of} on lines, nothing estimated: inputs and ends are eliminated")
@@ -117,31 +128,20 @@ def one_record(records: Records, what: str) -> Signals:
     what : str
         What is to be made of it.
     """
-    first = records.runs[0]
-    if len(records.runs) == 1:
-        return first
-    if not _alike(records):
+    stacks = records.stacked()
+    if len(stacks) > 1:
         raise DataError(
             f"{what} of {len(records.runs)} runs were asked",
             "they differ in length or in their inputs",
             "Use route='records', which takes runs as they are, or cut them alike.",
         )
-    inputs = None if first.inputs is None else np.stack([np.asarray(run.inputs) for run in records.runs])
-    outputs = np.stack([run.outputs for run in records.runs])
-    return replace(first, outputs=outputs, inputs=inputs, groups=records.groups, source_path=records.source_path)
-
-
-def _alike(records: Records) -> bool:
-    """Whether all runs have one length and the same inputs."""
-    return len(set(records.samples)) == 1 and len({run.input_dofs for run in records.runs}) == 1
+    return stacks[0]
 
 
 def _periodic(records: Records) -> int | None:
     """Return the period in samples where forces repeat at least twice after settling, and the responses with them; None else."""
     from modalscope.preprocess.excitation import find_period
 
-    if not _alike(records):
-        return None
     try:
         record = one_record(records, "a period")
         outputs, inputs = record.by_run()

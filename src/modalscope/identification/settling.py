@@ -75,7 +75,7 @@ def task_of(
     progress : callable, optional
     """
     powers = response.refined_powers
-    rows = len(response.whole_basis(fixed[:0], powers).data)
+    rows = response.count * (1 + bool(np.iscomplexobj(response.values)))
     variance = response.known_variance
     if weights is None and variance is not None:
         by_row, known = from_variance(variance, rows)

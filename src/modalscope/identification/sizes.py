@@ -12,25 +12,37 @@ from modalscope.model.response import Response
 from modalscope.model.signals import Signals
 
 __all__ = [
+    "SETUP_ROWS",
     "default_blocks",
     "default_degree",
     "default_driven",
     "default_projection",
     "default_record_degree",
     "default_shifts",
+    "setup_blocks",
 ]
 
 #: Rows of the past over times: what the past predicts by chance lowers damping (by 3 % at this share, by 12 % at 8 %).
 _PAST_SHARE = 0.02
 
 #: Columns of the stack of records on lines up to which a higher degree is worth its time, and the highest degree.
-_STACK, _DEGREE = 1400, 60
+_STACK, _DEGREE = 1400, 100
+
+#: Part of the data that the terms of inputs and ends may take with them: deviations grow by 1 / sqrt(1 - share), by 29 % at most, while
+#: a degree that does not resolve the slowest mode costs several times as much.
+_SHARE = 0.4
 
 #: Products of columns over all lines that are worth it: 2 F columns^2, some twenty seconds at 40 a nanosecond.
 _PRODUCTS = 8e11
 
 #: Rows of the past beyond which the triangular factor takes long.
 _PAST_ROWS = 600
+
+#: Rows in all of a matrix of joined setups.
+SETUP_ROWS = 1300
+
+#: Periods of the slowest mode that the lags of joined setups span, and the fewest lags.
+_PERIODS, _FEWEST_LAGS = 6.0, 40
 
 #: Samples of the past that records with inputs are predicted from, and rows of their future.
 _DRIVEN_PAST, _DRIVEN_FUTURE = 120, 800
@@ -51,6 +63,27 @@ def default_blocks(
     ample = max(4 * rows, 80) if response.ambient else max(-(-20 * order // inputs), rows, 10)
     columns = block_columns or max(min(samples - rows, ample), 1)
     return rows, columns
+
+
+def setup_blocks(response: ImpulseResponse, lowest: float | None = None) -> dict[str, int]:
+    """Return block sizes of joined setups: lags over six periods of the slowest mode, as far as something is heard, a quarter as rows.
+
+    Errors of correlations are as large at all lags and modes are not, so that long records do not ask for longer lags: up to where they
+    fade, weak and close modes are lost (docs/setups.md). No more rows than 1300 in all, which a Gram matrix bears, and never fewer than
+    ten blocks.
+
+    Parameters
+    ----------
+    response : ImpulseResponse
+        Its lags end where nothing is heard.
+    lowest : float, optional
+        Hz: where the slowest mode stands out; all lags without it.
+    """
+    samples = response.samples
+    seen = samples if lowest is None else min(int(_PERIODS * response.sampling_rate / lowest), samples)
+    lags = max(seen, min(_FEWEST_LAGS, samples))
+    rows = max(min(lags // 4, SETUP_ROWS // response.values.shape[1]), min(10, samples // 2), 1)
+    return {"block_rows": rows, "block_columns": max(min(lags, samples - 1) - rows, 1)}
 
 
 def default_projection(
@@ -88,9 +121,9 @@ def default_degree(response: FrequencyResponse, order: int) -> int:
 def default_record_degree(spectra: RecordSpectra, order: int, *, truncates: bool = True) -> int:
     """Return the degree q of records on lines: as high as the stack and the lines allow, for it decides how well damping is known.
 
-    (q + 1)(1 + m + l) stays below 1400 columns, and below what takes half a minute on the lines of a long record, and twice as many lines
-    are there as terms are eliminated; but q is never below 8, nor below what the order needs, unless the lines forbid it: q + 1 terms of
-    every input and end, and the order, must be left.
+    (q + 1)(1 + m + l) stays below 1400 columns, and below what takes half a minute on the lines of a long record, and the terms that are
+    eliminated take no more than two fifths of the data; but q is never below 8, nor below what the order needs, unless the lines forbid
+    it: q + 1 terms of every input and end, and the order, must be left.
     Where all block rows are states, there are no more of them than the order needs.
     """
     _, outputs, _ = spectra.values.shape
@@ -98,7 +131,9 @@ def default_record_degree(spectra: RecordSpectra, order: int, *, truncates: bool
     least = max(8, -(-order // outputs) + 4)
     stack = int(min(_STACK, np.sqrt(_PRODUCTS / (2 * spectra.count))))
     wanted = (
-        least if not truncates else min(_DEGREE, stack // (channels + outputs) - 1, spectra.count // (2 * terms) - 1)
+        least
+        if not truncates
+        else min(_DEGREE, stack // (channels + outputs) - 1, int(2 * _SHARE * spectra.count / terms) - 1)
     )
     most = (2 * spectra.count - order) // terms - 1
     return int(max(min(max(wanted, least), most), -(-order // outputs), 1))
@@ -110,11 +145,11 @@ def default_driven(
     """Return block rows, samples of the past and how many of these stay one by one, of records with inputs.
 
     A long future steadies damping: as many block rows as have up to 800 rows with the inputs, and half as many rows as times in all. The
-    past reaches 120 samples back, or a tenth of a run, but has few rows: one by one only what the order needs.
+    past reaches 120 samples back, or a twentieth of a run, but has few rows: one by one only what the order needs.
     """
     outputs, inputs = len(records.output_dofs), len(records.input_dofs)
     least = -(-order // outputs) + 1
-    past = block_columns or max(min(_DRIVEN_PAST, min(records.samples) // 10), least)
+    past = block_columns or max(min(_DRIVEN_PAST, min(records.samples) // 20), least)
     single = min(max(-(-order // (outputs + inputs)) + 1, 4), past)
     rows = (single + 2.5 * np.log1p(past / 2)) * (outputs + inputs)  # about: intervals grow by a half
     room = (sum(records.samples) / 2 - rows) / (outputs + inputs)

@@ -65,7 +65,7 @@ def spread_of(
     candidates = [(variance * information, 1.0)]
     if seen.coloured:
         longer = (1 + max(seen.correlation, 0)) / max(1 - max(seen.correlation, 0), 0.01)
-        parts = [scores_of_rows(point, fitted, blocks_of(len(point.span), count, seen.correlation))]
+        parts = [scores_of_rows(point, fitted, blocks_of(len(point.problem.rows), count, seen.correlation))]
         parts += [] if between is not None else _by_channels(point, fitted)
         candidates += [(sandwich(information, part), longer) for part in parts if len(part) >= LEAST_GROUPS]
     found = [_of_poles(poles, covariance, point) for covariance, _ in candidates]

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.blocks.misfit import Misfit
 from modalscope.blocks.threads import one_thread
 from modalscope.blocks.triple import Triple
 from modalscope.identification.options import AllOptions
@@ -84,53 +85,42 @@ def _cut(pipeline: Pipeline, order: int, measured: _Measured) -> Cut:
     reported = kept[(f[kept] >= low) & (f[kept] <= high)]
     indicators = indicators_of(pipeline.matrix, model, modal)
     modes = modal_model(pipeline.matrix, modal, indicators)
-    left = measured.left_by(modal)
     std = measured.deviations(order, model, modal, reported)
     if std is not None:
         modes = replace(modes, frequencies_std=std.frequency, damping_ratios_std=std.damping_ratio)
     return Cut(
         order=order,
         triple=model,
-        modal=modal,
+        modal=replace(modal, fit=replace(modal.fit, basis=None)),  # every order's columns together would be large
         modes=modes,
         reported=reported,
         indicators=indicators,
-        misfit=measured.misfit(left),
+        misfit=measured.misfit(modal),
         std=std,
     )
 
 
 class _Measured:
-    """The data that every order is judged on, outputs brought level, and the noise in them: what all orders share, computed once."""
+    """The data that every order is fitted to and the noise in them: what all orders share, computed once."""
 
     def __init__(self, pipeline: Pipeline, deviations: bool) -> None:
-        self._pipeline, self._response = pipeline, pipeline.response
-        self._scale = output_scale(self._response)[:, None]
+        self._pipeline, self._matrix = pipeline, pipeline.matrix.fitted
+        self._response = self._matrix.judged
+        self._misfit = Misfit(pipeline.response, output_scale(pipeline.response))
         self._complex = bool(np.iscomplexobj(self._response.values))
-        self._whole = np.linalg.norm(self._response.values / self._scale)
-        self._weighted = getattr(pipeline.matrix, "weights", None) is not None
+        self._weighted = getattr(self._matrix, "weights", None) is not None
         self.noise = noise_of(self._response, pipeline.problem.records) if deviations else None
 
-    def left_by(self, modes: Eigenmodes) -> RealArray:
-        """Return what modes leave of the level data, real rows."""
-        basis = modes.fit.basis or self._response.basis(modes.poles, modes.fit.powers)
-        terms = modes.fit.terms[: basis.terms.shape[1]]
-        with np.errstate(over="ignore", invalid="ignore"):
-            left = basis.data - basis.rebuilt(modes.shapes, modes.participation, terms)
-            return np.asarray(left / self._scale)
-
-    def misfit(self, left: RealArray) -> float:
-        """Return the norm of what is left over that of the data."""
-        with np.errstate(over="ignore", invalid="ignore"):
-            ratio = np.linalg.norm(left) / self._whole
-        return float(ratio) if np.isfinite(ratio) else np.inf
+    def misfit(self, modes: Eigenmodes) -> float:
+        """Return the norm of what modes leave of the level data over that of the data: from the fit where it knows, else rebuilt."""
+        return self._misfit.of_fit(modes.poles, modes.fit) if modes.fit.misfit is None else modes.fit.misfit
 
     def deviations(self, order: int, model: Triple, modal: Eigenmodes, index: IntArray) -> Deviations | None:
         """Return the standard deviations of some poles; None where they were not asked."""
         noise, pipeline = self.noise_beside(modal), self._pipeline
         if noise is None:
             return None
-        return deviations_of(pipeline.matrix, pipeline.realization, order, model, modal, index, noise)
+        return deviations_of(self._matrix, pipeline.realization, order, model, modal, index, noise)
 
     def noise_beside(self, modal: Eigenmodes) -> Noise | None:
         """Return the noise, given what no residues at the poles of a model explain, whatever its own shapes leave."""

@@ -190,9 +190,8 @@ _REPORTED: tuple[Method, ...] = (
         section="II-5 on records projected on past inputs and outputs",
         common="N4SID",
         known_as=(
-            "PO-MOESP",
-            "N4SID with the weights of PO-MOESP",
-            "MOESP with past inputs and outputs as instruments",
+            "N4SID with the weights of canonical variates (CVA)",
+            "PO-MOESP, MOESP with past inputs and outputs as instruments, its rows whitened",
         ),
         aliases=("moesp", "po-moesp", "past-output moesp"),
         takes=Takes.DRIVEN,

@@ -8,7 +8,17 @@ import numpy as np
 
 from modalscope.model.checks import Array, DataError, RealArray
 
-__all__ = ["Colour", "Levels", "blocks_of", "colour", "from_variance", "levels_of", "row_deviations", "search_bound"]
+__all__ = [
+    "Colour",
+    "Levels",
+    "blocks_of",
+    "colour",
+    "from_variance",
+    "levels_of",
+    "row_deviations",
+    "search_bound",
+    "told_apart",
+]
 
 #: Quieter channels than this part of the loudest residual are brought to it: what is fitted to rounding must not decide alone.
 _QUIETEST = 1e-7
@@ -18,6 +28,9 @@ _SMOOTHED = 41
 
 #: White noise exceeds these in less than one of a thousand sets: standard deviations of the correlation, and of the smoothed level.
 _CORRELATED, _UNEVEN = 5.0, 3.0
+
+#: Lines further off are taken as not correlated.
+_LAGS = 400
 
 #: One false mode in a thousand sets of noise.
 _FALSE = 1e-3
@@ -114,13 +127,16 @@ def colour(left: RealArray, count: int, unknown: int, *, level: bool = True) -> 
     level : bool
         Whether a level that changes counts.
     """
-    e = left / np.maximum(np.sqrt(np.mean(left**2, axis=0)), 1e-300)
-    e = e.reshape(-1, count, e[0].size)
-    rho = float(np.mean(e[:, 1:] * e[:, :-1])) if count > 1 else 0.0
-    deviation = 1 / np.sqrt(max(e[:, 1:].size, 1))
+    e = left.reshape(-1, count, left[0].size)
+    power = np.einsum("rkc,rkc->c", e, e) / len(left)  # no copy: of long records each is large
+    quiet = 1 / np.maximum(power, 1e-300)
+    neighbours = e[:, 1:].size
+    rho = float(np.einsum("rkc,rkc,c->", e[:, 1:], e[:, :-1], quiet)) / neighbours if count > 1 else 0.0
+    deviation = 1 / np.sqrt(max(neighbours, 1))
     uneven = 0.0
     if count >= 4 * _SMOOTHED:
-        smooth = np.convolve(np.mean(e**2, axis=(0, 2)), np.ones(_SMOOTHED) / _SMOOTHED, mode="valid")
+        squares = np.einsum("rkc,rkc,c->k", e, e, quiet) / (e.shape[0] * e.shape[2])
+        smooth = np.convolve(squares, np.ones(_SMOOTHED) / _SMOOTHED, mode="valid")
         # the square of a standard normal number scatters by sqrt 2
         uneven = float(np.std(np.log(smooth)) * np.sqrt(_SMOOTHED * e.shape[0] * e.shape[2] / 2))
     excess = max(abs(rho) / (_CORRELATED * deviation + unknown / len(left)), uneven / _UNEVEN if level else 0.0)
@@ -140,6 +156,23 @@ def blocks_of(rows: int, count: int, correlation: float) -> Array:
     rho = float(np.clip(correlation, 0, 0.99))
     length = int(np.clip(np.ceil((1 + rho) / (1 - rho)), 2, max(count // 8, 1)))
     return np.tile(np.arange(count) // length, rows // count)
+
+
+def told_apart(correlation: RealArray, half: RealArray) -> RealArray:
+    """Return by how much more modes stand out of correlated noise than noise of tau = (1 + rho) / (1 - rho) times the variance says, (n,).
+
+    Of noise with correlations rho^i the matched filter of a resonance of half bandwidth h (in lines) has
+    1 + 2 sum_i rho^i / (1 + (i / 2 h)^2) times the variance that white noise gives it: the correlation of 1 / (j w - s) with itself i lines
+    off is 1 / (1 + j i / 2 h). That is tau for wide resonances, and much less for those narrower than the noise is correlated.
+
+    Parameters
+    ----------
+    correlation, half : array, (n,)
+    """
+    lags = np.arange(1, _LAGS)
+    powers = correlation[:, None] ** lags
+    own = 1 + 2 * np.sum(powers / (1 + (lags / (2 * np.maximum(half, 1e-6)[:, None])) ** 2), axis=1)
+    return np.asarray((1 + correlation) / (1 - correlation) / own)
 
 
 def search_bound(outputs: int, inputs: int, rows: int) -> float:

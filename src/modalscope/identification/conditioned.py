@@ -1,0 +1,81 @@
+"""What is made of a record without inputs before anything is identified: its band, its rate, and what in it is no structure.
+
+This is the only place where a record is filtered and decimated without being asked. The band that was chosen is the `band` of the settings:
+the same band, asked for, gives the same numbers to the last bit.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from modalscope.identification.routes import one_record
+from modalscope.model.notes import Note
+from modalscope.model.records import Records
+from modalscope.model.signals import Signals
+from modalscope.model.stored import StoredSignals
+
+__all__ = ["Conditioned", "bands_of_record", "conditioned"]
+
+Band = tuple[float, float]
+
+
+class Conditioned(NamedTuple):
+    """A record as correlations are made of it.
+
+    Attributes
+    ----------
+    records : Signals or StoredSignals
+        Filtered to the band and decimated.
+    band : (float, float) or None
+        Hz, as asked or as chosen; None where the record is taken as it is.
+    notes : tuple of Note
+        What was chosen, lines of machines, and whether there is anything but noise.
+    """
+
+    records: Signals | StoredSignals
+    band: Band | None
+    notes: tuple[Note, ...]
+
+
+def conditioned(record: Any, band: Band | None) -> Conditioned:
+    """Return a record without inputs in a band, or in its own.
+
+    Parameters
+    ----------
+    record : Signals or StoredSignals
+        Of a stored record an excerpt is looked at.
+    band : (float, float), optional
+        As asked, Hz.
+    """
+    from modalscope.preprocess.harmonics import harmonic_notes
+    from modalscope.preprocess.noise_test import noise_notes
+    from modalscope.preprocess.own_band import own_bands, taken_down
+    from modalscope.preprocess.prominent import levels_of
+
+    seen = record.excerpt()
+    levels = levels_of(seen)
+    own = own_bands(levels, record.sampling_rate)
+    told = (own.note((own.whole,)),) if band is None and own.whole is not None else ()
+    chosen = own.whole if band is None else band
+    notes = (*told, *noise_notes(levels, chosen), *harmonic_notes(seen))
+    return Conditioned(record if chosen is None else taken_down(record, chosen[1], own.drift), chosen, notes)
+
+
+def bands_of_record(data: Any, exclude: Any = None) -> tuple[tuple[Band, ...], tuple[Note, ...]]:
+    """Return the bands that a record without inputs falls into, and what is said about them; none of all other data.
+
+    Parameters
+    ----------
+    data : object
+    exclude : labels, optional
+        Channels left out.
+    """
+    from modalscope.preprocess.own_band import own_bands
+    from modalscope.preprocess.prominent import levels_of
+
+    if not isinstance(data, Signals | StoredSignals | Records) or data.input_dofs:
+        return (), ()
+    thing = data if exclude is None else data.select(exclude=exclude)
+    record = one_record(thing, "correlations") if isinstance(thing, Records) else thing.excerpt()
+    own = own_bands(levels_of(record), record.sampling_rate)
+    return (own.parts, (own.note(own.parts),)) if len(own.parts) > 1 else ((), ())

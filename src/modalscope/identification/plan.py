@@ -1,0 +1,179 @@
+"""What a diagram will take before it starts: the matrix, the way of factoring it, time and memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from modalscope.blocks.combinations import enough
+from modalscope.blocks.costs import Cost, speed
+from modalscope.identification.method import Problem
+from modalscope.identification.options import HankelOptions, LineOptions
+from modalscope.identification.orders import checked_orders
+from modalscope.identification.prepare import prepare
+from modalscope.identification.sizes import default_blocks, default_degree
+from modalscope.model.memory import allowed_memory, in_words
+from modalscope.model.response import Response
+
+__all__ = ["Plan", "plan"]
+
+#: Passes over the data of a randomized range: products from either side.
+_PASSES = 12
+
+#: Operations of a product that other work takes as long as, measured: of eigenvalues, n^3 times; of a number that indicators compare;
+#: of a number of the functions that are fitted.
+_EIGENVALUES, _COMPARED, _FITTED = 800.0, 1200.0, 4000.0
+
+#: Seconds an order takes beside its arithmetic.
+_ORDER = 0.005
+
+#: Lines that indicators compare, and copies of the data that one order makes.
+_LINES, _COPIES = 1000, 3
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Plan:
+    """What a diagram will take.
+
+    Parameters
+    ----------
+    method, data, matrix : str
+        The row, what it is made of and the matrix, in words.
+    orders : tuple of int
+    ways : tuple of Cost
+        Of factoring, in the order in which they are tried; nothing where that is not known.
+    reading, sweeping : float
+        Seconds of what comes before the factors, and of all orders after them.
+    memory : float
+        Bytes beside the data, at most.
+    """
+
+    method: str
+    data: str
+    matrix: str
+    orders: tuple[int, ...]
+    ways: tuple[Cost, ...]
+    reading: float
+    sweeping: float
+    memory: float
+
+    @property
+    def way(self) -> Cost | None:
+        """The first way that memory allows; None where there is none, or nothing is known."""
+        return next((cost for cost in self.ways if cost.memory <= allowed_memory()), None)
+
+    @property
+    def seconds(self) -> float:
+        """In all, on one thread of this machine."""
+        return self.reading + self.sweeping + (0.0 if self.way is None else self.way.seconds)
+
+    @property
+    def fits(self) -> bool:
+        """Whether it may take what it takes."""
+        return self.memory <= allowed_memory() and (self.way is not None or not self.ways)
+
+    def __str__(self) -> str:
+        lines = [f"{self.method} of {self.data}, orders {self.orders[0]} to {self.orders[-1]}", self.matrix]
+        for cost in self.ways:
+            mark = "<- taken" if cost is self.way else ""
+            lines.append(f"  {cost.route:18s} {cost.seconds:8.2g} s   {in_words(cost.memory):>8s}   {mark}".rstrip())
+        lines.append(f"  {len(self.orders)} orders          {self.sweeping:8.2g} s")
+        there = in_words(allowed_memory())
+        lines.append(
+            f"about {self.seconds:.2g} s on one thread, {in_words(self.memory)} beside the data ({there} are there)"
+        )
+        if not self.fits:
+            lines.append(
+                "that does not fit: lower the order or the block sizes, choose fewer channels or a narrower band"
+            )
+        return "\n".join(lines)
+
+
+def plan(
+    data: Any,
+    *,
+    method: str | None = None,
+    domain: str | None = None,
+    orders: Iterable[int] | None = None,
+    **options: Any,
+) -> Plan:
+    """Return what a stabilization diagram without deviations will take; nothing of its size is made.
+
+    Parameters
+    ----------
+    data : FrequencyResponse, ImpulseResponse, Signals, Records or a list of records
+    method, domain : str, optional
+        A cell of the table of methods.
+    orders : iterable of int, optional
+        As in `stabilize`.
+    **options
+        As in `stabilize`.
+
+    Raises
+    ------
+    DataError
+        Data that the row cannot take.
+    """
+    problem = prepare(data, method, domain, **options)
+    asked = tuple(problem.method.orders.ladder(problem.measured) if orders is None else checked_orders(orders))
+    measured, largest = problem.response, asked[-1]
+    small, reading, few = _thinned(problem, largest)
+    matrix, _, _ = small.method.matrix(small, largest)
+    ways = matrix.observable.costs(largest)
+    rows = matrix.block_rows * matrix.observable.outputs
+    each = float(problem.method.orders.states_each(measured))
+    if not ways:  # normal equations: half of their poles are unstable and left out, and there are no rows to compare
+        rows, each = 0, each / 2
+    sweeping = sum(_operations(small.response, rows, n * each) for n in asked) / speed()
+    stored = 16.0 * len(measured.output_dofs) * sum(n // 2 for n in asked)
+    passing = _COPIES * small.response.values.nbytes + stored
+    taken = next((cost.memory for cost in ways if cost.memory <= allowed_memory()), 0.0)
+    return Plan(
+        method=problem.method.label,
+        data=f"{measured.count} {'samples' if measured.grid is None else 'lines'} of {len(measured.output_dofs)} outputs "
+        f"and {measured.values.shape[2]} inputs ({in_words(measured.values.nbytes)})",
+        matrix=matrix.describe() + few,
+        orders=asked,
+        ways=ways,
+        reading=reading,
+        sweeping=sweeping + _ORDER * len(asked),
+        memory=taken + passing,
+    )
+
+
+def _thinned(problem: Problem, largest: int) -> tuple[Problem, float, str]:
+    """Return the problem with as many outputs as combinations will stand for them, what making these takes, and words."""
+    response, options = problem.response, problem.options
+    outputs = len(response.output_dofs)
+    count = enough(outputs, largest)
+    sized = _sizes(response, largest, options)
+    if count is None or sized is None or options.factorization != "auto" or response.ambient:
+        return problem, 0.0, ""
+    numbers = response.values.size * (2 if np.iscomplexobj(response.values) else 1)
+    seconds = _PASSES * (numbers * count + 30 * numbers) / speed()
+    thin = replace(problem, response=response.select(outputs=range(count)), options=replace(options, **sized))
+    return thin, seconds, f"; {outputs} outputs through {count} combinations ({seconds:.2g} s)"
+
+
+def _sizes(response: Any, largest: int, options: Any) -> dict[str, int] | None:
+    """Return the block sizes that all outputs would have; None where they are not combined."""
+    if isinstance(options, LineOptions):
+        return (
+            None if response.grid is None else {"block_rows": options.block_rows or default_degree(response, largest)}
+        )
+    if not isinstance(options, HankelOptions):
+        return None
+    rows, columns = default_blocks(response, largest, *options.spans)
+    return {"block_rows": rows, "block_columns": columns}
+
+
+def _operations(response: Response, rows: int, states: float) -> float:
+    """Return what one order costs: its eigenvalues, the fit to the data, and the indicators of the matrix' rows and columns."""
+    real = response.count * (2 if np.iscomplexobj(response.values) else 1)
+    _, outputs, inputs = response.values.shape
+    fit = real * states * (_FITTED + 16 * states + 4 * outputs * inputs)
+    compared = rows + 2 * inputs * min(response.count, _LINES)
+    return float(_EIGENVALUES * states**3 + fit + compared * states / 2 * (_COMPARED + 4 * states))
