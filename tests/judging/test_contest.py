@@ -10,7 +10,9 @@ import pytest
 from modalscope.identification.descent import descend
 from modalscope.identification.likelihood import Whitened, whitened
 from modalscope.identification.whitening import search_bound
-from modalscope.judging.contest import Arena, _standing, contest, gains_beside
+from modalscope.judging.arena import Arena
+from modalscope.judging.contenders import standing
+from modalscope.judging.contest import contest, gains_beside
 from modalscope.judging.likeness import ONE_SHAPE, collinear
 from modalscope.model import FrequencyResponse
 from modalscope.model.poles import poles_from
@@ -123,7 +125,7 @@ def test_what_stays_when_the_weakest_go_is_what_refits_say() -> None:
         stay = next((k for k, (_, gain) in enumerate(gone) if gain >= least), len(gone))
         left = {j for j, _ in gone[stay:]} | set(kept)
         if stay < len(gone):
-            assert set(_standing(fitted, least)) == left
+            assert set(standing(fitted, np.full(4, least))) == left
 
 
 def cost_of(problem: Whitened, sides: np.ndarray, which: list[int]) -> float:

@@ -324,6 +324,13 @@ def test_of_correlations_a_mode_that_is_known_well_and_lasts_need_not_be_seen(
     assert HIDDEN[0] in weighed(found, ratio=1.0, peak=0.0, left_open=left_open).against
 
 
+def test_of_few_orders_a_mode_that_is_known_well_need_not_be_at_all() -> None:
+    # of five orders the first two cannot hold it
+    assert weighed(last(3, 5), 5, ratio=1.0, peak=0.0, ambient=True, left_open=CERTAIN - NUDGE).against == ()
+    assert weighed(last(3, 5), 5, ambient=True, left_open=CERTAIN).against == ("found at 3 of 5 orders only",)
+    assert weighed(last(3, 5), 5).against == ("found at 3 of 5 orders only",)
+
+
 def test_of_correlations_nothing_is_a_mode_that_the_record_leaves_open() -> None:
     assert weighed(last(20), ambient=True, left_open=UNCERTAIN - NUDGE).against == ()
     assert weighed(last(20), ambient=True, left_open=UNCERTAIN).against == (

@@ -9,6 +9,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.modal.rebuilt import fit_of
+from modalscope.workflow.refining import refined_where_it_helps
 from tests.support import BEAM, FIVE, add_noise, measured
 
 
@@ -47,7 +48,8 @@ def test_modes_of_the_beam_beyond_the_published_ones_are_its_torsion_series_and_
         assert why["orders_found"] >= 0.25 * why["orders_tried"]
         if np.min(np.abs(modes.frequencies[j] / torsion - 1)) > 0.0005:
             assert abs(modes.frequencies[j] - 4259.8) < 1
-            assert modes.gain[j] < 2 * why["noise_gain"]
+            # narrower than the errors are correlated, so that more of it counts; the least of the torsion series has seven times the bar
+            assert modes.gain[j] < 4 * why["noise_gain"]
 
 
 def test_parts_of_a_resonance_of_the_beam_that_shifts_are_named_and_not_listed(beam):
@@ -56,6 +58,17 @@ def test_parts_of_a_resonance_of_the_beam_that_shifts_are_named_and_not_listed(b
     assert parts
     for c in parts:
         assert np.min(np.abs(modes.frequencies / c.frequency - 1)) < 0.001
+
+
+def test_every_mode_of_the_beam_has_both_deviations(beam):
+    modes, diagram = beam
+    found = refined_where_it_helps(diagram, modes)
+    assert len(found) == len(modes)
+    for name in ("frequencies", "damping_ratios"):
+        for kind in ("std", "repeatability"):
+            assert np.all(getattr(found, f"{name}_{kind}") > 0)
+    # weak modes beside a stronger neighbour keep their values; hammer points agree on them by no more than a bandwidth
+    assert np.all(found.frequencies_repeatability < found.frequencies * found.damping_ratios)
 
 
 def test_the_rebuilt_responses_explain_the_measured_beam(beam):

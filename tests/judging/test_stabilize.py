@@ -12,7 +12,7 @@ import pytest
 from modalscope import DataError, stabilize
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.identification.sweep import Cut
-from modalscope.judging.stabilize import TOLERANCES, _stable
+from modalscope.judging.stabilize import TOLERANCES, stable_against
 from modalscope.modal.eigenmodes import Eigenmodes
 from modalscope.model import FrequencyResponse, ImpulseResponse, ModalModel, Signals
 from tests.judging.made import NUDGE, Pole, at_angle, response_of
@@ -50,7 +50,7 @@ def flags(after: list[Pole], before: list[Pole], **limits: float) -> list[tuple[
             misfit=0.0,
         )
 
-    found = _stable(cut(2, before), cut(4, after), {**TOLERANCES, **limits})
+    found = stable_against(cut(2, before), cut(4, after), {**TOLERANCES, **limits})
     return [tuple(bool(v) for v in column) for column in found.T]
 
 

@@ -7,8 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from modalscope.judging.contest import Arena, contest
+from modalscope.judging.arena import Arena
+from modalscope.judging.contest import contest
 from modalscope.judging.evidence import Candidate, evidence_of
+from modalscope.judging.growth import ORDERS_END
+from modalscope.judging.outcome import modes_of
 from modalscope.judging.select import select
 from modalscope.judging.tracking import Poles
 from modalscope.judging.verdict import Trial, verdicts
@@ -120,6 +123,16 @@ def test_what_data_leave_open_is_no_mode() -> None:
         assert "leave its frequency open by" in c.against[0] or "beside the modes" in c.against[0]
 
 
+def test_of_coloured_data_a_mode_that_spans_many_lines_need_not_be_shown_by_orders() -> None:
+    # 18 Hz with 1.2 %: a bandwidth of 8.6 lines, which are four correlation lengths of white lines and not of (1 + .5) / (1 - .5) lines
+    for correlation, listed in ((0.0, True), (0.5, False)):
+        found = told(*(p for j in (0, 1, 2) for p in shown(j)), coloured=True, correlation=np.full(F.size, correlation))
+        assert (abs(modes(found)[-1].frequency - 18) < 0.1) is listed
+    # 9 Hz with 1 %: 3.6 lines
+    found = told(*(p for j in (1, 2, 3) for p in shown(j)), coloured=True, correlation=np.zeros(F.size))
+    assert modes(found)[0].frequency > 10
+
+
 def test_of_coloured_data_a_mode_is_shown_at_a_quarter_of_the_orders() -> None:
     for count, listed in ((5, True), (4, False)):
         found = told(*(p for j in (1, 2, 3) for p in shown(j)), *shown(0, ORDERS[:count]), coloured=True)
@@ -127,6 +140,42 @@ def test_of_coloured_data_a_mode_is_shown_at_a_quarter_of_the_orders() -> None:
     assert "shown at 4 of 20 orders only" in next(c for c in found if c.against).against[0]
     # of white data gain alone decides
     assert len(modes(told(*(p for j in (1, 2, 3) for p in shown(j)), *shown(0, ORDERS[:4])))) == 4
+
+
+@pytest.mark.parametrize(
+    ("orders", "late"), [(ORDERS[-4:], True), (ORDERS[-8:-4], False), ((*ORDERS[9:12], ORDERS[-1]), False)]
+)
+def test_what_only_the_last_orders_show_began_too_late_to_be_told(orders: tuple[int, ...], late: bool) -> None:
+    # four orders of twenty: up to the last one, up to the fourth last, and at four of the eleven since the first
+    found = told(*(p for j in (1, 2, 3) for p in shown(j)), *shown(0, orders), coloured=True)
+    assert [c.facts.get("late", False) for c in found if c.against and abs(c.frequency - 9) < 0.1] == [late]
+
+
+def test_an_empty_list_says_why() -> None:
+    made = shown(0, ORDERS[:3])
+    diagram, poles = diagram_of(*made, response=data(), orders=ORDERS), poles_of(*made, orders=ORDERS)
+    rare = replace(told(*ALL)[0], members=np.arange(3), against=("found at 3 of 20 orders only",))
+
+    def why(made_of: object, left: list[Candidate]) -> list[str]:
+        empty = modes_of(replace(diagram, **made_of), poles, [], left)  # type: ignore[arg-type]
+        assert [c.reason for c in empty.left_out] == [c.against[0] for c in left]
+        return [str(note) for note in empty.notes if note.kind == "no mode"]
+
+    assert "9.0001 Hz: found at 3 of 20 orders only" in why({}, [rare])[0]
+    assert "no decaying oscillations agree at three of the orders 2 to 40" in why({}, [])[0]
+    assert [n for n in modes_of(diagram, poles, [replace(rare, against=())], [rare]).notes if n.kind == "no mode"] == []
+
+
+def test_a_mode_that_began_too_late_is_a_note_of_the_list() -> None:
+    made = [p for j in range(4) for p in shown(j)]
+    diagram = diagram_of(*made, response=data(), orders=ORDERS)
+    candidates = [c for c in told(*made) if not c.against]
+    undecided = replace(candidates[0], facts=candidates[0].facts | {"late": True}, against=("shown at few orders",))
+    listed = modes_of(diagram, poles_of(*made, orders=ORDERS), candidates[1:], [undecided])
+    assert [str(n) for n in listed.notes if n.kind == ORDERS_END] == [
+        "only the last orders up to 40 show what the data need at 9.0001 Hz: give more orders, or bands one by one"
+    ]
+    assert not [n for n in modes_of(diagram, poles_of(*made, orders=ORDERS), candidates).notes if n.kind == ORDERS_END]
 
 
 def test_of_coloured_data_poles_that_act_as_one_are_parts_of_the_strongest() -> None:

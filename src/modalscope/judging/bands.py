@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -14,10 +16,10 @@ from modalscope.model.checks import (
     check_kind,
 )
 from modalscope.model.keywords import named
-from modalscope.model.mode_fields import joined
+from modalscope.model.mode_fields import PER_MODE, joined
 from modalscope.model.modes import ModalModel
 
-__all__ = ["merge_bands"]
+__all__ = ["evened", "merge_bands"]
 
 
 @named()
@@ -85,6 +87,24 @@ def merge_bands(
     order = np.array(sorted(kept, key=lambda i: f[i]), dtype=int)
     words = ", ".join(f"{low:g} to {high:g} Hz" for low, high in bands)
     return everything.take(order).processed(f"merged from bands {words}")
+
+
+def evened(parts: Sequence[ModalModel]) -> list[ModalModel]:
+    """Return modes of several parts with the same fields: what only some have is NaN in the others, and what is not refined its own start.
+
+    Parameters
+    ----------
+    parts : sequence of ModalModel
+    """
+    known = [name for name in PER_MODE if any(getattr(part, name) is not None for part in parts)]
+    refined = any(part.unrefined is not None for part in parts)
+    filled = []
+    for part in parts:
+        missing: dict[str, Any] = {name: np.full(len(part), np.nan) for name in known if getattr(part, name) is None}
+        if refined and part.unrefined is None:
+            missing["unrefined"] = part
+        filled.append(replace(part, **missing) if missing else part)
+    return filled
 
 
 def _same_channels(results: Sequence[ModalModel]) -> None:

@@ -10,60 +10,32 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from modalscope.identification.descent import Descent, descend
+from modalscope.identification.descent import descend
 from modalscope.identification.information import inverse, normal, residual
-from modalscope.identification.likelihood import Fitted, Point, Whitened
+from modalscope.identification.likelihood import Point
 from modalscope.identification.matched import amplitudes, strongest_peaks
 from modalscope.identification.whitening import colour
+from modalscope.judging.arena import Arena
+from modalscope.judging.contenders import Optimum, State, own_variance, settled, standing
 from modalscope.judging.likeness import collinear
 from modalscope.model.checks import Array, ComplexArray, RealArray
-from modalscope.model.poles import frequencies_and_damping
 from modalscope.uncertainty.covariance import deviations_of_poles, pole_blocks
 
-__all__ = ["Arena", "Outcome", "contest", "gains_beside"]
-
-#: No pole so far outside the band (part of its edge) or so much damped is a mode: it makes up for something else.
-_OUTSIDE, _DAMPED = 0.1, 0.9
+__all__ = ["Outcome", "contest", "gains_beside"]
 
 #: In data that may not be white every round leaves at most this part of what exceeds white noise; of so many values, where a round is
 #: dear, that is asked of the peaks before they are refined with the others.
 _WHITER, _LARGE = 0.7, 20_000
+
+#: Two poles are tried for one so many half bandwidths to either side of it.
+_SPLIT = 0.5
 
 #: Rounds of looking for what is missing, and poles taken up in each.
 _ROUNDS, _PEAKS = 8, 6
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Arena:
-    """The data, and what a mode has to pass.
-
-    Parameters
-    ----------
-    problem : Whitened
-        Data divided by the noise of rows and channels.
-    variance : float
-        Of what is left of them by a richer model.
-    bar : float
-        What noise may explain, in variances.
-    band : (float, float)
-        Hz.
-    brief : bool
-        Whether poles are refined roughly.
-    coloured : bool
-        Whether what is left of the data is more than noise: then nothing is looked for in it, collinear neighbours are not taken for two
-        modes of which one may be noise, and the variance stays what it is.
-    """
-
-    problem: Whitened
-    variance: float
-    bar: float
-    band: tuple[float, float]
-    brief: bool = False
-    coloured: bool = False
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Outcome:
+class Outcome(Optimum):
     """The poles that stayed, as the data have them.
 
     Parameters
@@ -75,51 +47,32 @@ class Outcome:
         In variances.
     frequency_std, damping_std : array, (n,)
         Hz, ratio: from the information of the data.
+    noise : float
+        The larger variance, of the noise or of what the model leaves.
     """
 
-    descent: Descent
-    variance: float
     gain: RealArray
     frequency_std: RealArray
     damping_std: RealArray
+    noise: float
 
-    @property
-    def poles(self) -> ComplexArray:
-        """rad/s."""
-        return self.descent.point.poles
+    def as_one(self, first: int, others: Array) -> tuple[float, float]:
+        """Return the deviations of a pole's frequency (Hz) and damping ratio when it stands for others that act as one with it.
 
-    @property
-    def residues(self) -> tuple[ComplexArray, ComplexArray]:
-        """Shapes (l, n) and participation (n, m)."""
-        return self.descent.point.problem.scaled_back(self.descent.point, self.descent.fitted)
+        Where each alone lies depends on the others, whose residues may nearly cancel; where all of them lie is what the data tell.
 
-
-@dataclass(frozen=True, eq=False, slots=True)
-class _State:
-    """Where a contest stands: the optimum so far, and the noise as it is known by now."""
-
-    arena: Arena
-    descent: Descent
-    variance: float
-
-    @property
-    def poles(self) -> ComplexArray:
-        return self.descent.point.poles
-
-    @property
-    def sides(self) -> ComplexArray:
-        return self.descent.point.sides
-
-    @property
-    def residues(self) -> tuple[ComplexArray, ComplexArray]:
-        return self.descent.point.problem.scaled_back(self.descent.point, self.descent.fitted)
-
-    @property
-    def gain(self) -> RealArray:
-        return self.descent.fitted.gain / self.variance
-
-    def without(self, gone: int) -> tuple[ComplexArray, ComplexArray]:
-        return np.delete(self.poles, gone), np.delete(self.sides, gone, axis=0)
+        Parameters
+        ----------
+        first : int
+        others : array of int
+        """
+        point = self.descent.point
+        kept = np.setdiff1d(np.arange(len(point.poles)), others)
+        less = point.problem.at(point.poles[kept], point.sides[kept])
+        covariance = self.noise * inverse(normal(less, less.fitted())[0])
+        at = 2 * point.sides.shape[1] * np.flatnonzero(kept == first)
+        f, zeta = deviations_of_poles(point.poles[[first]], pole_blocks(covariance, at))
+        return float(f[0]), float(zeta[0])
 
 
 def contest(arena: Arena, poles: ComplexArray, sides: ComplexArray, *, doubted: bool = False) -> Outcome | None:
@@ -137,17 +90,17 @@ def contest(arena: Arena, poles: ComplexArray, sides: ComplexArray, *, doubted: 
     """
     size = np.maximum(np.linalg.norm(sides, axis=1, keepdims=True), 1e-300)
     point = arena.problem.at(poles, sides / size, slopes=False)
-    kept = _standing(point.fitted(), arena.bar / 2 * arena.variance)
-    state = _settled(arena, arena.variance, poles[kept], (sides / size)[kept])
+    kept = standing(point.fitted(), arena.bar / 2 * arena.variance / arena.worth(poles))
+    state = settled(arena, arena.variance, poles[kept], (sides / size)[kept])
     if not arena.coloured:
         completed = _completed(state, _excess(state) if doubted else None)
         if completed is None:
             return None
-        state = completed
+        state = _parted(completed)
     return _judged(_one_or_two(state))
 
 
-def _completed(state: _State, excess: float | None) -> _State | None:
+def _completed(state: State, excess: float | None) -> State | None:
     """Take up the strongest peaks of the residual, round by round, while they stay; give up where it is to become white and does not."""
     tried = state.poles
     for _ in range(_ROUNDS):
@@ -158,7 +111,7 @@ def _completed(state: _State, excess: float | None) -> _State | None:
         if excess is not None and large and _excess(state, named) > max(1.0, _WHITER * excess):
             return None
         before = len(state.poles)
-        state = _settled(state.arena, state.variance, *more)
+        state = settled(state.arena, state.variance, *more)
         tried = np.concatenate([tried, named, state.poles])
         if excess is not None:
             left = _excess(state)
@@ -170,7 +123,7 @@ def _completed(state: _State, excess: float | None) -> _State | None:
     return state if excess is None or excess <= 1 else None
 
 
-def _excess(state: _State, more: ComplexArray | tuple[()] = ()) -> float:
+def _excess(state: State, more: ComplexArray | tuple[()] = ()) -> float:
     """Return how far what is left exceeds what white noise may do, white up to 1: also without what more poles can explain of it."""
     point = state.descent.point
     left = residual(point, state.descent.fitted)
@@ -186,63 +139,10 @@ def gains_beside(arena: Arena, found: Outcome, poles: Array) -> RealArray:
     """Return what poles (n,) would explain of the residual, in variances, each alone with its best shape and participation."""
     left = residual(found.descent.point, found.descent.fitted)
     A = amplitudes(arena.problem.light, left, arena.problem.rows, poles)
-    return np.asarray(np.linalg.norm(A, ord=2, axis=(1, 2)) ** 2 / found.variance)
+    return np.asarray(np.linalg.norm(A, ord=2, axis=(1, 2)) ** 2 / found.variance * arena.worth(poles))
 
 
-def _settled(arena: Arena, variance: float, poles: ComplexArray, sides: ComplexArray) -> _State:
-    """Refine jointly, throw out what is no mode, prune at the bar, and again until nothing goes."""
-    while True:
-        tolerance, most = (1e-5, 8) if arena.brief else (1e-7, 25)
-        descent = descend(arena.problem, poles, sides, tolerance=tolerance, most=most)
-        state = _State(arena, descent, variance if arena.coloured else min(variance, _own_variance(arena, descent)))
-        fit = np.flatnonzero(_possible(arena, state.poles))
-        poles, sides = state.poles[fit], state.sides[fit]
-        if len(fit) == len(state.poles):
-            kept = _standing(descent.fitted, arena.bar * state.variance)
-            if len(kept) == len(poles):
-                return state
-            poles, sides = poles[kept], sides[kept]
-        variance = state.variance
-
-
-def _own_variance(arena: Arena, descent: Descent) -> float:
-    """Return what the model itself leaves of a row: less than the richer model does where that lacked a mode."""
-    q, p = arena.problem.data.shape[1:]
-    return descent.cost / max(arena.problem.freedom - 2 * len(descent.point.poles) * int(q + p), 1)
-
-
-def _possible(arena: Arena, poles: ComplexArray) -> Array:
-    low, high = arena.band
-    f, zeta = frequencies_and_damping(poles)
-    return np.asarray((f > low * (1 - _OUTSIDE)) & (f < high * (1 + _OUTSIDE)) & (zeta < _DAMPED))
-
-
-def _standing(fitted: Fitted, least: float) -> Array:
-    """Return which modes stay when the weakest goes, one after the other, while it explains less than `least`.
-
-    The rise of the squared misfit without mode j is c_j' S_jj^-1 c_j, with S the covariance of all coefficients c; without it
-    they are c - S_.j S_jj^-1 c_j, and their covariance is S - S_.j S_jj^-1 S_j.
-    """
-    S = fitted.spread
-    c = np.stack([fitted.linear.real.T, fitted.linear.imag.T], axis=1).reshape(len(S), len(fitted.linear))
-    kept = np.arange(len(S) // 2)
-    while kept.size:
-        pairs = 2 * np.arange(kept.size)[:, None] + [0, 1]
-        own = np.linalg.pinv(S[pairs[:, :, None], pairs[:, None, :]], hermitian=True)
-        each = c.reshape(kept.size, 2, c.shape[1])
-        gain = np.sum(each * (own @ each), axis=(1, 2))
-        weakest = int(np.argmin(gain))
-        if gain[weakest] >= least:
-            break
-        block = pairs[weakest]
-        carried = S[:, block] @ own[weakest]
-        rest = np.delete(np.arange(len(S)), block)
-        c, S = (c - carried @ c[block])[rest], (S - carried @ S[block])[np.ix_(rest, rest)]
-        kept = np.delete(kept, weakest)
-    return kept
-
-
-def _with_peaks(state: _State, tried: ComplexArray) -> tuple[tuple[ComplexArray, ComplexArray], ComplexArray]:
+def _with_peaks(state: State, tried: ComplexArray) -> tuple[tuple[ComplexArray, ComplexArray], ComplexArray]:
     """Return poles and sides with the strongest peaks of the residual, and these alone."""
     point, problem = state.descent.point, state.arena.problem
     known = np.concatenate([state.poles, tried])
@@ -254,7 +154,34 @@ def _with_peaks(state: _State, tried: ComplexArray) -> tuple[tuple[ComplexArray,
     return (np.append(state.poles, named), np.vstack([state.sides, sides])), named
 
 
-def _one_or_two(state: _State) -> _State:
+def _parted(state: State) -> State:
+    """Put two poles in the place of one where that lowers the misfit by more than noise may.
+
+    What one pole leaves of two of the same shape is of second order in their distance, and shows as no peak of the residual.
+    """
+    for pole in state.poles[np.argsort(-state.gain)]:
+        j = int(np.argmin(np.abs(state.poles - pole)))
+        least = state.arena.bar * state.variance
+        poles, sides = _two_for(state, j)
+        point = state.arena.problem.at(poles, sides, slopes=False)
+        if state.gain[j] < state.arena.bar or state.descent.cost - point.cost(point.fitted()) < least / 2:
+            continue
+        aim = state.descent.cost - least
+        other = descend(state.arena.problem, poles, sides, tolerance=1e-5, most=12, decisive=aim)
+        if other.cost < aim:
+            state = settled(state.arena, state.variance, other.point.poles, other.point.sides)
+    return state
+
+
+def _two_for(state: State, j: int) -> tuple[ComplexArray, ComplexArray]:
+    """Return poles and sides with two, `_SPLIT` of a half bandwidth to either side, for pole j."""
+    apart = -1j * _SPLIT * state.poles[j].real
+    poles = np.append(state.poles, state.poles[j] - apart)
+    poles[j] += apart
+    return poles, np.vstack([state.sides, state.sides[[j]]])
+
+
+def _one_or_two(state: State) -> State:
     """Take out what the others make up for when they are refined without it: of two that overlap the weaker, and all that are weak."""
     cleared: set[complex] = set()
     while True:
@@ -262,15 +189,15 @@ def _one_or_two(state: _State) -> _State:
         if not doubtful:
             return state
         j = doubtful[0]
-        least = state.descent.cost + state.arena.bar * state.variance
+        least = state.descent.cost + state.arena.bar * state.variance / float(state.arena.worth(state.poles[[j]])[0])
         other = descend(state.arena.problem, *state.without(j), tolerance=1e-5, most=12, decisive=least)
         if other.cost < least:
-            state = _settled(state.arena, state.variance, other.point.poles, other.point.sides)
+            state = settled(state.arena, state.variance, other.point.poles, other.point.sides)
         else:
             cleared.add(complex(state.poles[j]))
 
 
-def _doubtful(state: _State) -> list[int]:
+def _doubtful(state: State) -> list[int]:
     """Return the weak modes and the weaker one of every pair that overlaps, the weakest first; parts of a mode are in no doubt."""
     w, half, gain = state.poles.imag, -state.poles.real, state.gain
     near = np.abs(w[:, None] - w) < half[:, None] + half
@@ -280,15 +207,16 @@ def _doubtful(state: _State) -> list[int]:
     return [int(j) for j in np.argsort(gain) if weaker[j] or gain[j] < 2 * state.arena.bar]
 
 
-def _judged(state: _State) -> Outcome:
+def _judged(state: State) -> Outcome:
     """Refine to the end and give every mode its deviations."""
     descent, coloured = state.descent, state.arena.coloured
     if not coloured:
         descent = descend(state.arena.problem, state.poles, state.sides, tolerance=1e-9, most=40)
-    own = _own_variance(state.arena, descent)
+    own = own_variance(state.arena, descent)
     state = replace(state, descent=descent, variance=state.variance if coloured else min(state.variance, own))
     point: Point = descent.point
     n, p = point.sides.shape
-    covariance = max(state.variance, own) * inverse(normal(point, descent.fitted)[0]) if n else np.zeros((0, 0))
+    noise = max(state.variance, own)
+    covariance = noise * inverse(normal(point, descent.fitted)[0]) if n else np.zeros((0, 0))
     f, zeta = deviations_of_poles(point.poles, pole_blocks(covariance, 2 * p * np.arange(n)))
-    return Outcome(descent, state.variance, state.gain, f, zeta)
+    return Outcome(descent, state.variance, state.gain, f, zeta, noise)

@@ -19,6 +19,7 @@ __all__ = [
     "CERTAIN",
     "LEAST_ORDERS",
     "LEAST_PEAK",
+    "LEAST_PERSISTENCE",
     "LEAST_SHARE",
     "LEAST_SIGNAL",
     "UNCERTAIN",
@@ -46,7 +47,7 @@ LEAST_PROMINENCE = 1.2
 #: more clearly and the mode must have some part in the peak, unless it is the whole response and found at half of the orders.
 LEAST_PROMINENCE_AMBIENT, LEAST_PEAK_AMBIENT, WHOLE_PEAK = 1.5, 0.1, 0.9
 #: ... or its frequency is known to this part of its half bandwidth and its damping ratio to this part, at this share of the orders and
-#: up to the last ones.
+#: up to the last ones. Then it need not be found at five: few orders that are tried may end soon after the first that can hold it.
 CERTAIN, CERTAIN_SHARE = 0.3, 0.25
 #: Of correlations nothing is a mode that is known to this part only: what noise leaves by chance is not known better.
 UNCERTAIN = 0.7
@@ -115,12 +116,10 @@ def evidence_of(diagram: StabilizationDiagram) -> Evidence:
     response, scale = diagram.response, output_scale(diagram.response)[:, None]
     outputs, inputs = response.values.shape[1:]
     ambient = response.ambient
-    f, spectrum = response.spectrum()
-    H, count = spectrum / scale, response.count
-    curves = cmif(H)
-    size = np.sqrt(count * outputs * inputs / (outputs + inputs))
-    level, shown = np.linalg.norm(H, axis=(1, 2)), np.sqrt(curves) if ambient else curves
-    return Evidence(f, level, shown, float(size), ambient, window_damping(response))
+    parts = [(f, cmif(H / scale), np.linalg.norm(H / scale, axis=(1, 2))) for f, H in response.spectra()]
+    f, curves, level = (np.concatenate(part) for part in zip(*parts, strict=True))
+    size = np.sqrt(response.count * outputs * inputs / (outputs + inputs))
+    return Evidence(f, level, np.sqrt(curves) if ambient else curves, float(size), ambient, window_damping(response))
 
 
 def peaks(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> RealArray:
@@ -154,16 +153,16 @@ def judge(
     shown = frequencies_and_damping(poles_from(f, zeta) - evidence.added_damping)
     stands_out = prominence(evidence.curves, evidence.frequencies, *(float(v) for v in shown))
     share = float(np.median(peak[group]))
+    found = group.size / len(orders)
+    lasting = int(poles.order[group].max()) >= orders[-min(GAP, len(orders))]
+    certain = evidence.ambient and left_open < CERTAIN and found >= CERTAIN_SHARE and lasting
     against = []
-    if group.size < max(min(LEAST_ORDERS, len(orders)), LEAST_SHARE * len(orders)):
+    if not certain and group.size < max(min(LEAST_ORDERS, len(orders)), LEAST_SHARE * len(orders)):
         against.append(f"found at {group.size} of {len(orders)} orders only")
     if persistence < LEAST_PERSISTENCE:
         against.append(f"comes and goes: at {100 * persistence:.0f} % of the orders since its first")
     if not evidence.ambient and signal < LEAST_SIGNAL:
         against.append(f"within the noise: {signal:.1f} standard deviations")
-    found = group.size / len(orders)
-    lasting = int(poles.order[group].max()) >= orders[-min(GAP, len(orders))]
-    certain = evidence.ambient and left_open < CERTAIN and found >= CERTAIN_SHARE and lasting
     if not certain and not _visible(stands_out, share, found, evidence.ambient):
         against.append("weak, and no peak of the mode indicator")
     if evidence.ambient and left_open >= UNCERTAIN:
@@ -209,6 +208,8 @@ def sentence(facts: dict[str, Any], loss: float) -> str:
             0,
             f"explains {facts['gain']:.3g} standard deviations of the noise ({facts['noise_gain']:.2g} could be noise)",
         )
+    if "cluster" in facts:
+        told.append(f"stands for a cluster of {facts['cluster']} poles that the data do not part")
     if "rests_on" in facts:
         told.append(f"seen from {facts['rests_on']} alone")
     return f"{', '.join(told)}; without it the fit error grows by {100 * loss:.2g} %"

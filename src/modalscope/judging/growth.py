@@ -9,7 +9,10 @@ from modalscope.modal.sufficient import still_falls
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.notes import Note
 
-__all__ = ["grown"]
+__all__ = ["ORDERS_END", "grown"]
+
+#: The kind of notes that say that the orders end too soon.
+ORDERS_END = "orders end"
 
 #: Orders that are tried by default are doubled so many times at most, and are every second one up to this.
 _DOUBLED, _FINE = 2, 100
@@ -43,5 +46,5 @@ def grown(found: StabilizationDiagram, again: Callable[[Iterable[int]], Stabiliz
         text = (
             f"the fit error still falls at order {last}, so that modes may be missing: give orders, or bands one by one"
         )
-        found = replace(found, notes=(*found.notes, Note("orders end", {"largest": last}, text)))
+        found = replace(found, notes=(*found.notes, Note(ORDERS_END, {"largest": last}, text)))
     return found

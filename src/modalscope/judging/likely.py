@@ -13,7 +13,8 @@ from modalscope.identification.beside import needed_beside
 from modalscope.identification.likelihood import whitened
 from modalscope.identification.richer import Floor, by_line, floor_of
 from modalscope.identification.whitening import search_bound
-from modalscope.judging.contest import Arena, Outcome, contest
+from modalscope.judging.arena import Arena
+from modalscope.judging.contest import Outcome, contest
 from modalscope.judging.evidence import Candidate, Evidence
 from modalscope.judging.tracking import Poles, consensus, merge_splits, tracks
 from modalscope.judging.verdict import Trial, verdicts
@@ -90,7 +91,7 @@ def _arena(response: Response, floor: Floor, steady: ComplexArray) -> Arena:
         response, steady, response.outside_powers, floor.rows, levels.outputs, levels.inputs, swift=swift
     )
     bar = search_bound(response.values.shape[1], response.values.shape[2], len(floor.rows))
-    return Arena(problem, floor.variance, bar, response.span)
+    return Arena(problem, floor.variance, bar, response.span, correlation=floor.correlation)
 
 
 def _starts(poles: Poles, groups: list[Array]) -> IntArray:

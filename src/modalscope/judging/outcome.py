@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.judging.evidence import LEAST_ORDERS, LEAST_SHARE, Candidate, sentence
+from modalscope.judging.growth import ORDERS_END
 from modalscope.judging.tracking import Poles
 from modalscope.modal.indicators import mac
 from modalscope.modal.joint import joint_residues
@@ -17,6 +18,7 @@ from modalscope.model.candidates import Candidate as LeftOut
 from modalscope.model.checks import ComplexArray, RealArray
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.modes import ModalModel
+from modalscope.model.notes import Note
 from modalscope.model.poles import poles_from
 from modalscope.model.response import Response
 from modalscope.model.robust import scatter
@@ -46,7 +48,7 @@ def modes_of(
         frequencies_spread=np.array([spread["frequency_spread_hz"] for spread in spreads]),
         damping_ratios_spread=np.array([spread["damping_ratio_spread"] for spread in spreads]),
         gain=None if any(np.isnan(c.gain) for c in chosen) else np.array([c.gain for c in chosen]),
-        left_out=left_out(diagram, left),
+        left_out=left_out(diagram, left, chosen=bool(chosen)),
         **_deviations(diagram, chosen, poles),
         indicators=_indicators(diagram, chosen, poles),
         **response.labelled(),
@@ -55,12 +57,43 @@ def modes_of(
     facts = [{**c.facts, **spread} for c, spread in zip(chosen, spreads, strict=True)]
     reasons = _reasons(model, response, facts)
     told = [note for note in diagram.notes if note.kind == KIND]
-    return replace(model, reasons=reasons, notes=(*told, *withheld(model))).normalized("unit")
+    notes = (*told, *withheld(model), *_undecided(diagram, left), *_none(diagram, chosen, left))
+    return replace(model, reasons=reasons, notes=notes).normalized("unit")
 
 
-def left_out(diagram: StabilizationDiagram, candidates: Sequence[Candidate]) -> tuple[LeftOut, ...]:
-    """Return what looked like a mode and is not reported, with the reason: groups at enough orders, and what the data show without any."""
-    least = max(min(LEAST_ORDERS, len(diagram.orders)), LEAST_SHARE * len(diagram.orders))
+def _undecided(diagram: StabilizationDiagram, candidates: Sequence[Candidate]) -> tuple[Note, ...]:
+    """Return a note on what the data need and only the last orders show: where they end it can be no mode yet."""
+    late = sorted(c.frequency for c in candidates if c.facts.get("late"))
+    if not late:
+        return ()
+    where, last = ", ".join(f"{f:.5g} Hz" for f in late), diagram.orders[-1]
+    text = (
+        f"only the last orders up to {last} show what the data need at {where}: give more orders, or bands one by one"
+    )
+    return (Note(ORDERS_END, {"largest": last, "late": len(late)}, text),)
+
+
+def _none(diagram: StabilizationDiagram, chosen: Sequence[Candidate], left: Sequence[Candidate]) -> tuple[Note, ...]:
+    """Return a note that says why a list is empty."""
+    if chosen:
+        return ()
+    orders = f"orders {diagram.orders[0]} to {diagram.orders[-1]}"
+    if left:
+        strongest = max(left, key=lambda c: c.members.size)
+        text = f"no mode: of {len(left)} candidates the one at most orders, {strongest.frequency:.5g} Hz: {'; '.join(strongest.against)}"
+    elif len(diagram.poles):
+        text = f"no mode: no decaying oscillations agree at three of the {orders}; try more orders"
+    else:
+        text = f"no mode: the {orders} have no pole in the band"
+    return (Note("no mode", {"candidates": len(left)}, text),)
+
+
+def left_out(diagram: StabilizationDiagram, candidates: Sequence[Candidate], *, chosen: bool) -> tuple[LeftOut, ...]:
+    """Return what looked like a mode and is not reported, with the reason: groups at enough orders, and what the data show without any.
+
+    Where no mode was chosen all groups are told: why there is none is what is asked then.
+    """
+    least = max(min(LEAST_ORDERS, len(diagram.orders)), LEAST_SHARE * len(diagram.orders)) if chosen else 0
     return tuple(
         LeftOut(
             frequency=c.frequency,

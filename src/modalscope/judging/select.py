@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from modalscope.blocks.threads import one_thread
 from modalscope.judging.counted import counted
 from modalscope.judging.evidence import Candidate, evidence_of, oscillations
 from modalscope.judging.likely import has_likelihood, likely
+from modalscope.judging.no_structure import beside_structure, told_of_errors, told_why_none
 from modalscope.judging.outcome import modes_of
 from modalscope.judging.reference import paired_with, told_beside
 from modalscope.judging.tracking import Poles
@@ -19,7 +21,7 @@ from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.keywords import named
 from modalscope.model.modes import ModalModel
 
-__all__ = ["select"]
+__all__ = ["Weighed", "chosen_of", "select", "weighed"]
 
 
 @named()
@@ -82,16 +84,67 @@ def select(
     added, refused = (check_each(name, given, "numbers in Hz") for name, given in (("take", take), ("refuse", refuse)))
     _check_one_way(wanted, [*added, *refused], reference)
     check_positive("tolerance", tolerance)
-    poles, candidates = _candidates(diagram)
+    found = weighed(diagram)
     if reference is not None:
-        return _like(reference, diagram, poles, candidates, tolerance)
+        return _like(reference, diagram, found, tolerance)
+    return chosen_of(diagram, found, wanted, added, refused, tolerance)
+
+
+class Weighed(NamedTuple):
+    """The poles of a diagram that may be modes, and the groups of them with what speaks for and against each."""
+
+    poles: Poles
+    candidates: list[Candidate]
+
+
+@one_thread
+def weighed(diagram: StabilizationDiagram) -> Weighed:
+    """Return all that might be a mode, by the rule that suits the data: what takes the time of `select`, whatever is chosen then.
+
+    Parameters
+    ----------
+    diagram : StabilizationDiagram
+    """
+    poles = oscillations(diagram)
+    if diagram.exact_rank is not None:
+        return Weighed(poles, _exact(diagram, poles))
+    evidence = evidence_of(diagram)
+    found = likely(diagram, poles, evidence) if has_likelihood(diagram) else None
+    poles, candidates = found or counted(diagram, poles, evidence)
+    return Weighed(poles, beside_structure(diagram, candidates))
+
+
+@one_thread
+def chosen_of(
+    diagram: StabilizationDiagram,
+    found: Weighed,
+    wanted: Sequence[float] | None = None,
+    added: Sequence[float] = (),
+    refused: Sequence[float] = (),
+    tolerance: float = 0.01,
+) -> ModalModel:
+    """Return the modes among what was weighed: those at given frequencies, or the automatic ones with the changes by hand.
+
+    Parameters
+    ----------
+    diagram : StabilizationDiagram
+    found : Weighed
+        Of the same diagram.
+    wanted, added, refused : sequence of float
+        Hz, as `frequencies`, `take` and `refuse` of `select`.
+    tolerance : float
+    """
+    candidates = found.candidates
     if wanted is not None:
-        chosen = _by_hand(candidates, wanted, tolerance, diagram)
+        chosen = _by_hand(candidates, list(wanted), tolerance, diagram)
     else:
         chosen = [c for c in candidates if not c.against]
-        chosen = _changed(candidates, chosen, added, refused, tolerance, diagram)
+        chosen = _changed(candidates, chosen, list(added), list(refused), tolerance, diagram)
     left = [c for c in candidates if not any(c is k for k in chosen)]
-    return modes_of(diagram, poles, sorted(chosen, key=lambda c: c.frequency), sorted(left, key=lambda c: c.frequency))
+    modes = modes_of(
+        diagram, found.poles, sorted(chosen, key=lambda c: c.frequency), sorted(left, key=lambda c: c.frequency)
+    )
+    return told_why_none(told_of_errors(modes, diagram), diagram)
 
 
 def _check_one_way(wanted: list[float] | None, changes: list[float], reference: ModalModel | None) -> None:
@@ -113,20 +166,9 @@ def _check_one_way(wanted: list[float] | None, changes: list[float], reference: 
         )
 
 
-def _candidates(diagram: StabilizationDiagram) -> tuple[Poles, list[Candidate]]:
-    """Return all that might be a mode, by the rule that suits the data."""
-    poles = oscillations(diagram)
-    if diagram.exact_rank is not None:
-        return poles, _exact(diagram, poles)
-    evidence = evidence_of(diagram)
-    found = likely(diagram, poles, evidence) if has_likelihood(diagram) else None
-    return found or counted(diagram, poles, evidence)
-
-
-def _like(
-    reference: ModalModel, diagram: StabilizationDiagram, poles: Poles, candidates: list[Candidate], tolerance: float
-) -> ModalModel:
+def _like(reference: ModalModel, diagram: StabilizationDiagram, found: Weighed, tolerance: float) -> ModalModel:
     """Return the candidates that are modes of a reference, with the differences."""
+    poles, candidates = found
     pairs = sorted(paired_with(reference, candidates, poles, tolerance), key=lambda pair: pair[0].frequency)
     chosen = [c for c, _ in pairs]
     others = (c for c in candidates if not any(c is k for k in chosen))

@@ -19,18 +19,22 @@ from modalscope.identification.sweep import Cut, Sweep, start
 from modalscope.judging.growth import grown
 from modalscope.modal.indicators import mac
 from modalscope.model.checks import Array, DataError, check_kind, check_positive
+from modalscope.model.crew import working
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.keywords import named
 from modalscope.model.notes import Note
 from modalscope.model.poles import frequencies_and_damping
 from modalscope.model.record_residual import UNMEASURED
 
-__all__ = ["TOLERANCES", "collected", "stabilize", "stabilized"]
+__all__ = ["TOLERANCES", "Watch", "collected", "stabilize", "stabilized", "stable_against"]
 
 #: A pole is stable when one of the order before differs by less: relative frequency, relative damping, 1 - MAC.
 TOLERANCES = {"frequency": 0.01, "damping": 0.05, "shape": 0.05}
 
 Progress = Callable[[int, int], None]
+
+#: Sees every cut as it comes, with the sweep that it comes from.
+Watch = Callable[[Sweep, Cut], None]
 
 
 @named(AllOptions.__annotations__)
@@ -43,7 +47,9 @@ def stabilize(
     orders: Iterable[int] | None = None,
     tolerances: Mapping[str, float] | None = None,
     progress: Progress | None = None,
+    watch: Watch | None = None,
     deviations: bool = True,
+    client: Any = None,
     **options: Unpack[AllOptions],
 ) -> StabilizationDiagram:
     """Identify at many orders from one factorization and judge each pole against the order before.
@@ -61,8 +67,12 @@ def stabilize(
         Limits of stability by name, "frequency", "damping" (relative) and "shape" (1 - MAC); 1 %, 5 % and 5 % by default.
     progress : callable, optional
         Called with (orders done, orders in all).
+    watch : callable, optional
+        Called with (sweep, cut) for every order as it comes; see `sweep`. A sweep is started again where more orders are needed.
     deviations : bool
         Whether standard deviations of the poles are wanted.
+    client : distributed.Client, optional
+        Workers of a Dask scheduler, which sum over a stored record; see `working`.
     **options
         Band, channels, block sizes and the rest, as in `identify`.
 
@@ -86,16 +96,18 @@ def stabilize(
     def diagram(asked: Iterable[int] | None = orders, **way: Any) -> StabilizationDiagram:
         problem = prepare(data, method, domain, **{**options, **way})
         given = problem.method.orders.ladder(problem.measured) if asked is None else checked_orders(asked)
+        shown: dict[str, Any] = {"progress": progress, "watch": watch}
         found = stabilized(
-            problem, given, automatic=orders is None, tolerances=tolerances, progress=progress, deviations=deviations
+            problem, given, automatic=orders is None, tolerances=tolerances, deviations=deviations, **shown
         )
         if orders is not None or asked is not None or not problem.method.orders.truncates:
             return found
         return grown(found, lambda more: diagram(more, **way))
 
-    found = diagram()
-    left_open = method is None and domain is None and options.get("route") in (None, "auto")
-    return found if not left_open else by_instruments(found, diagram)
+    with working(client):
+        found = diagram()
+        left_open = method is None and domain is None and options.get("route") in (None, "auto")
+        return found if not left_open else by_instruments(found, diagram)
 
 
 def by_instruments(found: StabilizationDiagram, again: Callable[..., StabilizationDiagram]) -> StabilizationDiagram:
@@ -137,6 +149,7 @@ def stabilized(
     automatic: bool = False,
     tolerances: Mapping[str, float] | None = None,
     progress: Progress | None = None,
+    watch: Watch | None = None,
     deviations: bool = True,
 ) -> StabilizationDiagram:
     """Return the diagram of a problem; see `stabilize`.
@@ -148,14 +161,18 @@ def stabilized(
         Orders, increasing.
     automatic : bool
         Whether nobody asked for just these: then some order is always found.
-    tolerances, progress, deviations : optional
+    tolerances, progress, watch, deviations : optional
     """
     limits = _limits(tolerances)
-    return swept(start(problem, asked, automatic=automatic, deviations=deviations), asked, limits, progress)
+    return swept(start(problem, asked, automatic=automatic, deviations=deviations), asked, limits, progress, watch)
 
 
 def swept(
-    found: Sweep, asked: Sequence[int], tolerances: Mapping[str, float] | None = None, progress: Progress | None = None
+    found: Sweep,
+    asked: Sequence[int],
+    tolerances: Mapping[str, float] | None = None,
+    progress: Progress | None = None,
+    watch: Watch | None = None,
 ) -> StabilizationDiagram:
     """Return the diagram of what a sweep has still to come; the sweep stays there to cut out an order again.
 
@@ -164,11 +181,13 @@ def swept(
     found : Sweep
     asked : sequence of int
         Orders that were asked for.
-    tolerances, progress : optional
+    tolerances, progress, watch : optional
     """
     limits, cuts = _limits(tolerances), []
     for cut in found:
         cuts.append(cut)
+        if watch is not None:
+            watch(found, cut)
         if progress is not None:
             progress(len(found.orders) - len(found.remaining), len(found.orders))
     if not cuts:
@@ -209,7 +228,7 @@ def collected(
         What was left out.
     """
     stable = [np.zeros((3, cuts[0].reported.size), bool)]
-    stable += [_stable(before, after, limits) for before, after in pairwise(cuts)]
+    stable += [stable_against(before, after, limits) for before, after in pairwise(cuts)]
     flags = np.hstack(stable)
     names = set.intersection(*(set(cut.indicators) for cut in cuts))
     factors = pipeline.factors
@@ -261,8 +280,15 @@ def _deviations(cuts: Sequence[Cut]) -> dict[str, Any]:
     }
 
 
-def _stable(before: Cut, after: Cut, limits: Mapping[str, float]) -> Array:
-    """Return for each pole of `after` whether frequency, damping and shape are those of one pole of `before`, (3, k)."""
+def stable_against(before: Cut, after: Cut, limits: Mapping[str, float] = TOLERANCES) -> Array:
+    """Return for each pole of `after` whether frequency, damping and shape are those of one pole of `before`, (3, k).
+
+    Parameters
+    ----------
+    before, after : Cut
+    limits : mapping
+        Tolerances of stability, all three.
+    """
     new, old = after.reported, before.reported
     if not old.size or not new.size:
         return np.zeros((3, new.size), bool)

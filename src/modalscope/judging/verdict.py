@@ -7,13 +7,15 @@ orders agree on has refined ones.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from modalscope.judging.contest import Arena, Outcome, gains_beside
-from modalscope.judging.evidence import Candidate, Evidence, Own, judge, peaks
+from modalscope.judging.arena import Arena
+from modalscope.judging.contest import Outcome, gains_beside
+from modalscope.judging.evidence import LEAST_PERSISTENCE, Candidate, Evidence, Own, judge, peaks
 from modalscope.judging.likeness import collinear
-from modalscope.judging.tracking import Poles
+from modalscope.judging.tracking import GAP, Poles
 from modalscope.modal.contribution import contributions
 from modalscope.modal.indicators import mac
 from modalscope.modal.sufficient import usable_orders
@@ -33,6 +35,9 @@ _SURE = 0.3
 
 #: A group shows a mode when it lies within a half bandwidth, its damping within this part and its shape above this MAC.
 _DAMPING, _SHAPE = 0.5, 0.8
+
+#: The level of errors that are no white noise is known to this factor, in variances.
+_LEVELS = 2.0
 
 #: Of coloured data a mode is shown at this part of the orders.
 _SHARE = 0.25
@@ -72,16 +77,50 @@ class Trial:
         """What each mode explains, in deviations."""
         return np.asarray(np.sqrt(np.maximum(self.found.gain, 0) / 2))
 
+    def doubtful(self, j: int) -> bool:
+        """Return whether orders have to show a pole: of coloured data one that is weak, overlaps with a stronger one, or spans few lines.
+
+        A shift of a resonance makes such shoulders, and coherent lines and errors of neighbouring lines are as narrow.
+        """
+        if not self.arena.coloured:
+            return False
+        s, gain = self.found.poles, self.found.gain
+        near = np.abs(s.imag - s[j].imag) < -(s.real + s[j].real)
+        weak = gain[j] < _LEVELS * self.arena.bar
+        return bool(weak or np.any(near & (gain > gain[j])) or not self.arena.wide(s[[j]])[0])
+
     def hosts(self) -> IntArray:
-        """Return the mode that each pole is part of, itself where it is none: of coloured data the strongest of those that act as one."""
-        host = np.arange(len(self.settled))
+        """Return the mode that each pole is part of, itself where it is none: the strongest of those that act as one.
+
+        Of coloured data those of one shape do, which a resonance that shifts needs; of any data two that overlap and that are each open.
+        """
+        host, gain, s = np.arange(len(self.settled)), self.found.gain, self.found.poles
         if self.arena.coloured:
-            one = collinear(self.found.poles, *self.found.residues)
-            for j in np.argsort(-self.found.gain):
-                stronger = [k for k in np.flatnonzero(one[j]) if self.found.gain[k] > self.found.gain[j]]
-                if stronger:
-                    host[j] = host[max(stronger, key=lambda k: self.found.gain[k])]
+            one = collinear(s, *self.found.residues)
+        else:
+            near = np.abs(s.imag[:, None] - s.imag) < -(s.real[:, None] + s.real)
+            one = near & self.open[:, None] & self.open
+        for j in np.argsort(-gain):
+            stronger = [k for k in np.flatnonzero(one[j]) if gain[k] > gain[j]]
+            if stronger:
+                host[j] = host[max(stronger, key=lambda k: gain[k])]
         return host
+
+    @property
+    def open(self) -> Array:
+        """Which poles the data leave open, each taken alone."""
+        f, zeta = frequencies_and_damping(self.settled)
+        known = (self.found.frequency_std < _SURE * f * zeta) & (self.found.damping_std < _SURE * zeta)
+        return np.asarray(~known)
+
+    def left_open(self, j: int, host: IntArray) -> tuple[float, float]:
+        """Return the deviations of a mode with its parts: of frequency in half bandwidths, of damping in damping ratios."""
+        f, zeta = (float(v) for v in frequencies_and_damping(self.settled[j]))
+        parts = np.flatnonzero((host == j) & (np.arange(len(host)) != j))
+        both = float(self.found.frequency_std[j]), float(self.found.damping_std[j])
+        if parts.size:
+            both = self.found.as_one(j, parts)
+        return both[0] / (f * zeta), both[1] / zeta
 
 
 def verdicts(trial: Trial, groups: list[Array]) -> list[Candidate]:
@@ -99,7 +138,8 @@ def verdicts(trial: Trial, groups: list[Array]) -> list[Candidate]:
     shown = [-1 if mode < 0 else int(host[mode]) for mode in _shown_by(trial, groups)]
     modes = {}
     for j in np.flatnonzero(host == np.arange(len(host))):
-        modes[j] = _mode(trial, int(j), [c for c, mode in zip(known, shown, strict=True) if mode == j], fit)
+        mine = [c for c, mode in zip(known, shown, strict=True) if mode == j]
+        modes[j] = _mode(trial, int(j), mine, fit, host)
     parts = [_part(trial, int(j), modes[host[j]], fit) for j in np.flatnonzero(host != np.arange(len(host)))]
     left = _left(trial, [each for each, mode in zip(known, shown, strict=True) if mode < 0])
     return [*modes.values(), *parts, *left]
@@ -120,28 +160,45 @@ def _shown_by(trial: Trial, groups: list[Array]) -> list[int]:
     return shown
 
 
-def _mode(trial: Trial, j: int, groups: list[Candidate], fit: float) -> Candidate:
+def _mode(trial: Trial, j: int, groups: list[Candidate], fit: float, host: IntArray) -> Candidate:
     """Return a mode with its gain, and what speaks against it: values that the data leave open, or too few orders."""
-    near = groups if trial.arena.coloured else [c for c in groups if _close(c, complex(trial.settled[j]))]
+    several = bool(np.any(np.delete(host, j) == j))
+    near = groups if trial.arena.coloured or several else [c for c in groups if _close(c, complex(trial.settled[j]))]
     best = max(near, key=lambda c: c.members.size) if near else _by_itself(trial, j, fit)
     f, zeta = (float(v) for v in frequencies_and_damping(trial.settled[j]))
     low, high = trial.diagram.response.reported_band(trial.diagram.settings.band)
     against = []
     if not low <= f <= high:
         against.append(f"lies outside the band, at {f:.5g} Hz")
-    if trial.arena.coloured and best.members.size < _SHARE * len(trial.poles.orders):
+    few = trial.doubtful(j) and best.members.size < _SHARE * len(trial.poles.orders)
+    if few:
         against.append(
             f"shown at {best.members.size} of {len(trial.poles.orders)} orders only, in data whose errors are no white noise"
         )
-    apart, damped = trial.found.frequency_std[j] / (f * zeta), trial.found.damping_std[j] / zeta
+    apart, damped = trial.left_open(j, host)
     if zeta >= _DAMPED and not groups:
         against.append(f"damped by {100 * zeta:.2g} %, which no orders show: it may stand for modes outside the band")
     if not (apart < _SURE and damped < _SURE):
         against.append(
             f"the data leave its frequency open by {apart:.2g} half bandwidths and its damping by {100 * damped:.2g} %"
         )
-    known = replace(best, against=tuple(against), facts=best.facts | _alone(trial, j))
+    undecided: dict[str, Any] = (
+        {"late": True} if few and len(against) == 1 and zeta < _DAMPED and _late(best, trial) else {}
+    )
+    if several and not trial.arena.coloured:
+        undecided = {"cluster": int(np.sum(host == j))}
+    known = replace(best, against=tuple(against), facts=best.facts | _alone(trial, j) | undecided)
     return _with_gain(trial, known, trial.gain[j])
+
+
+def _late(group: Candidate, trial: Trial) -> bool:
+    """Return whether a group is there at most orders since its first one and up to the last: it began too late to be shown at more."""
+    if not group.members.size:
+        return False
+    orders = trial.poles.orders
+    return bool(
+        group.facts["persistence"] >= LEAST_PERSISTENCE and group.facts["last_order"] >= orders[-min(GAP, len(orders))]
+    )
 
 
 def _alone(trial: Trial, j: int) -> dict[str, str]:
@@ -176,9 +233,10 @@ def _by_itself(trial: Trial, j: int, fit: float) -> Candidate:
 
 
 def _part(trial: Trial, j: int, host: Candidate, fit: float) -> Candidate:
-    """Return a pole that acts as one with a stronger one."""
-    why = "a resonance that shifts while it is measured needs several poles"
-    against = (f"part of the mode at {host.frequency:.5g} Hz: {why}",)
+    """Return a pole that acts as one with a stronger one, or that cannot be told from it."""
+    shifts = "part of the mode at {:.5g} Hz: a resonance that shifts while it is measured needs several poles"
+    close = "one of a cluster with the mode at {:.5g} Hz: the data need both and cannot tell them apart"
+    against = ((shifts if trial.arena.coloured else close).format(host.frequency),)
     return _with_gain(trial, replace(_by_itself(trial, j, fit), against=against), trial.gain[j])
 
 

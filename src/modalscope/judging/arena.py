@@ -1,0 +1,68 @@
+"""Where poles contend: the data, what a mode has to pass there, and what it is worth in noise that is correlated over lines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from modalscope.identification.likelihood import Whitened
+from modalscope.identification.whitening import told_apart
+from modalscope.model.checks import Array, ComplexArray, RealArray
+
+__all__ = ["Arena"]
+
+#: A coherent line spans so many lines of a spectrum under a window, and errors so many times as far as they are correlated.
+_LOBE = 4.0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Arena:
+    """The data, and what a mode has to pass.
+
+    Parameters
+    ----------
+    problem : Whitened
+        Data divided by the noise of rows and channels.
+    variance : float
+        Of what is left of them by a richer model.
+    bar : float
+        What noise may explain, in variances.
+    band : (float, float)
+        Hz.
+    brief : bool
+        Whether poles are refined roughly.
+    coloured : bool
+        Whether what is left of the data is more than noise: then nothing is looked for in it, collinear neighbours are not taken for two
+        modes of which one may be noise, and the variance stays what it is.
+    correlation : array, (F,), optional
+        Of the noise on neighbouring lines, which the rows' deviations already count in full.
+    """
+
+    problem: Whitened
+    variance: float
+    bar: float
+    band: tuple[float, float]
+    brief: bool = False
+    coloured: bool = False
+    correlation: RealArray | None = None
+
+    def worth(self, poles: ComplexArray) -> RealArray:
+        """Return by what the gain of poles is to be multiplied, (n,): see `told_apart`."""
+        return np.ones(len(poles)) if self.correlation is None else told_apart(*self._on_lines(poles))
+
+    def wide(self, poles: ComplexArray) -> Array:
+        """Return which poles span so many lines that neither one error of correlated lines nor a coherent line can pass for them, (n,)."""
+        if self.correlation is None:
+            return np.zeros(len(poles), bool)
+        rho, half = self._on_lines(poles)
+        return np.asarray(2 * half >= _LOBE * (1 + rho) / (1 - rho))
+
+    def _on_lines(self, poles: ComplexArray) -> tuple[RealArray, RealArray]:
+        """Return the correlation of neighbouring lines at poles and their half bandwidths in lines, (n,) each."""
+        lines = self.problem.light.grid
+        assert lines is not None
+        assert self.correlation is not None
+        f = poles.imag / (2 * np.pi)
+        half = -poles.real / (2 * np.pi) / np.interp(f, lines, np.gradient(lines))
+        return np.interp(f, lines, self.correlation), half

@@ -1,0 +1,115 @@
+"""What in an ambient record is no structure: lines of machines, and noise alone; and why a result is empty."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from modalscope.judging.evidence import CERTAIN, Candidate
+from modalscope.model.candidates import Harmonic
+from modalscope.model.diagram import StabilizationDiagram
+from modalscope.model.modes import ModalModel
+from modalscope.model.notes import Note
+from modalscope.preprocess.harmonics import HARMONIC
+from modalscope.preprocess.noise_test import NOISE, UNSEEN
+
+__all__ = ["CORRELATED", "beside_structure", "harmonics_of_diagram", "told_of_errors", "told_why_none"]
+
+#: The kind of the note that says that errors of a response may pass for modes.
+CORRELATED = "correlated errors"
+
+#: A pole belongs to a line within so many of its spreads, in frequency and in half bandwidth, and this part of its frequency more.
+_SPREADS, _MORE = 3.0, 0.002
+
+
+def harmonics_of_diagram(diagram: StabilizationDiagram) -> tuple[Harmonic, ...]:
+    """Return the lines of machines that were found in the record of a diagram."""
+    found = []
+    for note in diagram.notes:
+        if note.kind == HARMONIC:
+            order = note.numbers.get("order")
+            found.append(
+                Harmonic(
+                    frequency=note.numbers["frequency_hz"],
+                    order=None if order is None else int(order),
+                    level=note.numbers["level"],
+                    evidence=note.text,
+                )
+            )
+    return tuple(found)
+
+
+def beside_structure(diagram: StabilizationDiagram, candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Return candidates with what the record as a whole says against them.
+
+    Parameters
+    ----------
+    diagram : StabilizationDiagram
+    candidates : sequence of Candidate
+    """
+    lines = [note for note in diagram.notes if note.kind == HARMONIC]
+    alone = next((note for note in diagram.notes if note.kind == NOISE), None)
+    unseen = next((note for note in diagram.notes if note.kind == UNSEEN), None)
+    judged = []
+    for c in candidates:
+        against = [f"a harmonic of a machine: {line.text}" for line in lines if _is_line(c, line)]
+        if alone is not None:
+            against.append(alone.text)
+        elif unseen is not None and not c.facts.get("left_open", np.inf) < CERTAIN:
+            against.append(unseen.text)
+        judged.append(replace(c, against=(*c.against, *against)) if against else c)
+    return judged
+
+
+def _is_line(c: Candidate, line: Note) -> bool:
+    """Whether poles lie on a line, and are no more damped than its wandering explains."""
+    f = line.numbers["frequency_hz"]
+    near = _SPREADS * line.numbers["spread_hz"] + _MORE * f
+    return abs(c.frequency - f) < near and c.damping * c.frequency < near
+
+
+def told_of_errors(modes: ModalModel, diagram: StabilizationDiagram) -> ModalModel:
+    """Return modes of samples that were counted, not weighed against noise, with a note that errors may be among them.
+
+    Errors of Markov parameters that follow from a record are themselves the response of a system of many states, the observer's: every
+    order fits them as well as the modes, and nothing in the response tells one from the other.
+
+    Parameters
+    ----------
+    modes : ModalModel
+    diagram : StabilizationDiagram
+    """
+    response = diagram.response
+    weighed = any(
+        "gain" in why for why in (*modes.reasons, *({"gain": c.gain} for c in modes.left_out if np.isfinite(c.gain)))
+    )
+    if weighed or response.ambient or response.grid is not None or diagram.exact_rank is not None or not len(modes):
+        return modes
+    text = (
+        "the errors of these samples are correlated, so that no mode could be weighed against them: weak ones, and those that no "
+        "peak of the response shows, may be errors; identify the record itself where there is one"
+    )
+    return modes.noted((Note(CORRELATED, {}, text),))
+
+
+def told_why_none(modes: ModalModel, diagram: StabilizationDiagram) -> ModalModel:
+    """Return a result with its harmonics, and with a note of why it is empty where it is.
+
+    Parameters
+    ----------
+    modes : ModalModel
+    diagram : StabilizationDiagram
+    """
+    modes = replace(modes, harmonics=harmonics_of_diagram(diagram))
+    if len(modes):
+        return modes
+    alone = [note for note in diagram.notes if note.kind == NOISE]
+    left = modes.left_out
+    why = (
+        "; ".join(f"{c.frequency:.4g} Hz ({c.reason})" for c in left[:3])
+        or f"no poles of the orders {diagram.orders[0]} to {diagram.orders[-1]} agree on one"
+    )
+    text = alone[0].text if alone else f"no mode is reported: {why}"
+    return modes.noted((Note("no modes", {"left_out": float(len(left))}, text),))

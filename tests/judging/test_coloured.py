@@ -1,0 +1,39 @@
+"""Hard random structures whose errors are no white noise: lists that hold what stands out of all errors, and nothing else."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import modalscope as ms
+from modalscope.model.checks import IntArray
+from tests.judging.coloured import coloured_gains, coloured_response
+from tests.judging.hard import random_structure, score
+
+
+def judged(seeds: range) -> IntArray:
+    """Return how many lists hold all modes above 10 and above 30 deviations and nothing else, and how many modes are none."""
+    counts = np.zeros(3, int)
+    for seed in seeds:
+        structure = random_structure(seed)
+        own = coloured_gains(structure)
+        found = score(structure, ms.select(ms.stabilize(coloured_response(structure, seed))))
+        counts += [found.perfect(own > 10), found.perfect(own > 30), found.spurious]
+    return counts
+
+
+def test_lists_of_structures_with_coloured_errors_are_complete_above_thirty_deviations_and_have_nothing_else() -> None:
+    # of the second the pole that stands for a shifting resonance is open by half a bandwidth beside its own part
+    assert judged(range(20042, 20043)).tolist()[1:] == [1, 0]
+    assert judged(range(20003, 20005)).tolist()[1:] == [2, 0]
+
+
+@pytest.mark.study
+def test_study_of_structures_with_coloured_errors() -> None:
+    """The line of docs/selection.md, on seeds that nothing was developed on."""
+    above10, above30, spurious = judged(range(40000, 40200))
+    print(f"\ncoloured errors: perfect above 10 {above10}, above 30 {above30} of 200, spurious {spurious}")
+    # of 44 of these seeds 33 and 42: shares of 200 are known to 3 and 2 %; wide modes of 10 to 30 deviations that no order shows are missed
+    assert above10 >= 130
+    assert above30 >= 180
+    assert spurious <= 4

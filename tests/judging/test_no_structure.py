@@ -1,0 +1,56 @@
+"""Lines of machines and noise alone are no modes, unless asked; and an empty result says why."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+import modalscope as ms
+from modalscope.judging.no_structure import CORRELATED, told_of_errors
+from modalscope.systems import chain5
+from tests.judging.ambient_records import beside_a_machine
+
+
+def test_harmonics_are_listed_and_the_mode_two_per_cent_below_one_is_kept() -> None:
+    machine = beside_a_machine(101, 0)
+    modes = ms.analyze(machine.record).modes
+    assert np.allclose(modes.frequencies, machine.structure.frequencies, rtol=0.01)
+    assert np.allclose([h.frequency for h in modes.harmonics], machine.lines, rtol=0.001)
+    assert [h.order for h in modes.harmonics] == [1, 2, 3]
+
+
+def test_a_harmonic_is_reported_when_it_is_asked_for() -> None:
+    machine = beside_a_machine(101, 0.003)
+    diagram = ms.stabilize(machine.record)
+    lines = [c for c in ms.select(diagram).left_out if "harmonic" in c.reason]
+    assert lines
+    modes = ms.select(diagram, take=[lines[0].frequency])
+    assert lines[0].frequency in modes.frequencies
+
+
+def test_noise_alone_gives_no_mode_and_says_so() -> None:
+    record = ms.Signals(outputs=np.random.default_rng(1).standard_normal((10_000, 3)), sampling_rate=50.0)
+    result = ms.analyze(record)
+    assert len(result.modes) == 0
+    why = [note for note in result.notes if note.kind == "no modes"]
+    assert len(why) == 1
+    assert "nothing but noise in" in str(why[0])
+
+
+def test_an_empty_result_of_any_data_says_why() -> None:
+    response = ms.systems.chain5().impulse_response(300, noise=0.01, seed=0)
+    diagram = ms.stabilize(response, orders=[2])
+    modes = ms.select(diagram, refuse=list(ms.select(diagram).frequencies) or ())
+    assert len(modes) or [note.kind for note in modes.notes][-1] == "no modes"
+
+
+def test_modes_of_samples_that_were_not_weighed_against_noise_are_told_to_be_so() -> None:
+    response = chain5().state_space(dt=0.05).impulse_response(200)
+    noise = 0.01 * response.values.std() * np.random.default_rng(0).standard_normal(response.values.shape)
+    diagram = ms.stabilize(replace(response, values=response.values + noise), orders=range(2, 22, 2))
+    weighed = ms.select(diagram)
+    assert CORRELATED not in [note.kind for note in weighed.notes]
+    counted = replace(weighed, reasons=tuple({"text": ""} for _ in weighed.reasons), left_out=())
+    assert [note.kind for note in told_of_errors(counted, diagram).notes][-1] == CORRELATED
+    assert CORRELATED not in [note.kind for note in told_of_errors(counted.take([]), diagram).notes]
