@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from modalscope.modal.rebuilt import fit_error, fit_of
+from modalscope.modal.rebuilt import fit_error, fit_error_of, fit_of
 from modalscope.model.response import Response
 from modalscope.systems import chain5
 
@@ -36,3 +36,18 @@ def test_the_fit_error_is_the_norm_of_what_is_left_over_that_of_the_data() -> No
     whole, channel = fit_error(measured, np.array([[[3.0, 0.0]], [[0.0, 1.0]]]))
     assert whole == pytest.approx(np.sqrt(17 / 29))
     assert channel == pytest.approx(np.array([[0.8, 0.5]]))
+
+
+def test_pieces_give_the_fit_error_of_the_whole() -> None:
+    model = chain5().state_space(dt=0.05)
+    data = model.impulse_response(301)
+    noisy = replace(data, values=data.values + 0.1 * np.random.default_rng(0).standard_normal(data.values.shape))
+    whole, channel = fit_error(noisy.values, noisy.values_of(model))
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("modalscope.model.impulse.HELD", 7 * noisy.values[0].size)  # 43 pieces of seven samples
+        pieces = list(noisy.beside(model))
+    assert len(pieces) == 43
+    found, by_channel = fit_error_of(pieces)
+    assert found == pytest.approx(whole, rel=1e-12)
+    assert by_channel == pytest.approx(channel, rel=1e-12)
+    assert np.concatenate([rebuilt for _, rebuilt in pieces]) == pytest.approx(data.values, abs=1e-12)

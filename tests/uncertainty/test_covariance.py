@@ -33,6 +33,12 @@ def test_the_sandwich_of_a_mean_is_the_variance_of_the_mean():
     assert np.isclose(found[0, 0], y.var(ddof=1) / 7)
 
 
+def test_a_pull_that_all_parts_share_is_no_disagreement():
+    scores = np.random.default_rng(3).standard_normal((6, 2))
+    C = np.diag([2.0, 3.0])
+    assert np.allclose(sandwich(C, scores + np.array([5.0, -7.0])), sandwich(C, scores), rtol=1e-12)
+
+
 def test_shapes_scatter_as_their_parts_do_with_the_scale_taken_out():
     shape = np.array([1, -2 + 1j, 0.5j])
     alone, A = np.array([0.3, 0.1, 0.2]) * 1e-6, 1e-3 * (RNG.standard_normal((3, 2)) + 1j * RNG.standard_normal((3, 2)))

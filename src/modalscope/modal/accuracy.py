@@ -7,7 +7,7 @@ import numpy as np
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Triple
 from modalscope.modal.eigenmodes import Eigenmodes
-from modalscope.modal.evolution import side_coherence, side_emac
+from modalscope.modal.evolution import followed
 from modalscope.modal.indicators import cluster_mpc, clusters, mac, modal_singular_values, mpc, mpd
 from modalscope.model.checks import RealArray
 
@@ -33,17 +33,15 @@ def _of_factors(matrix: DataMatrix, model: Triple, modes: Eigenmodes) -> dict[st
     columns = matrix.column_side(model, modes.eigen, modes.fit)
     rows = matrix.row_side(model, modes.eigen, modes.fit)
     found: dict[str, RealArray] = {}
+    of_inputs = None
     if columns is not None:
-        found["amplitude_coherence"] = side_coherence(columns)
+        found["amplitude_coherence"], of_inputs = followed(columns)
     if rows is None:
         return found
-    if columns is None or np.isnan(found["amplitude_coherence"]).any():
-        by_rows = side_coherence(rows)
-        known = found.get("amplitude_coherence", by_rows)
-        found["amplitude_coherence"] = np.where(np.isnan(known), by_rows, known)
-    of_outputs = side_emac(rows)
-    of_inputs = np.ones(modes.poles.size) if columns is None else side_emac(columns)
-    return {**found, "emac": of_outputs * np.where(np.isnan(of_inputs), 1, of_inputs), "emaco": of_outputs}
+    by_rows, of_outputs = followed(rows)
+    known = found.get("amplitude_coherence", by_rows)
+    both = of_outputs if of_inputs is None else of_outputs * np.where(np.isnan(of_inputs), 1, of_inputs)
+    return {"amplitude_coherence": np.where(np.isnan(known), by_rows, known), "emac": both, "emaco": of_outputs}
 
 
 def _collinearity(modes: Eigenmodes) -> RealArray:

@@ -1,38 +1,27 @@
-"""How well a factor of the data matrix follows the modes read off it: EMAC and amplitude coherence of one side."""
+"""How well a factor of the data matrix follows the modes read off it: amplitude coherence and EMAC of one side."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from modalscope.blocks.matrix import Evolved
-from modalscope.modal.indicators import amplitude_coherence, decay_step, emac_channels, weighted_mean
-from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.blocks.evolved import ModalSide
+from modalscope.modal.indicators import coherence, decay_step, emac_channels
+from modalscope.model.checks import RealArray
 
-__all__ = ["side_coherence", "side_emac"]
-
-
-def side_emac(side: Evolved) -> RealArray:
-    """Return the EMAC of one side: an identified block in states against the first block of the modes, grown; NaN where nothing is seen."""
-    step = decay_step(side.evolution)
-    identified = np.einsum("jcN,Nj->cj", side.blocks[step], side.states, optimize=True)
-    expected = side.first * side.evolution[step, np.arange(step.size)]
-    return _seen(side, weighted_mean(emac_channels(identified, expected), side.first))
+__all__ = ["followed"]
 
 
-def side_coherence(side: Evolved) -> RealArray:
-    """Return the amplitude coherence of one side, over all its blocks; NaN where nothing is seen."""
-    return _seen(side, amplitude_coherence(_times(side.blocks, side.states), side.first, side.evolution))
+def followed(side: ModalSide) -> tuple[RealArray, RealArray]:
+    """Return amplitude coherence over all blocks, and EMAC: an identified block against the modes' first one, grown.
 
+    NaN where nothing is seen.
 
-def _seen(side: Evolved, values: RealArray) -> RealArray:
-    return values if side.seen is None else np.where(side.seen, values, np.nan)
-
-
-def _times(blocks: Array, states: ComplexArray) -> ComplexArray:
-    """Return blocks (K, c, N) times states (N, k); real blocks as one product of real arrays."""
-    flat = blocks.reshape(-1, blocks.shape[2])
-    if np.iscomplexobj(flat):
-        return np.asarray(flat @ states).reshape(*blocks.shape[:2], -1)
-    real = np.ascontiguousarray(states).view(np.float64)
-    product = np.ascontiguousarray(flat @ real)
-    return product.view(np.complex128).reshape(*blocks.shape[:2], -1)
+    Parameters
+    ----------
+    side : ModalSide
+    """
+    found = side.compare(emac_channels, decay_step)
+    values = coherence(found.inner, found.identified, found.expected), found.agreement
+    if found.seen is None:
+        return values
+    return np.where(found.seen, values[0], np.nan), np.where(found.seen, values[1], np.nan)

@@ -196,11 +196,15 @@ def amplitude_coherence(identified: Array, first: Array, evolution: Array) -> Re
         The factor by which a mode's block k must follow from the first.
     """
     check_axes(identified=(identified, 3), first=(first, 2), evolution=(evolution, 2))
-    inner = np.abs(np.einsum("kcn,cn,kn->n", identified.conj(), first, evolution, optimize=True))
-    size = np.sqrt(np.sum(np.abs(identified) ** 2, axis=(0, 1)))
-    ideal = np.sqrt(np.sum(np.abs(first) ** 2, axis=0) * np.sum(np.abs(evolution) ** 2, axis=0))
+    inner = np.einsum("kcn,cn,kn->n", identified.conj(), first, evolution, optimize=True)
+    ideal = np.sum(np.abs(first) ** 2, axis=0) * np.sum(np.abs(evolution) ** 2, axis=0)
+    return coherence(inner, np.sum(np.abs(identified) ** 2, axis=(0, 1)), ideal)
+
+
+def coherence(inner: Array, identified: Array, expected: Array) -> RealArray:
+    """Return |<q, e>| / (|q| |e|) of each mode from the inner product and the squared norms, 0 to 1; 0 without amplitude."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        value = inner / (size * ideal)
+        value = np.abs(inner) / (np.sqrt(identified) * np.sqrt(expected))
     return np.where(np.isfinite(value), np.minimum(value, 1.0), 0.0)
 
 
@@ -237,11 +241,16 @@ def emac_channels(identified: Array, expected: Array) -> RealArray:
         Amplitudes a of c channels in n modes, and what the modes' evolution predicts for them, e.
     """
     check_axes(identified=(identified, 2), expected=(expected, 2))
-    a, e = np.abs(identified), np.abs(expected)
-    largest = np.maximum(a, e)
-    ratio = np.divide(np.minimum(a, e), largest, out=np.zeros_like(largest), where=largest > 0)
-    phase = np.abs(np.angle(identified * np.conj(expected)))
-    return np.asarray(ratio * np.clip(1 - 4 * phase / np.pi, 0, None))
+    product = identified * np.conj(expected)  # its modulus is |a| |e|, its angle the phase between both
+    smaller = np.minimum(_squared(identified), _squared(expected))
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore", under="ignore"):
+        ratio = smaller / np.abs(product)
+    value = ratio * np.maximum(1 - 4 / np.pi * np.arctan2(np.abs(product.imag), product.real), 0)
+    return np.asarray(np.where(np.isfinite(value), value, 0.0))
+
+
+def _squared(values: Array) -> RealArray:
+    return np.asarray(values.real**2 + values.imag**2)
 
 
 @plainly

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -14,16 +14,31 @@ from modalscope.model.checks import Array, DataError, RealArray
 from modalscope.model.modes import ModalModel
 from modalscope.model.response import Response, window_damping
 
-__all__ = ["fit_error", "fit_of", "modal_model", "rebuilt"]
+__all__ = ["fit_error", "fit_error_of", "fit_of", "modal_model", "rebuilt"]
 
 
 def fit_error(measured: Array, rebuilt: Array) -> tuple[float, RealArray]:
     """Return norm(measured - rebuilt) / norm(measured), in all and per channel (l, m)."""
+    return fit_error_of([(measured, rebuilt)])
+
+
+def fit_error_of(pieces: Iterable[tuple[Array, Array]]) -> tuple[float, RealArray]:
+    """Return the fit error of measured and rebuilt values that come some lines or samples after the other: sums of squares add up."""
+    left: Array | float = 0.0
+    all_: Array | float = 0.0
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        difference = np.asarray(measured) - rebuilt
-        channel = np.linalg.norm(difference, axis=0) / np.linalg.norm(measured, axis=0)
-        whole = np.linalg.norm(difference) / np.linalg.norm(measured)
+        for measured, rebuilt in pieces:
+            left = left + _squares(measured - rebuilt)
+            all_ = all_ + _squares(measured)
+        whole = np.sqrt(np.sum(left) / np.sum(all_))
+        channel = np.sqrt(left / all_)
     return float(whole), np.asarray(channel)
+
+
+def _squares(values: Array) -> RealArray:
+    """Return the sum of the squares of every channel, without an array of the values' size."""
+    parts = (values.real, values.imag) if np.iscomplexobj(values) else (values,)
+    return np.asarray(sum(np.einsum("k...,k...->...", part, part) for part in parts))
 
 
 def rebuilt(response: Response, modes: ModalModel) -> Array:

@@ -73,14 +73,14 @@ def pole_blocks(covariance: RealArray, first: Array) -> RealArray:
 
 
 def sandwich(inverse: RealArray, scores: RealArray) -> RealArray:
-    """Return C (sum_g S_g S_g' G / (G - 1)) C: the covariance of estimates whose G parts disagree as they do.
+    """Return C (sum_g (S_g - S) (S_g - S)' G / (G - 1)) C, S their mean: the covariance of estimates whose G parts disagree as they do.
 
     Parameters
     ----------
     inverse : array, (p, p)
         C, the inverse of the information J'J (without the noise's variance).
     scores : array, (G, p)
-        S_g = J_g' r_g of every part, which sum to zero at the optimum.
+        S_g = J_g' r_g of every part; at the optimum their mean is zero.
 
     Source
     ------
@@ -88,7 +88,7 @@ def sandwich(inverse: RealArray, scores: RealArray) -> RealArray:
     S. L. Zeger, Biometrika 73, 1986.
     """
     parts = len(scores)
-    moved = scores @ inverse
+    moved = (scores - scores.mean(axis=0)) @ inverse
     return np.asarray(moved.T @ moved * (parts / (parts - 1)))
 
 

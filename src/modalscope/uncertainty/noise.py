@@ -13,20 +13,18 @@ import numpy as np
 from modalscope.blocks.influence import Moments
 from modalscope.model.checks import Array, BoolArray, ComplexArray, DataError, RealArray
 from modalscope.model.notes import Note
-from modalscope.model.response import Response, window_damping
+from modalscope.model.response import Response, fading, window_damping
 from modalscope.model.signals import Signals
-from modalscope.preprocess.correlation import correlation_blocks
+from modalscope.model.stored import StoredSignals
+from modalscope.preprocess.correlation import BLOCKS, correlation_blocks
 from modalscope.preprocess.frf import LEAKING
 from modalscope.uncertainty.drawn import coloured, correlated
 from modalscope.uncertainty.influence import PoleInfluence
 
-__all__ = ["BLOCKS", "KIND", "Noise", "Parts", "Residual", "Unknown", "White", "noise_of"]
+__all__ = ["KIND", "Noise", "Parts", "Residual", "Unknown", "White", "noise_of"]
 
 #: The kind of every note on deviations.
 KIND = "deviations"
-
-#: Parts that a record is cut into.
-BLOCKS = 20
 
 #: Fewer parts say too little of their scatter.
 _FEWEST = 5
@@ -232,7 +230,7 @@ class Unknown(Noise):
         )
 
 
-def noise_of(response: Response, records: Signals | None = None) -> Noise:
+def noise_of(response: Response, records: Signals | StoredSignals | None = None) -> Noise:
     """Return what is known of the noise in a response.
 
     The variance of the estimates where the response has it; else their coherence with the number of averages; for correlations the
@@ -241,12 +239,12 @@ def noise_of(response: Response, records: Signals | None = None) -> Noise:
     Parameters
     ----------
     response : Response
-    records : Signals, optional
+    records : Signals or StoredSignals, optional
         That correlations were made from.
     """
     if response.ambient:
         return _of_parts(response, records)
-    is_complex, fading = bool(np.iscomplexobj(response.values)), _fading(response)
+    is_complex, fading = bool(np.iscomplexobj(response.values)), _fading_of(response)
     leaks = any(LEAKING in step for step in response.processing)
     given = getattr(response, "variance", None)
     if given is not None:
@@ -260,7 +258,7 @@ def noise_of(response: Response, records: Signals | None = None) -> Noise:
     return Residual(is_complex, fading)
 
 
-def _fading(response: Response) -> Array | None:
+def _fading_of(response: Response) -> Array | None:
     """Return what an exponential window exp(-a t) makes of steady noise: exp(-2 a t) over its mean, of lines its transform.
 
     On lines df apart, those of a record of 1 / df seconds, E n_(f + k) n_f* = variance / (1 + j pi k df / a).
@@ -270,9 +268,9 @@ def _fading(response: Response) -> Array | None:
         return None
     if grid is not None:
         return np.asarray(1 / (1 + 1j * np.pi * np.arange(response.count) * _resolution(response) / a))
-    assert response.sampling_rate is not None
-    decay = np.exp(-2 * a / response.sampling_rate * np.arange(response.count))
-    return np.asarray(decay / decay.mean())
+    decay = fading(response)
+    assert decay is not None
+    return np.asarray(decay**2 / np.mean(decay**2))
 
 
 def _resolution(response: Response) -> float:
@@ -281,7 +279,7 @@ def _resolution(response: Response) -> float:
     return 0.0 if grid is None or grid.size < 2 else float(np.median(np.diff(grid)))
 
 
-def _of_parts(response: Response, records: Signals | None) -> Noise:
+def _of_parts(response: Response, records: Signals | StoredSignals | None) -> Noise:
     """Return D_k = (R_k - R) pairs_k / sum pairs sqrt(K / (K - 1)) over the lags of the correlation."""
     if records is None:
         return Unknown("the errors of a correlation are themselves correlated, and its records are not there")
