@@ -29,7 +29,8 @@ class Case:
 
 
 def _arrays(folder: str, name: str) -> Any:
-    return np.load(measured(folder, name), allow_pickle=False)
+    with np.load(measured(folder, name), allow_pickle=False) as held:
+        return dict(held)
 
 
 def beam_hammer() -> ms.FrequencyResponse:

@@ -32,13 +32,16 @@ _MIXED, _REPAIRED = 0.02, 1 / 3
 def without_dead(data: Data) -> tuple[Data, list[Cause]]:
     """Return the data without dead channels, and one finding for each; data of dead channels alone stay as they are."""
     causes: list[Cause] = []
-    kept: dict[str, list[int]] = {}
+    kept: dict[str, list[str]] = {}
     for side, flat, labels in sides_of(data):
         dead = {finding.channels[0]: finding.reason for finding in dead_channels(flat, labels)}
-        if 0 < len(dead) < len(labels):
-            kept[f"{side}s"] = [i for i, dof in enumerate(labels) if dof not in dead]
+        dead = dead if len(dead) < len(labels) else {}
+        kept.setdefault(f"{side}s", []).extend(dof for dof in labels if dof not in dead)
+        if dead:
             causes += [Cause("dead channel", f"{side} {dof} was left out: {why}", dof) for dof, why in dead.items()]
-    return (data.select(**kept) if kept else data), causes
+    return (
+        data.select(**{side: tuple(dict.fromkeys(dofs)) for side, dofs in kept.items()}) if causes else data
+    ), causes
 
 
 def channel_causes(response: Response, rebuilt: Array, poles: Array, best: float = np.inf) -> list[Cause]:

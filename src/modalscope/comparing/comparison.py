@@ -34,8 +34,9 @@ from modalscope.model.keywords import named
 from modalscope.model.labels import DofLike
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import notes_of
-from modalscope.model.records import Records, as_records
+from modalscope.model.records import Records
 from modalscope.model.response import Response, window_damping
+from modalscope.model.setups import Setups, as_test
 from modalscope.model.signals import Signals
 
 __all__ = ["compare"]
@@ -101,10 +102,10 @@ def compare(
     >>> len(c.modes), c.results[0].name, bool(c.kinship.distances[0, 1] < 1e-9)
     (5, 'era (time)', True)
     """
-    data = as_records(data) if isinstance(data, list | tuple) else data
+    data = as_test(data) if isinstance(data, list | tuple) else data
     if exclude is not None:
         data = data.select(exclude=exclude)
-    check_kind("compare", data, (FrequencyResponse, ImpulseResponse, Signals, Records))
+    check_kind("compare", data, (FrequencyResponse, ImpulseResponse, Signals, Records, Setups))
     if workers is not None:
         check_count("workers", workers)
     check_count("replicates", replicates, least=0)
@@ -114,7 +115,7 @@ def compare(
     given, cells = [w for w, _ in tasks], [cell for _, cell in tasks]
     results, causes = route_causes(run(given, cells, progress=progress, workers=workers, **options))
     response = ways[0].response
-    tried = certified_best(results, [way.records for way in given], replicates)
+    tried = certified_best(results, [way.held for way in given], replicates)
     low = order_cause(results)
     if low is not None and changed_by_more_orders(tasks, results, options):
         causes.append(low)

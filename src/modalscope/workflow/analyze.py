@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Unpack
 
 import numpy as np
 
 from modalscope.blocks.threads import one_thread
 from modalscope.identification.options import AllOptions, labels_of
-from modalscope.judging.bands import merge_bands
 from modalscope.judging.select import select
-from modalscope.judging.stabilize import stabilize
 from modalscope.modal.explained import explained, explains_enough, share_explained
 from modalscope.modal.rebuilt import fit_of
 from modalscope.model.analysis import Analysis
-from modalscope.model.checks import DataError, check_each
+from modalscope.model.checks import check_each
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.keywords import named
 from modalscope.model.kinds import check_kind
@@ -24,10 +22,11 @@ from modalscope.model.notes import Note
 from modalscope.model.result import Result
 from modalscope.preprocess.quality import examine
 from modalscope.preprocess.resolution import leakage_note
-from modalscope.workflow.refining import refined_where_it_helps
-from modalscope.workflow.sources import opened
+from modalscope.workflow.chosen import modes_chosen
+from modalscope.workflow.parts import Choose, Look, looked_at
+from modalscope.workflow.sources import Reading, opened
 
-__all__ = ["analyze"]
+__all__ = ["analyze", "analyzed", "concluded"]
 
 Progress = Callable[[int, int], None]
 
@@ -44,7 +43,8 @@ def analyze(
     take: Iterable[float] = (),
     refuse: Iterable[float] = (),
     refine: bool = True,
-    reading: Mapping[str, Any] | None = None,
+    apart: bool = False,
+    reading: Reading | None = None,
     progress: Progress | None = None,
     **options: Unpack[AllOptions],
 ) -> Result:
@@ -68,7 +68,10 @@ def analyze(
     refine : bool
         Whether the selected modes are refined to the maximum of the likelihood where the data allow it: see `refine`. It brings
         deviations with it; `modes.unrefined` has the values before.
-    reading : mapping, optional
+    apart : bool
+        Whether ambient setups are identified one by one and their modes put together (see `merge_modes`); by default they are
+        identified together.
+    reading : mapping, or one for each file, optional
         How the file is read: options of `read`, such as {"quantity": "acceleration"}.
     progress : callable, optional
         Called with (orders done, orders in all).
@@ -109,6 +112,7 @@ def analyze(
         taken=tuple(check_each("take", take, "numbers in Hz")),
         refused=tuple(check_each("refuse", refuse, "numbers in Hz")),
         refine=refine,
+        apart=apart,
     )
     return analyzed(thing, document, progress, told)
 
@@ -125,15 +129,40 @@ def analyzed(data: Any, document: Analysis, progress: Progress | None = None, to
         What of the data's file was left.
     """
     check_kind("document", document, Analysis)
-    diagrams = [_diagram(data, document, band, progress) for band in document.bands or (None,)]
-    modes = _selected(document, diagrams)
-    findings, seen = _examined(data)
+    return concluded(data, document, looked_at(data, document, progress), told)
+
+
+def concluded(
+    data: Any,
+    document: Analysis,
+    looks: Sequence[Look],
+    told: tuple[Note, ...] = (),
+    choose: Choose = select,
+    check: Callable[[Any], tuple[Any, ...]] = examine,
+) -> Result:
+    """Return the result of bands that were identified: their modes chosen and refined, the data examined.
+
+    Parameters
+    ----------
+    data : FrequencyResponse, ImpulseResponse or Signals
+    document : Analysis
+    looks : sequence of Look
+        One a band of the document.
+    told : tuple of Note
+        What of the data's file was left.
+    choose, check : callable
+        `select` and `examine`, or what keeps their parts from one choice to the next.
+    """
+    modes, diagrams = modes_chosen(data, document, looks, choose), [look.diagram for look in looks]
+    findings = tuple(finding.beside(document.bands) for finding in check(data))
+    seen = tuple(Note(f"data: {finding.kind}", {}, str(finding)) for finding in findings)
     return Result(
         modes=modes,
         diagrams=tuple(diagrams),
         findings=findings,
         notes=_each_once(
             *modes.notes,
+            *(note for look in looks for note in look.notes),
             *told,
             *seen,
             *_leaking(data, modes, diagrams),
@@ -153,63 +182,13 @@ def _bands(band: Any) -> tuple[tuple[float, float], ...]:
     return tuple(listed) if listed and np.ndim(listed[0]) == 1 else (tuple(listed),)
 
 
-def _diagram(
-    data: Any, document: Analysis, band: tuple[float, float] | None, progress: Progress | None
-) -> StabilizationDiagram:
-    return stabilize(
-        data,
-        method=document.method,
-        domain=document.domain,
-        orders=document.orders,
-        band=band,
-        exclude=document.exclude or None,
-        route=document.route,
-        progress=progress,
-        **document.options,
-    )
-
-
-def _selected(document: Analysis, diagrams: list[StabilizationDiagram]) -> ModalModel:
-    """Return the modes of every band; a frequency given by hand belongs to the band that it lies in."""
-    improved = refined_where_it_helps if document.refine else _as_they_are
-    if len(diagrams) == 1:
-        found = select(diagrams[0], frequencies=document.frequencies, take=document.taken, refuse=document.refused)
-        return improved(diagrams[0], found)
-    parts = []
-    for diagram, (low, high) in zip(diagrams, document.bands, strict=True):
-        by_hand = [
-            tuple(f for f in given or () if low <= f <= high)
-            for given in (document.frequencies, document.taken, document.refused)
-        ]
-        if document.frequencies is not None and not by_hand[0]:
-            continue
-        wanted = None if document.frequencies is None else by_hand[0]
-        found = select(diagram, frequencies=wanted, take=by_hand[1], refuse=by_hand[2])
-        parts.append(((low, high), improved(diagram, found)))
-    if not parts:
-        raise DataError(
-            "modes at given frequencies were asked", "none of these lies in a band", "Give bands that hold them."
-        )
-    return merge_bands([modes for _, modes in parts], [band for band, _ in parts])
-
-
-def _as_they_are(diagram: StabilizationDiagram, modes: ModalModel) -> ModalModel:
-    return modes
-
-
-def _examined(data: Any) -> tuple[tuple[Any, ...], tuple[Note, ...]]:
-    """Return the findings on the data, each also as a note."""
-    findings = examine(data)
-    return findings, tuple(Note(f"data: {finding.kind}", {}, str(finding)) for finding in findings)
-
-
-def _leaking(data: Any, modes: ModalModel, diagrams: list[StabilizationDiagram]) -> tuple[Note, ...]:
+def _leaking(data: Any, modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> tuple[Note, ...]:
     """Return a warning where frequency responses were averaged over segments too short for the modes."""
     note = leakage_note(data, diagrams[0].response, modes.frequencies, modes.damping_ratios)
     return () if note is None else (note,)
 
 
-def _loud(modes: ModalModel, diagrams: list[StabilizationDiagram]) -> tuple[Note, ...]:
+def _loud(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> tuple[Note, ...]:
     """Return a warning where the modes explain little of what was measured, of one band."""
     if len(diagrams) != 1 or not len(modes):
         return ()

@@ -11,6 +11,7 @@ import numpy as np
 from modalscope.blocks.threads import one_thread
 from modalscope.identification.prepare import measure
 from modalscope.judging.certificate import Certificate, certified
+from modalscope.judging.parts import SPLIT
 from modalscope.judging.replicates import replicates_of
 from modalscope.model.checks import DataError, check_count
 from modalscope.model.diagram import StabilizationDiagram
@@ -18,6 +19,7 @@ from modalscope.model.keywords import named
 from modalscope.model.kinds import check_kind
 from modalscope.model.result import Result
 from modalscope.model.signals import Signals
+from modalscope.model.stored import StoredSignals
 from modalscope.workflow.analyze import analyze
 from modalscope.workflow.replay import replay
 
@@ -83,9 +85,10 @@ def certify(
     check_kind("certify", result, Result)
     if not result.diagrams:
         result = replay(result.analysis, data)
-    if len(result.diagrams) > 1:
+    parts = [int(note.numbers["parts"]) for note in result.diagram.notes if note.kind == SPLIT]
+    if len(result.diagrams) > 1 or parts:
         raise DataError(
-            f"a certificate of {len(result.diagrams)} bands was asked",
+            f"a certificate of {(*parts, len(result.diagrams))[0]} bands was asked",
             "replicates are made of one band",
             "Analyse the bands one by one: analyze(data, band=...).",
         )
@@ -104,4 +107,5 @@ def _records(result: Result, diagram: StabilizationDiagram) -> Signals | None:
     if not diagram.response.ambient or result.data is None:
         return None
     settings = diagram.settings
-    return measure(result.data, settings.band, settings.exclude).records
+    records = measure(result.data, settings.band, settings.exclude).records
+    return records.load() if isinstance(records, StoredSignals) else records

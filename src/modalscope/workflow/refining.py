@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from modalscope.identification.beside import needed_beside
+from modalscope.identification.in_place import in_place
 from modalscope.identification.refine import refine
+from modalscope.judging.bands import evened
 from modalscope.modal.joint import joint_residues
 from modalscope.modal.sufficient import usable_orders
-from modalscope.model.checks import DataError
+from modalscope.model.checks import ComplexArray, DataError
 from modalscope.model.diagram import StabilizationDiagram
-from modalscope.model.mode_fields import PER_MODE, joined
+from modalscope.model.mode_fields import joined
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
 from modalscope.model.record_residual import UNMEASURED
@@ -23,6 +24,14 @@ __all__ = ["refined_where_it_helps"]
 
 #: The optimum near a mode lies within a fraction of its decay rate; one further than this away is another.
 _ASTRAY = 1.0
+
+#: Of one mode.
+_DEVIATIONS = (
+    "frequencies_std",
+    "damping_ratios_std",
+    "frequencies_repeatability",
+    "damping_ratios_repeatability",
+)
 
 #: Modes that go astray are held and the others refined again, so many times at most, while this part of all is left.
 _ROUNDS, _LEAST = 4, 0.5
@@ -58,7 +67,7 @@ def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> 
         before = modes.poles[stay] if found.unrefined is None else found.unrefined.poles
         astray = np.abs(found.poles - before) > _ASTRAY * np.abs(before.real)
         if not np.any(astray):
-            return found if stay.all() else _with_others(diagram.response, modes, found, modes.take(~stay))
+            return found if stay.all() else _with_others(diagram.response, modes, found, modes.take(~stay), beside)
         stay &= ~np.isin(modes.poles, before[astray])
         if stay.mean() < _LEAST:
             break
@@ -66,14 +75,19 @@ def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> 
     return modes.noted(_kept(f"the optimum lies far from {where}: the data hold more than these modes"))
 
 
-def _with_others(response: Response, modes: ModalModel, found: ModalModel, others: ModalModel) -> ModalModel:
-    """Return the refined modes, and beside them others with the values that they had: a stronger neighbour would draw them to its place."""
-    unknown = np.full(len(others), np.nan)
-    filled: dict[str, Any] = {
-        name: unknown for name in PER_MODE if getattr(found, name) is not None and getattr(others, name) is None
-    }
-    parts = [replace(found, left_out=()), replace(others, **filled, converged=True)]
-    merged = joined([replace(part, shapes_std=None, unrefined=None) for part in parts])
+def _with_others(
+    response: Response, modes: ModalModel, found: ModalModel, others: ModalModel, beside: ComplexArray
+) -> ModalModel:
+    """Return the refined modes, and beside them others with the values that they had: a stronger neighbour would draw them to its place.
+
+    Their deviations are those of the data at these values, the refined ones around them.
+    """
+    parts = evened([replace(part, left_out=(), shapes_std=None, unrefined=None) for part in (found, others)])
+    everything = joined(parts)
+    there = in_place(response.whole, everything, beside)
+    own = [int(np.argmin(np.abs(there.poles - s))) for s in others.poles]
+    known = {name: getattr(there, name)[own] for name in _DEVIATIONS if getattr(there, name) is not None}
+    merged = joined([parts[0], replace(parts[1], **known, converged=True)])
     order = np.argsort(merged.frequencies, kind="stable")
     merged = merged.take(order)
     shapes, fitted = joint_residues(response, merged.poles, merged.shapes)

@@ -15,7 +15,7 @@ from modalscope.model.sources import files_of
 from modalscope.workflow.analyze import Progress, analyzed
 from modalscope.workflow.sources import are_paths, opened, source_of_data
 
-__all__ = ["replay"]
+__all__ = ["check_same", "replay"]
 
 
 @named()
@@ -61,21 +61,29 @@ def replay(
             "Give the data: replay(document, data).",
         )
     given = [file.path for file in known] if data is None else data
-    thing, sources, told = opened(given, known[0].reading if data is None or are_paths(data) else {})
+    thing, sources, told = opened(given, document.reading if data is None or are_paths(data) else {})
     if not force:
-        _check_same(known, sources, thing)
+        check_same(known, sources, thing)
     return analyzed(thing, document, progress, told)
 
 
-def _check_same(known: tuple[SourceFile, ...], sources: tuple[SourceFile, ...], thing: Any) -> None:
-    """Raise when data are not those that were analysed, by their hash; where only a file's is known, by that of the data's own file."""
+def check_same(known: tuple[SourceFile, ...], sources: tuple[SourceFile, ...], thing: Any) -> None:
+    """Raise when data are not those that were analysed, by their hash; where only a file's is known, by that of the data's own file.
+
+    Parameters
+    ----------
+    known, sources : tuple of SourceFile
+        Of the document, and of what was read now.
+    thing : object
+        The data.
+    """
     hashes = [file.sha256 for file in known]
     if not all(hashes) or hashes == [file.sha256 for file in sources]:
         return
     came_from = files_of(thing)
     named = all(file.path for file in known) and not any(file.path for file in sources)
     if named and len(came_from) == len(known) and all(path.exists() for path in came_from):
-        read_again, of_files, _ = opened(came_from, known[0].reading)
+        read_again, of_files, _ = opened(came_from, [file.reading for file in known])
         again = source_of_data(read_again).sha256
         if hashes == [file.sha256 for file in of_files] and again and again == sources[0].sha256:
             return

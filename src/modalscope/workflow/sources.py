@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -12,40 +12,66 @@ import numpy as np
 from modalscope.io import from_frame, survey
 from modalscope.io.arrays import to_arrays
 from modalscope.io.frames import is_frame
-from modalscope.model import Geometry, ModalModel, Note
+from modalscope.model import Geometry, ModalModel, Note, StoredSignals
 from modalscope.model.analysis import SourceFile
-from modalscope.model.checks import DataError
-from modalscope.model.records import as_records
+from modalscope.model.checks import DataError, check_each, check_kind
+from modalscope.model.setups import Setups, as_test
+from modalscope.model.si import si_form
 from modalscope.preprocess.merging import merge
+from modalscope.preprocess.places import named_by_place
 
-__all__ = ["are_paths", "opened", "source_of_data", "source_of_file"]
+__all__ = ["Reading", "are_paths", "opened", "source_of_data", "source_of_file"]
+
+#: Options of reading, of all files or of each.
+Reading = Mapping[str, Any] | Sequence[Mapping[str, Any]]
 
 #: Bytes of a file that are hashed at a time.
 _CHUNK = 1 << 20
 
 
-def opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, tuple[SourceFile, ...], tuple[Note, ...]]:
-    """Return the data, where they came from, and what of a file was left; a path is read, several are parts of one test.
+def opened(data: Any, reading: Reading) -> tuple[Any, tuple[SourceFile, ...], tuple[Note, ...]]:
+    """Return the data in SI, where they came from, and what of a file was left; a path is read, several are parts of one test.
 
     Parameters
     ----------
     data : path, sequence of paths, data object, or one of pandas or xarray
         Several files are merged: those of the same outputs are runs, others are setups (see `merge`).
-    reading : mapping
-        Options of `read`.
+    reading : mapping, or a sequence of them
+        Options of `read`: of all files, or of each.
 
     Raises
     ------
     DataError
-        A file that holds modes already, or options of reading for data that are read.
+        A file that holds modes already, options of reading for data that are read, or of another number of files.
     """
-    if isinstance(data, list | tuple) and are_paths(data):
-        parts = [_opened(each, reading) for each in data]
-        thing = parts[0][0] if len(parts) == 1 else merge([part for part, _, _ in parts])
-        told = dict.fromkeys(note for _, _, notes in parts for note in notes)
+    several = isinstance(data, list | tuple) and are_paths(data)
+    each = _of_each(reading, len(data) if several else 1)
+    if several:
+        parts = [_opened(path, own) for path, own in zip(data, each, strict=True)]
+        things, places = named_by_place([part for part, _, _ in parts], [Path(path).stem for path in data])
+        thing = things[0] if len(things) == 1 else merge(things)
+        thing, units = si_form(thing)
+        told = dict.fromkeys([*(note for _, _, notes in parts for note in notes), *places, *units])
         return thing, tuple(source for _, source, _ in parts), tuple(told)
-    thing, source, notes = _opened(data, reading)
-    return thing, (source,), notes
+    thing, source, notes = _opened(data, each[0])
+    thing, units = si_form(thing)
+    return thing, (source,), (*notes, *units)
+
+
+def _of_each(reading: Reading, count: int) -> list[Mapping[str, Any]]:
+    """Return the options of reading of every file."""
+    if isinstance(reading, Mapping):
+        return [reading] * count
+    each = list(check_each("reading", reading, "options of reading, or a list of them"))
+    for own in each:
+        check_kind("options of reading one file", own, Mapping)
+    if len(each) != count:
+        raise DataError(
+            f"{len(each)} sets of options of reading were asked",
+            f"there {'is 1 file' if count == 1 else f'are {count} files'}",
+            "Give one for all files, or one for each.",
+        )
+    return each
 
 
 def are_paths(data: Any) -> bool:
@@ -65,7 +91,7 @@ def _opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile, tup
                 f"the data are {type(data).__name__} already",
                 "Give a path, or make the data with these values.",
             )
-        runs = as_records(data) if isinstance(data, list | tuple) else data
+        runs = as_test(data) if isinstance(data, list | tuple) else data
         return runs, source_of_data(runs), ()
     path = Path(data)
     found = survey(path, **reading)
@@ -84,16 +110,26 @@ def _opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile, tup
 
 
 def source_of_file(path: Path, reading: Mapping[str, Any]) -> SourceFile:
-    """Return size and hash of a file, in pieces."""
-    digest = sha256()
-    with path.open("rb") as file:
-        while chunk := file.read(_CHUNK):
-            digest.update(chunk)
-    return SourceFile(path=str(path), size=path.stat().st_size, sha256=digest.hexdigest(), reading=dict(reading))
+    """Return size and hash of a file, in pieces; of a folder, of all files in it with their names."""
+    digest, size = sha256(), 0
+    for part in sorted(each for each in path.rglob("*") if each.is_file()) if path.is_dir() else (path,):
+        if part is not path:
+            digest.update(f"{part.relative_to(path).as_posix()}\n".encode())
+        size += part.stat().st_size
+        with part.open("rb") as file:
+            while chunk := file.read(_CHUNK):
+                digest.update(chunk)
+    return SourceFile(path=str(path), size=size, sha256=digest.hexdigest(), reading=dict(reading))
 
 
 def source_of_data(data: Any) -> SourceFile:
-    """Return size and hash of the arrays of a data object; nothing of what has none."""
+    """Return size and hash of the arrays of a data object, of a stored record of its name, size and date; nothing of what has none."""
+    if isinstance(data, Setups):
+        each = [source_of_data(part) for part in data.parts]
+        whole = sha256(" ".join(part.sha256 for part in each).encode())
+        return SourceFile(size=sum(part.size for part in each), sha256=whole.hexdigest())
+    if isinstance(data, StoredSignals):
+        return SourceFile(size=data.size, sha256=sha256(data.rows.identity.encode()).hexdigest())
     try:
         arrays = to_arrays(data)
     except (TypeError, AttributeError, DataError):
