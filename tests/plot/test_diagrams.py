@@ -13,9 +13,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from modalscope import plot
-from modalscope.model import DataError, ImpulseResponse
+from modalscope.model import DataError, ImpulseResponse, Signals
 from modalscope.plot._style import decimals, dodge
 from modalscope.plot.diagrams import indicator_curves
+from modalscope.preprocess import decomposition
 from tests.plot import examples
 
 
@@ -42,7 +43,11 @@ def test_every_oscillating_pole_is_drawn_once_and_real_ones_not() -> None:
     steady = int(np.count_nonzero(d.stable_frequency)) - stable
     # the first pole of each of the five modes is new too
     new = 5 + examples.NEW + examples.UNSTABLE
-    assert drawn == {"stable": stable, "stable in frequency only": steady, "new": new}
+    assert {name: count for name, count in drawn.items() if count} == {
+        "stable": stable,
+        "frequency": steady,
+        "new": new,
+    }
     assert sum(drawn.values()) == d.poles.size - examples.REAL
 
 
@@ -132,3 +137,38 @@ def test_labels_keep_their_distance_and_their_order(places: list[float], gap: fl
 @given(st.floats(1e-3, 1e6))
 def test_the_highest_frequency_shows_at_most_five_digits(f: float) -> None:
     assert 0 <= decimals(np.array([f])) <= 4
+
+
+def test_letters_say_what_agrees_with_the_order_before() -> None:
+    d = examples.diagram()
+    p = d.poles.size
+    frequency, damping, shape = np.arange(p) % 8 < 4, np.arange(p) % 4 < 2, np.arange(p) % 2 < 1
+    mixed = replace(d, stable_frequency=frequency, stable_damping=damping, stable_shape=shape)
+    shown = np.isin(d.kinds, ("mode", "unstable"))
+    drawn = counts(plot.stabilization(mixed))
+    assert drawn["stable"] == np.count_nonzero(shown & frequency & damping & shape)
+    assert drawn["frequency, shape"] == np.count_nonzero(shown & frequency & ~damping & shape)
+    assert drawn["frequency, damping"] == np.count_nonzero(shown & frequency & damping & ~shape)
+    assert drawn["frequency"] == np.count_nonzero(shown & frequency & ~damping & ~shape)
+    assert sum(drawn.values()) == np.count_nonzero(shown)
+
+
+def test_the_spectra_of_a_record_stand_behind_a_diagram_where_they_are_given() -> None:
+    record = Signals(outputs=np.random.default_rng(0).standard_normal((4000, 3)), sampling_rate=16.0)
+    spectra = decomposition(record)
+    ax = plot.stabilization(examples.diagram(), spectra=spectra)
+    (behind,) = (other for other in ax.figure.axes if other is not ax)
+    assert behind.get_ylabel() == "singular values of the spectra"
+    first = behind.get_lines()[0]
+    inside = np.isin(spectra.frequencies, np.asarray(first.get_xdata()))
+    assert np.asarray(first.get_ydata()) == pytest.approx(spectra.singular_values[inside, 0])
+
+
+def test_correlations_are_transformed_on_a_fine_grid_and_peak_at_the_modes() -> None:
+    modes = examples.modes()
+    short = replace(modes.impulse_response(400, 20.0), kind="correlation")
+    lines, curves = indicator_curves(short)
+    assert lines[1] <= 20.0 / 8192
+    for f in modes.frequencies[:2]:
+        near = np.abs(lines - f) < 0.2
+        assert abs(lines[near][np.argmax(curves[near, 0])] - f) < 20 / 400  # a line of the samples themselves

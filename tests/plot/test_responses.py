@@ -90,3 +90,25 @@ def test_the_window_left_in_the_data_is_put_back_into_the_modes() -> None:
 def test_modes_of_other_channels_are_an_error() -> None:
     with pytest.raises(DataError, match="the data have 2 outputs and 2 inputs, the modes 4 and 2"):
         plot.response(examples.response().select(outputs=[0, 1]), examples.modes())
+
+
+def test_the_phase_of_the_modes_lies_on_the_branch_of_the_measured_one() -> None:
+    r = examples.response()
+    lower = plot.response(replace(r, values=-r.values), examples.modes(), 0, 0).figure.axes[1]
+    measured, fit = (np.asarray(line.get_ydata()) for line in lower.get_lines())
+    near = np.interp(np.asarray(lower.get_lines()[1].get_xdata()), r.frequencies, np.arange(r.frequencies.size))
+    kept = np.isfinite(fit)
+    phase = np.degrees(np.angle(r.values[:, 0, 0]))[near[kept].round().astype(int)]
+    assert np.exp(1j * np.radians(fit[kept])) == pytest.approx(np.exp(1j * np.radians(phase)), abs=1e-9)
+    assert np.nanmax(np.abs(fit)) <= np.nanmax(np.abs(measured)) + 180
+
+
+def test_coherence_has_a_panel_of_its_own_where_it_is_known() -> None:
+    r = examples.response()
+    coherence = np.linspace(0.2, 1, r.values[..., 0].size).reshape(r.values.shape[:2])
+    ax = plot.response(replace(r, coherence=coherence), None, 2, 1)
+    third = ax.figure.axes[2]
+    assert third.get_ylabel() == "coherence"
+    assert np.asarray(third.get_lines()[0].get_ydata()) == pytest.approx(coherence[:, 2])
+    assert third.get_xlabel() == "frequency [Hz]"
+    assert len(plot.response(r).figure.axes) == 2

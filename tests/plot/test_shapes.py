@@ -140,3 +140,12 @@ def test_complexity_draws_one_arrow_a_channel_on_polar_axes() -> None:
     assert len(ax.get_lines()) == len(examples.modes().output_dofs)
     with pytest.raises(DataError, match="rectilinear"):
         plot.complexity(examples.modes(), 0, Figure().add_subplot())
+
+
+def test_bars_stand_in_the_order_of_the_structure() -> None:
+    modes = examples.modes()
+    labels = ("10:+Z", "9:-Z", "2:+X", "11:+X")
+    ax = plot.shape(replace(modes, output_dofs=labels, geometry=None), 0)
+    assert [tick.get_text() for tick in ax.get_xticklabels()] == ["2:+X", "11:+X", "9:-Z", "10:+Z"]
+    heights = [bar.get_height() for bar in ax.patches]
+    assert heights == pytest.approx(in_phase(modes.shapes[:, 0])[[2, 3, 1, 0]])

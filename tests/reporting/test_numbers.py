@@ -8,8 +8,8 @@ import pytest
 from modalscope.model import ImpulseResponse
 from modalscope.model.modes import ModalModel
 from modalscope.model.poles import poles_from
+from modalscope.reporting.modes import summary_section
 from modalscope.reporting.numbers import decimals, frequency, heading, list_some, percent, value
-from modalscope.reporting.sections import summary_section
 from tests.judging.made import Pole, diagram_of
 
 
@@ -49,7 +49,7 @@ MODES = ModalModel(
 
 def summary(fit: float) -> str:
     response = ImpulseResponse(values=np.ones((10, 3, 1)), sampling_rate=100.0)
-    return summary_section(MODES, diagram_of(Pole(2), response=response), (fit, np.zeros((3, 1)))).body
+    return summary_section(MODES, [diagram_of(Pole(2), response=response)], (fit, np.zeros((3, 1)))).body
 
 
 def test_the_least_sure_mode_is_the_one_whose_damping_scatters_most_of_its_own_value() -> None:

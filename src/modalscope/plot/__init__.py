@@ -1,5 +1,6 @@
 """Pictures: results drawn on Matplotlib axes. Nothing is identified here, and no global setting is changed."""
 
+from modalscope.plot.animation import animate
 from modalscope.plot.certificates import certificate
 from modalscope.plot.diagrams import fit_errors, indicator, stabilization
 from modalscope.plot.intervals import intervals
@@ -11,6 +12,7 @@ from modalscope.plot.shapes import shape
 from modalscope.plot.spectra import spectra
 
 __all__ = [
+    "animate",
     "certificate",
     "complexity",
     "deviations",

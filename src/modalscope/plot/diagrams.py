@@ -16,15 +16,29 @@ from modalscope.model.checks import (
 )
 from modalscope.model.keywords import named
 from modalscope.model.response import Response
-from modalscope.plot._style import BLUE, MUTED, ORANGE, PALE, dress, key, mark_modes, new_axes, unit_of
+from modalscope.plot._style import BLUE, GREEN, MUTED, ORANGE, PALE, PURPLE, dress, key, mark_modes, new_axes, unit_of
+from modalscope.preprocess.singular_spectra import Decomposition
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["INDICATORS", "fit_errors", "indicator", "indicator_curves", "stabilization"]
+__all__ = ["INDICATORS", "LETTERS", "fit_errors", "indicator", "indicator_curves", "stabilization"]
 
 #: What can stand behind the poles.
 INDICATORS = ("cmif", "sum", "none")
+
+#: A spectrum of samples has at least so many lines, whatever their number: peaks are drawn round.
+_FINE = 4096
+
+#: What agrees with a pole of the order before, as the field writes it: letter, words, and whether (frequency, damping, shape) agree.
+LETTERS = (
+    ("s", "stable", (True, True, True)),
+    ("v", "frequency, shape", (True, False, True)),
+    ("d", "frequency, damping", (True, True, False)),
+    ("f", "frequency", (True, False, False)),
+    ("o", "new", None),
+)
+_COLOURS = {"s": BLUE, "v": GREEN, "d": PURPLE, "f": "#B87700", "o": "#8A96A3"}
 
 #: Singular values drawn: more than these lie in the noise of any test with a few references.
 _CURVES = 4
@@ -34,15 +48,19 @@ def indicator_curves(response: Response, kind: str = "cmif") -> tuple[RealArray,
     """Return lines in Hz, (F,), and the curves of the mode indicator, (F, k).
 
     `cmif` gives the singular values of H at each line, `sum` the sum of the magnitudes. An impulse response is
-    transformed by FFT as it stands.
+    transformed by FFT, filled up with zeros to a fine grid; correlations, which are cut off and not decayed, under a falling half of a
+    Hann window.
     """
     response = response.picture()
     if isinstance(response, FrequencyResponse):
         lines, values = response.frequencies, response.values
     else:
         assert isinstance(response, ImpulseResponse)
-        lines = np.asarray(np.fft.rfftfreq(response.samples, 1 / response.sampling_rate), dtype=float)
-        values = np.fft.rfft(response.values, axis=0) / response.sampling_rate
+        samples = response.samples
+        length = max(samples, 2 * _FINE)
+        fall = 0.5 + 0.5 * np.cos(np.pi * np.arange(samples) / samples) if response.ambient else np.ones(samples)
+        lines = np.asarray(np.fft.rfftfreq(length, 1 / response.sampling_rate), dtype=float)
+        values = np.fft.rfft(response.values * fall[:, None, None], length, axis=0) / response.sampling_rate
     curves = cmif(values) if kind == "cmif" else np.abs(values).sum(axis=(1, 2))[:, None]
     return lines, curves
 
@@ -55,8 +73,12 @@ def stabilization(
     *,
     indicator: str = "cmif",
     limits: tuple[float, float] | None = None,
+    spectra: Decomposition | None = None,
 ) -> Axes:
     """Draw the poles of all orders, frequency to the right and order up, over the mode indicator of the data.
+
+    A letter says what agrees with a pole of the order before: s all, v frequency and shape vector, d frequency and damping, f the
+    frequency alone, o nothing.
 
     Parameters
     ----------
@@ -70,6 +92,8 @@ def stabilization(
         Behind the poles, on a logarithmic axis at the right: singular values of H, the sum of magnitudes, or nothing.
     limits : (float, float), optional
         Ends of the frequency axis in Hz; the band of the data by default.
+    spectra : Decomposition, optional
+        Of the record that an ambient diagram came from (`preprocess.decomposition`): drawn behind in place of the indicator.
 
     Returns
     -------
@@ -86,9 +110,13 @@ def stabilization(
         check_kind("what is marked in a diagram", modes, ModalModel)
     check_choice("indicator", indicator, INDICATORS)
     ax = new_axes(ax)
-    lowest, highest = limits or _band(diagram.response)
+    lowest, highest = limits or _band(diagram.response, diagram.settings.get("band"))
+    if spectra is not None:
+        check_kind("spectra behind a diagram", spectra, Decomposition)
     if indicator != "none":
-        _behind(ax, diagram.response, indicator, (lowest, highest))
+        curves = indicator_curves(diagram.response, indicator) if spectra is None else spectra[:2]
+        name = _names(indicator) + unit_of(diagram.response) if spectra is None else "singular values of the spectra"
+        _behind(ax, *curves, name, (lowest, highest))
     _poles(ax, diagram)
     dress(ax, xlabel="frequency [Hz]", ylabel="model order (states)")
     if diagram.orders:
@@ -102,36 +130,38 @@ def stabilization(
 
 
 def _poles(ax: Axes, diagram: StabilizationDiagram) -> None:
-    oscillates = np.isin(diagram.kinds, ("mode", "unstable"))
-    stable = diagram.stable & oscillates
-    steady = np.asarray(diagram.stable_frequency, dtype=bool) & oscillates & ~stable
-    # the markers shrink where orders lie close, so that rows stay apart
-    size = float(np.clip(260 / max(len(diagram.orders), 1), 3.2, 6.0))
-    groups: tuple[tuple[str, Array, float, dict[str, Any]], ...] = (
-        ("new", oscillates & ~stable & ~steady, 0.7, {"marker": "x", "color": "#98A2AD", "markeredgewidth": 0.8}),
-        ("stable in frequency only", steady, 0.75, {"marker": "D", "color": ORANGE, "markerfacecolor": "white"}),
-        ("stable", stable, 1.0, {"marker": "o", "color": BLUE, "markeredgecolor": "white", "markeredgewidth": 0.5}),
-    )
+    left = np.isin(diagram.kinds, ("mode", "unstable"))
+    agree = np.stack([diagram.stable_frequency, diagram.stable_damping, diagram.stable_shape]).astype(bool)
+    # the letters shrink where orders lie close, so that rows stay apart
+    size = float(np.clip(300 / max(len(diagram.orders), 1), 4.6, 6.5))
     f, order = diagram.frequencies, diagram.order_of_pole
-    for name, chosen, share, style in groups:
-        label = f"{name} ({np.count_nonzero(chosen)})"
-        ax.plot(f[chosen], order[chosen], linestyle="none", markersize=share * size, label=label, **style)
+    drawn: list[tuple[str, str, Array]] = []
+    for letter, words, wanted in LETTERS:
+        chosen = left if wanted is None else left & np.all(agree == np.array(wanted)[:, None], axis=0)
+        left = left & ~chosen
+        drawn.append((letter, words, chosen))
+    for letter, words, chosen in drawn[::-1]:
+        label = f"{words} ({np.count_nonzero(chosen)})"
+        style: dict[str, Any] = {"marker": rf"$\mathbf{{{letter}}}$", "color": _COLOURS[letter], "markeredgewidth": 0}
+        ax.plot(f[chosen], order[chosen], linestyle="none", markersize=size, label=label, **style)
 
 
-def _band(response: Response) -> tuple[float, float]:
+def _band(response: Response, asked: tuple[float, float] | None = None) -> tuple[float, float]:
+    """Return the band of the data, as far as it was asked: that of filtered samples is wider."""
     low, high = response.span
+    if asked is not None and response.grid is None:
+        low, high = max(low, asked[0]), min(high, asked[1])
     return (low, high) if high > low else (0.0, 2 * high or 1.0)
 
 
-def _behind(ax: Axes, response: Response, kind: str, limits: tuple[float, float]) -> None:
-    lines, curves = indicator_curves(response, kind)
+def _behind(ax: Axes, lines: RealArray, curves: RealArray, name: str, limits: tuple[float, float]) -> None:
     inside = (lines >= limits[0]) & (lines <= limits[1])
     twin = ax.twinx()
     ax.set_zorder(twin.get_zorder() + 1)
     ax.patch.set_visible(False)
     _draw(twin, lines[inside], curves[inside], ["#8C99A6", "#B7C0C9", "#CDD4DA", "#DDE2E6"])
     dress(twin, grid=False)
-    twin.set_ylabel(_names(kind) + unit_of(response), fontsize=9.5, color=MUTED)
+    twin.set_ylabel(name, fontsize=9.5, color=MUTED)
     twin.tick_params(labelsize=8.5, labelcolor=MUTED, length=2)
     twin.spines["right"].set_visible(True)
     twin.spines["left"].set_visible(False)

@@ -49,12 +49,13 @@ def response(
     modes: ModalModel | Identified | None = None,
     output: str | int | None = None,
     input: str | int | None = None,
-    ax: Axes | tuple[Axes, Axes] | None = None,
+    ax: Axes | tuple[Axes, ...] | None = None,
 ) -> Axes:
     """Draw one measured response and what the modes rebuild of it.
 
-    Of a frequency response the magnitude and below it the phase; of an impulse response the samples and below them
-    what the modes leave unexplained.
+    Of a frequency response the magnitude, below it the phase, and the coherence where it is known; of an impulse response or a
+    correlation the samples and below them what the modes leave unexplained. The phase of the modes is drawn on the branch of the
+    measured one.
 
     Parameters
     ----------
@@ -63,8 +64,8 @@ def response(
         Drawn beside the measurement, with the fit error |measured - rebuilt| / |measured| of this channel.
     output, input : str or int, optional
         Channel, by label or index; by default the one with the largest mean square.
-    ax : Axes or (Axes, Axes), optional
-        One for the upper panel alone, or two; a new figure by default.
+    ax : Axes or (Axes, Axes) or (Axes, Axes, Axes), optional
+        One for the upper panel alone, two, or a third one for the coherence; a new figure by default.
 
     Returns
     -------
@@ -84,14 +85,20 @@ def response(
     power = np.sum(np.abs(data.values) ** 2, axis=0)
     i = channel("output", output, data.output_dofs, int(np.argmax(power.sum(axis=1))))
     j = channel("input", input, data.input_dofs, int(np.argmax(power[i])))
-    upper, lower = _panels(ax)
+    known = isinstance(data, FrequencyResponse) and data.coherence is not None
+    upper, lower, third = _panels(ax, 3 if known else 2)
     measured = data.values[:, i, j]
     fit = None if modes is None else rebuilt(data, modes if isinstance(modes, ModalModel) else modes.modes)[:, i, j]
     if isinstance(data, FrequencyResponse):
         _spectrum(data, measured, fit, upper, lower, unit_of(data, i, j))
+        if third is not None and data.coherence is not None:
+            each = data.coherence.reshape(*data.coherence.shape[:2], -1)
+            _coherence(third, data.frequencies, each[:, i, min(j, each.shape[2] - 1)])
+        _finish((upper, lower, third), "frequency [Hz]")
     elif isinstance(data, ImpulseResponse):
         _samples(data, measured, fit, upper, lower, unit_of(data, i, j))
-    headline(upper, f"output {plain(data.output_dofs[i])}, input {plain(data.input_dofs[j])}")
+        _finish((upper, lower), "lag [s]" if data.ambient else "time [s]")
+    headline(upper, f"output {plain(data.output_dofs[i])}, {data.column_word} {plain(data.input_dofs[j])}")
     if fit is not None:
         norm = float(np.linalg.norm(measured))
         if norm > 0 and drawn is data:
@@ -99,14 +106,17 @@ def response(
     return upper
 
 
-def _panels(ax: Axes | tuple[Axes, Axes] | None) -> tuple[Axes, Axes | None]:
+def _panels(ax: Axes | tuple[Axes, ...] | None, count: int) -> tuple[Axes, Axes | None, Axes | None]:
+    """Return the panels that were given, or `count` new ones; None for those that are missing."""
     if ax is None:
         from matplotlib import pyplot
 
         figure = pyplot.figure(figsize=SIZE, dpi=DPI, layout="constrained")
-        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[2.6, 1])
-        return upper, lower
-    return ax if isinstance(ax, tuple) else (ax, None)
+        given = tuple(figure.subplots(count, 1, sharex=True, height_ratios=[2.6, 1, 0.6][:count]))
+    else:
+        given = tuple(ax) if isinstance(ax, tuple | list | np.ndarray) else (ax,)
+    upper, lower, third = (*given, None, None)[:3]
+    return upper, lower, third
 
 
 def _pair(ax: Axes, x: Array, measured: Array, fit: Array | None) -> None:
@@ -115,12 +125,12 @@ def _pair(ax: Axes, x: Array, measured: Array, fit: Array | None) -> None:
         ax.plot(x, fit, color=VERMILLION, linewidth=1.3, linestyle=(0, (4, 1.6)), label="rebuilt from the modes")
 
 
-def _finish(upper: Axes, lower: Axes | None, xlabel: str) -> None:
-    last = upper if lower is None else lower
-    last.set_xlabel(xlabel, fontsize=10.5, color=INK)
-    if lower is not None:
-        upper.tick_params(labelbottom=False)
-    key(last, handles=upper.get_legend_handles_labels()[0])
+def _finish(panels: tuple[Axes | None, ...], xlabel: str) -> None:
+    shown = [panel for panel in panels if panel is not None]
+    for panel in shown[:-1]:
+        panel.tick_params(labelbottom=False)
+    shown[-1].set_xlabel(xlabel, fontsize=10.5, color=INK)
+    key(shown[-1], handles=shown[0].get_legend_handles_labels()[0])
 
 
 def _spectrum(
@@ -139,11 +149,10 @@ def _spectrum(
         start = _calmest(measured)
         lower.plot(*_wrapped(f, measured, start), color=INK, linewidth=0.9)
         if fit is not None:
-            lower.plot(*_wrapped(f, fit, start), color=VERMILLION, linewidth=1.2, linestyle=(0, (4, 1.6)))
+            lower.plot(*_beside(f, measured, fit, start), color=VERMILLION, linewidth=1.2, linestyle=(0, (4, 1.6)))
         dress(lower, ylabel="phase [°]")
-        lower.set_ylim(start - 10, start + 370)
+        lower.set_ylim(start - 30, start + 390)
         lower.set_yticks(np.arange(start, start + 361, 90))
-    _finish(upper, lower, "frequency [Hz]")
 
 
 def _phase(h: Array, start: float) -> Array:
@@ -164,13 +173,27 @@ def _wrapped(f: Array, h: Array, start: float) -> tuple[Array, Array]:
     return np.insert(np.asarray(f, dtype=float), jumps, np.nan), np.insert(phase, jumps, np.nan)
 
 
+def _beside(f: Array, measured: Array, fit: Array, start: float) -> tuple[Array, Array]:
+    """Lines and phase of the fit on the branch of the measured phase, nearer than half a turn to it, with a gap wherever it jumps."""
+    nearest = _phase(measured, start) + np.degrees(np.angle(fit * np.conj(measured)))
+    jumps = np.flatnonzero(np.abs(np.diff(nearest)) > 180) + 1
+    return np.insert(np.asarray(f, dtype=float), jumps, np.nan), np.insert(nearest, jumps, np.nan)
+
+
+def _coherence(ax: Axes, f: Array, values: Array) -> None:
+    ax.plot(f, values, color=MUTED, linewidth=0.9)
+    dress(ax, ylabel="coherence")
+    ax.set_ylim(0, 1.05)
+    ax.set_yticks([0, 0.5, 1])
+
+
 def _samples(
     data: ImpulseResponse, measured: Array, fit: Array | None, upper: Axes, lower: Axes | None, unit: str
 ) -> None:
     _pair(upper, data.times, measured, fit)
-    dress(upper, ylabel=(data.quantity or "response") + unit)
+    what = "correlation" if data.ambient else data.quantity or "response"
+    dress(upper, ylabel=what + ("" if data.ambient else unit))
     upper.set_xlim(data.times[0], data.times[-1])
     if lower is not None:
         lower.plot(data.times, measured if fit is None else measured - fit, color=MUTED, linewidth=0.9)
         dress(lower, ylabel="measured" if fit is None else "difference")
-    _finish(upper, lower, "time [s]")

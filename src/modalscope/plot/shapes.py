@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from modalscope.model.checks import (
     check_kind,
 )
 from modalscope.model.keywords import named
+from modalscope.model.labels import parse_dof
 from modalscope.plot._camera import AXES, View, extent, oblique, view_of
 from modalscope.plot._style import (
     BLUE,
@@ -37,7 +39,7 @@ from modalscope.plot._style import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["check_mode", "in_phase", "shape"]
+__all__ = ["check_mode", "in_order", "in_phase", "shape"]
 
 #: Largest displacement as a share of the size of the structure.
 _AMPLITUDE = 0.14
@@ -149,7 +151,27 @@ def _measured(geometry: Geometry, labels: tuple[str, ...]) -> Array:
     return measured
 
 
+def in_order(labels: tuple[str, ...]) -> list[int]:
+    """Return the positions of channels as they stand on the structure: direction by direction, in each by node, 2 before 10.
+
+    Examples
+    --------
+    >>> in_order(("10:+Z", "2:+Z", "2:+X", "1:-Z"))
+    [2, 3, 1, 0]
+    """
+
+    def place(k: int) -> tuple[str, list[tuple[int, str]]]:
+        dof = parse_dof(labels[k])
+        direction, node = ("", labels[k]) if dof is None else (dof.direction.lstrip("+-"), dof.node)
+        parts = re.split(r"(\d+)", node)
+        return direction, [(int(part), "") if part.isdecimal() else (-1, part) for part in parts]
+
+    return sorted(range(len(labels)), key=place)
+
+
 def _bars(ax: Axes, labels: tuple[str, ...], values: RealArray) -> None:
+    order = in_order(labels)
+    labels, values = tuple(labels[k] for k in order), values[order]
     places = np.arange(values.size)
     ax.bar(places, values, width=0.72, color=np.where(values < 0, BLUE, VERMILLION).tolist(), zorder=2)
     ax.axhline(0, color=INK, linewidth=0.8)

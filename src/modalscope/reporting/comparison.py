@@ -9,11 +9,12 @@ import numpy as np
 
 from modalscope import plot
 from modalscope.comparing import CAUSES, Comparison, MethodResult
+from modalscope.comparing.kinship import Kinship
 from modalscope.comparing.scatter import LEVEL
 from modalscope.modal.explained import explained, explains_enough
 from modalscope.reporting import record, sections
 from modalscope.reporting.figures import draw, stabilization_svg
-from modalscope.reporting.html import Section, listing, paragraph, picture, table
+from modalscope.reporting.html import Section, folded, listing, paragraph, picture, table
 from modalscope.reporting.numbers import decimals
 from modalscope.reporting.scripts import comparison_script
 
@@ -24,6 +25,12 @@ __all__ = ["comparison_sections"]
 
 #: Stabilization diagrams that are drawn; the others stand in the table only.
 _DIAGRAMS = 6
+
+#: How lines of the verdict on single modes begin.
+_OF_ONE_MODE = ("Do not trust", "Trust the frequency")
+
+#: From so many methods that differ, and with this distance between some of them (half bandwidths), a map says more than a sentence.
+_MAPPED, _APART = 4, 0.01
 
 #: From so many methods on the table of distances needs the width of the page.
 _WIDE = 9
@@ -45,28 +52,41 @@ def comparison_sections(c: Comparison, *, source: str | None = None, command: st
     if any(r.diagram is not None for r in c.results):
         yield _stabilization(c)
     if len(c.modes):
-        yield from sections.mode_pictures(c.modes, c.response, fit)
+        yield from sections.mode_pictures(c.modes)
+        yield sections.responses_section(c.modes, c.response, fit)
     yield record.data_section(c.response, source)
     yield _settings(c)
     yield record.repeat_section(comparison_script(c, source), command)
 
 
 def _verdict(c: Comparison) -> Section:
-    low, high = sections.band_of(c.response)
+    low, high = c.response.span
     ran = [r for r in c.results if r.modes is not None]
     count = f"{len(ran)} of {len(c.results)} methods" if len(ran) < len(c.results) else f"{len(ran)} methods"
     lead = f"{count} on the same data, {low:.5g} to {high:.5g} Hz; {len(c.modes)} modes in the consensus"
     lead += "."
     if c.groups and explains_enough(c.fit_error):
         lead += f" {explained(c.fit_error)}"
+    digits = decimals(c.modes.frequencies)
     rows = [
-        [str(k + 1), f"{g.frequency:.5g}", t.grade, t.why, ", ".join(x.name for x in t.causes) or "–"]
+        [
+            str(k + 1),
+            f"{g.frequency:.{digits}f}",
+            f"{c.scatter.frequency[k]:.2g}",
+            f"{100 * g.damping:.3f}",
+            f"{100 * c.scatter.damping[k]:.2g}",
+            t.grade,
+            "; ".join([t.why.partition(":")[0], *(x.name for x in t.causes)]),
+        ]
         for k, (g, t) in enumerate(zip(c.groups, c.trust, strict=True))
     ]
-    lines = c.verdict.splitlines()
+    # what is said of single modes stands in the table
+    lines = [line for line in c.verdict.splitlines() if not line.startswith(_OF_ONE_MODE)] or [c.verdict]
     first = "loud" if c.groups and not explains_enough(c.fit_error) else "verdict"
-    body = paragraph(lines[0], first) + "".join(paragraph(line) for line in lines[1:]) + paragraph(lead, "muted")
-    body += table(["mode", "frequency [Hz]", "trust", "why", "makes it hard"], rows, words=[2, 3, 4]) if rows else ""
+    body = paragraph(lines[0], first) + "".join(paragraph(line) for line in lines[1:])
+    head = ["mode", "frequency [Hz]", "± [Hz]", "damping [%]", "± [%]", "trust", "why, and what makes it hard"]
+    body += table(head, rows, words=[5, 6], graded=5) if rows else ""
+    body += paragraph(lead, "muted")
     return Section("verdict", "Verdict", body)
 
 
@@ -94,7 +114,8 @@ def _modes(c: Comparison) -> Section:
     )
     if c.unconfirmed:
         which = ", ".join(f"{g.frequency:.5g} Hz ({'; '.join(map(c.label, g.members))})" for g in c.unconfirmed)
-        body += paragraph(f"Shown by transformed data only, and not in the consensus: {which}.")
+        words = paragraph(f"Shown by transformed data only, and not in the consensus: {which}.")
+        body += folded(f"{len(c.unconfirmed)} more were shown by transformed data only", words)
     if c.groups:
         caption = "Every method against the consensus; grey: the stated scatter. Open marks: transformed data, which have no vote."
         body += picture(
@@ -163,11 +184,13 @@ def _kinship(c: Comparison) -> Section:
     body = paragraph(
         f"Distance of two methods: how far their poles of order {kin.order} lie apart, in half bandwidths, "
         "each weighted by its share of the response (0: the same poles, 1: none in common). "
-        "The map places the methods so that these distances are kept as well as a plane can; "
-        "the table adds the largest angle between the subspaces that the reported modes span in time and space."
+        "A map places the methods so that these distances are kept as well as a plane can; "
+        "a table adds the largest angle between the subspaces that the reported modes span in time and space."
     )
     if equal:
         body += paragraph(f"The same method on these data, to rounding: {'; '.join(equal)}.")
+    if len(kin.classes) < _MAPPED or float(np.max(kin.distances)) < _APART:
+        return Section("map", "Map of methods", body + paragraph(_all_near(kin)))
     side = max(4.6, 0.46 * len(kin.names) + 2.2)
     body += picture(draw((10.0, 5.6), lambda f: plot.method_map(c, f.add_subplot())), "Map of methods")
     caption = "Below the diagonal distances of pole sets, above it principal angles in degrees."
@@ -175,6 +198,16 @@ def _kinship(c: Comparison) -> Section:
     kind = "narrow" if len(kin.names) < _WIDE else "whole"
     body += f'<div class="{kind}">{picture(drawn, "Distances between methods", caption)}</div>'
     return Section("map", "Map of methods", body)
+
+
+def _all_near(kin: Kinship) -> str:
+    """Say in a sentence what a map of a few methods, or of methods that hardly differ, would draw."""
+    which = (
+        f"{len(kin.classes)} kinds of methods differ on these data"
+        if len(kin.classes) > 1
+        else "No method differs from another"
+    )
+    return f"{which}, by {float(np.max(kin.distances)):.2g} half bandwidths at most: no map is drawn."
 
 
 def _identities(c: Comparison) -> Section:

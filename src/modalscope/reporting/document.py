@@ -15,7 +15,7 @@ from modalscope.io.atomic import replacing
 from modalscope.io.formats import sources_of
 from modalscope.judging.certificate import Certificate
 from modalscope.judging.select import select
-from modalscope.model import DataError, ModalModel, StabilizationDiagram
+from modalscope.model import DataError, ModalModel, Signals, StabilizationDiagram
 from modalscope.model.checks import check_path
 from modalscope.model.keywords import named
 from modalscope.model.kinds import check_kind
@@ -24,11 +24,16 @@ from modalscope.model.response import Response
 from modalscope.model.result import Result
 from modalscope.model.version import VERSION
 from modalscope.preprocess import Finding
+from modalscope.preprocess.singular_spectra import Decomposition, decomposition
 from modalscope.reporting import record, sections
+from modalscope.reporting.alive import alive_section
+from modalscope.reporting.banded import Shown, bands_of
 from modalscope.reporting.comparison import comparison_sections
+from modalscope.reporting.grades import grades
 from modalscope.reporting.html import Section, page
 from modalscope.reporting.identification import identification_sections
 from modalscope.reporting.intervals import certificate_section, intervals_section
+from modalscope.reporting.modes import modes_section, summary_section
 from modalscope.reporting.scripts import result_script, stabilization_script
 
 __all__ = ["Origin", "report", "stabilization_sections", "write_page"]
@@ -97,9 +102,17 @@ def report(
         return write_page(path, heading, _subtitle(thing.response), parts, sources_of(thing))
     origin = Origin(source, command)
     if isinstance(thing, Result):
+        if thing.analysis.apart:
+            raise DataError(
+                "a report on setups that were identified apart was asked",
+                "a report shows one stabilization diagram",
+                "Write .json or .csv, report on the setups together (apart=False), or on each by itself.",
+            )
         files = [file.path for file in thing.analysis.files if file.path]
         known = source or ", ".join(files) or None
-        origin = Origin(known, command, thing.findings, thing.notes, result_script(thing))
+        origin = Origin(
+            known, command, thing.findings, thing.notes, result_script(thing), data=thing.data, diagrams=thing.diagrams
+        )
     modes, diagram = _selected(thing)
     if certificate is not None:
         check_kind("certificate of report", certificate, Certificate)
@@ -140,6 +153,10 @@ class Origin:
     findings, notes, script : optional
         Of the whole analysis; by default those of the diagram.
     certificate : Certificate, optional
+    data : object, optional
+        What was measured: of ambient records the spectra stand behind the diagram.
+    diagrams : sequence of StabilizationDiagram
+        Of every band, where there are several.
     """
 
     source: str | None = None
@@ -148,32 +165,61 @@ class Origin:
     notes: Sequence[Note] | None = None
     script: str | None = None
     certificate: Certificate | None = None
+    data: object = None
+    diagrams: Sequence[StabilizationDiagram] = ()
+
+    @property
+    def spectra(self) -> Decomposition | None:
+        """Singular values of the spectra of a record without inputs; None of all else."""
+        record = self.data
+        return decomposition(record) if isinstance(record, Signals) and record.inputs is None else None
 
 
 def stabilization_sections(modes: ModalModel, diagram: StabilizationDiagram, origin: Origin) -> Iterator[Section]:
     """Give the sections on a diagram and its modes in the order of reading, each drawn when it is asked for."""
-    response = diagram.response
-    fit = sections.fit_of(modes, response)
-    yield sections.summary_section(modes, diagram, fit)
-    yield sections.modes_section(modes)
+    response, judged = diagram.response, grades(modes, origin.certificate)
+    shown = bands_of(modes, origin.diagrams if len(origin.diagrams) > 1 else (diagram,))
+    several = len(shown) > 1
+    fit = sections.fit_of_bands(modes, [each.diagram for each in shown])
+    yield summary_section(modes, [each.diagram for each in shown], fit, band=_bands(shown), judged=judged)
+    yield from alive_section(modes, *(each.diagram for each in shown))
+    yield modes_section(modes, judged)
     if len(modes):
         yield intervals_section(modes)
     if origin.certificate is not None:
         yield certificate_section(origin.certificate)
-    yield sections.stabilization_section(diagram, modes)
-    yield from sections.mode_pictures(modes, response, fit)
+    spectra = origin.spectra
+    for each in shown:
+        yield each.named(sections.stabilization_section(each.diagram, each.modes, spectra), several)
+    yield from sections.mode_pictures(modes)
+    for each in shown:
+        own = sections.fit_of(each.modes, each.diagram.response) if several else fit
+        yield each.named(sections.responses_section(each.modes, each.diagram.response, own), several)
     if modes.reasons:
         yield sections.reasons_section(modes)
     if modes.left_out:
         yield sections.left_out_section(modes)
-    yield record.data_section(response, origin.source, origin.findings)
-    yield record.settings_section(diagram)
+    yield record.data_section(response, origin.source, origin.findings, origin.data)
+    for each in shown:
+        yield each.named(record.settings_section(each.diagram), several)
     yield record.notes_section(diagram.notes if origin.notes is None else origin.notes, diagram.kinds)
     yield record.repeat_section(origin.script or stabilization_script(diagram, origin.source), origin.command)
 
 
+def _bands(shown: Sequence[Shown]) -> str:
+    """Return the band that was asked, or the bands, in words."""
+    if len(shown) > 1:
+        return f"Identified in {len(shown)} bands: {', '.join(each.words for each in shown)}."
+    asked = getattr(shown[0].diagram.settings, "band", None)
+    return (
+        "No band was asked: all of the data was used."
+        if asked is None
+        else f"Band asked: {asked[0]:g} to {asked[1]:g} Hz."
+    )
+
+
 def _subtitle(response: Response) -> str:
-    counts = f"{len(response.output_dofs)} outputs, {len(response.input_dofs)} inputs"
+    counts = f"{len(response.output_dofs)} outputs, {len(response.input_dofs)} {response.column_word}s"
     return f"{counts}, {date.today().isoformat()}"
 
 

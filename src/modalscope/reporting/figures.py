@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 from modalscope import plot
 from modalscope.judging.certificate import Certificate
-from modalscope.model import ModalModel, StabilizationDiagram
+from modalscope.model import FrequencyResponse, ModalModel, StabilizationDiagram
 from modalscope.model.checks import RealArray
 from modalscope.model.response import Response
+from modalscope.preprocess.singular_spectra import Decomposition
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,9 +43,9 @@ def draw(size: tuple[float, float], paint: Callable[[Figure], object]) -> bytes:
     return buffer.getvalue()
 
 
-def stabilization_svg(diagram: StabilizationDiagram, modes: ModalModel) -> bytes:
-    """Draw the stabilization diagram with the selected modes."""
-    return draw((11.0, 6.6), lambda figure: plot.stabilization(diagram, modes, figure.add_subplot()))
+def stabilization_svg(diagram: StabilizationDiagram, modes: ModalModel, spectra: Decomposition | None = None) -> bytes:
+    """Draw the stabilization diagram with the selected modes, over the spectra of its record where they are given."""
+    return draw((11.0, 6.6), lambda figure: plot.stabilization(diagram, modes, figure.add_subplot(), spectra=spectra))
 
 
 def singular_values_svg(singular_values: RealArray, orders: Sequence[int]) -> bytes:
@@ -60,12 +61,14 @@ def fit_errors_svg(diagram: StabilizationDiagram) -> bytes:
 
 def response_svg(data: Response, modes: ModalModel, output: int, input: int) -> bytes:
     """Draw one channel, measured and rebuilt."""
+    known = isinstance(data, FrequencyResponse) and data.coherence is not None
+    heights = [2.2, 1, 0.6] if known else [2.2, 1]
 
     def paint(figure: Figure) -> None:
-        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[2.2, 1])
-        plot.response(data, modes, output, input, (upper, lower))
+        panels = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
+        plot.response(data, modes, output, input, tuple(panels))
 
-    return draw((7.0, 4.8), paint)
+    return draw((7.0, 5.4 if known else 4.8), paint)
 
 
 def shape_svg(modes: ModalModel, index: int) -> bytes:

@@ -15,7 +15,10 @@ from string import Template
 from modalscope.model.errors import printable
 from modalscope.reporting.style import STYLE
 
-__all__ = ["Section", "listing", "numbered", "page", "paragraph", "picture", "script", "table"]
+__all__ = ["Section", "folded", "listing", "numbered", "page", "paragraph", "picture", "script", "table"]
+
+#: Nothing is asked from outside, whatever stands in the file.
+_POLICY = "default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 
 _PAGE = Template("""<!DOCTYPE html>
 <html lang="en">
@@ -23,6 +26,7 @@ _PAGE = Template("""<!DOCTYPE html>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <meta name="color-scheme" content="light dark">
+<meta http-equiv="Content-Security-Policy" content="$policy">
 <meta name="generator" content="$generator">
 <title>$title</title>
 <style>$style</style>
@@ -81,6 +85,7 @@ def page(title: str, subtitle: str, sections: Iterable[Section], generator: str)
     """
     kept = list(sections)
     return _PAGE.substitute(
+        policy=_POLICY,
         title=_escaped(title),
         subtitle=_escaped(subtitle),
         generator=_escaped(generator),
@@ -101,6 +106,7 @@ def table(
     *,
     words: Sequence[int] = (),
     shades: Sequence[Sequence[float]] | None = None,
+    graded: int | None = None,
     caption: str = "",
 ) -> str:
     """Return a table of plain text.
@@ -113,6 +119,8 @@ def table(
         Columns that hold words and are set from the left; the others hold numbers.
     shades : sequence of sequence of float, optional
         For every cell how dark it is, 0 to 1.
+    graded : int, optional
+        A column of grades: each word is set in the colour of its first word.
     caption : str
     """
     kinds = [' class="words"' if i in words else "" for i in range(len(head))]
@@ -126,10 +134,18 @@ def table(
         for j, (cell, kind) in enumerate(zip(row, kinds, strict=True)):
             shade = 0.0 if shades is None else shades[i][j]
             style = f' style="--shade:{100 * shade:.0f}%"' if shade > 0 else ""
-            cells.append(f"<td{kind}{style}>{_escaped(cell)}</td>")
+            text = (
+                _escaped(cell) if j != graded else f'<b class="grade {_escaped(cell.split()[0])}">{_escaped(cell)}</b>'
+            )
+            cells.append(f"<td{kind}{style}>{text}</td>")
         parts.append(f"<tr>{''.join(cells)}</tr>")
     parts.append("</tbody></table></div>")
     return "".join(parts)
+
+
+def folded(title: str, body: str) -> str:
+    """Return HTML that a reader unfolds; on paper it stands open."""
+    return f"<details><summary>{_escaped(title)}</summary>{body}</details>"
 
 
 def listing(pairs: Iterable[tuple[str, str]]) -> str:

@@ -12,6 +12,7 @@ from modalscope.modal.explained import explained, explains_enough
 from modalscope.reporting import record, sections
 from modalscope.reporting.figures import singular_values_svg
 from modalscope.reporting.html import Section, listing, paragraph, picture
+from modalscope.reporting.modes import modes_section
 from modalscope.reporting.numbers import percent
 from modalscope.reporting.scripts import identification_script
 
@@ -25,9 +26,10 @@ def identification_sections(
     modes, response = found.modes, found.response
     fit = sections.fit_of(modes, response) if len(modes) else None
     yield _summary(found)
-    yield sections.modes_section(modes)
+    yield modes_section(modes)
     yield _model(found)
-    yield from sections.mode_pictures(modes, response, fit)
+    yield from sections.mode_pictures(modes)
+    yield sections.responses_section(modes, response, fit)
     yield record.data_section(response, source)
     yield Section("settings", "Settings", listing(_settings(found).items()))
     yield record.notes_section(found.notes)
@@ -35,7 +37,7 @@ def identification_sections(
 
 
 def _summary(found: Identification) -> Section:
-    low, high = sections.band_of(found.response)
+    low, high = found.response.span
     modes = found.modes
     count = f"{len(modes)} mode{'' if len(modes) == 1 else 's'}"
     verdict = f"{count} between {low:.5g} and {high:.5g} Hz, by {cell_label(found.method, found.domain)}, order {found.order}."

@@ -9,7 +9,7 @@ from importlib.metadata import version
 import numpy as np
 
 from modalscope.identification.lookup import cell_label
-from modalscope.model import FrequencyResponse, ImpulseResponse, StabilizationDiagram
+from modalscope.model import FrequencyResponse, ImpulseResponse, Records, Signals, StabilizationDiagram
 from modalscope.model.checks import Array
 from modalscope.model.response import Response, output_scale
 from modalscope.model.settings import Settings
@@ -24,7 +24,9 @@ __all__ = ["data_section", "notes_section", "repeat_section", "settings_listed",
 _ROWS = 60
 
 
-def data_section(response: Response, source: str | None, findings: Sequence[Finding] | None = None) -> Section:
+def data_section(
+    response: Response, source: str | None, findings: Sequence[Finding] | None = None, record: object = None
+) -> Section:
     """What was measured: channels, lines or samples, quantity, processing; level and coherence of every output; what is wrong with it.
 
     Parameters
@@ -34,15 +36,40 @@ def data_section(response: Response, source: str | None, findings: Sequence[Find
         Where the data came from.
     findings : sequence of Finding, optional
         Of the data before they were turned into the response; by default the response itself is examined.
+    record : Signals, Records or other data, optional
+        What was measured; of records their own length, rate and processing are told beside those of the response.
     """
-    facts = {"source": source or "not stated", **_extent(response)}
+    facts = {"source": source or "not stated", **_recorded(record), **_extent(response)}
     facts["quantity"] = response.quantity or "not stated"
     facts["outputs"] = f"{len(response.output_dofs)}: {list_some(response.output_dofs)}"
-    facts["inputs"] = f"{len(response.input_dofs)}: {list_some(response.input_dofs)}"
+    facts[f"{response.column_word}s"] = f"{len(response.input_dofs)}: {list_some(response.input_dofs)}"
     facts["geometry"] = "none" if response.geometry is None else f"{len(response.geometry.nodes)} nodes"
     facts["processing"] = "; ".join(response.processing) or "none"
     found = examine(response) if findings is None else findings
     return Section("data", "Data and their quality", listing(facts.items()) + _quality(found) + _channels(response))
+
+
+def _recorded(record: object) -> dict[str, str]:
+    """Return length, rate and processing of what was measured; nothing of responses, which speak for themselves."""
+    if isinstance(record, Signals):
+        runs, lengths = record.runs, [record.samples]
+    elif isinstance(record, Records):
+        runs, lengths = sum(run.runs for run in record.runs), sorted(set(record.samples))
+    else:
+        return {}
+    rate = record.sampling_rate
+    several = "" if runs == 1 else f"{runs} runs of "
+    ends = tuple(dict.fromkeys((lengths[0], lengths[-1])))
+    samples, seconds = " to ".join(map(str, ends)), " to ".join(_lasting(n / rate) for n in ends)
+    return {
+        "record": f"{several}{samples} samples at {rate:.6g} Hz: {seconds}",
+        "done to the record": "; ".join(record.processing) or "nothing",
+    }
+
+
+def _lasting(seconds: float) -> str:
+    """Return a duration as people say it."""
+    return f"{seconds:.4g} s" if seconds < 600 else f"{seconds / 60:.4g} min"
 
 
 def _quality(findings: Sequence[Finding]) -> str:
@@ -56,8 +83,10 @@ def _quality(findings: Sequence[Finding]) -> str:
 def _extent(response: Response) -> dict[str, str]:
     if isinstance(response, ImpulseResponse):
         return {
-            "kind": f"{response.kind} response",
-            "samples": f"{response.samples} at {response.sampling_rate:.6g} Hz, {response.samples / response.sampling_rate:.4g} s",
+            "kind": "correlations" if response.ambient else f"{response.kind} response",
+            "lags"
+            if response.ambient
+            else "samples": f"{response.samples} at {response.sampling_rate:.6g} Hz, {response.samples / response.sampling_rate:.4g} s",
         }
     assert response.grid is not None
     f = response.grid

@@ -35,8 +35,8 @@ def result_script(result: Result) -> str:
     """Return the script that repeats a whole analysis."""
     document = result.analysis
     paths = [file.path for file in document.files if file.path]
-    reading = dict(document.files[0].reading) if document.files else {}
-    lines = _options({**({"reading": reading} if reading else {}), **document.choices()})
+    reading = {"reading": document.reading} if document.reading else {}
+    lines = _options(reading | document.choices())
     arrays = "import numpy as np\n\n" if any("np." in line for line in lines) else ""
     source = repr(paths if len(paths) > 1 else paths[0]) + "," if paths else "data,  # which came from no file"
     head = f"{arrays}import modalscope as ms\n\nresult = ms.analyze(\n    {source}\n"

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from modalscope.identification.lookup import cell_label
-from modalscope.modal.explained import explained, explains_enough
 from modalscope.modal.rebuilt import fit_error, rebuilt
 from modalscope.model import ModalModel, StabilizationDiagram
 from modalscope.model.checks import Array
-from modalscope.model.mode_table import told
 from modalscope.model.response import Response
+from modalscope.plot.web.poles import rebuilt_lines
+from modalscope.preprocess.singular_spectra import Decomposition
 from modalscope.reporting.figures import (
     fit_errors_svg,
     mac_svg,
@@ -21,57 +20,24 @@ from modalscope.reporting.figures import (
     singular_values_svg,
     stabilization_svg,
 )
-from modalscope.reporting.html import Section, numbered, paragraph, picture, table
-from modalscope.reporting.numbers import decimals, frequency, heading, percent, value
+from modalscope.reporting.html import Section, folded, numbered, paragraph, picture, table
+from modalscope.reporting.modes import Fit
+from modalscope.reporting.numbers import frequency, heading, percent, value
 
 __all__ = [
-    "Fit",
     "fit_of",
+    "fit_of_bands",
     "left_out_section",
-    "loud",
     "mac_section",
     "mode_pictures",
-    "modes_section",
     "reasons_section",
     "responses_section",
     "shapes_section",
     "stabilization_section",
-    "summary_section",
 ]
-
-#: Fit error in all and per channel (l, m), or None when the modes cannot be rebuilt.
-Fit = tuple[float, Array] | None
 
 #: Rows of a table that a reader still takes in.
 _ROWS = 40
-
-#: What the indicators say, for readers who meet them for the first time.
-_WORDS = {
-    "amplitude_coherence": "amplitude coherence: how well the mode evolves as one pole must (1 best)",
-    "emac": "emac: extended modal amplitude coherence, over outputs and inputs (1 best)",
-    "emaco": "emaco: the same over outputs alone",
-    "mpc": "mpc: modal phase collinearity, 1 when all points move in phase or in opposition",
-    "cmi": "cmi: consistent mode indicator, emac times mpc",
-    "msv": "msv: modal singular value, share of the mode in the response (largest 1)",
-    "mpd": "mpd: mean phase deviation of the shape in degrees (0 best)",
-}
-
-
-def summary_section(modes: ModalModel, diagram: StabilizationDiagram, fit: Fit) -> Section:
-    """The verdict: how many modes where, how much they explain, and which is the least sure."""
-    low, high = band_of(diagram.response)
-    count = f"{len(modes)} mode{'' if len(modes) == 1 else 's'}"
-    orders = f"orders {diagram.orders[0]} to {diagram.orders[-1]}" if diagram.orders else "no order"
-    verdict = f"{count} between {low:.5g} and {high:.5g} Hz, by {cell_label(diagram.method, diagram.domain)}, {orders}."
-    if fit is not None and explains_enough(fit[0]):
-        verdict += f" {explained(fit[0])}"
-    odd = [f"mode {i + 1} is {kind}" for i, kind in enumerate(modes.kinds) if kind != "mode"]
-    body = (
-        loud(fit)
-        + paragraph(verdict, "verdict")
-        + "".join(paragraph(text) for text in (_least_sure(modes), "; ".join(odd)) if text)
-    )
-    return Section("summary", "Summary", body)
 
 
 def fit_of(modes: ModalModel, response: Response) -> Fit:
@@ -79,70 +45,28 @@ def fit_of(modes: ModalModel, response: Response) -> Fit:
     return None if modes.participation is None else fit_error(response.values, rebuilt(response, modes))
 
 
-def loud(fit: Fit) -> str:
-    """Return the warning that the modes explain too little, set off; nothing where they explain enough."""
-    return "" if fit is None or explains_enough(fit[0]) else paragraph(explained(fit[0]), "loud")
+def fit_of_bands(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> Fit:
+    """Return the same of all bands together, each by its own modes on its own lines."""
+    if len(diagrams) == 1 or modes.participation is None:
+        return fit_of(modes, diagrams[0].response)
+    parts = [rebuilt_lines(modes, diagram, len(diagrams))[1:] for diagram in diagrams]
+    measured, own = (np.concatenate(side) for side in zip(*parts, strict=True))
+    return fit_error(measured, own)
 
 
-def _least_sure(modes: ModalModel) -> str:
-    """Name the mode whose damping scatters most over the orders, relative to its value."""
-    spread, zeta = modes.damping_ratios_spread, modes.damping_ratios
-    if spread is None or not len(modes):
-        return ""
-    share = np.divide(spread, np.abs(zeta), out=np.full(len(modes), np.nan), where=zeta != 0)
-    if not np.any(np.isfinite(share)):
-        return ""
-    worst = int(np.nanargmax(share))
-    where = f"mode {worst + 1} at {frequency(modes.frequencies[worst])}"
-    return f"Least sure is {where}: its damping scatters by {percent(share[worst], 2)} of its value over the orders."
-
-
-def band_of(response: Response) -> tuple[float, float]:
-    """Return the lowest and the highest frequency of the data."""
-    return response.span
-
-
-def modes_section(modes: ModalModel) -> Section:
-    """The table of modes: frequency, damping, spreads, standard deviations, indicators."""
-    digits = decimals(modes.frequencies)
-    columns: dict[str, list[str]] = {"mode": [str(i + 1) for i in range(len(modes))]}
-    for name, title, scale, places in (
-        ("frequencies", "frequency [Hz]", 1.0, digits),
-        ("damping_ratios", "damping [%]", 100.0, 3),
-    ):
-        columns[title] = [f"{scale * v:.{places}f}" for v in getattr(modes, name)]
-        for suffix, word in (
-            ("spread", "spread"),
-            ("std", "± noise"),
-            ("repeatability", "± repeatability"),
-        ):
-            found = getattr(modes, f"{name}_{suffix}")
-            if found is not None:
-                columns[f"{word} {title[title.index('[') :]}{' ' * (name == 'damping_ratios')}"] = [
-                    told(scale * v) for v in found
-                ]
-    if any(kind != "mode" for kind in modes.kinds):
-        columns["kind"] = list(modes.kinds)
-    for name, values in modes.indicators.items():
-        columns[name.replace("_", " ")] = [f"{v:.3f}" if np.isfinite(v) else "–" for v in values]
-    known = [_WORDS[name] for name in modes.indicators if name in _WORDS]
-    words = [i for i, name in enumerate(columns) if name == "kind"]
-    body = table([name.strip() for name in columns], zip(*columns.values(), strict=True), words=words)
-    if modes.frequencies_spread is not None:
-        known = ["spread: standard deviation over the orders at which the mode was found", *known]
-    body += paragraph(f"{'; '.join(known)}.", "muted") if known else ""
-    return Section("modes", "Modes", body)
-
-
-def stabilization_section(diagram: StabilizationDiagram, modes: ModalModel) -> Section:
-    """Draw the diagram with the selected modes, and the singular values behind it."""
-    limits = ", ".join(f"{name} {value(name, limit)}" for name, limit in diagram.tolerances.items())
-    caption = "Poles of every order over the mode indicator of the data; the selected modes are marked."
-    if limits:
-        caption += f" Stable: agrees with a pole of the order before within {limits} (relative; shape as 1 - MAC)."
-    body = picture(
-        stabilization_svg(diagram, modes), f"Stabilization diagram with {len(modes)} selected modes", caption
-    )
+def stabilization_section(
+    diagram: StabilizationDiagram, modes: ModalModel, spectra: Decomposition | None = None
+) -> Section:
+    """Draw the diagram with the selected modes, over the spectra of the record where they are known, and the singular values behind it."""
+    over = "the singular values of the record's spectra" if spectra is not None else "the mode indicator of the data"
+    caption = f"Poles of every order over {over}; the selected modes are marked."
+    if diagram.tolerances:
+        caption += (
+            " A letter says what agrees with a pole of the order before: s all, v frequency and shape vector, d frequency and damping, "
+            f"f frequency alone, o nothing. {_limits(diagram)}"
+        )
+    drawn = stabilization_svg(diagram, modes, spectra)
+    body = picture(drawn, f"Stabilization diagram with {len(modes)} selected modes", caption)
     beside = []
     if diagram.singular_values.size > 1:
         words = "Singular values of the data matrix: a step tells how many states stand out of the noise."
@@ -160,13 +84,21 @@ def stabilization_section(diagram: StabilizationDiagram, modes: ModalModel) -> S
     return Section("stabilization", "Stabilization", body)
 
 
-def mode_pictures(modes: ModalModel, response: Response, fit: Fit) -> Iterator[Section]:
-    """Give shapes, their MAC and the rebuilt responses, whatever of them there is."""
+def _limits(diagram: StabilizationDiagram) -> str:
+    """Return the tolerances of stability in words."""
+    told = [
+        f"MAC above {1 - limit:.3g}" if name == "shape" else f"{name} within {percent(limit)}"
+        for name, limit in diagram.tolerances.items()
+    ]
+    return f"Tolerances: {', '.join(told)}."
+
+
+def mode_pictures(modes: ModalModel) -> Iterator[Section]:
+    """Give shapes and their MAC, whatever of them there is."""
     if len(modes):
         yield shapes_section(modes)
     if len(modes) > 1:
         yield mac_section(modes)
-    yield responses_section(modes, response, fit)
 
 
 def shapes_section(modes: ModalModel) -> Section:
@@ -175,7 +107,9 @@ def shapes_section(modes: ModalModel) -> Section:
         picture(shape_svg(modes, i), f"Shape of mode {i + 1}, {frequency(f)}") for i, f in enumerate(modes.frequencies)
     ]
     lead = paragraph(
-        f"Each turned to its best phase; MPC 1 means that this hides nothing. Scaling: {modes.scaling}.", "muted"
+        "Each turned to its best phase, drawn with its largest component 1; MPC 1 means that the turn hides nothing. In files: "
+        f"{modes.scaling}.",
+        "muted",
     )
     return Section("shapes", "Mode shapes", f'{lead}<div class="pair">{"".join(pictures)}</div>')
 
@@ -202,7 +136,8 @@ def reasons_section(modes: ModalModel) -> Section:
         [str(i + 1), f"{f:.5g}", *(value(key, reason.get(key)) for key in keys)] for i, (f, reason) in enumerate(each)
     ]
     if keys:
-        body += table(["mode", "frequency [Hz]", *(heading(key) for key in keys)], rows)
+        figures = table(["mode", "frequency [Hz]", *(heading(key) for key in keys)], rows)
+        body += folded("All figures behind these sentences", figures) if body else figures
     return Section("reasons", "Why each mode", body)
 
 
@@ -239,7 +174,7 @@ def responses_section(modes: ModalModel, response: Response, fit: Fit) -> Sectio
     chosen = known if len(known) <= 4 else [known[0], known[1], known[len(known) // 2], known[-1]]
     pictures = []
     for i, j in chosen:
-        words = f"Output {response.output_dofs[i]}, input {response.columns[j]}, measured and rebuilt"
+        words = f"Output {response.output_dofs[i]}, {response.column_word} {response.columns[j]}, measured and rebuilt"
         pictures.append(picture(response_svg(response, modes, i, j), words))
     lead = (
         "All channels."
@@ -259,8 +194,10 @@ def _error_table(response: Response, errors: Array, ranked: list[tuple[int, int]
         cells = [[f"{100 * e:.2f}" if np.isfinite(e) else "–" for e in row] for row in errors]
         shades = [[0.0, *(0.75 * min(e / largest, 1.0) if np.isfinite(e) else 0.0 for e in row)] for row in errors]
         rows = [[dof, *row] for dof, row in zip(response.output_dofs, cells, strict=True)]
-        return table(["output \\ input", *response.columns], rows, words=[0], shades=shades, caption=caption)
+        return table(
+            [f"output \\ {response.column_word}", *response.columns], rows, words=[0], shades=shades, caption=caption
+        )
     if len(ranked) > _ROWS:
         caption += f"; the worst {_ROWS} of {len(ranked)}"
     rows = [[response.output_dofs[i], response.columns[j], f"{100 * errors[i, j]:.3g}"] for i, j in ranked[:_ROWS]]
-    return table(["output", "input", "fit error [%]"], rows, words=[0, 1], caption=caption)
+    return table(["output", response.column_word, "fit error [%]"], rows, words=[0, 1], caption=caption)

@@ -3,9 +3,11 @@
 __all__ = ["STYLE"]
 
 STYLE = """
-:root { --ink: #1f2933; --muted: #5b6773; --line: #dde3e8; --paper: #ffffff; --back: #f5f7f9; --accent: #0072b2; --shadow: #d55e00; }
+:root { --ink: #1f2933; --muted: #5b6773; --line: #dde3e8; --paper: #ffffff; --back: #f5f7f9; --accent: #0072b2; --shadow: #d55e00;
+  --good: #00734f; }
 @media (prefers-color-scheme: dark) { @media screen {
-:root { --ink: #e4e8ec; --muted: #9aa7b3; --line: #333d47; --paper: #1b2229; --back: #12171c; --accent: #56b4e9; --shadow: #e69f00; }
+:root { --ink: #e4e8ec; --muted: #9aa7b3; --line: #333d47; --paper: #1b2229; --back: #12171c; --accent: #56b4e9; --shadow: #e69f00;
+  --good: #4cc79b; }
 } }
 * { box-sizing: border-box; }
 body { margin: 0 auto; padding: 2rem 1.5rem 3rem; max-width: 1120px; background: var(--back); color: var(--ink);
@@ -22,6 +24,15 @@ section { background: var(--paper); border: 1px solid var(--line); border-radius
 p { margin: 0 0 .7rem; max-width: 75ch; }
 .verdict { font-size: 1.12rem; }
 .loud { font-weight: 600; color: var(--shadow); border-left: 4px solid var(--shadow); padding-left: .7rem; }
+.grade { font-weight: 600; white-space: nowrap; }
+.grade::before { content: "\\25cf\\00a0"; }
+.grade.good, .grade.trusted { color: var(--good); }
+.grade.look, .grade.frequency { color: var(--shadow); }
+.grade.look::before, .grade.frequency::before { content: "\\25d0\\00a0"; }
+.grade.doubtful { color: var(--ink); }
+.grade.doubtful::before { content: "\\25cb\\00a0"; }
+details { margin: 0 0 .9rem; }
+summary { cursor: pointer; color: var(--accent); margin: 0 0 .6rem; }
 .scroll { overflow-x: auto; margin: 0 0 .9rem; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .92rem; }
 caption { text-align: left; padding: 0 0 .35rem; font-size: .9rem; }
@@ -39,6 +50,7 @@ figure img { display: block; width: 100%; height: auto; background: #fff; border
 figcaption { font-size: .9rem; margin-top: .35rem; }
 .pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(420px, 100%), 1fr)); gap: .8rem 1.2rem; }
 .narrow { max-width: 640px; }
+.narrow img { width: auto; max-width: 100%; }
 pre { background: var(--back); border: 1px solid var(--line); border-radius: 5px; padding: .8rem 1rem;
   overflow-x: auto; font-size: .87rem; }
 ol { margin: 0 0 1rem; padding-left: 1.6rem; }
@@ -55,6 +67,8 @@ li b { font-variant-numeric: tabular-nums; }
   table { font-size: 8.5pt; }
   th, td { padding: .5mm 2mm; }
   pre { white-space: pre-wrap; }
+  details::details-content { content-visibility: visible; block-size: auto; }
+  summary { list-style: none; color: inherit; font-weight: 600; }
   .pair { grid-template-columns: 1fr 1fr; }
   td[style] { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
 }

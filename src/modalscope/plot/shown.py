@@ -1,0 +1,153 @@
+"""What `.plot()` draws of each kind of data and results."""
+
+from __future__ import annotations
+
+from functools import singledispatch
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from modalscope.comparing import Comparison
+from modalscope.identification.identify import Identification
+from modalscope.judging.certificate import Certificate
+from modalscope.judging.validation import Validation
+from modalscope.model import (
+    DataError,
+    FrequencyResponse,
+    Geometry,
+    ImpulseResponse,
+    ModalModel,
+    Records,
+    Setups,
+    Signals,
+    StabilizationDiagram,
+    StateSpace,
+)
+from modalscope.model.result import Result
+from modalscope.model.stored import StoredSignals
+from modalscope.plot._camera import oblique
+from modalscope.plot._style import BLUE, MUTED, PALE, VERMILLION, dress, frameless, new_axes
+from modalscope.plot.certificates import certificate
+from modalscope.plot.diagrams import indicator, stabilization
+from modalscope.plot.methods import method_map
+from modalscope.plot.shapes import shape
+from modalscope.plot.spectra import spectra
+from modalscope.preprocess import decomposition, estimate_frf
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["drawn"]
+
+
+@singledispatch
+def drawn(thing: Any, ax: Axes | None = None) -> Axes:
+    """Draw something as its kind is drawn.
+
+    Poles with the modes of results, shapes of modes, mode indicators of responses and of records with inputs, singular values of the
+    spectra of others, poles in their plane of models, lines of a geometry, the map of a comparison, the intervals of a certificate,
+    fit errors of a validation.
+
+    Parameters
+    ----------
+    thing : object
+    ax : Axes, optional
+        A new figure by default.
+
+    Raises
+    ------
+    DataError
+        Something that has no picture.
+    """
+    raise DataError(
+        f"a picture of {type(thing).__name__} was asked", "it has none", "Use one of the functions of modalscope.plot."
+    )
+
+
+@drawn.register
+def _(thing: Result, ax: Any = None) -> Any:
+    return stabilization(thing.diagram, thing.modes, ax)
+
+
+@drawn.register
+def _(thing: StabilizationDiagram, ax: Any = None) -> Any:
+    return stabilization(thing, None, ax)
+
+
+@drawn.register
+def _(thing: Identification, ax: Any = None) -> Any:
+    return indicator(thing.response, thing.modes, ax)
+
+
+@drawn.register
+def _(thing: Comparison, ax: Any = None) -> Any:
+    return method_map(thing, ax)
+
+
+@drawn.register
+def _(thing: Certificate, ax: Any = None) -> Any:
+    return certificate(thing, ax)
+
+
+@drawn.register
+def _(thing: ModalModel, ax: Any = None) -> Any:
+    return shape(thing, ax=ax)
+
+
+@drawn.register(FrequencyResponse)
+@drawn.register(ImpulseResponse)
+def _(thing: FrequencyResponse | ImpulseResponse, ax: Any = None) -> Any:
+    return indicator(thing, ax=ax)
+
+
+@drawn.register
+def _(thing: Signals, ax: Any = None) -> Any:
+    return spectra(decomposition(thing), ax) if thing.inputs is None else indicator(estimate_frf(thing), ax=ax)
+
+
+@drawn.register
+def _(thing: StoredSignals, ax: Any = None) -> Any:
+    return drawn(thing.excerpt(), ax)
+
+
+@drawn.register
+def _(thing: Records, ax: Any = None) -> Any:
+    return drawn(max(thing.runs, key=lambda run: run.samples), ax)
+
+
+@drawn.register
+def _(thing: Setups, ax: Any = None) -> Any:
+    return drawn(max(thing.parts, key=lambda part: part.samples), ax)
+
+
+@drawn.register
+def _(thing: Validation, ax: Any = None) -> Any:
+    ax, places = new_axes(ax), np.arange(len(thing.parts))
+    ax.bar(places - 0.2, 100 * thing.fit_errors_with, 0.4, color=PALE, label="fitted, too")
+    ax.bar(places + 0.2, 100 * thing.fit_errors, 0.4, color=BLUE, label="left out")
+    ax.set_xticks(places, thing.parts, rotation=45 if len(thing.parts) > 6 else 0)
+    ax.legend(frameon=False)
+    dress(ax, title="fit of what was left out", xlabel="left out", ylabel="fit error [%]")
+    return ax
+
+
+@drawn.register
+def _(thing: StateSpace, ax: Any = None) -> Any:
+    ax, poles = new_axes(ax), np.atleast_1d(thing.poles)
+    ax.axvline(0, color=MUTED, linewidth=0.8)
+    ax.scatter(poles.real, poles.imag / (2 * np.pi), s=26, color=np.where(poles.real < 0, BLUE, VERMILLION).tolist())
+    dress(ax, title="poles", xlabel="real part [rad/s]", ylabel="imaginary part / 2π [Hz]")
+    return ax
+
+
+@drawn.register
+def _(thing: Geometry, ax: Any = None) -> Any:
+    ax, seen = new_axes(ax), thing.coordinates @ oblique().matrix
+    for a, b in thing.lines:
+        ax.plot(*seen[[a, b]].T, color=PALE, linewidth=1.2)
+    ax.scatter(*seen.T, s=22, color=BLUE, zorder=3)
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.set_xticks([])
+    ax.set_yticks([])
+    frameless(ax)
+    return ax

@@ -1,0 +1,105 @@
+"""A result as one blob that a report or a notebook holds: poles, modes, shapes and channels, to zoom, hover and turn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from modalscope.identification.lookup import cell_label
+from modalscope.modal.explained import explained
+from modalscope.modal.rebuilt import fit_error
+from modalscope.model import ModalModel, StabilizationDiagram
+from modalscope.model.checks import Array, IntArray
+from modalscope.plot.web.blob import pack
+from modalscope.plot.web.modes import modes_parts
+from modalscope.plot.web.poles import band_of, behind, pole_arrays, rebuilt_lines
+
+__all__ = ["alive_blob", "front_end"]
+
+#: Numbers of channels that a blob holds at most, and lines a channel has at least and at most.
+_NUMBERS, _FEW, _MANY = 200_000, 100, 1500
+
+#: Points of the indicator: about twice what a wide screen has.
+_POINTS = 4000
+
+_STATIC = Path(__file__).parents[2] / "app" / "static"
+
+
+def front_end(name: str) -> str | None:
+    """Return a part of the bundled front end; None where it was not built.
+
+    Parameters
+    ----------
+    name : str
+        Such as "viewer.js".
+    """
+    path = _STATIC / name
+    return path.read_text(encoding="utf-8") if path.is_file() else None
+
+
+def alive_blob(modes: ModalModel, *diagrams: StabilizationDiagram) -> bytes:
+    """Return modes and the diagrams that they were selected from, one a band, as one blob.
+
+    Parameters
+    ----------
+    modes : ModalModel
+    *diagrams : StabilizationDiagram
+    """
+    told, drawn = modes_parts(modes, {})
+    first = diagrams[0]
+    lines, curves = behind(diagrams, _POINTS)
+    head: dict[str, Any] = {
+        **told,
+        "label": cell_label(first.method, first.domain),
+        "orders": sorted({order for diagram in diagrams for order in diagram.orders}),
+        "bands": [list(band_of(diagram, len(diagrams))) for diagram in diagrams],
+        "columns": list(first.response.columns),
+    }
+    arrays = {**drawn, **pole_arrays(diagrams), "behind": lines, "curves": curves}
+    if modes.participation is not None and len(modes):
+        channels = _channels(modes, diagrams)
+        head["explained"] = explained(channels.left)
+        if channels.arrays:
+            head |= {"channels": True, "fits": channels.fits}
+            arrays |= channels.arrays
+    return pack(head, arrays, exact=("frequency", "behind", "response_lines"))
+
+
+class _Channels(NamedTuple):
+    """What the modes leave of all and of each channel (l, m), and what is drawn of them: nothing where there are too many."""
+
+    left: float
+    fits: Array
+    arrays: dict[str, Array]
+
+
+def _channels(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> _Channels:
+    """Return measured and rebuilt values (l, m, lines) of every channel, of one band after the other."""
+    parts = [rebuilt_lines(modes, diagram, len(diagrams)) for diagram in diagrams]
+    f, measured, own = (np.concatenate(side) for side in zip(*parts, strict=True))
+    left, fits = fit_error(measured, own)
+    most = min(_NUMBERS // max(4 * int(np.prod(measured.shape[1:])), 1), _MANY)
+    if most < _FEW:
+        return _Channels(left, fits, {})
+    kept = _shown(f, modes, most)
+    sides = {"measured": measured[kept], "rebuilt": own[kept]}
+    drawn = {
+        f"{name}_{part}": np.moveaxis(getattr(side, part), 0, -1)
+        for name, side in sides.items()
+        for part in ("real", "imag")
+    }
+    return _Channels(left, fits, {"response_lines": f[kept], **drawn})
+
+
+def _shown(f: Array, modes: ModalModel, most: int) -> IntArray:
+    """Return the lines that are drawn: evenly spread ones, and closer ones where the modes are."""
+    if len(f) <= most:
+        return np.arange(len(f))
+    even = np.linspace(0, len(f) - 1, most // 2).astype(int)
+    half = np.abs(modes.poles.real) / (2 * np.pi)
+    near = np.min(np.abs(f[:, None] - modes.frequencies) / np.maximum(half, np.finfo(float).tiny), axis=1)
+    peaks = np.argsort(near, kind="stable")[: most - most // 2]
+    return np.unique(np.concatenate([even, peaks]))

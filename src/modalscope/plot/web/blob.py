@@ -1,0 +1,67 @@
+"""Arrays for the page: one binary blob with a JSON head.
+
+Four bytes give the length of the head (little-endian); the head follows, filled up with blanks so that all that comes is a multiple of
+eight, then the arrays, each beginning at such a multiple. The head is the given mapping with "arrays": [{"name", "type", "shape", "at"}],
+`at` counted from its end. The page makes typed arrays of them without a copy.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from modalscope.model.checks import Array
+
+__all__ = ["pack", "plain"]
+
+_ALIGN = 8
+
+#: What a browser has typed arrays for: the kind of an array -> the type that is sent.
+_TYPES = {"f": "<f4", "i": "<i4", "u": "|u1", "b": "|u1"}
+
+
+def pack(head: Mapping[str, Any], arrays: Mapping[str, Array], exact: tuple[str, ...] = ()) -> bytes:
+    """Return a head and arrays as one blob.
+
+    Parameters
+    ----------
+    head : mapping
+        What JSON holds; numbers that are not finite become null.
+    arrays : mapping of name to array
+        Real ones; sent with single precision.
+    exact : tuple of str
+        Arrays that keep double precision.
+
+    Examples
+    --------
+    >>> blob = pack({"kind": "poles"}, {"order": np.array([2, 4])})
+    >>> blob[4 : 4 + int.from_bytes(blob[:4], "little")].decode().strip()
+    '{"kind": "poles", "arrays": [{"name": "order", "type": "i4", "shape": [2], "at": 0}]}'
+    """
+    listed, parts, at = [], [], 0
+    for name, values in arrays.items():
+        kind = "<f8" if name in exact else _TYPES[np.asarray(values).dtype.kind]
+        array = np.ascontiguousarray(values, dtype=kind)
+        listed.append({"name": name, "type": kind[1:], "shape": list(array.shape), "at": at})
+        raw = array.tobytes()
+        parts.append(raw + bytes(-len(raw) % _ALIGN))
+        at += len(parts[-1])
+    text = json.dumps(plain({**head, "arrays": listed}), allow_nan=False).encode()
+    text += b" " * (-(len(text) + 4) % _ALIGN)
+    return len(text).to_bytes(4, "little") + text + b"".join(parts)
+
+
+def plain(value: Any) -> Any:
+    """Return what JSON can hold: null for numbers that are not finite, lists for arrays, text for what it does not know."""
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple | range):
+        return [plain(item) for item in value]
+    if isinstance(value, float):
+        return value if np.isfinite(value) else None
+    return value if isinstance(value, str | int | bool) or value is None else str(value)

@@ -1,0 +1,149 @@
+"""Modes as the page lists and moves them: values with intervals, reasons, what was left out; shapes on the geometry."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from modalscope.modal.indicators import mac, mpc
+from modalscope.model import DataError, Geometry, ModalModel
+from modalscope.model.checks import Array, ComplexArray
+from modalscope.model.mode_names import named_near
+from modalscope.plot._camera import extent
+from modalscope.plot.web.blob import pack
+
+__all__ = ["modes_blob", "modes_parts"]
+
+
+def modes_blob(modes: ModalModel, names: Mapping[str, str], head: Mapping[str, Any]) -> bytes:
+    """Return modes with all that is told and drawn of them.
+
+    Parameters
+    ----------
+    modes : ModalModel
+    names : mapping of frequency as text to name
+    head : mapping
+        What belongs to the whole result.
+    """
+    parts, arrays = modes_parts(modes, names)
+    return pack({**head, **parts}, arrays)
+
+
+def modes_parts(modes: ModalModel, names: Mapping[str, str]) -> tuple[dict[str, Any], dict[str, Array]]:
+    """Return what is told and what is drawn of modes.
+
+    Parameters
+    ----------
+    modes : ModalModel
+    names : mapping of frequency as text to name
+    """
+    given = {
+        "modes": _rows(modes, names),
+        "left_out": [candidate.to_dict() for candidate in modes.left_out],
+        "harmonics": [harmonic.to_dict() for harmonic in modes.harmonics],
+        "outputs": list(modes.output_dofs),
+        "converged": modes.converged,
+    }
+    shapes = turned(modes.shapes)
+    arrays = {"shape_real": shapes.T.real, "shape_imag": shapes.T.imag, "mac": _mac(modes)}
+    drawn = _moved(modes.geometry, modes.output_dofs, shapes)
+    if drawn is None:
+        return {**given, "nodes": None}, arrays
+    return {**given, "nodes": list(drawn[0])}, arrays | drawn[1]
+
+
+def _rows(modes: ModalModel, names: Mapping[str, str]) -> list[dict[str, Any]]:
+    """Return one row a mode: values, 95 % intervals, indicators and the sentence that says why."""
+    try:
+        between = modes.interval(0.95)
+    except DataError:  # no deviation is known
+        between = {}
+    rows = []
+    for j, mode in enumerate(modes):
+        row = {
+            "frequency": mode.frequency,
+            "damping": mode.damping_ratio,
+            "kind": mode.kind,
+            "indicators": dict(mode.indicators),
+            "text": str(mode.reason.get("text", "")),
+            "name": named_near(names, mode.frequency),
+            **{name: float(values[j]) for name, values in _known(modes).items()},
+        }
+        for name, ends in between.items():
+            row[f"{name}_interval"] = ends[j]
+        rows.append(row)
+    return rows
+
+
+def _known(modes: ModalModel) -> dict[str, Array]:
+    """Return what is known of every mode beside its values."""
+    found: dict[str, Any] = {
+        "gain": modes.gain,
+        "frequency_std": modes.frequencies_std,
+        "damping_std": modes.damping_ratios_std,
+        "frequency_spread": modes.frequencies_spread,
+        "damping_spread": modes.damping_ratios_spread,
+        "mpc": mpc(modes.shapes) if len(modes) else None,
+    }
+    if modes.unrefined is not None and len(modes.unrefined) == len(modes):
+        found |= {
+            "frequency_before": modes.unrefined.frequencies,
+            "damping_before": modes.unrefined.damping_ratios,
+        }
+    return {name: values for name, values in found.items() if values is not None}
+
+
+def turned(shapes: Array) -> ComplexArray:
+    """Return shapes (l, n) turned to the phase that leaves the least in their imaginary parts, the largest component of length one.
+
+    The turn is -arg(sum phi^2) / 2, as in `modalscope.plot.shape`.
+
+    Parameters
+    ----------
+    shapes : array of complex, (l, n)
+    """
+    phi = np.asarray(shapes, dtype=complex)
+    phi = phi * np.exp(-0.5j * np.angle(np.sum(phi**2, axis=0)))
+    size = np.max(np.abs(phi), axis=0, initial=0.0)
+    return np.asarray(phi / np.where(size > 0, size, 1.0))
+
+
+def _mac(modes: ModalModel) -> Array:
+    return mac(modes.shapes) if len(modes) else np.zeros((0, 0))
+
+
+def _moved(
+    geometry: Geometry | None, labels: tuple[str, ...], shapes: ComplexArray
+) -> tuple[tuple[str, ...], dict[str, Array]] | None:
+    """Return nodes and what moves them, the largest motion one and the structure one long; None where the geometry knows no channel."""
+    if geometry is None or not any(geometry.motion_of(label) for label in labels):
+        return None
+    size = extent(geometry.coordinates) or 1.0
+    middle = (geometry.coordinates.max(axis=0) + geometry.coordinates.min(axis=0)) / 2
+    motion = np.array([geometry.displaced(labels, phi) for phi in shapes.T]).reshape(-1, len(geometry.nodes), 3)
+    largest = np.max(np.linalg.norm(motion, axis=2), axis=1, initial=0.0)
+    motion = motion / np.where(largest > 0, largest, 1.0)[:, None, None]
+    signed = np.array([_signed(u) for u in motion]).reshape(len(motion), len(geometry.nodes))
+    moved = {node for label in labels for node, _ in geometry.motion_of(label)}
+    faces = geometry.faces
+    if faces.shape[1] == 4:
+        faces = np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
+    return geometry.nodes, {
+        "rest": (geometry.coordinates - middle) / size,
+        "lines": geometry.lines,
+        "faces": faces,
+        "measured": np.array([node in moved for node in geometry.nodes]),
+        "moved_real": motion.real,
+        "moved_imag": motion.imag,
+        "signed_real": signed.real,
+        "signed_imag": signed.imag,
+    }
+
+
+def _signed(motion: Array) -> ComplexArray:
+    """Return which way every node goes, (nodes,): its motion along the direction of the largest motion of all."""
+    direction = np.linalg.svd(motion.real, full_matrices=False)[2][0]
+    along = motion @ direction
+    return np.asarray(along * (np.sign(along.real[np.argmax(np.abs(along.real))]) or 1.0))

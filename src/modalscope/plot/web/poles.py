@@ -1,0 +1,293 @@
+"""Poles and curves as the page draws them, read off diagrams and data. Nothing is identified here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from modalscope.identification.lookup import cell_label
+from modalscope.identification.sweep import Cut, Sweep
+from modalscope.judging.stabilize import stable_against
+from modalscope.modal.rebuilt import rebuilt
+from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, ModalModel, StabilizationDiagram
+from modalscope.model.checks import Array
+from modalscope.model.poles import frequencies_and_damping
+from modalscope.model.records import Records
+from modalscope.model.response import Response
+from modalscope.model.shown import summary_of
+from modalscope.model.signals import Signals
+from modalscope.plot.diagrams import indicator_curves
+from modalscope.plot.web.blob import pack, plain
+from modalscope.preprocess import decomposition, estimate_frf
+
+__all__ = [
+    "asked_ends",
+    "band_of",
+    "channel_blob",
+    "curves_of",
+    "cut_view",
+    "inside",
+    "overview_blob",
+    "poles_blob",
+    "rebuilt_lines",
+]
+
+#: Curves of an indicator that are drawn, and points of each: more than a screen has.
+_CURVES, _POINTS = 3, 200_000
+
+
+def curves_of(data: Any) -> tuple[Array, Array]:
+    """Return lines (F,) and indicator curves (F, k) of data of any kind: CMIF, or the singular values of ambient spectra.
+
+    Parameters
+    ----------
+    data : FrequencyResponse, ImpulseResponse, Signals or Records
+    """
+    if isinstance(data, Records):
+        data = max(data.runs, key=lambda run: run.samples)
+    if isinstance(data, Signals):
+        if data.inputs is None:
+            found = decomposition(data)
+            return found.frequencies, np.sqrt(found.singular_values)
+        data = estimate_frf(data)
+    return indicator_curves(data.picture())
+
+
+def overview_blob(data: Any) -> bytes:
+    """Return the indicator over all that was measured, with what the data are.
+
+    Parameters
+    ----------
+    data : FrequencyResponse, ImpulseResponse, Signals or Records
+    """
+    try:
+        lines, curves = curves_of(data)
+    except DataError:  # records that give no response: the diagram shows what there is
+        lines, curves = np.zeros(0), np.zeros((0, 1))
+    head = {"summary": summary_of(data), "span": [lines[0], lines[-1]] if len(lines) else None}
+    lines, level = thinned(lines, curves[:, :_CURVES], _POINTS)
+    return pack(head, {"lines": lines, "curves": level}, exact=("lines",))
+
+
+def cut_view(sweep: Sweep, cut: Cut, before: Cut | None) -> dict[str, Any]:
+    """Return the poles of one order as the page takes them while a sweep runs.
+
+    Parameters
+    ----------
+    sweep : Sweep
+    cut : Cut
+    before : Cut, optional
+        The order before.
+    """
+    index = cut.reported
+    f, zeta = frequencies_and_damping(cut.modes.poles[index])
+    flags = np.zeros((3, index.size), bool) if before is None else stable_against(before, cut)
+    return {
+        "order": cut.order,
+        "frequency": plain(f),
+        "damping": plain(zeta),
+        "kind": _kinds(np.asarray(cut.modes.kinds)[index], flags).tolist(),
+        "done": len(sweep.orders) - len(sweep.remaining),
+        "total": len(sweep.orders),
+    }
+
+
+def poles_blob(diagrams: Sequence[StabilizationDiagram]) -> bytes:
+    """Return the poles of all orders and bands, with the indicator behind them.
+
+    Parameters
+    ----------
+    diagrams : sequence of StabilizationDiagram
+    """
+    first = diagrams[0]
+    lines, curves = behind(diagrams, _POINTS)
+    head = {
+        "label": cell_label(first.method, first.domain),
+        "method": first.method,
+        "domain": first.domain,
+        "orders": sorted({order for d in diagrams for order in d.orders}),
+        "bands": [list(band_of(d, len(diagrams))) for d in diagrams],
+        "tolerances": dict(first.tolerances),
+    }
+    return pack(head, {**pole_arrays(diagrams), "lines": lines, "curves": curves}, exact=("frequency", "lines"))
+
+
+def pole_arrays(diagrams: Sequence[StabilizationDiagram]) -> dict[str, Array]:
+    """Return frequency, damping, order, kind and deviations of all poles.
+
+    Parameters
+    ----------
+    diagrams : sequence of StabilizationDiagram
+    """
+
+    def known(values: Array | None, count: int) -> Array:
+        return np.full(count, np.nan) if values is None else values
+
+    joined = {
+        "frequency": [d.frequencies for d in diagrams],
+        "damping": [d.damping_ratios for d in diagrams],
+        "order": [np.asarray(d.order_of_pole, dtype=int) for d in diagrams],
+        "kind": [
+            _kinds(np.asarray(d.kinds), np.stack([d.stable_frequency, d.stable_damping, d.stable_shape]))
+            for d in diagrams
+        ],
+        "std": [known(d.frequencies_std, len(d.poles)) for d in diagrams],
+        "damping_std": [known(d.damping_ratios_std, len(d.poles)) for d in diagrams],
+    }
+    return {name: np.concatenate(parts) for name, parts in joined.items()}
+
+
+def behind(diagrams: Sequence[StabilizationDiagram], points: int) -> tuple[Array, Array]:
+    """Return lines (F,) and indicator curves (k, F) of diagrams; of more points than asked the highest of neighbours.
+
+    Parameters
+    ----------
+    diagrams : sequence of StabilizationDiagram
+    points : int
+    """
+    curves = [_cut(curves_of(d.response), d, len(diagrams)) for d in diagrams]
+    count = min(_CURVES, *(c.shape[1] for _, c in curves))
+    return thinned(np.concatenate([f for f, _ in curves]), np.concatenate([c[:, :count] for _, c in curves]), points)
+
+
+def thinned(lines: Array, curves: Array, points: int) -> tuple[Array, Array]:
+    """Return at most so many lines (P,) and curves (k, P), of each group of neighbours the highest: no peak is lost.
+
+    Parameters
+    ----------
+    lines : array, (F,)
+    curves : array, (F, k)
+    points : int
+    """
+    every = max(1, -(-len(lines) // points))
+    starts = np.arange(0, len(lines), every)
+    if every == 1 or not len(lines):
+        return lines, curves.T
+    return lines[starts], np.maximum.reduceat(curves, starts, axis=0).T
+
+
+def _kinds(kinds: Array, flags: Array) -> Array:
+    """Return 0 new, 1 stable in frequency, 2 in frequency and damping, 3 in frequency and shape, 4 in all, 5 no oscillation."""
+    frequency, damping, shape = flags
+    rank = np.where(frequency, 1 + damping + 2 * shape, 0)
+    return np.where(np.isin(kinds, ("mode", "unstable")), rank, 5).astype(int)
+
+
+def channel_blob(diagrams: Sequence[StabilizationDiagram], modes: ModalModel, output: int, column: int) -> bytes:
+    """Return one channel on lines, measured and rebuilt from the modes.
+
+    Parameters
+    ----------
+    diagrams : sequence of StabilizationDiagram
+        Several bands stand one behind the other.
+    modes : ModalModel
+    output, column : int
+    """
+    parts = []
+    for diagram in diagrams:
+        response = diagram.response
+        outputs, columns = response.values.shape[1:]
+        if not (0 <= output < outputs and 0 <= column < columns):
+            raise DataError(
+                f"channel {output}, {column} was asked",
+                f"there are {outputs} outputs and {columns} inputs",
+                "Choose one of these.",
+            )
+        own = _lines_of(response, inside(modes, diagram, len(diagrams)), output, column)
+        parts.append(_cut(own, diagram, len(diagrams)))
+    f, measured, fitted = (np.concatenate(side) for side in zip(*parts, strict=True))
+    every = max(1, -(-len(f) // _POINTS))
+    first = diagrams[0].response
+    head: Mapping[str, Any] = {
+        "output": first.output_dofs[output],
+        "input": list(first.columns)[column],
+        "quantity": first.quantity,
+        "fit": float(np.linalg.norm(measured - fitted) / max(float(np.linalg.norm(measured)), 1e-300)),
+    }
+    sides = {"measured": measured[::every], "rebuilt": fitted[::every]}
+    arrays = {f"{name}_{part}": getattr(side, part) for name, side in sides.items() for part in ("real", "imag")}
+    return pack(head, {"lines": f[::every], **arrays}, exact=("lines",))
+
+
+def inside(modes: ModalModel, diagram: StabilizationDiagram, bands: int) -> ModalModel:
+    """Return the modes that belong to a band: of several bands those inside.
+
+    Parameters
+    ----------
+    modes : ModalModel
+    diagram : StabilizationDiagram
+    bands : int
+    """
+    if bands == 1:
+        return modes
+    low, high = band_of(diagram, bands)
+    return modes.take((modes.frequencies >= low) & (modes.frequencies <= high))
+
+
+def band_of(diagram: StabilizationDiagram, bands: int) -> tuple[float, float]:
+    """Return from where to where a diagram reports, Hz: of several bands the one that was chosen, which its data may exceed.
+
+    Parameters
+    ----------
+    diagram : StabilizationDiagram
+    bands : int
+    """
+    return asked_ends(diagram) if bands > 1 else diagram.response.span
+
+
+def asked_ends(diagram: StabilizationDiagram) -> tuple[float, float]:
+    """Return the band that was asked as far as there are data, Hz; all of them where none was.
+
+    Parameters
+    ----------
+    diagram : StabilizationDiagram
+    """
+    low, high = diagram.response.span
+    asked = diagram.settings.get("band")
+    return (low, high) if asked is None else (max(low, asked[0]), min(high, asked[1]))
+
+
+def _cut(lines: tuple[Array, ...], diagram: StabilizationDiagram, bands: int) -> tuple[Array, ...]:
+    """Return lines and what stands on them, of several bands those inside: neighbours may overlap, and a curve never runs back."""
+    if bands == 1:
+        return lines
+    low, high = band_of(diagram, bands)
+    kept = (lines[0] >= low) & (lines[0] <= high)
+    return tuple(values[kept] for values in lines)
+
+
+def rebuilt_lines(modes: ModalModel, diagram: StabilizationDiagram, bands: int) -> tuple[Array, Array, Array]:
+    """Return lines (F,), measured and rebuilt values (F, l, m) of a band by its own modes.
+
+    Parameters
+    ----------
+    modes : ModalModel
+    diagram : StabilizationDiagram
+    bands : int
+        How many there are.
+    """
+    response = diagram.response.picture()
+    f, measured = response.spectrum()
+    own = rebuilt(response, inside(modes, diagram, bands))
+    if own.shape != measured.shape:
+        own = np.fft.rfft(own, n=2 * (len(f) - 1), axis=0) / (2 * f[-1])
+    f, measured, own = _cut((np.asarray(f), measured, own), diagram, bands)
+    return f, measured, own
+
+
+def _lines_of(response: Response, modes: ModalModel, output: int, column: int) -> tuple[Array, Array, Array]:
+    """Return lines, the measured and the rebuilt values of one channel; samples are transformed."""
+    known = len(modes) and modes.participation is not None
+    fitted = rebuilt(response, modes) if known else np.full_like(response.values, np.nan)
+    if not isinstance(response, FrequencyResponse | ImpulseResponse):
+        shown = response.picture()
+        f, values = shown.spectrum()
+        own = rebuilt(shown, modes) if known else np.full_like(values, np.nan)
+        return f, values[:, output, column], own[:, output, column]
+    if isinstance(response, FrequencyResponse):
+        return response.frequencies, response.values[:, output, column], fitted[:, output, column]
+    f, H = response.spectrum()
+    G = np.fft.rfft(fitted[:, output, column], n=8 * response.samples) / response.sampling_rate
+    return f, H[:, output, column], G

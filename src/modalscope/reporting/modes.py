@@ -1,0 +1,160 @@
+"""The first two sections of a report: the verdict, and a grade for each mode with all its figures behind."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from modalscope.identification.lookup import cell_label
+from modalscope.modal.explained import explained, explains_enough
+from modalscope.model import ModalModel, StabilizationDiagram
+from modalscope.model.checks import Array
+from modalscope.model.mode_table import told
+from modalscope.plot.web.poles import asked_ends
+from modalscope.reporting.grades import GRADES, Grade, alike_pairs, grades, half_widths
+from modalscope.reporting.html import Section, folded, paragraph, table
+from modalscope.reporting.numbers import decimals, frequency, percent
+
+__all__ = ["Fit", "loud", "modes_section", "summary_section"]
+
+#: Fit error in all and per channel (l, m), or None when the modes cannot be rebuilt.
+Fit = tuple[float, Array] | None
+
+#: What the indicators say, for readers who meet them for the first time.
+_WORDS = {
+    "amplitude_coherence": "amplitude coherence: how well the mode evolves as one pole must (1 best)",
+    "emac": "emac: extended modal amplitude coherence, over outputs and inputs (1 best)",
+    "emaco": "emaco: the same over outputs alone",
+    "mpc": "mpc: modal phase collinearity, 1 when all points move in phase or in opposition",
+    "cmi": "cmi: consistent mode indicator, emac times mpc",
+    "msv": "msv: modal singular value, share of the mode in the response (largest 1)",
+    "mpd": "mpd: mean phase deviation of the shape in degrees (0 best)",
+}
+
+
+def summary_section(
+    modes: ModalModel,
+    diagrams: Sequence[StabilizationDiagram],
+    fit: Fit,
+    *,
+    band: str = "",
+    judged: Sequence[Grade] | None = None,
+) -> Section:
+    """The verdict: warnings first, how many modes where, how much they explain, how many of them are good, and the least sure.
+
+    Parameters
+    ----------
+    modes : ModalModel
+    diagrams : sequence of StabilizationDiagram
+        One a band.
+    fit : (float, array) or None
+        Fit error in all and per channel.
+    band : str
+        The band that was asked, in words.
+    judged : sequence of Grade, optional
+    """
+    diagram, ends = diagrams[0], [asked_ends(each) for each in diagrams]
+    low, high = min(low for low, _ in ends), max(high for _, high in ends)
+    count = f"{len(modes)} mode{'' if len(modes) == 1 else 's'}"
+    orders = f"orders {diagram.orders[0]} to {diagram.orders[-1]}" if diagram.orders else "no order"
+    verdict = f"{count} between {low:.5g} and {high:.5g} Hz, by {cell_label(diagram.method, diagram.domain)}, {orders}."
+    if fit is not None and explains_enough(fit[0]):
+        verdict += f" {explained(fit[0])}"
+    odd = [f"mode {i + 1} is {kind}" for i, kind in enumerate(modes.kinds) if kind != "mode"]
+    lines = (_counted(grades(modes) if judged is None else judged), band, _least_sure(modes), "; ".join(odd))
+    warned = loud(fit) + "".join(paragraph(text, "loud") for text in _alike(modes))
+    return Section(
+        "summary",
+        "Summary",
+        warned + paragraph(verdict, "verdict") + "".join(paragraph(text) for text in lines if text),
+    )
+
+
+def loud(fit: Fit) -> str:
+    """Return the warning that the modes explain too little, set off; nothing where they explain enough."""
+    return "" if fit is None or explains_enough(fit[0]) else paragraph(explained(fit[0]), "loud")
+
+
+def _alike(modes: ModalModel) -> list[str]:
+    """Return the warning that shapes are alike, where they are."""
+    likes = alike_pairs(modes)
+    if not likes:
+        return []
+    i, j, value = likes[0]
+    which = f"modes {i + 1} and {j + 1} ({frequency(modes.frequencies[i])} and {frequency(modes.frequencies[j])})"
+    more = f"; so are {len(likes) - 1} more pairs" if len(likes) > 1 else ""
+    return [
+        f"WARNING: the shapes of {which} are alike (MAC {value:.2f}){more}. Too few sensors tell them apart, something stronger "
+        "than the modes stands in all of them, or one mode was taken twice."
+    ]
+
+
+def _counted(judged: Sequence[Grade]) -> str:
+    """Say how many modes have which grade."""
+    counts = [(word, sum(grade.word == word for grade in judged)) for word in GRADES]
+    known = [f"{number} {word}" for word, number in counts if number]
+    return f"Graded: {', '.join(known)}." if known else ""
+
+
+def _least_sure(modes: ModalModel) -> str:
+    """Name the mode whose damping scatters most over the orders, relative to its value."""
+    spread, zeta = modes.damping_ratios_spread, modes.damping_ratios
+    if spread is None or not len(modes):
+        return ""
+    share = np.divide(spread, np.abs(zeta), out=np.full(len(modes), np.nan), where=zeta != 0)
+    if not np.any(np.isfinite(share)):
+        return ""
+    worst = int(np.nanargmax(share))
+    where = f"mode {worst + 1} at {frequency(modes.frequencies[worst])}"
+    return f"Least sure is {where}: its damping scatters by {percent(share[worst], 2)} of its value over the orders."
+
+
+def modes_section(modes: ModalModel, judged: Sequence[Grade] | None = None) -> Section:
+    """A grade for each mode with the one reason, 95 % intervals beside the values; every figure behind."""
+    judged = grades(modes) if judged is None else judged
+    digits = decimals(modes.frequencies)
+    open_by = half_widths(modes)
+    columns = {
+        "mode": [str(i + 1) for i in range(len(modes))],
+        "frequency [Hz]": [f"{v:.{digits}f}" for v in modes.frequencies],
+        "± 95 % [Hz]": [told(v) for v in open_by[0]],
+        "damping [%]": [f"{100 * v:.3f}" for v in modes.damping_ratios],
+        "± 95 % [%]": [told(100 * v) for v in open_by[1]],
+        "grade": [grade.word for grade in judged],
+        "why": [grade.reason for grade in judged],
+    }
+    if not any(np.isfinite(half).any() for half in open_by):
+        del columns["± 95 % [Hz]"], columns["± 95 % [%]"]
+    rows = list(zip(*columns.values(), strict=True))
+    places = list(columns)
+    body = table(places, rows, words=[places.index("grade"), places.index("why")], graded=places.index("grade"))
+    return Section("modes", "Modes", body + folded("All figures: deviations, spreads, indicators", figures_of(modes)))
+
+
+def figures_of(modes: ModalModel) -> str:
+    """Return the table of all figures of the modes, and what their names mean."""
+    digits = decimals(modes.frequencies)
+    columns: dict[str, list[str]] = {"mode": [str(i + 1) for i in range(len(modes))]}
+    for name, title, scale, places in (
+        ("frequencies", "frequency [Hz]", 1.0, digits),
+        ("damping_ratios", "damping [%]", 100.0, 3),
+    ):
+        columns[title] = [f"{scale * v:.{places}f}" for v in getattr(modes, name)]
+        for suffix, word in (("spread", "spread"), ("std", "± noise"), ("repeatability", "± repeatability")):
+            found = getattr(modes, f"{name}_{suffix}")
+            if found is not None:
+                unit = title[title.index("[") :]
+                columns[f"{word} {unit}{' ' * (name == 'damping_ratios')}"] = [told(scale * v) for v in found]
+    if any(kind != "mode" for kind in modes.kinds):
+        columns["kind"] = list(modes.kinds)
+    for name, values in modes.indicators.items():
+        columns[name.replace("_", " ")] = [f"{v:.3f}" if np.isfinite(v) else "–" for v in values]
+    words = [i for i, name in enumerate(columns) if name == "kind"]
+    body = table([name.strip() for name in columns], zip(*columns.values(), strict=True), words=words)
+    known = [_WORDS[name] for name in modes.indicators if name in _WORDS]
+    if modes.frequencies_spread is not None:
+        known = ["spread: standard deviation over the orders at which the mode was found", *known]
+    if modes.frequencies_std is not None:
+        known = ["± noise: one standard deviation", *known]
+    return body + (paragraph(f"{'; '.join(known)}.", "muted") if known else "")
