@@ -12,13 +12,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
+import pytest
 
 import modalscope as ms
 from modalscope import preprocess, systems
 from modalscope.identification.options import AllOptions
 from modalscope.preprocess import Finding
 from tests.test_docstrings import CALLABLES
+
+pd = pytest.importorskip("pandas")
 
 __all__ = ["WRONG", "calls", "judge"]
 
@@ -36,10 +38,12 @@ def right() -> dict[str, Any]:
     ambient = CHAIN.simulate(inputs="ambient", samples=600, sampling_rate=20.0)
     result = ms.analyze(lines, orders=range(2, 13, 2), method="alternate")
     ms.write(FOLDER / "data.npz", lines)
+    ms.write(FOLDER / "stored.h5", ambient)
     return {
         "lines": lines,
         "samples": samples,
         "records": records,
+        "stored": ms.read(FOLDER / "stored.h5", stored=True),
         "ambient": ambient,
         "displacements": CHAIN.simulate(samples=600, sampling_rate=20.0, quantity="displacement"),
         "correlation": ms.estimate_correlation(ambient),
@@ -54,10 +58,23 @@ def right() -> dict[str, Any]:
         "dwell": ms.tuned_dwell(lines),
         "motion": ms.equations_of_motion(ms.systems.three_masses().state_space()),
         "many": ms.Records(runs=(records, records)),
+        "setups": ms.Setups(parts=(ambient.select(outputs=[0, 1]), ambient.select(outputs=[0, 2]))),
         "decomposition": preprocess.decomposition(ambient),
         "observer": preprocess.estimate_observer(records, observer_order=10),
     }
 
+
+#: How well modes explain two inputs that were left out in turn.
+VALIDATION = ms.Validation(
+    parts=("1", "2"),
+    fit_errors=np.full(2, 0.03),
+    fit_errors_with=np.full(2, 0.02),
+    frequencies_std=np.full(3, 0.01),
+    damping_ratios_std=np.full(3, 1e-4),
+    correlation=0.0,
+    uneven=1.0,
+    white=True,
+)
 
 #: The thing whose method is called, or that is taken apart to be made again, by its class.
 OWNERS = {
@@ -75,11 +92,14 @@ OWNERS = {
     "Note": lambda t: ms.Note("a", {"b": 1.0}, "c"),
     "Records": lambda t: t["many"],
     "Result": lambda t: t["result"],
+    "Setups": lambda t: t["setups"],
     "Signals": lambda t: t["records"],
     "StabilizationDiagram": lambda t: t["diagram"],
     "StateSpace": lambda t: t["model"],
+    "StoredSignals": lambda t: t["stored"],
     "StateSpace.predict": lambda t: replace(t["model"], gain=np.zeros((len(t["model"].A), len(t["model"].C)))),
     "StateSpace.to_discrete": lambda t: CHAIN.state_space(),
+    "Validation": lambda t: VALIDATION,
     "preprocess.Decomposition": lambda t: t["decomposition"],
     "preprocess.Finding": lambda t: Finding(kind="a", channels=("b",), reason="c", change="d"),
     "preprocess.Observer": lambda t: t["observer"],
@@ -104,8 +124,11 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "comac": lambda t: {"shapes_a": t["modes"].shapes, "shapes_b": t["modes"].shapes},
     "pair_modes": lambda t: {"a": t["modes"], "b": t["modes"]},
     "merge": lambda t: {"parts": [t["lines"]]},
+    "merge_modes": lambda t: {"results": [t["modes"], t["modes"]]},
+    "scale_by_mass": lambda t: {"modes": t["modes"], "changed": t["modes"][:3], "masses": {"1:+X": 0.1}},
     "merge_bands": lambda t: {"results": [t["modes"]], "bands": [(0.2, 8.0)]},
     "mac": lambda t: {"shapes_a": t["modes"].shapes},
+    "ods": lambda t: {"data": t["lines"], "frequency": 1.0},
     "read": lambda t: {"path": FOLDER / "data.npz"},
     "realize": lambda t: {"data": t["samples"], "order": 4},
     "replay": lambda t: {"document": t["result"].analysis, "data": t["lines"]},
@@ -143,6 +166,7 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
         "damping_ratio": 0.01,
     },
     "indicators.weighted_mean": lambda t: {"values": np.ones((2, 1)), "amplitude": np.ones((2, 1))},
+    "plot.animate": lambda t: {"modes": t["modes"], "index": 0, "path": FOLDER / "a.gif", "seconds": 0.1},
     "plot.certificate": lambda t: {"found": t["certificate"]},
     "plot.complexity": lambda t: {"modes": t["modes"], "index": 0},
     "plot.deviations": lambda t: {"comparison": t["comparison"]},
@@ -169,6 +193,7 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "preprocess.exponential_decay": lambda t: {"end": 0.01, "duration": 1.0},
     "preprocess.filter_band": lambda t: {"signals": t["records"], "lowest": 1.0, "highest": 5.0},
     "preprocess.half_spectra": lambda t: {"correlation": t["correlation"]},
+    "preprocess.remove_harmonics": lambda t: {"signals": t["ambient"]},
     "preprocess.integrate": lambda t: {"signals": t["records"], "times": 1, "lowest": 0.5},
     "preprocess.merge": lambda t: {"parts": [t["lines"]]},
     "preprocess.merge_setups": lambda t: {"parts": [t["correlation"], t["correlation"]]},
@@ -197,6 +222,8 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "ModalModel.take": lambda t: {"modes": [0]},
     "Note.from_dict": lambda t: {"entries": {"text": "a"}},
     "Records.inputs_of": lambda t: {"run": 0},
+    "StoredSignals.chunk": lambda t: {"start": 0, "stop": 20},
+    "StoredSignals.part": lambda t: {"start": 0, "stop": 20},
     "StateSpace.balanced": lambda t: {"order": 4},
     "StateSpace.controllability_gramian": lambda t: {},
     "StateSpace.controllability_matrix": lambda t: {"blocks": 4},
@@ -231,15 +258,16 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "preprocess.principal_forces": lambda t: {"signals": t["records"]},
     "refine": lambda t: {"data": t["lines"], "modes": t["modes"]},
     "certify": lambda t: {"result": t["result"], "replicates": 2},
+    "validate": lambda t: {"data": t["lines"], "modes": t["modes"], "leaving": "outputs"},
 }
 
 #: Methods of what the classes of responses share with their modules; those are for the library itself.
 INNER = re.compile(
-    r"\.(around|basis|chain|derivatives|doubts|driven|energy|in_band|in_plane|named_terms|of_inputs|of_modes|processed|rebuilt_by|reported_band|"
+    r"\.(around|basis|beside|chain|derivatives|doubts|driven|energy|in_band|in_plane|left_of|named_terms|of_inputs|of_modes|processed|rebuilt_by|reported_band|"
     r"values_of|spectrum|whole_basis)$"
 )
 
-#: Classes that the library makes; users read them.
+#: What the library makes; users read it.
 MADE = (
     "Certificate",
     "Comparison",
@@ -247,11 +275,13 @@ MADE = (
     "EquationsOfMotion",
     "Identification",
     "Result",
+    "Validation",
     "preprocess.Decomposition",
     "preprocess.Finding",
     "preprocess.LocalEstimate",
     "preprocess.Observer",
     "preprocess.PrincipalForces",
+    "widget",  # a browser's: it needs the front end, which may not be built
 )
 
 

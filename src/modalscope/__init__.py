@@ -29,9 +29,12 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
     from modalscope.judging.certificate import Certificate as Certificate
     from modalscope.judging.select import select as select
     from modalscope.judging.stabilize import stabilize as stabilize
+    from modalscope.judging.validation import Validation as Validation, validate as validate
     from modalscope.modal import indicators as indicators
     from modalscope.modal.indicators import mac as mac
+    from modalscope.modal.mass_change import scale_by_mass as scale_by_mass
     from modalscope.modal.pairing import comac as comac, pair_modes as pair_modes
+    from modalscope.modal.several import merge_modes as merge_modes
     from modalscope.modal.shapes import fit_residues as fit_residues
     from modalscope.model import (
         DataError as DataError,
@@ -41,18 +44,23 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
         ModalModel as ModalModel,
         Note as Note,
         Records as Records,
+        Setups as Setups,
         Signals as Signals,
         StabilizationDiagram as StabilizationDiagram,
         StateSpace as StateSpace,
+        StoredSignals as StoredSignals,
     )
     from modalscope.model.analysis import Analysis as Analysis
+    from modalscope.model.crew import working as working
     from modalscope.model.result import Result as Result
+    from modalscope.plot.web.widget import widget as widget
     from modalscope.preprocess import (
         estimate_correlation as estimate_correlation,
         estimate_frf as estimate_frf,
         estimate_markov as estimate_markov,
         merge as merge,
     )
+    from modalscope.preprocess.ods import ods as ods
     from modalscope.published.selfcheck import selfcheck as selfcheck
     from modalscope.realizations.sensors import (
         EquationsOfMotion as EquationsOfMotion,
@@ -64,7 +72,7 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
     from modalscope.workflow.certify import certify as certify
     from modalscope.workflow.replay import replay as replay
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 #: Where each name of the face lives.
 _HOMES = {
@@ -79,8 +87,11 @@ _HOMES = {
     "judging.certificate": ("Certificate",),
     "judging.select": ("select",),
     "judging.stabilize": ("stabilize",),
+    "judging.validation": ("Validation", "validate"),
     "modal.indicators": ("mac",),
+    "modal.mass_change": ("scale_by_mass",),
     "modal.pairing": ("comac", "pair_modes"),
+    "modal.several": ("merge_modes",),
     "modal.shapes": ("fit_residues",),
     "model": (
         "DataError",
@@ -90,14 +101,19 @@ _HOMES = {
         "ModalModel",
         "Note",
         "Records",
+        "Setups",
         "Signals",
         "StabilizationDiagram",
         "StateSpace",
+        "StoredSignals",
     ),
+    "model.crew": ("working",),
     "model.analysis": ("Analysis",),
     "model.result": ("Result",),
+    "plot.web.widget": ("widget",),
     "published.selfcheck": ("selfcheck",),
     "preprocess": ("estimate_correlation", "estimate_frf", "estimate_markov", "merge"),
+    "preprocess.ods": ("ods",),
     "realizations.sensors": ("EquationsOfMotion", "equations_of_motion", "first_order_form"),
     "reporting": ("report",),
     "workflow.analyze": ("analyze",),

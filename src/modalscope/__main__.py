@@ -4,4 +4,5 @@ import sys
 
 from modalscope.cli import main
 
-sys.exit(main())
+if __name__ == "__main__":  # not when a process of its own is started from it
+    sys.exit(main())

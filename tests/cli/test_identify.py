@@ -61,3 +61,12 @@ def test_bands_given_one_by_one_are_merged_and_no_mode_stands_twice(test_file, t
     assert main(["identify", str(test_file), *bands, "-o", str(target)]) == 0
     assert len(ms.read(target)) == 5
     assert "2 bands merged" in capsys.readouterr().out
+
+
+def test_a_document_is_done_again(test_file, tmp_path, capsys):
+    document, first, again = tmp_path / "a.analysis.json", tmp_path / "first.json", tmp_path / "again.json"
+    result = ms.analyze(test_file, orders=range(2, 21, 2))
+    ms.write(first, result)
+    ms.write(document, result.analysis)
+    assert main(["identify", str(document), "-o", str(again)]) == 0
+    assert json.loads(again.read_text())["modes"] == json.loads(first.read_text())["modes"]

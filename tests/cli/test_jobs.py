@@ -104,6 +104,17 @@ def test_each_file_is_a_test_of_its_own_and_modes_stand_beside_those_of_the_firs
     assert (tmp_path / "m_run2.json").exists()
 
 
+def test_each_file_is_paired_with_a_reference_where_one_is_given(
+    runs: list[str], modes_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    capsys.readouterr()
+    assert main(["identify", "--each", "--reference", str(modes_file), "--orders", "8:24:2", "-q", *runs]) == 0
+    out = capsys.readouterr().out
+    rows = [line for line in out.splitlines() if re.match(r" *\d  ", line)]
+    assert len(rows) == len(ms.read(modes_file))
+    assert all(row.count("Hz") == 3 for row in rows)
+
+
 def test_options_come_from_a_file_and_the_command_line_counts_more(
     test_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -195,7 +206,7 @@ def test_spectra_show_their_peaks(tmp_path: Path, capsys: pytest.CaptureFixture[
     capsys.readouterr()
     assert main(["psd", str(records), "--peaks", "3", "-o", str(picture)]) == 0
     out = capsys.readouterr().out
-    assert len(re.findall(r"^ +\d  +\d+\.\d+$", out, re.MULTILINE)) == 3
+    assert len(re.findall(r"^ +\d  +\d+\.\d+  +(\d+\.\d+|-)$", out, re.MULTILINE)) == 3  # frequency and damping
     assert is_ours(picture)
 
 

@@ -6,7 +6,7 @@ import argparse
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from modalscope.cli.parser import Commands, add_choices, add_files, add_outputs
+from modalscope.cli.parser import Commands, add_cell, add_choices, add_files, add_outputs
 from modalscope.cli.process import say
 
 if TYPE_CHECKING:
@@ -23,15 +23,14 @@ def add(commands: Commands) -> None:
         description="Find the modes in a file, simulate that very case, and count how often the intervals hold.",
     )
     add_files(parser)
-    parser.add_argument("--method", help="a row of the table (see: modalscope methods)")
-    parser.add_argument("--domain", help="time, z or s")
+    add_cell(parser)
     add_choices(parser, bands=True)
     parser.add_argument("--no-refine", dest="refine", action="store_false", help="certify the values of the diagram")
     parser.add_argument("--replicates", type=int, default=40, metavar="N", help="simulations, 40 by default")
     parser.add_argument("--select", action="store_true", help="replay the selection of modes, too")
     parser.add_argument("--seed", type=int, default=0, help="0 by default: the same seed gives the same numbers")
     add_outputs(parser, "write the modes with intervals that hold (.json, .csv, .uff), or an .html report")
-    parser.set_defaults(run=run, frequencies=None, take=None, refuse=None)
+    parser.set_defaults(run=run, frequencies=None, take=None, refuse=None, apart=False)
 
 
 def run(options: argparse.Namespace) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from modalscope import __version__
 from modalscope.cli import (
+    app,
     certify,
     compare,
     completion,
@@ -14,6 +15,7 @@ from modalscope.cli import (
     mac,
     merge,
     methods,
+    plan,
     plot,
     psd,
     realize,
@@ -30,6 +32,7 @@ __all__ = ["COMMANDS", "build_parser", "names"]
 #: imports what it needs itself, so that the help of all costs the import of none.
 COMMANDS = (
     identify,
+    app,
     compare,
     certify,
     refine,
@@ -37,6 +40,7 @@ COMMANDS = (
     mac,
     plot,
     info,
+    plan,
     frf,
     psd,
     merge,

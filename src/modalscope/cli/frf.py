@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from modalscope.cli.parser import Commands, add_files, add_outputs
+from modalscope.cli.parser import Commands, add_band, add_files, add_outputs
 from modalscope.cli.process import remark, say
 
 __all__ = ["add", "run"]
@@ -21,7 +21,7 @@ def add(commands: Commands) -> None:
     parser.add_argument("--overlap", type=float, help="part of a segment that the next one shares")
     parser.add_argument("--window", help="of every segment, such as hann or none")
     parser.add_argument("--period", type=int, metavar="N", help="samples of one period of a periodic excitation")
-    parser.add_argument("--band", nargs=2, type=float, metavar=("F1", "F2"), help="lowest and highest frequency, Hz")
+    add_band(parser)
     add_outputs(parser, "write .uff, .npz, .mat, .h5, .csv, or a picture .png, .svg or .pdf")
     parser.set_defaults(run=run)
 
@@ -30,18 +30,23 @@ def run(options: argparse.Namespace) -> None:
     """Estimate frequency responses, write them, and say how good they are."""
     from modalscope.cli.output import DATA, PICTURES, check_outputs, needed, write_data, write_picture
     from modalscope.cli.reading import read_test
-    from modalscope.model import Signals
+    from modalscope.model import Records, Signals
     from modalscope.model.kinds import check_kind
+    from modalscope.model.records import as_records
     from modalscope.model.shown import summary_of
     from modalscope.plot import response
-    from modalscope.preprocess import estimate_frf, examine
+    from modalscope.preprocess import examine
+    from modalscope.preprocess.joined_responses import joined_frf
 
     needed(options, "frf.uff")
     check_outputs(options, options.files, (*DATA, *PICTURES))
     data, told = read_test(options)
-    check_kind("frequency responses of records", data, Signals)
+    check_kind("frequency responses of records", data, (Signals, Records))
     names = ("estimator", "segment", "overlap", "window", "period")
-    found = estimate_frf(data, **{name: getattr(options, name) for name in names if getattr(options, name) is not None})
+    found = joined_frf(
+        as_records(data).stacked(),
+        **{name: getattr(options, name) for name in names if getattr(options, name) is not None},
+    )
     if options.band is not None:
         found = found.band(*options.band)
     written = [

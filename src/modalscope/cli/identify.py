@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from modalscope.cli.parser import Commands, add_choices, add_files, add_outputs
+from modalscope.cli.parser import Commands, add_cell, add_choices, add_files, add_outputs, add_workers
 from modalscope.cli.process import explain, remark, say
 
 if TYPE_CHECKING:
@@ -20,10 +21,7 @@ def add(commands: Commands) -> None:
         "identify", help="find the modes in a file", description="Find the modes in a file, automatically."
     )
     add_files(parser)
-    parser.add_argument(
-        "--method", help="a row of the table (see: modalscope methods); by default the one that suits the data"
-    )
-    parser.add_argument("--domain", help="time, z or s; by default the one that suits the data")
+    add_cell(parser)
     add_choices(parser, bands=True)
     parser.add_argument(
         "--frequencies", nargs="+", type=float, metavar="HZ", help="report the modes at these frequencies"
@@ -42,6 +40,18 @@ def add(commands: Commands) -> None:
         action="store_true",
         help="every file is a test of its own: one table, modes paired with those of the first file",
     )
+    parser.add_argument(
+        "--reference",
+        type=Path,
+        metavar="MODES",
+        help="with --each: a file of modes to pair with, instead of the first file's",
+    )
+    parser.add_argument(
+        "--apart",
+        action="store_true",
+        help="setups of one test are identified one by one and their modes merged, instead of their records",
+    )
+    add_workers(parser)
     add_outputs(parser, "write .json, .csv, .uff or an .html report")
     parser.set_defaults(run=run)
 
@@ -56,8 +66,8 @@ def run(options: argparse.Namespace) -> None:
         run_each(options)
         return
     check_outputs(options, options.files)
-    if len(options.band or ()) > 1 and any(is_page(path) for path in options.outputs):
-        _refuse_page_of(options.band)
+    if options.apart and any(is_page(path) for path in options.outputs):
+        _refuse_page_of("setups identified apart")
     result = found_in(options, options.files)
     written = write_outputs(options, result, ", ".join(map(str, options.files)))
     _print(result, everything=options.all)
@@ -69,12 +79,17 @@ def found_in(options: argparse.Namespace, files: list[Any]) -> Result:
     """Return the result of the choices on the command line for the files of one test."""
     from modalscope.cli.progress import progress
     from modalscope.cli.reading import parse_orders, reading_options
+    from modalscope.cli.workers import workers_of
     from modalscope.workflow.analyze import analyze
+    from modalscope.workflow.replay import replay
 
+    if len(files) == 1 and files[0].name.lower().endswith(".analysis.json"):
+        with progress("identifying") as show:
+            return replay(files[0], progress=show)
     bands = [tuple(band) for band in options.band or ()]
     given: dict[str, Any] = {"band": bands[0] if len(bands) == 1 else bands or None, "exclude": options.exclude}
     given["route"] = options.route
-    with progress("identifying") as show:
+    with workers_of(options), progress("identifying") as show:
         return analyze(
             files[0] if len(files) == 1 else files,
             method=options.method,
@@ -84,19 +99,20 @@ def found_in(options: argparse.Namespace, files: list[Any]) -> Result:
             take=options.take or (),
             refuse=options.refuse or (),
             refine=options.refine,
-            reading=reading_options(options),
+            apart=options.apart,
+            reading=[reading_options(options, path) for path in files],
             progress=show,
             **given,
         )
 
 
-def _refuse_page_of(bands: list[Any]) -> None:
+def _refuse_page_of(what: str) -> None:
     from modalscope.model import DataError
 
     raise DataError(
-        f"one report on {len(bands)} bands was asked",
-        "a report shows one stabilization diagram",
-        "Write .json or .csv, or one report for each band.",
+        f"one report on {what} was asked",
+        "a report is on one measurement",
+        "Write .json or .csv, or one report for each.",
     )
 
 
@@ -107,11 +123,14 @@ def _print(result: Result, *, everything: bool = False) -> None:
     from modalscope.modal.rebuilt import fit_of
 
     for note in result.notes:
-        if note.kind == "file":
+        if note.kind in ("file", "places", "units", "units not known", "bands chosen"):
             remark(note)
-    for diagram in result.diagrams:
-        remark(f"{cell_label(diagram.method, diagram.domain)}, orders {diagram.orders[0]} to {diagram.orders[-1]}")
-        for note in diagram.notes:
+    for number, diagram in enumerate(result.diagrams, 1):
+        which = f"setup {number}: " if result.analysis.apart else ""
+        remark(
+            f"{which}{cell_label(diagram.method, diagram.domain)}, orders {diagram.orders[0]} to {diagram.orders[-1]}"
+        )
+        for note in () if which and number > 1 else diagram.notes:
             remark(f"  {note}")
         explain("  " + ", ".join(f"{name}={value!r}" for name, value in diagram.settings.items()))
     if result.findings:
@@ -119,10 +138,12 @@ def _print(result: Result, *, everything: bool = False) -> None:
         for finding in result.findings:
             remark(f"  {finding}")
     if not len(result.modes):
-        say("no mode stands out of the data")
+        why = [str(note) for note in result.modes.notes if note.kind == "no mode"]
+        say(next(iter(why), "no mode stands out of the data"))
         _print_left_out(result, everything)
         return
-    several = f"{len(result.diagrams)} bands merged\n\n" if len(result.diagrams) > 1 else ""
+    parts = "setups identified apart" if result.analysis.apart else "bands merged"
+    several = f"{len(result.diagrams)} {parts}\n\n" if len(result.diagrams) > 1 else ""
     say(f"\n{several}{result.modes.table()}")
     shown = {note for diagram in result.diagrams for note in diagram.notes}
     for note in result.modes.notes:

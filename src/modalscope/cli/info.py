@@ -22,9 +22,10 @@ def run(options: argparse.Namespace) -> None:
     from modalscope.cli.reading import reading_options
     from modalscope.io import survey
     from modalscope.model import Geometry, ModalModel, StabilizationDiagram, StateSpace
+    from modalscope.model.si import si_form
     from modalscope.preprocess import examine
 
-    told = survey(options.file, **reading_options(options))
+    told = survey(options.file, **reading_options(options, options.file))
     say(told)
     data = told.thing
     if isinstance(data, ModalModel):
@@ -32,7 +33,10 @@ def run(options: argparse.Namespace) -> None:
         return
     if isinstance(data, Geometry | StateSpace | StabilizationDiagram):  # nothing was measured
         return
-    findings = examine(data)
+    measured, units = si_form(data)
+    for note in units:
+        say(f"units: {note}")
+    findings = examine(measured)
     say("quality: nothing to report" if not findings else "quality:")
     for finding in findings:
         say(f"  {finding}")

@@ -22,10 +22,14 @@ def run(options: argparse.Namespace) -> None:
     """Merge the files of one test by the labels of their channels."""
     from modalscope.cli.output import DATA, check_outputs, needed, write_data
     from modalscope.cli.reading import read_test
+    from modalscope.model import Setups
+    from modalscope.preprocess.setups import correlations, merge_setups
 
     needed(options, "test.npz")
     check_outputs(options, options.files, DATA)
     data, told = read_test(options)
+    if isinstance(data, Setups):  # no format holds several records: their correlation is one
+        data = merge_setups(correlations(data))
     written = [write_data(path, data) for path in options.outputs]
     for note in told:
         remark(note)

@@ -11,6 +11,8 @@ from modalscope.cli.process import EXIT_WRONG
 __all__ = [
     "Commands",
     "Parser",
+    "add_band",
+    "add_cell",
     "add_choices",
     "add_common",
     "add_file",
@@ -19,7 +21,9 @@ __all__ = [
     "add_memory",
     "add_output",
     "add_outputs",
+    "add_part",
     "add_reading",
+    "add_workers",
 ]
 
 
@@ -91,7 +95,27 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=AXES",
         help="order of an array's axes in the file, such as values=inputs,outputs,lines",
     )
+    for side, what in (("input", "forces act"), ("output", "sensors are")):
+        parser.add_argument(
+            f"--{side}-dofs",
+            nargs="+",
+            metavar="DOFS",
+            help=f"where the {what}, such as 1:+Z,2:+Z: once for all files, or an item for each",
+        )
     add_memory(parser)
+
+
+def add_workers(parser: argparse.ArgumentParser) -> None:
+    """Take who sums over records that stay in their file, and where partial sums are kept."""
+    group = parser.add_argument_group("records that stay in their file (.h5, .zarr)")
+    group.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="of a Dask scheduler whose workers share the work, such as tcp://host:8786; or local:4, four processes here",
+    )
+    group.add_argument(
+        "--resume", type=Path, metavar="FOLDER", help="keep partial sums there, and go on with those that are"
+    )
 
 
 def add_memory(parser: argparse.ArgumentParser) -> None:
@@ -105,7 +129,7 @@ def add_memory(parser: argparse.ArgumentParser) -> None:
         "--max-memory",
         type=memory,
         metavar="SIZE",
-        help="memory that reading one file may take, such as 8GB (500 MB, or twenty times the file)",
+        help="memory that reading one file, and work on it, may take, such as 8GB (reading: 500 MB, or twenty times the file)",
     )
 
 
@@ -122,7 +146,11 @@ def add_tables(parser: argparse.ArgumentParser) -> None:
         metavar="COL",
         help="a column (number or name) or named array to leave; may be repeated",
     )
-    group.add_argument("--units", metavar="COL=UNIT", help='units of columns, such as "2=N,AccA=m/s^2"')
+    group.add_argument(
+        "--units",
+        metavar="COL=UNIT",
+        help='units of columns or channels, such as "2=N,AccA=m/s^2" or "outputs=100 mV/g,inputs=lbf"; they are converted to SI',
+    )
     group.add_argument("--skip", type=int, metavar="N", help="lines to leave at the top of a text")
     group.add_argument("--sheet", metavar="NAME", help="sheet of a workbook")
     group.add_argument("--delimiter", metavar="SIGN", help='what parts columns: one sign, "tab" or "space"')
@@ -182,16 +210,34 @@ def add_force(parser: argparse.ArgumentParser) -> None:
 
 
 def add_choices(parser: argparse.ArgumentParser, *, bands: bool = False) -> None:
-    """Take orders, band (several where `bands` says so) and the channels left out."""
+    """Take orders, band (several where `bands` says so), way and the channels left out."""
     parser.add_argument("--orders", metavar="A:B:STEP", help="orders to try, both ends included, such as 2:60:2")
+    add_band(parser, several=bands)
+    add_part(parser)
+
+
+def add_cell(parser: argparse.ArgumentParser) -> None:
+    """Take a cell of the table."""
+    parser.add_argument(
+        "--method", help="a row of the table (see: modalscope methods); by default the one that suits the data"
+    )
+    parser.add_argument("--domain", help="time, z or s; by default the one that suits the data")
+
+
+def add_band(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
+    """Take a band, or several."""
     parser.add_argument(
         "--band",
         nargs=2,
         type=float,
-        action="append" if bands else "store",
+        action="append" if several else "store",
         metavar=("F1", "F2"),
-        help="lowest and highest frequency, Hz" + ("; given several times, the bands are merged" if bands else ""),
+        help="lowest and highest frequency, Hz" + ("; given several times, the bands are merged" if several else ""),
     )
+
+
+def add_part(parser: argparse.ArgumentParser) -> None:
+    """Take the way from records with inputs, and the channels left out."""
     parser.add_argument(
         "--route",
         help="from records with inputs: auto, records (their own lines), frf, markov or subspace; by default what suits them",

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from modalscope.cli.parser import Commands, add_file, add_outputs
+from modalscope.cli.parser import Commands, add_band, add_file, add_outputs
 from modalscope.cli.process import remark, say
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def add(commands: Commands) -> None:
     )
     add_file(parser)
     parser.add_argument("--modes", type=Path, metavar="FILE", help="modes to draw over a response or a diagram")
-    parser.add_argument("--band", nargs=2, type=float, metavar=("F1", "F2"), help="lowest and highest frequency, Hz")
+    add_band(parser)
     parser.add_argument("--mode", type=int, default=1, metavar="K", help="which mode's shape, counted from one (1)")
     parser.add_argument("--channel", metavar="DOF", help="output to draw; by default the strongest")
     parser.add_argument("--input", metavar="DOF", help="input to draw; by default the strongest")

@@ -12,11 +12,11 @@ __all__ = ["progress"]
 
 
 @contextmanager
-def progress(what: str) -> Iterator[Callable[[int, int], None]]:
+def progress(what: str, unit: str = "order") -> Iterator[Callable[[int, int], None]]:
     """Show a bar while the block runs: `show(done, total)`; nothing when stderr is not a terminal a person looks at."""
     from tqdm import tqdm
 
-    with tqdm(desc=what, unit="order", file=sys.stderr, leave=False, disable=VOICE.quiet or None) as bar:
+    with tqdm(desc=what, unit=unit, file=sys.stderr, leave=False, disable=VOICE.quiet or None) as bar:
 
         def show(done: int, total: int) -> None:
             bar.total = total

@@ -14,7 +14,7 @@ def add(commands: Commands) -> None:
     """Add the command to the list."""
     parser = commands.add_parser(
         "psd",
-        help="singular values of the spectra of records, and their peaks (FDD)",
+        help="singular values of the spectra of records, and their peaks (FDD, EFDD)",
         description="Singular values of the cross spectra of all outputs over frequency, and where the first of them peaks: a check "
         "that shares nothing with the methods of the table. A peak may be a resonance or a harmonic.",
     )
@@ -46,9 +46,13 @@ def run(options: argparse.Namespace) -> None:
     step = found.frequencies[1] - found.frequencies[0]
     for line in (*told, f"{found.averages} segments averaged, a line every {step:.4g} Hz"):
         remark(line)
-    frequencies, _ = found.peaks(options.peaks)
-    say("peak    f [Hz]" if len(frequencies) else "no peak stands out")
-    for number, frequency in enumerate(frequencies, 1):
-        say(f"{number:4d}  {frequency:8.4f}")
+    peaks = found.damped_peaks(options.peaks)
+    say("peak    f [Hz]  zeta [%]" if len(peaks.frequencies) else "no peak stands out")
+    for number, (frequency, zeta) in enumerate(zip(peaks.frequencies, peaks.damping_ratios, strict=True), 1):
+        say(
+            f"{number:4d}  {frequency:8.4f}  {100 * zeta:8.3f}"
+            if zeta == zeta
+            else f"{number:4d}  {frequency:8.4f}         -"
+        )
     for line in written:
         say(line)

@@ -20,7 +20,7 @@ _AS_GIVEN = ("sampling_rate", "columns", "ignore", "skip", "delimiter", "decimal
 
 def read_data(options: argparse.Namespace, path: Path) -> tuple[Any, tuple[Note, ...]]:
     """Read a file with the options given on the command line; say what of it was left out."""
-    found = survey(path, **reading_options(options))
+    found = survey(path, **reading_options(options, path))
     return found.thing, found.told
 
 
@@ -28,7 +28,7 @@ def read_test(options: argparse.Namespace) -> tuple[Any, tuple[Note, ...]]:
     """Read the files of one test, responses or records; say what of them was left out."""
     from modalscope.workflow.sources import opened
 
-    data, _, told = opened(options.files, reading_options(options))
+    data, _, told = opened(options.files, [reading_options(options, path) for path in options.files])
     return data, told
 
 
@@ -46,8 +46,8 @@ def read_modes(options: argparse.Namespace, path: Path) -> ModalModel:
     return modes
 
 
-def reading_options(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the options of `modalscope.io.read`; what it may take of the memory is set for the process."""
+def reading_options(options: argparse.Namespace, path: Path) -> dict[str, Any]:
+    """Return the options of `modalscope.io.read` for one of the files; what it may take of the memory is set for the process."""
     set_max_memory(options.max_memory)
     given: dict[str, Any] = {"quantity": options.quantity} if options.quantity else {}
     given |= {name: value for name in _AS_GIVEN if (value := getattr(options, name)) not in (None, False)}
@@ -59,7 +59,23 @@ def reading_options(options: argparse.Namespace) -> dict[str, Any]:
         items = getattr(options, name)
         if items:
             given[name] = _pairs(name, items, example)
+    files = getattr(options, "files", [path])
+    for name in ("input_dofs", "output_dofs"):
+        items = getattr(options, name, None)
+        if items and path in files:
+            given[name] = _labels(name, items, files, path)
     return given
+
+
+def _labels(name: str, items: list[str], files: list[Path], path: Path) -> list[str]:
+    """Return the labels of the channels of one file: those for all, or its own item."""
+    if len(items) not in (1, len(files)):
+        raise DataError(
+            f"--{name.replace('_', '-')} {' '.join(items)} was asked",
+            f"there are {len(items)} items and {len(files)} files",
+            "Give one item for all files, or one for each; labels of one file have commas between them.",
+        )
+    return items[0 if len(items) == 1 else files.index(path)].split(",")
 
 
 def _pairs(name: str, items: list[str], example: str) -> dict[str, str]:

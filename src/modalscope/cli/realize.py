@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from modalscope.cli.parser import Commands, add_files, add_outputs
+from modalscope.cli.parser import Commands, add_band, add_cell, add_files, add_outputs, add_part
 from modalscope.cli.process import explain, remark, say
 
 __all__ = ["add", "run"]
@@ -15,11 +15,9 @@ def add(commands: Commands) -> None:
     parser = commands.add_parser("realize", help="identify a state-space model of one order, for control work")
     add_files(parser)
     parser.add_argument("--order", type=int, help="number of states; by default what the data show")
-    parser.add_argument("--method", help="a row of the table (see: modalscope methods)")
-    parser.add_argument("--domain", help="time, z or s; by default the one that suits the data")
-    parser.add_argument("--band", nargs=2, type=float, metavar=("F1", "F2"), help="lowest and highest frequency, Hz")
-    parser.add_argument("--route", help="from records with inputs: auto, records, frf, markov or subspace")
-    parser.add_argument("--exclude", nargs="+", metavar="DOF", help="channels to leave out")
+    add_cell(parser)
+    add_band(parser)
+    add_part(parser)
     add_outputs(parser, "write A, B, C, D as .mat, .npz, .h5 or .json")
     parser.set_defaults(run=run)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from modalscope.cli.parser import Commands, add_files, add_outputs
+from modalscope.cli.parser import Commands, add_band, add_files, add_outputs
 from modalscope.cli.process import remark, say
 
 __all__ = ["add", "run"]
@@ -18,7 +18,7 @@ def add(commands: Commands) -> None:
     )
     add_files(parser)
     parser.add_argument("--modes", type=Path, required=True, help="modes to start from: .json, .npz, .mat or .h5")
-    parser.add_argument("--band", nargs=2, type=float, metavar=("F1", "F2"), help="lowest and highest frequency, Hz")
+    add_band(parser)
     parser.add_argument(
         "--complete", action="store_true", help="add poles that stand out of what is left, where it is white"
     )
