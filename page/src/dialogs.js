@@ -1,0 +1,85 @@
+// What opens above the page: findings and notes, comparison, geometry, keys.
+import { fill, h, icon, ICONS, number } from "./dom.js";
+
+/** @param {string} title @param {any} inside @param {string} [kind] */
+export function dialog(title, inside, kind = "") {
+  const close = h("button.small.quiet", { "aria-label": "Close", title: "Close (Esc)", onclick: () => element.close() }, icon(ICONS.close));
+  const body = h("div.body", {}, inside);
+  const element = h(`dialog${kind && `.${kind}`}`, { "aria-label": title }, h("header", {}, h("h2", {}, title), close), body);
+  element.addEventListener("close", () => element.remove());
+  element.addEventListener("click", (/** @type {MouseEvent} */ e) => e.target === element && element.close());
+  (document.querySelector(".ms") ?? document.body).append(element);
+  element.showModal();
+  return { element, body };
+}
+
+/** @param {any} parts  asked, found, change */
+export function errorBox(parts) {
+  return h("div.error", { role: "alert" }, h("b", {}, cap(parts.asked ?? "That was asked"), ", but ", parts.found ?? parts.text ?? "", "."), h("span", {}, ` ${parts.change ?? ""}`));
+}
+
+/** @param {string} text */
+const cap = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+
+/** @param {any[]} findings @param {any[]} notes @param {(channel: string) => void} exclude */
+export function showFindings(findings, notes, exclude) {
+  const listed = findings.map((f) =>
+    h("li", {}, h("b", {}, `${f.kind}: ${f.channels.join(", ")}`), h("p", {}, `${cap(f.reason)}. ${f.change}`), f.channels.map((/** @type {string} */ c) => h("button.small", { onclick: () => (exclude(c), shown.element.close()) }, `leave ${c} out`))),
+  );
+  const shown = dialog("What was seen in the data", [
+    listed.length ? h("ul.findings", {}, listed) : h("p", {}, "Nothing is wrong with these data, as far as can be seen."),
+    notes.length ? h("h3", {}, "Notes") : null,
+    h("ul.notes", {}, notes.filter((n) => !n.kind.startsWith("data:")).map((n) => h("li", {}, n.text))),
+  ]);
+}
+
+/** @param {any} found */
+export function showComparison(found) {
+  const grade = { high: "good", sure: "good" };
+  const rows = found.rows.map((/** @type {any} */ r, /** @type {number} */ i) => h("tr", {}, h("td", {}, i + 1), h("td.num", {}, number(r.frequency, 6)), h("td.num", {}, number(100 * r.damping, 3)), h("td.num", {}, number(r.between, 2)), h("td", {}, r.found), h("td", {}, h(`b.${grade[r.trust] ?? "some"}`, {}, r.trust)), h("td.words", {}, r.why)));
+  const methods = found.methods.map((/** @type {any} */ m) => h("tr", {}, h("td", {}, m.label), h("td.num", {}, m.modes ?? "–"), h("td.num", {}, m.fit === null ? "–" : number(100 * m.fit, 3)), h("td.words", {}, m.failure)));
+  const picture = (/** @type {string} */ name, /** @type {string} */ words) => (found.pictures[name] ? h("figure", {}, h("img", { alt: words, src: `data:image/svg+xml;utf8,${encodeURIComponent(found.pictures[name])}` }), h("figcaption", {}, words)) : null);
+  dialog(
+    "Every method on these data",
+    [
+      found.verdict.split("\n").map((/** @type {string} */ line) => h("p", {}, line)),
+      h("div.scroll", {}, h("table", {}, h("thead", {}, h("tr", {}, ["#", "f [Hz]", "ζ [%]", "between [Hz]", "found by", "trust", "why"].map((t) => h("th", { scope: "col" }, t)))), h("tbody", {}, rows))),
+      h("div.pictures", {}, picture("map", "Map of methods: near means alike"), picture("deviations", "Every method against the consensus")),
+      h("div.scroll", {}, h("table", {}, h("thead", {}, h("tr", {}, ["method", "modes", "fit error [%]", "remark"].map((t) => h("th", { scope: "col" }, t)))), h("tbody", {}, methods))),
+      Object.entries(found.causes).map(([name, cure]) => h("p", {}, h("b", {}, `${cap(name)}: `), String(cure))),
+    ],
+    "wide",
+  );
+}
+
+/** @param {string[]} outputs @param {(files: File[]) => void} give */
+export function editGeometry(outputs, give) {
+  const nodes = [...new Set(outputs.map((label) => label.split(":")[0]))];
+  const points = h("textarea", { rows: 12, spellcheck: false, "aria-label": "Points: node,x,y,z", value: ["node,x,y,z", ...nodes.map((n, i) => `${n},${i},0,0`)].join("\n") });
+  const lines = h("textarea", { rows: 12, spellcheck: false, "aria-label": "Lines: pairs of nodes", value: nodes.slice(1).map((n, i) => `${nodes[i]},${n}`).join("\n") });
+  const file = h("input", { type: "file", accept: ".csv,.txt,.uff,.unv,.msh,.vtk,.inp,.bdf,.stl,.obj", "aria-label": "A file of points, or a mesh" });
+  const csv = (/** @type {string} */ name, /** @type {string} */ text) => new File([`${text.trim()}\n`], name, { type: "text/csv" });
+  const done = h("button.primary", { onclick: use }, "Use it");
+  const shown = dialog("Where the sensors are", [
+    h("p", {}, "One point a line: the node of a channel and its coordinates. Channels are named after their node and direction, such as 3:+Z. Lines join two nodes."),
+    h("div.pictures", {}, h("label", {}, "Points", points), h("label", {}, "Lines", lines)),
+    h("p", {}, "Or a file: a table node,x,y,z, a universal file, a mesh. ", file),
+    h("footer", {}, done),
+  ]);
+  function use() {
+    const chosen = file.files?.[0];
+    give(chosen ? [chosen] : [csv("points.csv", points.value), ...(lines.value.trim() ? [csv("lines.csv", lines.value)] : [])]);
+    shown.element.close();
+  }
+}
+
+/** @param {string} script */
+export function showScript(script) {
+  const copy = h("button", { onclick: () => navigator.clipboard.writeText(script).then(() => fill(copy, "copied")) }, "copy");
+  dialog("The script that gives the same modes", [h("pre", { tabIndex: 0 }, script), h("footer", {}, copy)]);
+}
+
+/** @param {string[][]} keys */
+export function showKeys(keys) {
+  dialog("Keys", h("dl.keys", {}, keys.map(([key, words]) => [h("dt", {}, key.split(" ").map((k) => h("kbd", {}, k))), h("dd", {}, words)])));
+}

@@ -1,0 +1,462 @@
+// The page on a local server: the document is the state; every action makes a new one.
+import "uplot/dist/uPlot.min.css";
+import "./style.css";
+import * as api from "./api.js";
+import { bench } from "./bench.js";
+import { ends, makeDiagram } from "./diagram.js";
+import { dialog, editGeometry, errorBox, showComparison, showFindings, showKeys, showScript } from "./dialogs.js";
+import { fill, h, icon, ICONS, number, paintAgain } from "./dom.js";
+import { makeMatrix } from "./matrix.js";
+import { makeModes } from "./modes.js";
+import { makeOverview } from "./overview.js";
+import { makeResponse } from "./response.js";
+import { makeSettings } from "./settings.js";
+import { makeShape } from "./shape.js";
+import { makeWelcome } from "./welcome.js";
+
+const KEYS = [
+  ["↑ ↓", "the mode before, the mode after (j, k too)"],
+  ["x", "refuse the mode"],
+  ["n", "name the mode"],
+  ["a", "leave the choice to the program"],
+  ["space", "shape: play or stand still"],
+  ["1 2 3 4 5", "shape: 3D, top, front, side, all four"],
+  ["[ ]", "curve: the output before, the one after"],
+  ["z", "diagram: the whole band"],
+  ["l", "diagram: letters or marks"],
+  ["i", "diagram: indicator in dB or linear"],
+  ["p", "diagram: walk over poles by arrows, Enter takes or refuses"],
+  ["Ctrl+Z Ctrl+Y", "undo, redo"],
+  ["s", "save the document"],
+  ["e", "export"],
+  ["r", "report"],
+  ["c", "compare every method"],
+  ["Esc", "stop what is computed"],
+  ["d", "light or dark"],
+  ["?", "these keys"],
+];
+
+const WORDS = {
+  idle: "", waiting: "waiting for a process", reading: "reading the file", factoring: "factoring", sweeping: "order by order", selecting: "choosing modes",
+  refining: "refining values", done: "", failed: "", stopped: "stopped; nothing that was chosen is lost",
+};
+
+const root = /** @type {HTMLElement} */ (document.getElementById("page"));
+root.className = "ms";
+history.replaceState(null, "", location.pathname + location.search.replace(/[?&]token=[^&]*/, "").replace(/^&/, "?") + location.hash);
+const theme = localStorage.getItem("theme");
+if (theme) document.documentElement.dataset.theme = theme;
+
+/** Everything that is on the screen of one document. @param {any} begin @param {any} state */
+function makeWork(begin, state) {
+  let now = state;
+  let found = /** @type {any} */ (null);
+  let poles = /** @type {any} */ (null);
+  let live = /** @type {any} */ (null);
+  let overview = /** @type {any} */ (null);
+  let chosen = 0;
+  const number_ = { overview: 0, poles: 0, modes: 0 };
+
+  const button = (/** @type {string} */ label, /** @type {string} */ key, /** @type {string} */ path, /** @type {() => void} */ does) =>
+    h("button.tool", { onclick: does, title: `${label} (${key})`, "aria-label": label }, icon(path), h("span.label", {}, label));
+  const undo = button("undo", "Ctrl+Z", ICONS.undo, () => act("undo"));
+  const redo = button("redo", "Ctrl+Y", ICONS.redo, () => act("redo"));
+  const findings = h("button.chip", { onclick: () => found && showFindings(found.findings ?? [], found.notes ?? [], (c) => act("set", { exclude: [...now.document.exclude, c] })) });
+  const formats = h("div.menu", { hidden: true, role: "menu" });
+  const exporting = button("export", "e", ICONS.export, () => menu());
+  const header = h(
+    "header.top",
+    {},
+    h("button.logo", { onclick: leave, title: "Open another file", "aria-label": "modalscope: open another file" }, logo(), h("span", {}, "modalscope")),
+    h("h1", {}, state.name), findings, h("span.space"),
+    undo, redo, button("save", "s", ICONS.save, () => save("analysis.json")), h("div.holder", {}, exporting, formats), button("report", "r", ICONS.report, () => save("html")),
+    button("script", "", ICONS.script, () => found?.script && showScript(found.script)), button("compare", "c", ICONS.compare, compare),
+    button("light or dark", "d", ICONS.theme, switchTheme), button("keys", "?", ICONS.help, () => showKeys(KEYS)),
+  );
+  const told = h("div.told", { "aria-live": "assertive" });
+  const places = Object.fromEntries(["settings", "diagram", "strip", "modes", "shape", "response", "matrix"].map((name) => [name, h(`section.panel.${name}`, { "aria-label": name })]));
+  const bar = h("div.progress-bar");
+  const stage = h("span");
+  const stop = h("button.small", { onclick: () => cancel(), hidden: true, title: "Stop (Esc)" }, "stop");
+  const status = h("div.status", { role: "status" }, h("div.progress", {}, bar), stage, stop);
+  const legend = h("div.legend");
+  fill(root, header, told, h("main.work", {}, h("div.side", {}, places.settings, status), h("div.middle", {}, places.diagram, places.strip), places.modes, places.shape, places.response, places.matrix));
+
+  const act = async (/** @type {string} */ action, given = {}) => {
+    try {
+      const answer = await api.act(now.key, action, given, now.edition);
+      answered(answer);
+    } catch (error) {
+      complain(error);
+      if (error.status === 409) refresh();
+    }
+  };
+  const settings = makeSettings(places.settings, { set: (fields) => act("set", fields), order: (order) => diagram.setOrder(order), automatic: () => act("automatic"), read: (options) => act("reading", options) }, begin.methods);
+  const box = h("div.diagram-box");
+  places.diagram.append(h("div.bar", {}, h("h2", {}, "Stabilization"), legend, h("span.space"), h("button.small", { onclick: () => diagram.toggleLetters(), title: "Letters or marks (l)" }, "o f d v s"), h("button.small", { onclick: () => diagram.toggleLinear(), title: "Indicator in dB or linear (i)" }, "dB"), h("button.small", { onclick: () => diagram.whole(), title: "The whole band (z)" }, "whole")), box);
+  fill(legend, [["pole-s", "stable"], ["pole-d", "damping"], ["pole-v", "shape"], ["pole-f", "frequency"], ["pole-new", "new"]].map(([c, words]) => h("span", {}, h(`i.key.${c}`), words)));
+  const diagram = makeDiagram(box, { take: (i) => take(diagram.poles.frequency[i]), refuse, select });
+  const strip = makeOverview(places.strip, (band) => act("set", { bands: band ? [band.map((f) => Number(f.toPrecision(6)))] : [] }));
+  const modes = makeModes(places.modes, { select, refuse, take, rename: (i, name) => act("name", { frequency: shown()[i].frequency, name }) });
+  const shape = makeShape(places.shape, { geometry: () => found && editGeometry(found.outputs, geometry) });
+  const response = makeResponse(places.response, async (output, column) => (found ? api.channel(now.key, output, column) : null));
+  places.matrix.prepend(h("div.bar", {}, h("h2", {}, "MAC")));
+  const matrix = makeMatrix(places.matrix, select);
+
+  /** Modes as they are shown: those found, without what was refused since, with what was taken since. */
+  function shown() {
+    const same = (/** @type {number} */ a, /** @type {number} */ b) => Math.abs(a - b) <= 0.01 * b;
+    const listed = (found?.modes ?? []).filter((/** @type {any} */ m) => !now.document.refused.some((/** @type {number} */ f) => same(m.frequency, f)) || stageName() === "done");
+    const more = now.document.taken.filter((/** @type {number} */ f) => !listed.some((/** @type {any} */ m) => same(m.frequency, f)) && stageName() !== "done").map(pendingMode);
+    return [...listed, ...more].sort((a, b) => a.frequency - b.frequency);
+  }
+
+  /** The nearest pole's own values, until there are better ones. @param {number} f */
+  function pendingMode(f) {
+    const source = diagram.poles;
+    let best = -1;
+    for (let i = 0; i < source.frequency.length; i++) if (best < 0 || Math.abs(source.frequency[i] - f) < Math.abs(source.frequency[best] - f)) best = i;
+    const std = source.std?.[best];
+    const zstd = source.damping_std?.[best];
+    const around = (/** @type {number} */ v, /** @type {number} */ s) => (s > 0 ? [v - 1.96 * s, v + 1.96 * s] : undefined);
+    const damping = best < 0 ? NaN : source.damping[best];
+    return { frequency: f, damping, pending: true, frequency_interval: around(f, std), damping_ratio_interval: around(damping, zstd) };
+  }
+  const stageName = () => now.stage.stage;
+
+  function drawModes() {
+    const listed = shown();
+    chosen = Math.max(0, Math.min(chosen, listed.length - 1));
+    const leftOut = (found?.left_out ?? []).filter((/** @type {any} */ c) => !now.document.taken.some((/** @type {number} */ f) => Math.abs(f - c.frequency_hz) <= 0.002 * f));
+    modes.set({ modes: listed, leftOut, refused: now.document.refused, chosen, words: found?.explained ?? "", loud: found?.fit_error > 0.5 });
+    diagram.setModes({ modes: listed, leftOut, chosen });
+    return listed;
+  }
+
+  function select(/** @type {number} */ i) {
+    chosen = i;
+    modes.choose(i);
+    matrix.choose(i);
+    const listed = shown();
+    diagram.setModes({ modes: listed, leftOut: found?.left_out ?? [], chosen });
+    const mode = listed[i];
+    const own = (found?.modes ?? []).indexOf(mode);
+    if (own >= 0) shape.choose(own);
+    caption(mode, i);
+  }
+
+  /** @param {any} mode @param {number} i */
+  function caption(mode, i) {
+    if (mode) shape.caption(h("b", {}, mode.name || `Mode ${i + 1}`), ` ${number(mode.frequency, 6)} Hz, ${number(100 * mode.damping, 3)} %`);
+    else shape.caption(found ? "no mode" : "");
+  }
+
+  function take(/** @type {number} */ frequency) {
+    now = { ...now, document: { ...now.document, taken: [...now.document.taken, frequency], refused: now.document.refused.filter((/** @type {number} */ f) => Math.abs(f - frequency) > 1e-6 * f) }, stage: { stage: "waiting" } };
+    drawModes();
+    api.act(now.key, "take", { frequency }, now.edition).then(answered, wrong);
+  }
+  function refuse(/** @type {number} */ i) {
+    const mode = shown()[i];
+    if (!mode) return;
+    const near = now.document.taken.find((/** @type {number} */ f) => Math.abs(f - mode.frequency) <= 0.01 * f);
+    const frequency = near ?? mode.frequency;
+    if (near === undefined) now = { ...now, document: { ...now.document, refused: [...now.document.refused, frequency] }, stage: { stage: "waiting" } };
+    drawModes();
+    api.act(now.key, "refuse", { frequency }, now.edition).then(answered, wrong);
+  }
+  const wrong = (/** @type {any} */ error) => {
+    complain(error);
+    refresh();
+  };
+
+  /** What an action is answered; events may have told it before, and more since. @param {any} given */
+  const answered = (given) => {
+    if (given.edition > now.edition) setState(given);
+  };
+
+  /** @param {any} given */
+  function setState(given) {
+    now = given;
+    fill(told, given.failed ? failure(given.failed) : null);
+    undo.disabled = !given.undo;
+    redo.disabled = !given.redo;
+    settings.set(given.document);
+    strip.setBand(given.document.bands[0] ?? null);
+    setStage(given.stage);
+    for (const [name, count] of Object.entries(given.blobs)) fetchBlob(name, Number(count));
+    drawModes();
+  }
+
+  /** @param {any} parts */
+  function failure(parts) {
+    const box_ = errorBox(parts);
+    const byHand = now.document.taken.length + now.document.refused.length;
+    box_.append(h("span.does", {}, byHand ? h("button.small", { onclick: () => act("automatic") }, "leave the choice to the program") : null, now.undo ? h("button.small", { onclick: () => act("undo") }, "undo") : null, h("button.small", { onclick: () => act("again") }, "again")));
+    return box_;
+  }
+
+  /** @param {any} given */
+  function setStage(given) {
+    now.stage = given;
+    const busy = !["idle", "done", "failed", "stopped"].includes(given.stage);
+    stage.textContent = given.stage === "sweeping" ? `${WORDS.sweeping}: ${given.done} of ${given.total}` : WORDS[given.stage] ?? given.stage;
+    status.classList.toggle("busy", busy);
+    status.classList.toggle("unknown", busy && given.stage !== "sweeping");
+    bar.style.width = given.stage === "sweeping" ? `${(100 * given.done) / given.total}%` : "";
+    stop.hidden = !busy;
+    root.dataset.stage = given.stage;
+  }
+
+  /** Blobs that are on their way: what is drawn lags behind the stage until there is none. */
+  let pending = 0;
+
+  async function fetchBlob(/** @type {string} */ name, /** @type {number} */ count) {
+    if (!(name in number_) || count <= number_[name]) return;
+    number_[name] = count;
+    pending += 1;
+    try {
+      const blob = await api.blob(now.key, name);
+      if (count === number_[name]) ({ overview: setOverview, poles: setPoles, modes: setFound })[name](blob);
+    } catch (error) {
+      complain(error);
+    } finally {
+      pending -= 1;
+    }
+  }
+
+  /** @param {any} blob */
+  function setOverview(blob) {
+    overview = blob;
+    settings.setData(blob.summary);
+    strip.setData(blob);
+    strip.setBand(now.document.bands[0] ?? null);
+    if (!poles && blob.span) behind();
+  }
+
+  /** What stands behind the poles while a sweep runs. */
+  function behind() {
+    if (!overview?.span) return;
+    const band = now.document.bands[0] ?? overview.span;
+    diagram.setCurves({ lines: overview.lines, levels: rows(overview) }, band);
+  }
+
+  /** @param {any} blob */
+  const rows = (blob) => Array.from({ length: blob.shapes.curves[0] }, (_, k) => blob.curves.subarray(k * blob.shapes.curves[1], (k + 1) * blob.shapes.curves[1]));
+
+  /** @param {any} blob */
+  function setPoles(blob) {
+    poles = blob;
+    live = null;
+    diagram.setCurves({ lines: blob.lines, levels: rows(blob) }, now.document.bands.length === 1 ? now.document.bands[0] : ends(blob.bands));
+    diagram.setPoles(blob, Math.max(...blob.orders, 2));
+    settings.setTop(Math.max(...blob.orders, 2));
+    settings.setUsed(now.document.method ? "" : `taken: ${blob.label}`);
+    drawModes();
+  }
+
+  /** @param {any} cut */
+  function addCut(cut) {
+    if (cut.again || !live) {
+      if (!live) behind();
+      live = { frequency: [], damping: [], order: [], kind: [] };
+      poles = null;
+    }
+    for (let i = 0; i < cut.frequency.length; i++) {
+      live.frequency.push(cut.frequency[i]);
+      live.damping.push(cut.damping[i]);
+      live.order.push(cut.order);
+      live.kind.push(cut.kind[i]);
+    }
+    const highest = Math.max(cut.order, Math.round((cut.order / cut.done) * cut.total));
+    diagram.setPoles(live, highest);
+    settings.setTop(highest);
+  }
+
+  /** @param {any} blob */
+  function setFound(blob) {
+    const before = found;
+    found = blob.early && before ? { ...before, ...blob, settled: false } : blob;
+    const listed = drawModes();
+    const bad = (found.findings ?? []).length;
+    if (!blob.early) {
+      findings.classList.toggle("bad", bad > 0);
+      fill(findings, bad ? `${bad} finding${bad > 1 ? "s" : ""}` : "data look well");
+    }
+    settings.setChannels(found.outputs);
+    shape.set(found, Math.max(0, found.modes.indexOf(listed[chosen])));
+    caption(listed[chosen], chosen);
+    matrix.set(found.mac, found.modes.length);
+    matrix.choose(chosen);
+    if (!blob.early && found.columns) response.setChannels(found.outputs, found.columns);
+  }
+
+  async function refresh() {
+    try {
+      setState(await api.look(now.key));
+    } catch (error) {
+      complain(error);
+    }
+  }
+
+  /** @param {any} error */
+  function complain(error) {
+    fill(told, errorBox(error.parts ?? { text: String(error.message ?? error) }), h("button.small.quiet", { "aria-label": "Close", onclick: () => fill(told) }, icon(ICONS.close)));
+  }
+
+  async function save(/** @type {string} */ suffix) {
+    formats.hidden = true;
+    try {
+      const { name, data } = await api.exported(now.key, suffix);
+      const link = h("a", { href: URL.createObjectURL(data), download: name });
+      link.click();
+      setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+    } catch (error) {
+      complain(error);
+    }
+  }
+
+  function menu() {
+    formats.hidden = !formats.hidden;
+    if (formats.hidden) return;
+    fill(formats, Object.entries(begin.formats).map(([suffix, words]) => h("button", { role: "menuitem", onclick: () => save(suffix.slice(1)) }, h("b", {}, suffix), h("span.muted", {}, String(words)))));
+    formats.querySelector("button")?.focus();
+  }
+
+  async function compare() {
+    const wait = dialog("Every method on these data", [h("p", { role: "status" }, "Identifying by every method of the table…"), h("div.progress", {}, h("div.progress-bar")), h("footer", {}, h("button", { onclick: () => api.cancel(now.key) }, "stop"))]);
+    asked = (/** @type {any} */ m) => (/** @type {HTMLElement} */ (wait.body.querySelector(".progress-bar")).style.width = `${(100 * m.done) / m.total}%`);
+    try {
+      const answer = await api.compare(now.key);
+      wait.element.close();
+      showComparison(answer);
+    } catch (error) {
+      wait.element.close();
+      complain(error);
+    }
+  }
+  let asked = (/** @type {any} */ _) => {};
+
+  /** @param {File[]} files */
+  async function geometry(files) {
+    try {
+      const names = [];
+      for (const file of files) names.push(await api.upload(file, () => {}));
+      await act("geometry", { files: names });
+    } catch (error) {
+      complain(error);
+    }
+  }
+
+  async function cancel() {
+    await api.cancel(now.key).catch(complain);
+  }
+
+  function leave() {
+    location.hash = "";
+  }
+
+  const end = api.events(
+    now.key,
+    (message) => {
+      if (message.type === "document") {
+        if (message.edition >= now.edition) setState(message);
+      } else if (message.type === "stage") {
+        if (message.stage === "factoring") live = null;
+        setStage(message);
+        if (["done", "stopped"].includes(message.stage)) drawModes();
+      } else if (message.type === "cut") {
+        setStage({ stage: "sweeping", done: message.done, total: message.total });
+        addCut(message);
+      } else if (message.type === "blob") fetchBlob(message.name, message.number);
+      else if (message.type === "failed") {
+        setStage({ stage: "failed" });
+        now.failed = message;
+        fill(told, failure(message));
+      } else if (message.type === "asked") asked(message);
+      else if (message.type === "missed") refresh();
+      else if (message.type === "closed") leave();
+    },
+    (alive) => root.classList.toggle("lost", !alive),
+  );
+
+  const step = (/** @type {number} */ by) => {
+    const count = shown().length;
+    if (count) select((chosen + by + count) % count);
+  };
+  const keys = {
+    ArrowDown: () => step(1), ArrowUp: () => step(-1), j: () => step(1), k: () => step(-1), x: () => refuse(chosen), n: () => shown().length && modes.rename(chosen), a: () => act("automatic"),
+    " ": () => shape.toggle(), "[": () => response.next(-1), "]": () => response.next(1), z: () => diagram.whole(), l: () => diagram.toggleLetters(), i: () => diagram.toggleLinear(),
+    p: () => /** @type {HTMLElement} */ (places.diagram.querySelector(".plot")).focus(), s: () => save("analysis.json"), e: menu, r: () => save("html"), c: compare, Escape: () => (formats.hidden ? cancel() : (formats.hidden = true)), d: switchTheme, "?": () => showKeys(KEYS),
+    ...Object.fromEntries(shape.views.map((name, i) => [String(i + 1), () => shape.see(name)])),
+  };
+  /** @param {KeyboardEvent} event */
+  function onKey(event) {
+    const target = /** @type {HTMLElement} */ (event.target);
+    if (document.querySelector("dialog[open]")) return;
+    if ((event.ctrlKey || event.metaKey) && "zy".includes(event.key.toLowerCase())) {
+      if (target.matches("input[type=number], input.name, textarea")) return;
+      event.preventDefault();
+      act(event.key.toLowerCase() === "y" || event.shiftKey ? "redo" : "undo");
+      return;
+    }
+    if (event.ctrlKey || event.metaKey || event.altKey || target.matches("input:not([type=checkbox]), select, textarea") || (target.matches("button, summary, input") && [" ", "Enter"].includes(event.key))) return;
+    if (keys[event.key]) {
+      event.preventDefault();
+      keys[event.key]();
+    }
+  }
+  document.addEventListener("keydown", onKey);
+  const away = (/** @type {Event} */ e) => {
+    if (!exporting.parentElement.contains(e.target)) formats.hidden = true;
+  };
+  document.addEventListener("click", away);
+
+  if (state.blobs) for (const [name, count] of Object.entries(state.blobs)) fetchBlob(name, Number(count));
+  setState(state);
+  for (const cut of state.cuts ?? []) if (!state.blobs.poles || state.stage.stage === "sweeping") addCut(cut);
+  globalThis.modalscope = { diagram, shape, get state() { return now; }, get pending() { return pending; }, get found() { return found; }, get shown() { return shown(); }, get poles() { return poles; }, setPoles, setFound, take };
+  return () => {
+    end();
+    document.removeEventListener("keydown", onKey);
+    document.removeEventListener("click", away);
+  };
+}
+
+function switchTheme() {
+  const dark = matchMedia("(prefers-color-scheme: dark)").matches;
+  const is = document.documentElement.dataset.theme ?? (dark ? "dark" : "light");
+  document.documentElement.dataset.theme = is === "dark" ? "light" : "dark";
+  localStorage.setItem("theme", document.documentElement.dataset.theme);
+  paintAgain();
+}
+
+/** A decaying wave in a circle. */
+function logo() {
+  const mark = icon("M2 12h3c1.5 0 1.5-8 3.2-8s1.9 15 3.8 15 1.9-10 3.6-10 1.6 5 3 5H22");
+  mark.setAttribute("class", "mark");
+  return mark;
+}
+
+let end = () => {};
+async function show() {
+  end();
+  end = () => {};
+  root.classList.remove("lost");
+  try {
+    const begin = await api.start();
+    const key = location.hash.slice(1);
+    if (!key && begin.first.length && !sessionStorage.getItem("opened")) {
+      sessionStorage.setItem("opened", "yes");
+      location.hash = (await api.open(begin.first)).key;
+      return;
+    }
+    if (new URLSearchParams(location.search).has("bench")) await bench(root, begin, makeWork);
+    else if (key) end = makeWork(begin, await api.look(key));
+    else makeWelcome(root, begin, { theme: switchTheme, logo });
+  } catch (error) {
+    fill(root, h("main.lost-page", {}, h("h1", {}, "modalscope"), errorBox(error.parts ?? { text: String(error.message ?? error) }), h("p", {}, h("a", { href: "#", onclick: () => show() }, "Back to the files"))));
+  }
+}
+addEventListener("hashchange", show);
+show();

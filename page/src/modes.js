@@ -1,0 +1,103 @@
+// The table of modes, with intervals, reasons and what was left out.
+import { fill, h, hertz, icon, ICONS, number, plusMinus } from "./dom.js";
+
+/**
+ * @param {HTMLElement} place
+ * @param {{select: (mode: number) => void, refuse?: (mode: number) => void, take?: (frequency: number) => void, rename?: (mode: number, name: string) => void}} acts
+ */
+export function makeModes(place, acts) {
+  const body = h("tbody");
+  const table = h(
+    "table.modes",
+    {},
+    h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "#"), h("th.num", { scope: "col" }, "f [Hz]", h("small", {}, "95 %")), h("th.num", { scope: "col" }, "ζ [%]", h("small", {}, "95 %")), h("th.num", { scope: "col", title: "Modal phase collinearity: 1 when all points move in phase or in opposition" }, "MPC"), acts.refuse ? h("th", { scope: "col" }, h("span.hidden", {}, "do")) : null)),
+    body,
+  );
+  const why = h("div.why", { "aria-live": "polite" });
+  const left = h("div.left");
+  const heading = h("h2", {}, "Modes");
+  place.append(heading, h("div.scroll.table", { tabIndex: 0, role: "region", "aria-label": "Modes" }, table), why, left);
+  let modes = /** @type {any[]} */ ([]);
+  let chosen = -1;
+
+  /** @param {any} mode @param {number} i @param {number} highest */
+  function row(mode, i, highest) {
+    const cells = [
+      h("td", {}, h("button.link", { "aria-label": `mode ${i + 1}`, onclick: () => acts.select(i) }, i + 1)),
+      h("td.num", {}, h("b", {}, hertz(mode.frequency, highest)), h("small", {}, plusMinus(mode.frequency_interval)), mode.name ? h("em", {}, mode.name) : null),
+      h("td.num", {}, digits(100 * mode.damping), h("small", {}, plusMinus(mode.damping_ratio_interval, 100))),
+      h("td.num", {}, mode.pending ? h("span.muted", { title: "The pole's own values; refined ones follow" }, "…") : mode.mpc === undefined || mode.mpc === null ? "–" : mode.mpc.toFixed(2)),
+    ];
+    if (acts.refuse)
+      cells.push(
+        h(
+          "td.do",
+          {},
+          h("button.small.quiet", { title: "Name it (n)", "aria-label": `name mode ${i + 1}`, onclick: (/** @type {Event} */ e) => (e.stopPropagation(), rename(i)) }, icon(ICONS.pencil)),
+          h("button.small.quiet", { title: "Refuse it (x)", "aria-label": `refuse mode ${i + 1}`, onclick: (/** @type {Event} */ e) => (e.stopPropagation(), acts.refuse(i)) }, icon(ICONS.close)),
+        ),
+      );
+    return h(`tr${i === chosen ? ".chosen" : ""}${mode.pending ? ".pending" : ""}`, { "data-mode": i, onclick: () => acts.select(i) }, cells);
+  }
+
+  const digits = (/** @type {number} */ v) => (Number.isFinite(v) ? v.toFixed(v < 10 ? 3 : 2) : "–");
+
+  function rename(/** @type {number} */ i) {
+    const cell = body.children[i].children[1];
+    const field = h("input.name", { value: modes[i].name ?? "", "aria-label": `name of mode ${i + 1}`, placeholder: "name" });
+    let done = false;
+    const end = (/** @type {boolean} */ keep) => {
+      if (done) return;
+      done = true;
+      if (keep) acts.rename?.(i, field.value.trim());
+      else field.remove();
+    };
+    field.addEventListener("keydown", (/** @type {KeyboardEvent} */ e) => {
+      e.stopPropagation();
+      if (e.key === "Enter") end(true);
+      if (e.key === "Escape") end(false);
+    });
+    field.addEventListener("blur", () => end(true));
+    field.addEventListener("click", (/** @type {Event} */ e) => e.stopPropagation());
+    cell.append(field);
+    field.focus();
+  }
+
+  function explain() {
+    const mode = modes[chosen];
+    if (!mode) return fill(why);
+    const told = Object.entries(mode.indicators ?? {}).map(([name, value]) => `${name.replace(/_/g, " ")} ${number(value, 3)}`);
+    if (mode.gain !== undefined && mode.gain !== null) told.unshift(`gain ${number(mode.gain, 3)} deviations`);
+    const before = mode.frequency_before ? `before refinement ${number(mode.frequency_before, 6)} Hz, ${number(100 * mode.damping_before, 3)} %` : "";
+    return fill(why, h("p", {}, h("b", {}, mode.name ? `Mode ${chosen + 1}, ${mode.name}: ` : `Mode ${chosen + 1}: `), mode.text || (mode.pending ? "taken by hand; its own values until they are refined" : "")), h("p.muted", {}, [before, ...told].filter(Boolean).join(" · ")));
+  }
+
+  return {
+    /** @param {{modes: any[], leftOut: any[], refused: number[], chosen: number, words: string, loud?: boolean}} given */
+    set(given) {
+      ({ modes, chosen } = given);
+      const highest = Math.max(...modes.map((m) => m.frequency), 1e-9);
+      fill(heading, "Modes", modes.length ? h("span.count", {}, modes.length) : null);
+      fill(body, modes.map((mode, i) => row(mode, i, highest)));
+      explain();
+      const refused = given.refused.map((f) => h("li", {}, h("b.struck", {}, `${number(f, 6)} Hz`), " refused by hand ", acts.take ? h("button.small", { onclick: () => acts.take(f) }, "take back") : null));
+      const out = given.leftOut.map((c) =>
+        h("li", {}, h("div", {}, h("b", {}, `${number(c.frequency_hz, 5)} Hz`), h("span.muted", {}, ` ${number(100 * c.damping_ratio, 3)} %`), acts.take ? h("button.small", { "aria-label": `take the candidate at ${number(c.frequency_hz, 5)} Hz`, onclick: () => acts.take(c.frequency_hz) }, icon(ICONS.plus), "take") : null), h("p.muted", {}, c.reason)),
+      );
+      fill(
+        left,
+        given.words ? h(`p.explained${given.loud ? ".loud" : ""}`, {}, given.words) : null,
+        refused.length ? h("ul", {}, refused) : null,
+        out.length ? h("details", { open: /** @type {any} */ (left.querySelector("details"))?.open ?? true }, h("summary", {}, `Left out, and why (${out.length})`), h("ul", {}, out)) : null,
+      );
+    },
+    choose(/** @type {number} */ mode) {
+      body.children[chosen]?.classList.remove("chosen");
+      chosen = mode;
+      body.children[chosen]?.classList.add("chosen");
+      body.children[chosen]?.scrollIntoView({ block: "nearest" });
+      explain();
+    },
+    rename,
+  };
+}

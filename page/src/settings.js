@@ -1,0 +1,122 @@
+// Band, method, orders and channels: what the document says of how poles are found.
+import { fill, h, number } from "./dom.js";
+
+/**
+ * @param {HTMLElement} place
+ * @param {{set: (fields: any) => void, order: (order: number) => void, automatic: () => void, read: (options: any) => void}} acts
+ * @param {any[]} methods
+ */
+export function makeSettings(place, acts, methods) {
+  const low = h("input", { type: "number", step: "any", min: 0, "aria-label": "Lowest frequency, Hz", placeholder: "from", onchange: band });
+  const high = h("input", { type: "number", step: "any", min: 0, "aria-label": "Highest frequency, Hz", placeholder: "to", onchange: band });
+  const known = new Map(methods.map((m) => [`${m.name}|${m.domain}`, m]));
+  const method = h("select", { "aria-label": "Method", onchange: () => acts.set(split(method.value)) }, h("option", { value: "|" }, "automatic"), groups(known));
+  const [first, last, step] = ["first", "last", "step"].map((name) => h("input", { type: "number", min: 1, max: 2000, placeholder: name, "aria-label": `Orders: ${name}`, onchange: orders }));
+  const refine = h("input", { type: "checkbox", onchange: () => acts.set({ refine: refine.checked }) });
+  const slider = h("input", { type: "range", min: 2, max: 80, value: 80, "aria-label": "Highest order that is shown", oninput: () => slide() });
+  const shown = h("output");
+  const channels = h("div.channels");
+  const box = h("details", {}, h("summary", {}, "Channels"), channels);
+  const columns = h("input.name", { "aria-label": "What the columns of a table are", placeholder: "in=2,out=3-7", title: "Columns of a table, counted from 1: time=1,in=2,out=3-7", onchange: read });
+  const rate = h("input", { type: "number", step: "any", min: 0, "aria-label": "Sampling rate, Hz", placeholder: "rate", onchange: read });
+  const reading = h("details", {}, h("summary", {}, "How it is read"), h("div.pair", {}, "columns", columns), h("div.pair", {}, "samples", rate, h("span.muted", {}, "Hz")));
+  const data = h("p.muted.data");
+  const used = h("p.muted");
+  const hand = h("div.hand");
+  place.append(
+    h("h2", {}, "Data"), data, box, reading,
+    h("h2", {}, "Band"), h("div.pair", {}, low, "–", high, h("span.muted", {}, "Hz")), h("p.hint", {}, "or drag on the strip below the diagram"),
+    h("h2", {}, "Method"), method, used,
+    h("h2", {}, "Orders"), h("div.pair.three", {}, first, last, step), h("label.slider", {}, "shown to ", shown, slider),
+    h("h2", {}, "Modes"), h("label.check", { title: "Maximum of the likelihood, with deviations" }, refine, "refine values"), hand,
+  );
+  place.addEventListener("keydown", (event) => {
+    // what was typed counts, and the keys of the page work again
+    if (event.key === "Enter" && /** @type {HTMLElement} */ (event.target).matches("input")) setTimeout(() => /** @type {HTMLElement} */ (event.target).blur());
+  });
+  let document_ = /** @type {any} */ (null);
+  let top = 80;
+
+  function band() {
+    const [a, b] = [low.value, high.value].map(Number);
+    if (!low.value && !high.value) acts.set({ bands: [] });
+    else if (low.value && high.value && b > a) acts.set({ bands: [[a, b]] });
+  }
+  function orders() {
+    if (!first.value && !last.value && !step.value) return acts.set({ orders: null });
+    if (!first.value || !last.value) return undefined;
+    const [a, b, s] = [Number(first.value), Number(last.value), Number(step.value) || 2];
+    if (b < a || s < 1) return undefined;
+    const listed = [];
+    for (let n = a; n <= b; n += s) listed.push(n);
+    return acts.set({ orders: listed });
+  }
+  function read() {
+    acts.read({ columns: columns.value.trim() || null, sampling_rate: Number(rate.value) || null });
+  }
+  function slide() {
+    shown.textContent = slider.value;
+    acts.order(Number(slider.value) >= top ? Infinity : Number(slider.value));
+  }
+
+  return {
+    /** @param {any} document */
+    set(document) {
+      const before = document_;
+      document_ = document;
+      const { columns: named, sampling_rate } = document.files[0]?.reading ?? {};
+      columns.value = named ?? "";
+      rate.value = sampling_rate ?? "";
+      // what somebody is typing stays, as long as the document says nothing new of it
+      const changed = (/** @type {string} */ name) => JSON.stringify(document[name]) !== JSON.stringify(before?.[name] ?? (name === "orders" ? null : []));
+      const [pair] = document.bands;
+      if (changed("bands")) {
+        low.value = pair ? number(pair[0], 6) : "";
+        high.value = pair ? number(pair[1], 6) : "";
+      }
+      method.value = document.method ? `${document.method}|${document.domain ?? ""}` : "|";
+      if (document.method && method.selectedIndex < 0) method.value = [...known.keys()].find((k) => k.startsWith(`${document.method}|`)) ?? "|";
+      const n = document.orders;
+      if (changed("orders")) {
+        first.value = n ? n[0] : "";
+        last.value = n ? n[n.length - 1] : "";
+        step.value = n && n.length > 1 ? n[1] - n[0] : "";
+      }
+      refine.checked = document.refine;
+      const byHand = document.taken.length + document.refused.length;
+      fill(hand, byHand ? [h("span.muted", {}, `${document.taken.length} taken, ${document.refused.length} refused by hand `), h("button.small", { onclick: acts.automatic, title: "Leave the choice to the program (a)" }, "automatic")] : null);
+      for (const field of channels.querySelectorAll("input")) field.checked = !document.exclude.includes(field.value);
+    },
+    setData(/** @type {string} */ text) {
+      fill(data, text);
+    },
+    setUsed(/** @type {string} */ text) {
+      fill(used, text);
+    },
+    /** @param {string[]} outputs */
+    setChannels(outputs) {
+      const excluded = document_?.exclude ?? [];
+      const all = [...new Set([...outputs, ...excluded])];
+      fill(channels, all.map((name) => h("label.check", {}, h("input", { type: "checkbox", value: name, checked: !excluded.includes(name), onchange: (/** @type {any} */ e) => acts.set({ exclude: e.target.checked ? document_.exclude.filter((/** @type {string} */ x) => x !== name) : [...document_.exclude, name] }) }), name)));
+    },
+    setTop(/** @type {number} */ order) {
+      if (order === top && shown.textContent) return;
+      top = order;
+      slider.max = String(order);
+      slider.value = String(order);
+      slide();
+    },
+  };
+}
+
+/** @param {string} value */
+function split(value) {
+  const [method, domain] = value.split("|");
+  return { method: method || null, domain: domain || null };
+}
+
+/** @param {Map<string, any>} known */
+function groups(known) {
+  const names = { time: "samples", z: "lines, z", s: "lines, s" };
+  return Object.entries(names).map(([domain, words]) => h("optgroup", { label: words }, [...known].filter(([, m]) => m.domain === domain).map(([key, m]) => h("option", { value: key }, m.label))));
+}

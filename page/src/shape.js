@@ -1,0 +1,137 @@
+// A mode shape, moving: on the geometry, or as bars where none is known.
+import { colour, fill, h, icon, ICONS, onTheme } from "./dom.js";
+import { makeStage, VIEW_NAMES } from "./stage.js";
+
+/** @param {HTMLElement} place @param {{geometry?: () => void}} acts */
+export function makeShape(place, acts = {}) {
+  const holder = h("div.plot.shape", { tabIndex: 0, role: "img", "aria-label": "Mode shape, moving" });
+  const caption = h("div.caption");
+  const playing = h("button.small", { title: "Play or stand still (space)", "aria-label": "Play or stand still", onclick: () => toggle() });
+  const views = h("select", { "aria-label": "View", onchange: () => see(views.value) }, VIEW_NAMES.map((name) => h("option", {}, name)));
+  const real = h("select", { "aria-label": "Complex or real", onchange: () => draw() }, h("option", {}, "complex"), h("option", {}, "real"));
+  const amplitude = h("input", { type: "range", min: 0, max: 0.4, step: 0.005, value: 0.12, "aria-label": "Amplitude", title: "Amplitude" });
+  const speed = h("input", { type: "range", min: 0.1, max: 2.5, step: 0.05, value: 0.8, "aria-label": "Speed", title: "Speed" });
+  const outline = h("input", { type: "checkbox", checked: true, "aria-label": "Undeformed outline", onchange: () => draw() });
+  const add = acts.geometry ? h("button.small", { onclick: acts.geometry, title: "Points and lines of the structure" }, "geometry…") : null;
+  place.append(
+    h("div.bar", {}, playing, views, real, h("label.slide", { title: "Amplitude" }, "↕", amplitude), h("label.slide", { title: "Speed" }, "»", speed), h("label.check", { title: "Undeformed outline" }, outline, "outline"), h("span.space"), add),
+    holder,
+    caption,
+  );
+  let data = /** @type {any} */ (null);
+  let chosen = -1;
+  let run = !globalThis.matchMedia?.("(prefers-reduced-motion: reduce)").matches;
+  let phase = 0;
+  let last = 0;
+  let frames = 0;
+  let visible = true;
+  let stage = /** @type {any} */ (null);
+  const bars = h("canvas", { role: "img", "aria-label": "Mode shape as bars, one a channel" });
+
+  const loop = (/** @type {number} */ now) => {
+    const step = Math.min((now - last) / 1000, 0.1);
+    last = now;
+    if (run && visible && chosen >= 0) {
+      phase += step * Number(speed.value) * 2 * Math.PI;
+      draw();
+    }
+    requestAnimationFrame(loop);
+  };
+  requestAnimationFrame(loop);
+  new IntersectionObserver((seen) => (visible = seen[0].isIntersecting)).observe(holder);
+
+  function draw() {
+    frames++;
+    if (chosen < 0 || !data) return;
+    if (stage) stage.draw(Math.cos(phase), real.value === "real" ? 0 : Math.sin(phase), Number(amplitude.value), outline.checked);
+    else drawBars();
+  }
+
+  function drawBars() {
+    const ratio = devicePixelRatio || 1;
+    const { clientWidth: w, clientHeight: high } = holder;
+    if (!w || !high) return;
+    [bars.width, bars.height] = [w * ratio, high * ratio];
+    const ctx = bars.getContext("2d");
+    ctx.scale(ratio, ratio);
+    const count = data.outputs.length;
+    const at = chosen * count;
+    const [c, s] = [Math.cos(phase), real.value === "real" ? 0 : Math.sin(phase)];
+    const wide = (w - 16) / count;
+    const [middle, reach] = [(high - 18) / 2, ((high - 30) / 2) * Math.min(1, 0.35 + Number(amplitude.value) * 5)];
+    ctx.font = "10.5px system-ui, sans-serif";
+    ctx.textAlign = "center";
+    const every = Math.ceil(34 / wide);
+    for (let i = 0; i < count; i++) {
+      const still = data.shape_real[at + i];
+      const v = run || phase ? still * c - data.shape_imag[at + i] * s : still;
+      const x = 8 + i * wide + wide * 0.14;
+      if (outline.checked) {
+        ctx.strokeStyle = colour("line");
+        ctx.strokeRect(x, middle - Math.max(still, 0) * reach, wide * 0.72, Math.abs(still) * reach);
+      }
+      ctx.fillStyle = v < 0 ? colour("below") : colour("above");
+      ctx.fillRect(x, middle - Math.max(v, 0) * reach, wide * 0.72, Math.max(Math.abs(v) * reach, 0.5));
+      ctx.fillStyle = colour("muted");
+      if (i % every === 0) ctx.fillText(data.outputs[i], x + wide * 0.36, high - 5);
+    }
+    ctx.strokeStyle = colour("muted");
+    ctx.beginPath();
+    ctx.moveTo(8, middle);
+    ctx.lineTo(w - 8, middle);
+    ctx.stroke();
+  }
+
+  function toggle(/** @type {boolean} */ on = !run) {
+    run = on;
+    fill(playing, icon(run ? ICONS.pause : ICONS.play));
+    if (!run) draw();
+  }
+
+  /** @param {string} name */
+  function see(name) {
+    views.value = name;
+    stage?.look(name);
+    draw();
+  }
+
+  function choose(/** @type {number} */ mode) {
+    chosen = mode;
+    phase = 0;
+    if (chosen < 0 || !data) return;
+    stage?.choose(chosen);
+    draw();
+  }
+
+  new ResizeObserver(draw).observe(holder);
+  onTheme(() => {
+    stage?.paint();
+    draw();
+  });
+  toggle(run);
+  return {
+    /** @param {any} given  the blob of modes @param {number} mode */
+    set(given, mode) {
+      const same = stage && data?.nodes && given.nodes && data.nodes.length === given.nodes.length && given.rest?.every((/** @type {number} */ v, /** @type {number} */ i) => v === data.rest[i]);
+      data = given;
+      const solid = Boolean(data.nodes);
+      views.disabled = !solid;
+      if (!same) {
+        stage?.end();
+        stage = null;
+        fill(holder);
+        if (solid) (stage = makeStage(holder, data, () => run || draw())).look(views.value);
+        else holder.append(bars);
+      } else stage.data(data);
+      choose(Math.min(mode, data.modes.length - 1));
+    },
+    choose,
+    toggle: () => toggle(),
+    see,
+    caption: (/** @type {any} */ ...inside) => fill(caption, ...inside),
+    views: VIEW_NAMES,
+    get frames() {
+      return frames;
+    },
+  };
+}

@@ -1,0 +1,58 @@
+// Diagram, modes, shape, curve and MAC of a result that is there already: in the report and in a notebook.
+import { ends, makeDiagram } from "./diagram.js";
+import { h, number } from "./dom.js";
+import { makeMatrix } from "./matrix.js";
+import { makeModes } from "./modes.js";
+import { makeResponse } from "./response.js";
+import { makeShape } from "./shape.js";
+
+/**
+ * @param {HTMLElement} root
+ * @param {any} data  a blob of modalscope.app.alive
+ * @param {{select?: (mode: number) => void}} acts
+ */
+export function makeViewer(root, data, acts = {}) {
+  root.classList.add("ms", "viewer");
+  const panel = (/** @type {string} */ name) => {
+    const made = h(`section.panel.${name}`, { "aria-label": name });
+    root.append(made);
+    return made;
+  };
+  const box = h("div.diagram-box");
+  const place = panel("diagram");
+  place.append(h("div.bar", {}, h("h2", {}, "Stabilization"), h("span.space"), h("button.small", { onclick: () => diagram.toggleLetters() }, "o f d v s"), h("button.small", { onclick: () => diagram.whole() }, "whole")), box);
+  const diagram = makeDiagram(box, { select });
+  const modes = makeModes(panel("modes"), { select });
+  const shape = makeShape(panel("shape"));
+  const response = data.channels ? makeResponse(panel("response"), async (o, c) => channelOf(data, o, c)) : null;
+  const matrixPlace = panel("matrix");
+  matrixPlace.append(h("div.bar", {}, h("h2", {}, "MAC")));
+  const matrix = makeMatrix(matrixPlace, select);
+  const count = data.shapes.curves[1];
+  diagram.setCurves({ lines: data.behind, levels: Array.from({ length: data.shapes.curves[0] }, (_, k) => data.curves.subarray(k * count, (k + 1) * count)) }, ends(data.bands));
+  diagram.setPoles({ frequency: data.frequency, damping: data.damping, order: data.order, kind: data.kind, std: data.std, damping_std: data.damping_std }, Math.max(...data.orders, 2));
+  shape.set(data, 0);
+  matrix.set(data.mac, data.modes.length);
+  modes.set({ modes: data.modes, leftOut: data.left_out, refused: [], chosen: 0, words: data.explained ?? "" });
+  response?.setChannels(data.outputs, data.columns);
+  function select(/** @type {number} */ i) {
+    modes.choose(i);
+    shape.choose(i);
+    matrix.choose(i);
+    diagram.setModes({ modes: data.modes, leftOut: data.left_out, chosen: i });
+    const mode = data.modes[i];
+    if (mode) shape.caption(h("b", {}, mode.name || `Mode ${i + 1}`), ` ${number(mode.frequency, 6)} Hz, ${number(100 * mode.damping, 3)} %`);
+    acts.select?.(i);
+  }
+  if (data.modes.length) select(0);
+  return { select, diagram };
+}
+
+/** One channel of those that came along. @param {any} data @param {number} output @param {number} column */
+function channelOf(data, output, column) {
+  const [outputs, columns, lines] = data.shapes.measured_real;
+  const at = (output * columns + column) * lines;
+  if (output >= outputs) return null;
+  const part = (/** @type {string} */ name) => data[name].subarray(at, at + lines);
+  return { lines: data.response_lines, measured_real: part("measured_real"), measured_imag: part("measured_imag"), rebuilt_real: part("rebuilt_real"), rebuilt_imag: part("rebuilt_imag"), fit: data.fits[output][column] };
+}

@@ -1,0 +1,74 @@
+// Where the page begins: drop a file, choose one of the folder, or go on with a document.
+import * as api from "./api.js";
+import { errorBox } from "./dialogs.js";
+import { fill, h, icon, ICONS } from "./dom.js";
+
+/** @param {HTMLElement} root @param {any} begin @param {{theme: () => void, logo: () => any}} with_ */
+export function makeWelcome(root, begin, with_) {
+  const told = h("div.told", { "aria-live": "assertive" });
+  const chooser = h("input", { type: "file", multiple: true, hidden: true, onchange: () => give([...chooser.files]) });
+  const bar = h("div.progress-bar");
+  const progress = h("div.progress", { hidden: true }, bar);
+  const drop = h("button.drop", { onclick: () => chooser.click() }, icon(ICONS.export), h("b", {}, "Drop a measurement here"), h("span", {}, "or click to choose: responses, impulse responses, hammer, shaker or ambient records. Several files are runs or setups of one test."), h("small.muted", {}, ".uff .unv .csv .txt .xlsx .npz .npy .mat .h5 .wav .tdms …"));
+  const over = (/** @type {boolean} */ on) => drop.classList.toggle("over", on);
+  root.ondragover = (event) => {
+    event.preventDefault();
+    over(true);
+  };
+  root.ondragleave = () => over(false);
+  root.ondrop = (event) => {
+    event.preventDefault();
+    over(false);
+    give([...event.dataTransfer.files]);
+  };
+
+  /** @param {File[]} files */
+  async function give(files) {
+    if (!files.length) return;
+    try {
+      progress.hidden = false;
+      const names = [];
+      for (const file of files) {
+        if (file.size > begin.upload) throw new api.Refused({ asked: `${file.name} was dropped`, found: `it has more than ${begin.upload / 1e6} MB`, change: "Put it into a folder and start modalscope app --folder there." }, 400);
+        names.push(await api.upload(file, (share) => (bar.style.width = `${100 * share}%`)));
+      }
+      await open(names);
+    } catch (error) {
+      complain(error);
+    } finally {
+      progress.hidden = true;
+    }
+  }
+
+  /** @param {string[]} names */
+  async function open(names) {
+    try {
+      location.hash = (await api.open(names)).key;
+    } catch (error) {
+      complain(error);
+    }
+  }
+
+  /** @param {any} error */
+  const complain = (error) => fill(told, errorBox(error.parts ?? { text: String(error.message ?? error) }));
+
+  const size = (/** @type {number} */ bytes) => (bytes > 1e6 ? `${(bytes / 1e6).toFixed(1)} MB` : `${Math.max(1, Math.round(bytes / 1e3))} kB`);
+  const file = (/** @type {any} */ f) => h("li", {}, h("button.row", { onclick: () => open([f.name]) }, icon(ICONS.folder), h("b", {}, f.name), h("span.muted", {}, size(f.size))));
+  const kept = (/** @type {any} */ d) => {
+    const row = h("li", {}, h("a.row", { href: `#${d.key}` }, icon(ICONS.undo), h("b", {}, d.name), h("span.muted", {}, `${d.steps} step${d.steps > 1 ? "s" : ""}`)), h("button.small.quiet", { "aria-label": `forget ${d.name}`, title: "Forget it", onclick: () => api.forget(d.key).then(() => row.remove(), complain) }, icon(ICONS.close)));
+    return row;
+  };
+  fill(
+    root,
+    h("header.top", {}, h("span.logo", {}, with_.logo(), h("span", {}, "modalscope")), h("span.space"), h("button.tool", { onclick: with_.theme, title: "Light or dark", "aria-label": "light or dark" }, icon(ICONS.theme))),
+    told,
+    h(
+      "main.welcome",
+      {},
+      h("h1", {}, "From a measurement to modes you can defend"),
+      drop, progress, chooser,
+      h("div.columns", {}, h("section", {}, h("h2", {}, begin.folder ? `In ${begin.folder}` : "Files"), begin.files.length ? h("ul", {}, begin.files.map(file)) : h("p.muted", {}, begin.folder ? "no data here" : "Start with --folder to choose from a folder.")), h("section", {}, h("h2", {}, "Go on with"), begin.documents.length ? h("ul", {}, begin.documents.map(kept)) : h("p.muted", {}, "nothing yet"))),
+      h("p.muted.version", {}, `modalscope ${begin.version}. Nothing leaves this machine.`),
+    ),
+  );
+}

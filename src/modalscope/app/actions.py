@@ -1,0 +1,154 @@
+"""What a person does on the page, as functions from one document to the next."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+from modalscope.io.analysis import analysis_to
+from modalscope.model import DataError
+from modalscope.model.analysis import Analysis, SourceFile
+from modalscope.model.checks import check_number, check_positive
+from modalscope.model.mode_names import named_near
+
+__all__ = ["ACTIONS", "acted", "diagrams_key"]
+
+#: The fields that `set` changes.
+_SETTABLE = ("bands", "exclude", "route", "method", "domain", "orders", "options", "refine", "remarks")
+
+#: Two frequencies within this part mean the same choice.
+_SAME = 1e-6
+
+#: The parts of a document that its diagrams depend on.
+_DIAGRAMS = ("files", "bands", "exclude", "route", "method", "domain", "orders", "options")
+
+
+def diagrams_key(document: Analysis) -> str:
+    """Return the part of a document that its diagrams depend on, as text.
+
+    Parameters
+    ----------
+    document : Analysis
+    """
+    whole = analysis_to(document)
+    return json.dumps([whole[name] for name in _DIAGRAMS], sort_keys=True)
+
+
+def acted(document: Analysis, action: str, given: Mapping[str, Any]) -> Analysis:
+    """Return the document after an action.
+
+    Parameters
+    ----------
+    document : Analysis
+    action : str
+        One of `ACTIONS`.
+    given : mapping
+        What it needs.
+
+    Raises
+    ------
+    DataError
+        An unknown action, or what it was given cannot be.
+
+    Examples
+    --------
+    >>> acted(Analysis(), "take", {"frequency": 12.5}).taken
+    (12.5,)
+    """
+    if action not in ACTIONS:
+        raise DataError(f"{action!r} was asked", f"there are {', '.join(ACTIONS)}", "Do one of these.")
+    try:
+        return ACTIONS[action](document, **given)
+    except DataError:
+        raise
+    except (TypeError, ValueError, AttributeError) as error:
+        raise DataError(f"{action} was asked", f"what it was given is wrong ({error})", "Correct it.") from None
+
+
+def change(document: Analysis, **new: Any) -> Analysis:
+    """Set fields; choices by hand outside of new bands go."""
+    unknown = sorted(set(new) - set(_SETTABLE))
+    if unknown:
+        known = ", ".join(_SETTABLE)
+        raise DataError(f"{', '.join(unknown)} was to be set", f"the page sets {known}", "Set one of these.")
+    for name in ("method", "domain"):
+        new = {**new, name: new[name] or None} if name in new else new
+    new = {name: tuple(map(tuple, value)) if name == "bands" else value for name, value in new.items()}
+    changed = replace(document, **new)
+    if changed.bands == document.bands or not changed.bands:
+        return changed
+
+    def inside(listed: tuple[float, ...]) -> tuple[float, ...]:
+        return tuple(f for f in listed if any(low <= f <= high for low, high in changed.bands))
+
+    return replace(changed, taken=inside(changed.taken), refused=inside(changed.refused))
+
+
+def take(document: Analysis, frequency: float) -> Analysis:
+    """Report a mode beside the automatic ones; one that was refused is not refused any more."""
+    f = check_positive("frequency", frequency)
+    if _near(f, document.refused):
+        return replace(document, refused=_without(f, document.refused))
+    return replace(document, frequencies=None, taken=(*_without(f, document.taken), f))
+
+
+def refuse(document: Analysis, frequency: float) -> Analysis:
+    """Do not report an automatic mode; one that was taken is not taken any more."""
+    f = check_positive("frequency", frequency)
+    if _near(f, document.taken):
+        return replace(document, taken=_without(f, document.taken))
+    return replace(document, frequencies=None, refused=(*_without(f, document.refused), f))
+
+
+def automatic(document: Analysis) -> Analysis:
+    """Leave the choice to the program again."""
+    return replace(document, taken=(), refused=(), frequencies=None)
+
+
+def name(document: Analysis, frequency: float, name: str) -> Analysis:
+    """Give a mode a name; an empty one takes it away."""
+    f = check_number("frequency", frequency)
+    others = {key: text for key, text in document.names.items() if not named_near({key: "x"}, f)}
+    return replace(document, names={**others, f"{f:.6g}": str(name)} if name else others)
+
+
+def geometry(document: Analysis, files: tuple[str, ...]) -> Analysis:
+    """Read the data with a geometry: a file of points, and one of lines where there are any."""
+    return _read_with(document, geometry=(tuple(files) if len(files) > 1 else files[0]) if files else None)
+
+
+def reading(document: Analysis, columns: str | None = None, sampling_rate: float | None = None) -> Analysis:
+    """Read a table with its columns named, such as "time=1,in=2,out=3-7", and records at a rate; None leaves it to the evidence."""
+    rate = None if sampling_rate is None else check_positive("sampling_rate", sampling_rate)
+    return _read_with(document, columns=None if columns is None else str(columns), sampling_rate=rate)
+
+
+def _read_with(document: Analysis, **options: Any) -> Analysis:
+    given = {key: value for key, value in options.items() if value is not None}
+
+    def read_with(file: SourceFile) -> SourceFile:
+        return replace(file, reading={key: value for key, value in file.reading.items() if key not in options} | given)
+
+    return replace(document, files=tuple(map(read_with, document.files)))
+
+
+def _near(frequency: float, listed: tuple[float, ...]) -> bool:
+    return len(_without(frequency, listed)) < len(listed)
+
+
+def _without(frequency: float, listed: tuple[float, ...]) -> tuple[float, ...]:
+    return tuple(f for f in listed if abs(f - frequency) > _SAME * frequency)
+
+
+#: Every action by its word.
+ACTIONS: dict[str, Callable[..., Analysis]] = {
+    "set": change,
+    "take": take,
+    "refuse": refuse,
+    "automatic": automatic,
+    "name": name,
+    "geometry": geometry,
+    "reading": reading,
+}

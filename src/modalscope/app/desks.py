@@ -1,0 +1,174 @@
+"""All documents of a server, kept on the disk from one start to the next."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from secrets import token_hex
+from typing import Any
+
+from modalscope.app.crew import Crew
+from modalscope.app.desk import Desk
+from modalscope.app.files import Shelf
+from modalscope.app.limits import Limits
+from modalscope.io.analysis import analysis_from, analysis_to, read_analysis
+from modalscope.io.atomic import replacing
+from modalscope.model import DataError
+from modalscope.model.analysis import Analysis, SourceFile
+from modalscope.model.version import VERSION
+
+__all__ = ["Desks"]
+
+_DOCUMENT = ".analysis.json"
+
+#: Steps of a history that are written.
+_WRITTEN = 100
+
+
+class Desks:
+    """Opens, finds and keeps documents.
+
+    Parameters
+    ----------
+    shelf : Shelf
+    limits : Limits
+    """
+
+    def __init__(self, shelf: Shelf, limits: Limits) -> None:
+        self.shelf, self.limits = shelf, limits
+        self.crew = Crew(limits.workers, limits.spare)
+        self._open: dict[str, Desk] = {}
+        self._place = shelf.place / "documents"
+        self._place.mkdir(parents=True, exist_ok=True, mode=0o700)
+
+    def listed(self) -> list[dict[str, Any]]:
+        """Return the documents that are kept, the latest first."""
+        files = sorted(self._place.glob("*.json"), key=lambda path: -path.stat().st_mtime)
+        return [entry for path in files[: self.limits.documents] for entry in self._entry(path)]
+
+    def _entry(self, path: Path) -> Iterator[dict[str, Any]]:
+        with suppress(OSError, ValueError, KeyError, TypeError):
+            kept = json.loads(path.read_text(encoding="utf-8"))
+            yield {"key": path.stem, "name": str(kept["name"]), "steps": len(kept["history"])}
+
+    def find(self, key: str) -> Desk:
+        """Return a document, from the disk where it is not open.
+
+        Parameters
+        ----------
+        key : str
+        """
+        if key in self._open:
+            return self._open[key]
+        path = self._place / f"{key}.json"
+        if not key.isalnum() or not path.is_file():
+            raise DataError(f"document {key[:40]!r} was asked", "there is none of that name", "Open its file again.")
+        try:
+            kept = json.loads(path.read_text(encoding="utf-8"))
+            history = [analysis_from(entries) for entries in kept["history"]]
+            place = min(max(int(kept["place"]), 0), len(history) - 1)
+            desk = self._placed(key, str(kept["name"]), history)
+        except DataError:
+            raise
+        except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
+            raise DataError(f"document {key!r} was asked", f"it is damaged ({error})", "Open its file again.") from None
+        desk.place = place
+        return desk
+
+    async def open(self, names: list[str]) -> Desk:
+        """Open files of the listing, uploads, or a document: several files are parts of one test.
+
+        Parameters
+        ----------
+        names : list of str
+        """
+        if not names:
+            raise DataError("a file was to be opened", "none was named", "Choose one of the list, or drop one here.")
+        paths = [self.shelf.resolve(name) for name in names]
+        if len(paths) == 1 and paths[0].name.lower().endswith(_DOCUMENT):
+            document = self._of_paths(read_analysis(paths[0]), paths[0].parent)
+        else:
+            document = Analysis(files=tuple([await asyncio.to_thread(hashed, path) for path in paths]))
+        if len(self._open) >= self.limits.documents:
+            raise DataError("another document was opened", f"{len(self._open)} are open", "Close some.")
+        desk = self._placed(token_hex(8), ", ".join(path.name for path in paths)[:200], [document])
+        self.keep(desk)
+        return desk
+
+    def _of_paths(self, document: Analysis, beside: Path) -> Analysis:
+        """Return a document whose files lie where they did, or beside it now; nothing outside of the folder is read."""
+        found = []
+        for file in document.files:
+            there = Path(file.path)
+            place = there if self._may_see(there) else beside / there.name
+            if not file.path or not place.is_file() or not self._may_see(place):
+                raise DataError(
+                    "a document was opened",
+                    f"its data, {there.name or 'arrays'}, are no file in the folder that was given",
+                    "Put the file beside the document.",
+                )
+            found.append(replace(file, path=str(place)))
+        return replace(document, files=tuple(found))
+
+    def _may_see(self, path: Path) -> bool:
+        tops = [top for top in (self.shelf.folder, self.shelf.place) if top is not None]
+        return any(path.resolve().is_relative_to(top) for top in tops)
+
+    def _placed(self, key: str, name: str, history: list[Analysis]) -> Desk:
+        desk = Desk(key=key, name=name, history=history, crew=self.crew, limits=self.limits)
+        self._open[key] = desk
+        return desk
+
+    def keep(self, desk: Desk) -> None:
+        """Write a document to the disk.
+
+        Parameters
+        ----------
+        desk : Desk
+        """
+        first = max(0, desk.place - _WRITTEN)
+        history = desk.history[first : desk.place + _WRITTEN]
+        kept = {
+            "modalscope": VERSION,
+            "name": desk.name,
+            "place": desk.place - first,
+            "history": [analysis_to(document) for document in history],
+        }
+        with replacing(self._place / f"{desk.key}.json") as temporary:
+            temporary.write_text(json.dumps(kept), encoding="utf-8")
+
+    def close(self, key: str) -> None:
+        """Close a document and forget it.
+
+        Parameters
+        ----------
+        key : str
+        """
+        desk = self._open.pop(key, None)
+        if desk is not None:
+            desk.close()
+        if key.isalnum():
+            (self._place / f"{key}.json").unlink(missing_ok=True)
+
+    def end(self) -> None:
+        """End all processes; documents stay on the disk."""
+        for desk in self._open.values():
+            desk.rest()
+            desk.windows.tell({"type": "ended"})
+        self.crew.close()
+
+
+def hashed(path: Path) -> SourceFile:
+    """Return size and hash of a file.
+
+    Parameters
+    ----------
+    path : Path
+    """
+    from modalscope.workflow.sources import source_of_file
+
+    return source_of_file(path, {})

@@ -1,0 +1,122 @@
+"""Who may ask the server: one with its cookie, under its own name, from its own page."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Awaitable, Callable, Iterable
+from http.cookies import CookieError, SimpleCookie
+from typing import Any
+from urllib.parse import parse_qs
+
+__all__ = ["HEADERS", "Guard"]
+
+Scope = dict[str, Any]
+Receive = Callable[[], Awaitable[Any]]
+Send = Callable[[Any], Awaitable[None]]
+App = Callable[[Any, Any, Any], Awaitable[None]]
+
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; "
+    "font-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+
+#: What every answer carries: nothing from elsewhere is loaded, nothing is guessed, kept or told on.
+HEADERS = {
+    "content-security-policy": _POLICY,
+    "x-content-type-options": "nosniff",
+    "x-frame-options": "DENY",
+    "referrer-policy": "no-referrer",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "permissions-policy": "camera=(), geolocation=(), microphone=()",
+    "cache-control": "no-store",
+}
+
+
+class Guard:
+    """Refuses every request that does not come from the page of the person who started the server.
+
+    The address that is printed holds a token. Who shows it gets a cookie, which the browser sends to this server alone and never for a
+    page of somebody else. The name that was asked for (Host) must be the server's own, else a foreign name that points here could read
+    what is served; what changes something must say that it comes from the page (Origin).
+
+    Parameters
+    ----------
+    app : ASGI application
+    token : str
+    names : iterable of str
+        Values of Host that are the server's own, in lower case.
+    cookie : str
+        Name of the cookie.
+    """
+
+    def __init__(self, app: App, token: str, names: Iterable[str], cookie: str) -> None:
+        self._app, self._token, self._cookie = app, token, cookie
+        self._names = frozenset(names)
+        self._secret = secrets.token_urlsafe(32)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer one request."""
+        if scope["type"] == "lifespan":
+            await self._app(scope, receive, send)
+            return
+        if scope["type"] != "http":
+            return
+        headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
+        wrong = self._foreign(scope, headers)
+        if wrong:
+            await _refuse(send, 403, wrong)
+            return
+        query = parse_qs(scope.get("query_string", b"").decode("latin-1"))
+        shown = query.get("token", [""])[0]
+        enters = scope["path"] == "/" and secrets.compare_digest(shown.encode(), self._token.encode())
+        if not enters and not self._known(headers.get("cookie", "")):
+            await _refuse(send, 401, "Open the address that `modalscope app` printed: it holds the token.")
+            return
+        await self._app(scope, receive, self._sending(send, enters))
+
+    def _foreign(self, scope: Scope, headers: dict[str, str]) -> str:
+        """Return what is foreign about a request; nothing where it is ours."""
+        if headers.get("host", "").lower() not in self._names:
+            return "This server does not go by that name."
+        origin = headers.get("origin")
+        own = {f"http://{name}" for name in self._names}
+        if origin is not None and origin.lower() not in own:
+            return "This request comes from another page."
+        if scope["method"] not in ("GET", "HEAD") and origin is None:
+            return "This request does not say which page it comes from."
+        if headers.get("sec-fetch-site", "none") not in ("same-origin", "none") and scope["path"] != "/":
+            return "This request comes from another page."
+        return ""
+
+    def _known(self, cookies: str) -> bool:
+        jar: SimpleCookie = SimpleCookie()
+        try:
+            jar.load(cookies)
+        except CookieError:
+            return False
+        found = jar.get(self._cookie)
+        return found is not None and secrets.compare_digest(found.value.encode(), self._secret.encode())
+
+    def _sending(self, send: Send, enters: bool) -> Send:
+        """Return what sends an answer with our headers, and with the cookie to who entered by the token."""
+
+        async def sending(message: Any) -> None:
+            if message["type"] == "http.response.start":
+                present = {name.lower() for name, _ in message["headers"]}
+                ours = [(n.encode(), v.encode()) for n, v in HEADERS.items() if n.encode() not in present]
+                if enters:
+                    cookie = f"{self._cookie}={self._secret}; HttpOnly; SameSite=Strict; Path=/"
+                    ours.append((b"set-cookie", cookie.encode()))
+                message = {**message, "headers": [*message["headers"], *ours]}
+            await send(message)
+
+        return sending
+
+
+async def _refuse(send: Send, status: int, words: str) -> None:
+    body = f"{words}\n".encode()
+    headers = {**HEADERS, "content-type": "text/plain; charset=utf-8", "content-length": str(len(body))}
+    listed = [(name.encode(), value.encode()) for name, value in headers.items()]
+    await send({"type": "http.response.start", "status": status, "headers": listed})
+    await send({"type": "http.response.body", "body": body})

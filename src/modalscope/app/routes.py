@@ -1,0 +1,239 @@
+"""What the page asks of the server, address by address."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator, Awaitable, Callable
+from pathlib import Path
+from tempfile import mkdtemp
+from typing import Any
+
+from starlette.background import BackgroundTask
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
+from starlette.routing import Route
+
+from modalscope.app.desk import Desk
+from modalscope.app.desks import Desks
+from modalscope.app.files import too_large
+from modalscope.app.formats import FORMATS
+from modalscope.identification.table import methods
+from modalscope.model import DataError
+from modalscope.model.version import VERSION
+from modalscope.plot.web.blob import plain
+
+__all__ = ["routes"]
+
+Handler = Callable[[Request], Awaitable[Response]]
+
+#: Seconds between signs of life to a window that nothing is told.
+_SIGN = 15.0
+
+
+def _answered(handler: Handler) -> Handler:
+    """Answer a DataError with its three parts, and 409 or 400."""
+
+    async def answer(request: Request) -> Response:
+        try:
+            return await handler(request)
+        except DataError as error:
+            told = {"asked": error.asked, "found": error.found, "change": error.change, "text": str(error)}
+            return JSONResponse(told, status_code=409 if "another window" in error.found else 400)
+        except ClientDisconnect:
+            return Response(status_code=400)
+
+    return answer
+
+
+def _desks(request: Request) -> Desks:
+    desks: Desks = request.app.state.desks
+    return desks
+
+
+def _desk(request: Request) -> Desk:
+    return _desks(request).find(request.path_params["key"])
+
+
+async def _body(request: Request) -> dict[str, Any]:
+    """Return what a request says as JSON, if it is not too much of it."""
+    most, parts, size = _desks(request).limits.body, [], 0
+    async for chunk in request.stream():
+        size += len(chunk)
+        if size > most:
+            raise too_large("a request", most)
+        parts.append(chunk)
+    try:
+        found = json.loads(b"".join(parts) or b"{}")
+    except (ValueError, RecursionError):
+        found = None
+    if not isinstance(found, dict):
+        raise DataError("a request was sent", "it is no JSON object", "Use the page.")
+    return found
+
+
+async def start(request: Request) -> Response:
+    """What there is to begin with: files, documents, methods and formats."""
+    desks = _desks(request)
+    folder = desks.shelf.folder
+    rows = [{"name": m.name, "domain": m.domain, "label": m.label, "route": m.route} for m in methods()]
+    first = request.app.state.first
+    return JSONResponse(
+        {
+            "version": VERSION,
+            "folder": None if folder is None else folder.name,
+            "files": await asyncio.to_thread(desks.shelf.listed),
+            "documents": desks.listed(),
+            "methods": rows,
+            "formats": FORMATS,
+            "upload": desks.limits.upload,
+            "first": first,
+        }
+    )
+
+
+async def upload(request: Request) -> Response:
+    """Take a file as it comes."""
+    desks = _desks(request)
+    name, most = request.query_params.get("name", "file"), desks.limits.upload
+    length = request.headers.get("content-length", "0")
+    if length.isdigit() and int(length) > most:
+        raise too_large(name, most)
+    return JSONResponse({"file": await desks.shelf.take(name, request.stream(), most)})
+
+
+async def open_files(request: Request) -> Response:
+    """Open files as a document, and begin."""
+    desks, body = _desks(request), await _body(request)
+    names = body.get("files")
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise DataError("files were to be opened", "their names are no texts", "Use the page.")
+    desk = await desks.open(names)
+    desk.start()
+    return JSONResponse(desk.state())
+
+
+async def state(request: Request) -> Response:
+    """All that a window needs to know of a document; one that nobody computed yet is begun."""
+    desk = _desk(request)
+    if desk.stage["stage"] == "idle":
+        desk.start()
+    return JSONResponse({**desk.state(), "cuts": desk.cuts})
+
+
+async def act(request: Request) -> Response:
+    """Do something to the document."""
+    desk, body = _desk(request), await _body(request)
+    given, edition = body.get("given", {}), body.get("edition")
+    if not isinstance(given, dict) or not isinstance(body.get("action"), str):
+        raise DataError("an action was asked", "it is not named, or what it needs is no object", "Use the page.")
+    if body["action"] == "geometry":
+        given = {"files": [str(_desks(request).shelf.resolve(str(name))) for name in given.get("files", ())]}
+    desk.act(body["action"], given, edition if isinstance(edition, int) else None)
+    _desks(request).keep(desk)
+    return JSONResponse(desk.state())
+
+
+async def cancel(request: Request) -> Response:
+    """Stop what is computed."""
+    _desk(request).cancel()
+    return JSONResponse({})
+
+
+async def close(request: Request) -> Response:
+    """Close and forget a document."""
+    _desks(request).close(request.path_params["key"])
+    return JSONResponse({})
+
+
+async def blob(request: Request) -> Response:
+    """Arrays that were found last."""
+    found = _desk(request).blobs.get(request.path_params["name"])
+    if found is None:
+        return Response(status_code=404)
+    return Response(found[1], media_type="application/octet-stream", headers={"x-number": str(found[0])})
+
+
+async def channel(request: Request) -> Response:
+    """One channel, measured and rebuilt."""
+    output, column = (_number(request, name) for name in ("output", "input"))
+    return Response(
+        await _desk(request).ask("channel", output=output, column=column), media_type="application/octet-stream"
+    )
+
+
+def _number(request: Request, name: str) -> int:
+    text = request.query_params.get(name, "")
+    if not text.isdigit() or len(text) > 9:
+        raise DataError(f"{name} {text[:20]!r} was asked", "it is no index", "Use the page.")
+    return int(text)
+
+
+async def compare(request: Request) -> Response:
+    """Every method on the same data."""
+    return JSONResponse(plain(await _desk(request).ask("compare")))
+
+
+async def export(request: Request) -> Response:
+    """The result in one format, as a file to keep."""
+    desk, suffix = _desk(request), f".{request.path_params['suffix']}"
+    if suffix not in FORMATS:
+        raise DataError(f"{suffix[:20]} was asked", f"there are {', '.join(FORMATS)}", "Choose one of these.")
+    stem = Path(desk.document.files[0].path).stem or "modes"
+    folder = Path(mkdtemp(prefix="modalscope-"))
+    target = folder / f"{stem}{suffix}"
+    try:
+        path = Path(await desk.ask("export", suffix=suffix, target=str(target)))
+    except BaseException:
+        _cleared(target)
+        raise
+    return FileResponse(path, filename=path.name, background=BackgroundTask(_cleared, path))
+
+
+def _cleared(path: Path) -> None:
+    """Take a file and its folder away."""
+    path.unlink(missing_ok=True)
+    path.parent.rmdir()
+
+
+async def events(request: Request) -> Response:
+    """All that happens to a document, as it happens."""
+    desk = _desk(request)
+    window = desk.windows.look(desk.limits.listeners)
+
+    async def stream() -> AsyncIterator[str]:
+        try:
+            yield f"data: {json.dumps(desk.state())}\n\n"
+            while True:
+                try:
+                    message = await asyncio.wait_for(window.get(), _SIGN)
+                except TimeoutError:
+                    yield ": still here\n\n"
+                    continue
+                yield f"data: {json.dumps(plain(message))}\n\n"
+                if message["type"] in ("closed", "ended"):
+                    return
+        finally:
+            desk.windows.look_away(window)
+
+    return StreamingResponse(stream(), media_type="text/event-stream")
+
+
+def routes() -> list[Route]:
+    """Return all addresses below /api."""
+    at = "/api/documents/{key}"
+    listed: list[tuple[str, Handler, str]] = [
+        ("/api/start", start, "GET"),
+        ("/api/upload", upload, "POST"),
+        ("/api/open", open_files, "POST"),
+        (at, state, "GET"),
+        (f"{at}/act", act, "POST"),
+        (f"{at}/cancel", cancel, "POST"),
+        (f"{at}/close", close, "POST"),
+        (f"{at}/events", events, "GET"),
+        (f"{at}/blob/{{name}}", blob, "GET"),
+        (f"{at}/channel", channel, "GET"),
+        (f"{at}/compare", compare, "POST"),
+        (f"{at}/export/{{suffix}}", export, "GET"),
+    ]
+    return [Route(path, _answered(handler), methods=[method]) for path, handler, method in listed]

@@ -1,0 +1,169 @@
+"""The server of the page: on this machine alone, for the person who started it."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import socket
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import FileResponse, Response
+from starlette.routing import Mount, Route
+from starlette.staticfiles import StaticFiles
+
+from modalscope.app.desks import Desks
+from modalscope.app.files import Shelf
+from modalscope.app.guard import Guard
+from modalscope.app.limits import Limits
+from modalscope.app.routes import routes
+from modalscope.model import DataError
+
+__all__ = ["STATIC", "Page", "built", "page", "place_of_ours", "serve", "server_of"]
+
+#: The front end, bundled when the package was built.
+STATIC = Path(__file__).parent / "static"
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """A server that is ready to run.
+
+    Parameters
+    ----------
+    app : ASGI application
+    socket : socket
+        Bound already: nobody else can take the port.
+    address : str
+        With the token.
+    desks : Desks
+        Its documents.
+    """
+
+    app: Any
+    socket: socket.socket
+    address: str
+    desks: Desks
+
+
+def built() -> None:
+    """Raise where the front end is not there.
+
+    Raises
+    ------
+    DataError
+        A checkout in which nobody has built it.
+    """
+    if not (STATIC / "index.html").is_file():
+        raise DataError(
+            "the page was asked",
+            "its front end is not built: this is a checkout, not an installed package",
+            "Say: make page (it needs Node 20 and npm), or: pip install 'modalscope[app]'.",
+        )
+
+
+def place_of_ours() -> Path:
+    """Return where uploads and documents are kept: MODALSCOPE_PAGE, or the system's place for such things."""
+    given = os.environ.get("MODALSCOPE_PAGE")
+    if given:
+        return Path(given)
+    base = os.environ.get("LOCALAPPDATA") or os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
+    return Path(base) / "modalscope" / "page"
+
+
+def page(
+    first: list[str] | None = None,
+    *,
+    folder: Path | None = None,
+    host: str = "127.0.0.1",
+    port: int = 0,
+    place: Path | None = None,
+    limits: Limits | None = None,
+) -> Page:
+    """Return the server, bound to its port.
+
+    Parameters
+    ----------
+    first : list of str, optional
+        Files in the folder to open at once.
+    folder : Path, optional
+        The only place that files are read from.
+    host, port : str and int
+        Loopback by default, and any port that is free.
+    place : Path, optional
+        Where uploads and documents are kept.
+    limits : Limits, optional
+    """
+    bound = _bound(host, port)
+    port = bound.getsockname()[1]
+    desks = Desks(Shelf(folder, place or place_of_ours()), limits or Limits())
+
+    @asynccontextmanager
+    async def life(_: Starlette) -> AsyncIterator[None]:
+        desks.crew.warm_up()
+        yield
+
+    served = [Route("/", _index), *routes(), Mount("/static", StaticFiles(directory=STATIC, check_dir=False))]
+    app = Starlette(routes=served, lifespan=life)
+    app.state.desks, app.state.first = desks, first or []
+    token = secrets.token_urlsafe(24)
+    names = {f"{name}:{port}" for name in (host, *(("127.0.0.1", "localhost") if _is_loopback(host) else ()))}
+    guard = Guard(app, token, {name.lower() for name in names}, f"modalscope-{port}")
+    return Page(guard, bound, f"http://{host}:{port}/?token={token}", desks)
+
+
+async def _index(_: Request) -> Response:
+    return FileResponse(STATIC / "index.html", media_type="text/html")
+
+
+def _is_loopback(host: str) -> bool:
+    return host == "localhost" or host.startswith("127.")
+
+
+def _bound(host: str, port: int) -> socket.socket:
+    made = socket.socket()
+    try:
+        if os.name == "posix":  # elsewhere it would let two programs share a port
+            made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        made.bind((host, port))
+        made.listen()  # a browser that is faster than the server waits, and is not refused
+    except (OSError, OverflowError) as error:
+        made.close()
+        what = getattr(error, "strerror", None) or str(error)
+        raise DataError(
+            f"port {port} of {host} was asked", f"the system refuses: {what.lower()}", "Choose another with --port."
+        ) from None
+    return made
+
+
+def server_of(made: Page) -> Any:
+    """Return what runs a page: `run([made.socket])` serves until `should_exit` is set.
+
+    Parameters
+    ----------
+    made : Page
+    """
+    import uvicorn
+
+    class Server(uvicorn.Server):
+        async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+            made.desks.end()  # the windows let go, and nothing waits for them
+            await super().shutdown(sockets)
+
+    settings = uvicorn.Config(made.app, log_level="warning", access_log=False, timeout_graceful_shutdown=2, ws="none")
+    return Server(settings)
+
+
+def serve(made: Page) -> None:
+    """Run a server until it is interrupted.
+
+    Parameters
+    ----------
+    made : Page
+    """
+    server_of(made).run(sockets=[made.socket])

@@ -1,0 +1,156 @@
+"""The stages of an analysis, each kept as long as the part of the document that it depends on stays: data, diagrams, candidates, modes."""
+
+from __future__ import annotations
+
+import json
+import pickle
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from modalscope.app.actions import diagrams_key
+from modalscope.app.head import result_head
+from modalscope.io.analysis import analysis_to
+from modalscope.judging.select import Weighed, chosen_of, weighed
+from modalscope.model import DataError, ModalModel, Note, StabilizationDiagram
+from modalscope.model.analysis import Analysis
+from modalscope.model.result import Result
+from modalscope.plot.web.modes import modes_blob
+from modalscope.plot.web.poles import channel_blob, cut_view, overview_blob, poles_blob
+from modalscope.preprocess.quality import examine
+from modalscope.workflow.analyze import concluded
+from modalscope.workflow.chosen import modes_chosen
+from modalscope.workflow.parts import Look, looked_at
+from modalscope.workflow.replay import check_same
+from modalscope.workflow.sources import opened
+
+__all__ = ["Stages"]
+
+Tell = Callable[..., None]
+
+
+class Stages:
+    """One analysis in the process that computes it: `run` gives the result of a document, from what is kept of the one before.
+
+    Parameters
+    ----------
+    tell : callable
+        Called with (kind, payload) for all that is worth showing.
+    """
+
+    def __init__(self, tell: Tell) -> None:
+        self._tell = tell
+        self._of_data = self._of_diagrams = ""
+        self.data: Any = None
+        self._told: tuple[Note, ...] = ()
+        self._findings: tuple[Any, ...] | None = None
+        self._looks: list[Look] = []
+        self._weighed: dict[int, Weighed] = {}
+        self.result: Result | None = None
+
+    def run(self, document: Analysis, kept: bytes | None, check: Callable[[], None]) -> None:
+        """Compute what a document says, and tell it stage by stage.
+
+        Parameters
+        ----------
+        document : Analysis
+        kept : bytes, optional
+            Diagrams that another process finished, for the same part of the document.
+        check : callable
+            Asked between two orders and two stages; raises where something newer waits.
+        """
+        self.result = None
+        self._read(document)
+        check()
+        self._identify(document, kept, check)
+        check()
+        self._tell("stage", {"stage": "selecting"})
+        self._early(document)
+        check()
+        result = concluded(self.data, document, self._looks, self._told, self._choose, self._examined)
+        self.result = result
+        self._tell("blob", ("modes", modes_blob(result.modes, document.names, result_head(result))))
+
+    def _read(self, document: Analysis) -> None:
+        key = json.dumps(analysis_to(document)["files"], sort_keys=True)
+        if key == self._of_data:
+            return
+        self._tell("stage", {"stage": "reading"})
+        self._of_data, self._findings = "", None
+        paths: list[Any] = [file.path for file in document.files]
+        data, sources, told = opened(paths[0] if len(paths) == 1 else paths, document.reading)
+        check_same(document.files, sources, data)
+        self.data, self._told, self._of_data = data, told, key
+        self._tell("blob", ("overview", overview_blob(data)))
+
+    def _identify(self, document: Analysis, kept: bytes | None, check: Callable[[], None]) -> None:
+        key = diagrams_key(document)
+        if key == self._of_diagrams:
+            return
+        self._of_diagrams = ""
+        self._weighed = {}
+        if kept is None:
+            self._tell("stage", {"stage": "factoring"})
+            self._looks = looked_at(self.data, document, watch=self._watch(check), choose=self._choose)
+            self._tell("keep", (key, pickle.dumps(self._looks)))
+        else:
+            self._looks = pickle.loads(kept)  # made by a process of this server
+        self._tell("blob", ("poles", poles_blob(self._diagrams)))
+        self._of_diagrams = key
+
+    @property
+    def _diagrams(self) -> list[StabilizationDiagram]:
+        return [look.diagram for look in self._looks]
+
+    def _watch(self, check: Callable[[], None]) -> Callable[[Any, Any], None]:
+        """Return what tells the cuts of every sweep as they come."""
+        last: dict[str, Any] = {"sweep": None, "cut": None}
+
+        def watch(sweep: Any, cut: Any) -> None:
+            again = last["sweep"] is not sweep
+            before = None if again else last["cut"]
+            view = cut_view(sweep, cut, before)
+            self._tell("cut", {**view, "again": again and last["sweep"] is not None})
+            last.update(sweep=sweep, cut=cut)
+            check()
+
+        return watch
+
+    def _choose(
+        self, diagram: StabilizationDiagram, frequencies: Any = None, take: Any = (), refuse: Any = ()
+    ) -> ModalModel:
+        """Stand in for `select`: candidates are weighed once a diagram."""
+        if id(diagram) not in self._weighed:
+            self._weighed[id(diagram)] = weighed(diagram)
+        return chosen_of(diagram, self._weighed[id(diagram)], frequencies, take, refuse)
+
+    def _early(self, document: Analysis) -> None:
+        """Tell the modes as they were chosen, where refining them is still to come."""
+        if document.refine:
+            found = modes_chosen(self.data, replace(document, refine=False), self._looks, self._choose)
+            self._tell("blob", ("modes", modes_blob(replace(found, notes=()), document.names, {"early": True})))
+            self._tell("stage", {"stage": "refining"})
+
+    def _examined(self, data: Any) -> tuple[Any, ...]:
+        if self._findings is None:
+            self._findings = examine(data)
+        return self._findings
+
+    def channel(self, output: int, column: int) -> bytes:
+        """Return one channel, measured and rebuilt.
+
+        Parameters
+        ----------
+        output, column : int
+        """
+        return channel_blob(self._diagrams, self.finished().modes, output, column)
+
+    def finished(self) -> Result:
+        """Return the result; one that is not there is an error."""
+        if self.result is None:
+            raise DataError(
+                "the result of this analysis was asked",
+                "there is none: it was stopped, or could not be done",
+                "Change what its message names, or say: again.",
+            )
+        return self.result

@@ -1,0 +1,74 @@
+"""Who gets a process when there are no more: those that rest give theirs, and else one waits its turn."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from modalscope.app import crew
+from modalscope.app.crew import Crew
+
+
+class Hand:
+    """Stands in for a process."""
+
+    def __init__(self, loop: Any) -> None:
+        self.ended = False
+
+    def end(self) -> None:
+        self.ended = True
+
+
+class Owner:
+    def __init__(self, crew: Crew) -> None:
+        self.crew, self.hand, self.resting = crew, None, False
+        self.start()
+
+    hand: Any
+
+    def start(self) -> None:
+        self.hand = self.crew.take(self)
+
+    def rest(self) -> None:
+        self.crew.dismiss(self.hand)
+        self.hand = None
+
+
+def test_no_more_processes_than_may_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(crew, "Hand", Hand)
+
+    async def story() -> None:
+        few = Crew(2, spare=False)
+        first, second, third, fourth, fifth = (Owner(few) for _ in range(5))
+        assert [bool(owner.hand) for owner in (first, second, third, fourth, fifth)] == [
+            True,
+            True,
+            False,
+            False,
+            False,
+        ]
+
+        # who asks again keeps no second place; who leaves has none
+        third.start()
+        assert few.leave(fifth)
+        assert not few.leave(fifth)
+
+        # one that rests is ended for the next, and in the order of asking
+        second.resting = True
+        given = second.hand
+        few.next()
+        await asyncio.sleep(0)
+        assert given.ended
+        assert [bool(owner.hand) for owner in (first, second, third, fourth)] == [True, False, False, True]
+
+        # one that ends makes room as well
+        first.rest()
+        await asyncio.sleep(0)
+        assert third.hand
+        few.close()
+        assert third.hand.ended
+        assert fourth.hand.ended
+
+    asyncio.run(story())

@@ -1,0 +1,170 @@
+"""The stages of one analysis, in this process: what is told while it runs, what is kept, and what can be asked of it."""
+
+from __future__ import annotations
+
+import json
+import pickle
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import modalscope as ms
+from modalscope.app.head import result_head
+from modalscope.app.steps import Stages
+from modalscope.app.tasks import TASKS, compared_view
+from modalscope.app.worker import told
+from modalscope.model import DataError
+from modalscope.model.analysis import Analysis
+from modalscope.workflow.sources import source_of_file
+from tests.support import refused
+
+CHAIN = ms.systems.chain5()
+
+#: Data of every kind that the page takes, and orders that are enough for each.
+KINDS: dict[str, tuple[Any, tuple[int, ...]]] = {
+    "lines": (
+        CHAIN.frequency_response([0.2 + 0.04 * k for k in range(195)], noise=0.02, seed=0),
+        tuple(range(2, 15, 2)),
+    ),
+    "samples": (CHAIN.impulse_response(300, noise=0.01, seed=0), tuple(range(2, 15, 2))),
+    "records": (CHAIN.simulate(samples=1500, sampling_rate=20.0), (8, 10, 12)),
+    "ambient": (CHAIN.simulate(inputs="ambient", samples=8000, sampling_rate=20.0), tuple(range(2, 21, 2))),
+}
+
+
+def document_of(data: Any, folder: Path, **choices: Any) -> Analysis:
+    path = folder / "data.npz"
+    ms.write(path, data)
+    return Analysis(files=(source_of_file(path, {}),), **choices)
+
+
+class Run:
+    """Stages, and what they told."""
+
+    def __init__(self) -> None:
+        self.told: list[tuple[str, Any]] = []
+        self.stages = Stages(lambda kind, payload: self.told.append((kind, payload)))
+
+    def run(self, document: Analysis, kept: bytes | None = None) -> None:
+        self.told.clear()
+        self.stages.run(document, kept, lambda: None)
+
+    def names(self, kind: str) -> list[str]:
+        return [
+            payload[0] if isinstance(payload, tuple) else payload.get("stage", "")
+            for k, payload in self.told
+            if k == kind
+        ]
+
+    def head(self, name: str) -> Any:
+        blob = next(payload[1] for kind, payload in reversed(self.told) if kind == "blob" and payload[0] == name)
+        return json.loads(blob[4 : 4 + int.from_bytes(blob[:4], "little")])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_of_data_is_shown_and_gives_the_modes_of_replay(kind: str, tmp_path: Path) -> None:
+    data, orders = KINDS[kind]
+    document = document_of(data, tmp_path, orders=orders)
+    run = Run()
+    run.run(document)
+    again = ms.replay(document)
+    assert [m["frequency"] for m in run.head("modes")["modes"]] == list(again.modes.frequencies)
+    cuts = [payload for k, payload in run.told if k == "cut"]
+    assert [cut["order"] for cut in cuts] == list(again.diagram.orders)
+    shown = [(f, z) for cut in cuts for f, z in zip(cut["frequency"], cut["damping"], strict=True)]
+    assert shown == list(zip(again.diagram.frequencies, again.diagram.damping_ratios, strict=True))
+    assert run.head("overview")["span"][1] > 7
+    assert run.head("poles")["orders"] == list(again.diagram.orders)
+    assert run.stages.channel(0, 0)[:4] != b""
+    assert "ms.analyze(" in result_head(run.stages.finished())["script"]
+
+
+def test_a_choice_by_hand_sweeps_nothing_again_and_a_new_process_starts_from_what_is_kept(tmp_path: Path) -> None:
+    data, orders = KINDS["lines"]
+    document = document_of(data, tmp_path, orders=orders)
+    run = Run()
+    run.run(document)
+    assert run.names("stage") == ["reading", "factoring", "selecting", "refining"]
+    kept = next(payload for kind, payload in run.told if kind == "keep")
+    first = run.stages.finished().modes.frequencies
+    chosen = Analysis(files=document.files, orders=orders, refused=(float(first[0]),))
+    run.run(chosen)
+    assert run.names("stage") == ["selecting", "refining"]
+    other = Run()
+    other.run(chosen, kept[1])
+    assert other.names("stage") == ["reading", "selecting", "refining"]
+    assert (other.stages.finished().modes.poles == run.stages.finished().modes.poles).all()
+    assert len(pickle.loads(kept[1])) == 1
+
+
+def lines_of(blob: bytes) -> Any:
+    """Return the lines of a blob."""
+    begin = 4 + int.from_bytes(blob[:4], "little")
+    (found,) = (array for array in json.loads(blob[4:begin])["arrays"] if array["name"] == "lines")
+    return np.frombuffer(blob, "<f8", found["shape"][0], begin + found["at"])
+
+
+def test_bands_that_overlap_are_shown_one_behind_the_other(tmp_path: Path) -> None:
+    path = tmp_path / "record.npz"
+    ms.write(path, CHAIN.simulate(inputs="ambient", samples=8000, sampling_rate=20.0))
+    run = Run()
+    run.run(Analysis(files=(source_of_file(path, {}),), orders=(8, 12, 16), bands=((0.4, 3.4), (3.4, 7.5))))
+    assert run.head("poles")["bands"] == [[0.4, 3.4], [3.4, 7.5]]
+    for lines in (lines_of(run.stages.channel(0, 0)), lines_of(blob_of(run, "poles"))):
+        assert np.all(np.diff(lines) > 0)
+        assert 0.4 <= lines[0] < lines[-1] <= 7.5
+
+
+def blob_of(run: Run, name: str) -> bytes:
+    return next(payload[1] for kind, payload in reversed(run.told) if kind == "blob" and payload[0] == name)  # type: ignore[no-any-return]
+
+
+def test_two_bands_are_shown_together(tmp_path: Path) -> None:
+    data, orders = KINDS["lines"]
+    run = Run()
+    run.run(document_of(data, tmp_path, orders=orders, bands=((0.3, 3.4), (3.4, 7.5))))
+    assert len(run.head("poles")["bands"]) == 2
+    assert len(run.head("modes")["modes"]) == 5
+    assert run.head("modes")["fit_error"] < 0.05
+    assert np.all(np.diff(lines_of(run.stages.channel(0, 0))) > 0)
+    report = TASKS["export"](run.stages, None, ".html", str(tmp_path / "a.html")).read_text(encoding="utf-8")
+    for band in run.head("poles")["bands"]:
+        assert f"Stabilization, {band[0]:.4g} to {band[1]:.4g} Hz</h2>" in report
+    assert len(set(re.findall(r'<section id="([^"]+)"', report))) == report.count("<section id=")
+
+
+def test_what_was_stopped_between_two_orders_has_no_result(tmp_path: Path) -> None:
+    data, orders = KINDS["lines"]
+    run = Run()
+
+    def enough() -> None:
+        if any(kind == "cut" for kind, _ in run.told):
+            raise InterruptedError
+
+    with pytest.raises(InterruptedError):
+        run.stages.run(document_of(data, tmp_path, orders=orders), None, enough)
+    assert len([kind for kind, _ in run.told if kind == "cut"]) == 1
+    refused("there is none", run.stages.finished)
+    run.run(document_of(data, tmp_path, orders=orders))
+    for suffix in (".json", ".csv", ".uff", ".analysis.json"):
+        assert TASKS["export"](run.stages, None, suffix, str(tmp_path / f"a{suffix}")).stat().st_size
+    refused("Choose one", TASKS["export"], run.stages, None, ".exe", str(tmp_path / "a.exe"))
+    refused("there are 4 outputs", TASKS["channel"], run.stages, None, 9, 0)
+
+
+def test_a_comparison_is_rows_methods_and_pictures() -> None:
+    found = ms.compare(KINDS["samples"][0], ["era/time", "least_squares/time"], orders=range(4, 13, 4))
+    view = compared_view(found)
+    assert [row["frequency"] for row in view["rows"]] == [group.frequency for group in found.groups]
+    assert len(view["methods"]) == 2
+    assert view["pictures"]["deviations"].lstrip().startswith("<?xml")
+
+
+@pytest.mark.parametrize(
+    "error", [DataError("a", "b", "c"), MemoryError(), OSError(2, "No such file"), ZeroDivisionError("x")]
+)
+def test_every_error_is_told_in_three_parts(error: Exception) -> None:
+    assert all(told(error)[part] for part in ("asked", "found", "change"))
