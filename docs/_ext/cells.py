@@ -1,0 +1,211 @@
+"""Pages of the table of methods, one a cell, made from the table itself: equation, use, and the same beam by each."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "beam_hammer" / "beam_hammer.uff"
+
+#: What each realization does, as the report writes it.
+EQUATIONS = {
+    "era": r"A = D^{-1/2} P^T H(1)\, Q\, D^{-1/2}, \quad B = D^{1/2} Q^T E_m, \quad C = E_l^T P D^{1/2}, \quad H(0) = P D Q^T",
+    "polyreference": r"C A^r = -\sum_{i<r} \tilde P_i\, C A^i, \qquad \tilde P = -P_{nr}\,[E P_n]^{\#}",
+    "alternate": r"A = D^{-1/2}\,[E P_n]^{\#}\,[\sigma E P_n]\,D^{1/2}",
+    "least_squares": r"\tilde A = H(1)\,H(0)^{\#}",
+    "ssi-data": r"O = Y_f / Y_p = P D Q^T, \qquad A = [E P_n D^{1/2}]^{\#}\,[\sigma E P_n D^{1/2}]",
+    "ssi-cva": r"R_{ff}^{-1/2}\,O\,R_{pp}^{-T/2} = P D Q^T, \qquad V = R_{ff}^{1/2} P_n D^{1/2}, \qquad A = [E V]^{\#}[\sigma E V]",
+    "n4sid": r"O = Y_f /_{U_f} \begin{bmatrix} U_p \\ Y_p \end{bmatrix}, \qquad A = [E V]^{\#}[\sigma E V]",
+    "prce": r"\sum_{i<p} Y(k+i)\, a_i = -Y(k+p) \quad \text{for all } k",
+    "lscf": r"H(z) = N(z)\,D(z)^{-1}, \qquad \min \sum_f \| N(z_f) - H(f)\,D(z_f) \|^2",
+}
+
+#: When each row is the one to take.
+USE = {
+    "era": "Impulse responses, and a model that is balanced: for control, for reduction, for comparison with older results.",
+    "polyreference": "The coefficients of the matrix polynomial themselves are wanted, in s mass, damping and stiffness. It has many extraneous poles, "
+    "which are told apart by their amplitude; for modes alone the row `alternate` gives the same with less.",
+    "alternate": "The first choice: one factorization serves all orders, and it is the default for responses, records on lines and correlations.",
+    "least_squares": "To compare with Ibrahim's method or with dynamic mode decomposition. Its nonzero poles are those of ERA.",
+    "ssi-data": "Ambient records, when the estimate of correlations is to be left out.",
+    "ssi-cva": "Ambient records with modes of very different strength: canonical variates weight them alike.",
+    "n4sid": "Records with inputs and strong forces that nobody measured.",
+    "prce": "Impulse responses of few references, when results of the complex exponential are to be repeated. Damping is biased by noise: nothing is truncated.",
+    "lscf": "Frequency responses of many channels over a wide band, for very clear diagrams. Damping of weak modes is biased low by noise.",
+}
+#: Further names that the report uses for a column.
+DOMAINS = {"time": "samples (time)", "z": "lines of a sampled system (z)", "s": "lines of a continuous structure (s)"}
+
+
+def setup(app: Any) -> dict[str, Any]:
+    app.connect("builder-inited", lambda app: write_pages(Path(app.srcdir)), priority=100)
+    return {"parallel_read_safe": True}
+
+
+def write_pages(source: Path) -> None:
+    """Write the pages and their pictures below `generated/table`; pictures that are there are kept."""
+    import modalscope as ms
+
+    folder = source / "generated" / "table"
+    folder.mkdir(parents=True, exist_ok=True)
+    cells = [m for m in ms.methods() if "records" not in m.section or m.name in ("ssi-data", "ssi-cva", "n4sid")]
+    found = {(m.name, m.domain): _beam(ms, m, folder) for m in cells}
+    for m in cells:
+        _write(folder / f"{_slug(m)}.md", _page(m, found[m.name, m.domain]))
+    _write(folder / "index.md", _index(cells))
+    _landing(cells, found, folder)
+
+
+def _slug(m: Any) -> str:
+    return f"{m.name.replace('_', '-')}-{m.domain}"
+
+
+def _beam(ms: Any, m: Any, folder: Path) -> str:
+    """Identify the same beam by one cell, draw its diagram, and return the table of its modes."""
+    picture, table = folder / f"{_slug(m)}.png", folder / f"{_slug(m)}.txt"
+    if not (picture.exists() and table.exists()):
+        import matplotlib
+
+        matplotlib.use("Agg")
+        from matplotlib import pyplot
+
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            diagram = ms.stabilize(_data(ms, m), method=m.name, domain=m.domain, **_choices(m))
+        modes = ms.select(diagram)
+        figure = ms.plot.stabilization(diagram, modes).figure
+        figure.savefig(picture, dpi=90)
+        pyplot.close(figure)
+        _write(table, modes.table())
+    return table.read_text(encoding="utf-8")
+
+
+def _data(ms: Any, m: Any) -> Any:
+    """Return what the cell takes: the measured beam's responses; a simulated record where records are asked."""
+    if m.name in ("ssi-data", "ssi-cva"):
+        return ms.systems.chain5().simulate(inputs="ambient", duration=600.0, noise=0.02, seed=1)
+    if m.name == "n4sid":
+        return ms.systems.chain5().simulate(duration=100.0, noise=0.02, process_noise=0.1)
+    return ms.read(EXAMPLE)
+
+
+def _choices(m: Any) -> dict[str, Any]:
+    if m.name in ("ssi-data", "ssi-cva", "n4sid"):
+        return {"orders": range(2, 25, 2)}
+    if m.name == "lscf":
+        return {"orders": range(2, 17), "band": (100, 1700)}
+    if m.name == "prce":
+        return {"band": (100, 1700), "orders": range(12, 73, 6)}
+    return {"band": (100, 1700), "orders": range(2, 41, 2)}
+
+
+def _page(m: Any, table: str) -> str:
+    names = ", ".join(m.known_as)
+    aliases = ", ".join(f"`{name}`" for name in m.aliases) or "no other"
+    on = (
+        "A simulated chain of five masses"
+        if m.name in ("ssi-data", "ssi-cva", "n4sid")
+        else "The measured beam, 100 to 1700 Hz"
+    )
+    options = ", ".join(f"`{name}`" for name in m.options_type.__dataclass_fields__)
+    return f"""# {m.label}
+
+`method="{m.name}", domain="{m.domain}"` · {m.realization} of {DOMAINS[m.domain]} · report: {m.section}
+
+$$
+{EQUATIONS[m.name]}
+$$
+
+**When to use it.** {USE[m.name]}
+
+**In the literature.** {names}. Names that are understood: {aliases}.
+
+**It takes** {m.takes.value}.
+
+## {on}
+
+![Stabilization diagram by {m.label}]({_slug(m)}.png)
+
+```text
+{table}
+```
+
+**Options of its data matrix**: {options}.
+"""
+
+
+def _index(cells: list[Any]) -> str:
+    rows = dict.fromkeys(m.name for m in cells)
+    lines = ["| | " + " | ".join(DOMAINS.values()) + " |", "|---|---|---|---|"]
+    by = {(m.name, m.domain): m for m in cells}
+    for name in rows:
+        links = [f"[{by[name, d].common}]({_slug(by[name, d])}.md)" if (name, d) in by else "" for d in DOMAINS]
+        realization = next(m.realization for m in cells if m.name == name)
+        lines.append(f"| **{name}**: {realization} | " + " | ".join(links) + " |")
+    tree = "\n".join(f"{m.label} <{_slug(m)}>" for m in cells)
+    return f"""# The table
+
+Every method is a data matrix and a realization. This table is drawn from the one that the program runs; each cell has a page with its
+equation, when to use it, and what it finds on the same beam.
+
+{chr(10).join(lines)}
+
+## Which method should I use?
+
+| what was measured | take | why |
+|---|---|---|
+| nothing special | leave `method` out | the default of each kind of data is the row that did best on its kind |
+| frequency responses | `alternate`, s (the default) | exact for continuous structures, no leakage of the band's ends, deviations known |
+| frequency responses, very many channels | `polymax` | fast, clear diagrams; check damping with `alternate` |
+| impulse responses, free decays | `era` or `itd` | samples need no transform |
+| records of forces and responses | leave it out: records on lines | nothing is estimated between: no windows, no averages, no leakage |
+| records with strong unmeasured forces | `n4sid` | past inputs and outputs as instruments |
+| ambient records | `ssi-cov` (the default), then `ssi-data` | modes that both show can be relied on |
+| a model for control | `era`, by `ms.realize` | balanced |
+| mass, damping and stiffness | `polyreference`, s | a sensor at each mass: M^-1 K and M^-1 D |
+| not sure | `ms.compare(data)` | all of them, and who disagrees with whom and why |
+
+```{{toctree}}
+:hidden:
+
+{tree}
+```
+"""
+
+
+def _landing(cells: list[Any], found: dict[Any, str], folder: Path) -> None:
+    """Draw the landing picture: the frequencies that each method finds on the beam, side by side."""
+    target = folder / "side-by-side.png"
+    if target.exists():
+        return
+    from matplotlib.figure import Figure
+
+    shown = [m for m in cells if m.name not in ("ssi-data", "ssi-cva", "n4sid")]
+    figure = Figure(figsize=(11, 0.36 * len(shown) + 1.3), layout="constrained")
+    ax = figure.add_subplot()
+    for k, m in enumerate(shown):
+        values = _frequencies(found[m.name, m.domain])
+        ax.plot(
+            values,
+            [k] * len(values),
+            "o",
+            color={"time": "#0072B2", "z": "#D55E00", "s": "#009E73"}[m.domain],
+            markersize=5,
+        )
+    for f in (177.0, 477.4, 933.1, 1535.5):
+        ax.axvline(f, color="#B4BEC9", linewidth=1, zorder=0)
+    ax.set_yticks(range(len(shown)), [m.label for m in shown])
+    ax.invert_yaxis()
+    ax.set_xlabel("frequency [Hz]; grey: published by the authors of the data")
+    ax.set_title("One measured beam, all methods", loc="left", fontweight="bold")
+    figure.savefig(target, dpi=100)
+
+
+def _frequencies(table: str) -> list[float]:
+    return [float(line.split()[1]) for line in table.splitlines()[1:] if line.split()]
+
+
+def _write(path: Path, text: str | Iterable[str]) -> None:
+    path.write_text(text if isinstance(text, str) else "".join(text), encoding="utf-8")

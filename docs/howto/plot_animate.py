@@ -1,0 +1,18 @@
+"""
+Animate a mode shape
+====================
+
+A picture a frame: the shape times the cosine of the phase. Here four of them. Simulated: a chain of five masses
+(``ms.systems.chain5``).
+"""
+
+import numpy as np
+from matplotlib import pyplot
+
+import modalscope as ms
+
+modes = ms.systems.iasc_asce().modes()
+figure, axes = pyplot.subplots(1, 4, figsize=(11, 4))
+for ax, phase in zip(axes, (0, 60, 120, 180), strict=True):
+    ms.plot.shape(modes, 1, ax=ax, scale=0.14 * np.cos(np.radians(phase)))
+    ax.set_title(f"{phase}°")

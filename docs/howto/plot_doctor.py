@@ -1,0 +1,19 @@
+"""
+Have the data examined
+======================
+
+Overloads, swapped signs, dead channels, drift, missing quantities: what was seen, and what to change. Simulated, and spoiled.
+"""
+
+import numpy as np
+
+import modalscope as ms
+
+record = ms.systems.chain5().simulate(duration=60.0, noise=0.01)
+spoiled = np.array(record.outputs)
+spoiled[:, 2] = np.clip(spoiled[:, 2], *np.quantile(spoiled[:, 2], [0.1, 0.9]))
+for finding in ms.preprocess.examine(
+    ms.Signals(outputs=spoiled, inputs=record.inputs, sampling_rate=record.sampling_rate)
+):
+    print(finding)
+ms.plot.spectra(ms.preprocess.decomposition(record), peaks=5)

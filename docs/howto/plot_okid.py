@@ -1,0 +1,14 @@
+"""
+Come from records to Markov parameters: OKID
+============================================
+
+An observer makes them from records with any inputs; ERA takes them from there. Simulated.
+"""
+
+import modalscope as ms
+
+record = ms.systems.chain5().simulate(duration=60.0, noise=0.01)
+markov = ms.estimate_markov(record, samples=300)
+found = ms.identify(markov, method="era", order=10)
+print(found.modes.table())
+ms.plot.response(markov, found)

@@ -1,0 +1,13 @@
+"""
+Identify several bands and merge them
+=====================================
+
+Each band has its own diagram; modes at a border are not told twice. Measured: the beam.
+"""
+
+import modalscope as ms
+
+data = ms.read("../../examples/beam_hammer/beam_hammer.uff")
+result = ms.analyze(data, band=[(100, 600), (600, 1700)], orders=range(2, 21, 2))
+print(result.modes.table())
+ms.plot.mac(result.modes)

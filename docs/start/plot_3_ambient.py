@@ -1,0 +1,38 @@
+"""
+Ambient vibration
+=================
+
+**Measured**: an eight-storey timber building in the wind, three points of its roof, 45 minutes (MIT, pyOMA2). In a shell::
+
+    modalscope psd palisaden.npz -o spectra.png
+    modalscope identify palisaden.npz --band 1 4 --geometry points.csv --lines lines.csv -o report.html
+"""
+
+import modalscope as ms
+
+folder = "../../examples/palisaden/"
+record = ms.read(folder + "palisaden.npz", geometry=(folder + "points.csv", folder + "lines.csv"))
+print(record)
+
+# %%
+# A first look
+# ------------
+# Singular values of the spectra: a peak of the first is a mode (frequency-domain decomposition).
+spectra = ms.preprocess.decomposition(record)
+ms.plot.spectra(spectra, peaks=4).set_xlim(0, 5)
+
+# %%
+# The modes
+# ---------
+# Below 1 Hz the sensors drift, so the band is named. Forces were not measured: correlations take the place of responses (SSI-cov).
+result = ms.analyze(record, band=(1.0, 4.0))
+print(result.modes.table())
+ms.plot.stabilization(result.diagram, result.modes, spectra=spectra)
+
+# %%
+# Published by the authors: 1.882, 2.422 and 2.687 Hz. The first mode on the building:
+ms.plot.shape(result.modes, 0)
+
+# %%
+# Damping of ambient data is uncertain, and says so:
+ms.plot.intervals(result.modes, of="damping")
