@@ -4,6 +4,12 @@ WORKERS ?= 2
 BIN := .venv/bin
 STAMP := .venv/.installed
 BENCH_STAMP := .venv/.installed-bench
+DOCS_STAMP := .venv/.installed-docs
+
+# Formulas are drawn in the reader's browser, by a file of the site itself.
+MATHJAX := mathjax@3.2.2
+# What tries the finished pages for readers who cannot see them; it stays out of the site.
+AXE := axe-core@4.10.3
 
 # uv when it can be had (seconds), pip when not (a minute or so).
 define install
@@ -18,20 +24,23 @@ SINGLE := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 QUIET_PLOTS := MPLBACKEND=Agg
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test coverage mutants lint format architecture changelog versions licences bench study clean
+.PHONY: help setup demo page test coverage mutants lint format architecture changelog docs release-check versions licences bench study clean
 
 help:
 	@echo "make setup         .venv with everything in it"
 	@echo "make demo          modes of a measured beam, next to the published ones"
+	@echo "make page          the front end of modalscope app (needs Node 20 and npm)"
 	@echo "make test          lint, then every test and every example in a docstring"
 	@echo "make coverage      the same tests, and which lines they run (95 % of them at least)"
 	@echo "make versions      formats, data classes and methods with the earliest and the newest packages (minutes)"
+	@echo "make release-check archive and wheel built, installed into empty environments, and tested there (minutes)"
 	@echo "make licences      what modalscope needs, and under which licences"
 	@echo "make mutants       faults put in on purpose, each of which its tests must notice (minutes)"
 	@echo "make lint          ruff, mypy, floors"
 	@echo "make format        let ruff write what it can"
 	@echo "make architecture  draw the floors of pyproject.toml into the documents"
 	@echo "make changelog     join the fragments of changelog.d under the version"
+	@echo "make docs          the documentation site in build/docs, every example in it run"
 	@echo "make bench         time and memory, against other programs"
 	@echo "make study         statistics over many seeds (long)"
 	@echo "make clean         remove what make made"
@@ -50,8 +59,27 @@ $(BENCH_STAMP): $(STAMP)
 	@touch $@
 comma := ,
 
+$(DOCS_STAMP): $(STAMP)
+	$(call install,dev$(comma)docs)
+	@touch $@
+
+docs/_static/mathjax/tex-svg.js:
+	@command -v npm >/dev/null || { echo "make docs needs npm once, for $(MATHJAX)"; exit 2; }
+	@mkdir -p build/npm docs/_static/mathjax
+	@npm install --silent --no-save --no-audit --no-fund --prefix build/npm $(MATHJAX) $(AXE)
+	@cp build/npm/node_modules/mathjax/es5/tex-svg.js $@
+
+# Warnings are errors; a link that leads nowhere is a warning.
+docs: $(DOCS_STAMP) docs/_static/mathjax/tex-svg.js
+	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m sphinx -q -W --keep-going -j $(WORKERS) docs build/docs
+	@$(BIN)/python -m tools.site build/docs
+	@echo "build/docs/index.html"
+
 demo: setup
 	@$(QUIET_PLOTS) $(BIN)/python examples/demo.py
+
+page: setup
+	@$(BIN)/python page/bundle.py
 
 lint: setup
 	@$(BIN)/ruff check .
@@ -91,6 +119,11 @@ versions: setup
 		$(SINGLE) $(QUIET_PLOTS) $$place/bin/python -m pytest -q -n $(WORKERS) -W default -p no:cacheprovider $(VERSIONED) || exit 1; \
 	done
 
+# TESTS="tests/model tests/io" tries a part.
+release-check: setup
+	@$(BIN)/mypy --python-version 3.13
+	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m tools.release --workers $(WORKERS) $(if $(TESTS),--tests $(TESTS))
+
 mutants: setup
 	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m tests.mutants --processes $(WORKERS)
 
@@ -104,5 +137,5 @@ study: setup
 	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m pytest -m study -s -v
 
 clean:
-	rm -rf .venv .venv-min .venv-new build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf page/node_modules src/modalscope/app/static .venv .venv-min .venv-new build dist docs/generated docs/_static/mathjax .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
 	find src tests tools examples benchmarks -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true

@@ -34,6 +34,9 @@ BESIDE = ("pyproject.toml", "README.md", "CHANGELOG.md")
 #: A fault that makes tests run this long, in seconds, is noticed.
 PATIENCE = 120
 
+#: Files and tests that are run together without a fault: patience is for few of them.
+TOGETHER = 12
+
 #: One thread each: several faults are tried at a time. Pictures are drawn nowhere.
 SURROUNDINGS = {"MPLBACKEND": "Agg", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
@@ -174,8 +177,8 @@ def main(arguments: Sequence[str] | None = None, path: Path = LIST, root: Path =
                 copies.put(folder)
 
         named = sorted({t for m in mutants for t in m.tests})
-        shares = [named[k :: given.processes] for k in range(given.processes)]
-        for status, words in pool.map(one, [s for s in shares if s]):
+        parts = -(-len(named) // TOGETHER)
+        for status, words in pool.map(one, [named[k::parts] for k in range(parts)]):
             if status != PASSED:
                 print(f"the tests fail without any fault\n{words}")
                 return 1

@@ -6,6 +6,7 @@ Import it as `from tests.support import ...`.
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -26,6 +27,10 @@ from modalscope.model.response import Response
 #: The project, and the measured beam that comes with it.
 ROOT = Path(__file__).resolve().parents[1]
 BEAM = ROOT / "examples" / "beam_hammer"
+
+#: A browser to look at pages with, and how it is started: without a graphics card, as machines that test have none.
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+BROWSER = ["--no-sandbox", "--disable-gpu"]
 
 #: Measured data too large for the repository: beside it, or where MODALSCOPE_DATA says. Each folder has its licence.
 DATA = Path(os.environ.get("MODALSCOPE_DATA") or ROOT.parent / "shared" / "data")

@@ -53,9 +53,14 @@ def test_what_is_computed_of_data_knows_their_file(name: str) -> None:
         (RECORD, RECORD, ms.merge),
         (RECORD, replace(RECORD, outputs=RECORD.outputs[:900], inputs=RECORD.inputs[:900]), ms.merge),  # of other lengths
         (AMBIENT.select(outputs=[0, 1]), AMBIENT.select(outputs=[0, 2, 3]), ms.merge),  # setups
+        (
+            ms.estimate_correlation(AMBIENT.select(outputs=[0, 1]), references=AMBIENT.output_dofs[:1]),
+            ms.estimate_correlation(AMBIENT.select(outputs=[0, 2, 3]), references=AMBIENT.output_dofs[:1]),
+            preprocess.merge_setups,
+        ),
         (MODES, MODES, lambda parts: ms.merge_bands(parts, [(0.1, 3), (3, 9)])),
     ],
-    ids=["inputs", "runs", "runs of other lengths", "setups", "bands"],
+    ids=["inputs", "runs", "runs of other lengths", "setups", "correlations of setups", "bands"],
 )  # fmt: skip
 def test_what_is_merged_knows_all_files(first: Any, second: Any, merge: Callable[[Any], Any]) -> None:
     parts = [replace(first, source_path=FILE), replace(second, source_path=OTHER)]
