@@ -55,8 +55,9 @@ class Window:
     def document(self) -> Any:
         return analysis_from(self.page.evaluate("modalscope.state.document"))
 
-    def rows(self) -> int:
-        return int(self.page.locator(".modes tbody tr").count())
+    def shows(self, modes: int) -> None:
+        """Wait until the table has this many modes: a page draws when its browser finds time."""
+        until(lambda: self.page.locator(".modes tbody tr").count() == modes, 20)
 
     def download(self, press: Any) -> Path:
         with self.page.expect_download() as waiting:
@@ -107,7 +108,7 @@ def drag_a_band(window: Window) -> None:
     window.until("modalscope.state.document.bands.length === 1")
     window.done()
     assert page.evaluate("[...seen].filter((text) => text.includes('order by order')).length") > 3
-    assert window.rows() == 5
+    window.shows(5)
 
 
 def refuse_by_a_click(window: Window) -> None:
@@ -116,7 +117,7 @@ def refuse_by_a_click(window: Window) -> None:
     refused = page.evaluate("modalscope.found.modes[1].frequency")
     page.mouse.move(*page.evaluate(POLE))
     page.mouse.click(*page.evaluate(POLE))
-    assert window.rows() == 4
+    window.shows(4)
     window.until("modalscope.state.document.refused.length === 1")
     window.done()
     assert window.document().refused == (refused,)
@@ -128,27 +129,33 @@ def take_back_and_refuse_by_key(window: Window) -> None:
     window.page.get_by_role("button", name="take back").click()
     window.until("modalscope.state.document.refused.length === 0")
     window.done()
-    assert window.rows() == 5
+    window.shows(5)
     window.page.keyboard.press("x")
     window.until("modalscope.state.document.refused.length === 1")
     window.done()
+
+
+def stands(picture: Any) -> bool:
+    """Two looks, some frames apart, see the same."""
+    before = picture.screenshot()
+    time.sleep(0.2)
+    return bool(picture.screenshot() == before)
 
 
 def watch_it_move(window: Window) -> None:
     """The shape stands still for who wants no motion, moves on its geometry when it is told to, and stops again."""
     page = window.page
     moving = page.locator(".shape .plot")
+    until(lambda: stands(moving), 20)
     first = moving.screenshot()
-    assert moving.screenshot() == first
     page.keyboard.press(" ")
     until(lambda: moving.screenshot() != first, 20)
     page.keyboard.press(" ")
-    time.sleep(0.2)
+    until(lambda: stands(moving), 20)
     still = moving.screenshot()
-    assert moving.screenshot() == still
     assert page.evaluate("modalscope.found.nodes.length") == 4
     page.keyboard.press("2")
-    assert moving.screenshot() != still
+    until(lambda: moving.screenshot() != still, 20)
 
 
 def test_a_whole_job(window: Window) -> None:
@@ -156,7 +163,7 @@ def test_a_whole_job(window: Window) -> None:
     window.open("chain.uff")
     window.set_orders((2, 20))
     assert "token" not in page.url
-    assert window.rows() == 5
+    window.shows(5)
     drag_a_band(window)
     refuse_by_a_click(window)
     take_back_and_refuse_by_key(window)
@@ -172,11 +179,11 @@ def test_a_whole_job(window: Window) -> None:
     # a reload finds everything as it was; undo takes the last choice back; a report is one file
     page.reload()
     window.until("!!globalThis.modalscope?.found && !modalscope.found.early")
-    assert window.rows() == 4
+    window.shows(4)
     page.keyboard.press("Control+z")
     window.until("modalscope.state.document.refused.length === 0")
     window.done()
-    assert window.rows() == 5
+    window.shows(5)
     report = window.download(lambda: page.keyboard.press("r"))
     assert report.suffix == ".html"
     assert b"Mode shapes" in report.read_bytes()
@@ -191,8 +198,8 @@ def test_labels_run_nothing_and_names_are_text(window: Window) -> None:
     page.keyboard.press("Enter")
     window.until("Object.keys(modalscope.state.document.names).length === 1")
     window.done()
-    assert HOSTILE in page.locator(".modes tbody").inner_text()
-    assert HOSTILE in page.locator(".response select").first.inner_text()
+    until(lambda: HOSTILE in page.locator(".modes tbody").inner_text(), 20)
+    until(lambda: HOSTILE in page.locator(".response select").first.inner_text(), 20)
     assert page.title() == "modalscope"
     assert page.evaluate("document.querySelectorAll('img, .ms script').length") == 0
 
@@ -211,7 +218,7 @@ def test_every_method_is_compared_by_a_click(window: Window, server: Served, key
     assert methods.locator("tr").count() > 5
     window.until("[...document.querySelectorAll('dialog img')].every((i) => i.complete && i.naturalWidth > 0)")
     page.keyboard.press("Escape")
-    assert page.locator("dialog").count() == 0
+    window.until("!document.querySelector('dialog')")
 
 
 #: Controls that nobody who cannot see them could tell apart.
@@ -239,8 +246,10 @@ def test_nothing_serious_stands_in_the_way_of_anybody(window: Window, server: Se
     page.keyboard.press("d")
     assert found() == []
     page.keyboard.press("Shift+?")
+    page.locator("dialog").wait_for()
     assert found() == []
     page.keyboard.press("Escape")
+    window.until("!document.querySelector('dialog')")
     for width in (1280, 390):
         page.set_viewport_size({"width": width, "height": 800})
         assert page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") <= 0
