@@ -1,12 +1,15 @@
 """Frequency responses: exact ones of every excitation, the estimators' definitions, and their own variances."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import signal
 
 from modalscope.model import DataError, Signals
-from modalscope.preprocess import estimate_frf, exponential_decay
+from modalscope.preprocess import estimate_frf, examine, exponential_decay
 from modalscope.preprocess.excitation import find_excitation
+from modalscope.preprocess.impacts import find_hits, room_of, whole_series
 from modalscope.preprocess.spectra import Segments, cross_spectra, effective_averages
 from modalscope.systems import chain5
 from tests.support import random_system, relative
@@ -290,3 +293,39 @@ WHITE = np.random.default_rng(0).standard_normal((400, 2))
 def test_what_cannot_be_estimated_is_said(data, options, text):
     with pytest.raises(DataError, match=text):
         estimate_frf(data, **options)
+
+
+def series(pauses, heights=None, tail=0):
+    """Return the hits of pulses of five samples with these pauses from start to start, and the samples of their record."""
+    starts = 50 + np.concatenate([[0], np.cumsum(pauses)]).astype(int)
+    force = np.zeros(starts[-1] + tail)
+    for start, height in zip(starts, heights or [1.0] * len(starts), strict=True):
+        force[start : start + 5] = height * np.sin(np.pi * np.arange(1, 6) / 6)
+    return find_hits(force[None]), force.size
+
+
+@pytest.mark.parametrize(
+    ("pauses", "heights", "tail", "kept", "length"),
+    [
+        ([1000] * 4, None, 1000, [1, 2, 3, 4, 5], 1000),
+        ([1000] * 4, None, 60, [1, 2, 3, 4], 1000),  # the record ends just after the last hit
+        ([1000, 1000, 6000], None, 1000, [1, 2, 3, 4], 1000),  # someone talked
+        ([1000, 200, 1000], None, 1000, [1, 4], 1000),  # two hits, too soon after each other, of which neither is free
+        ([1000, 200, 1000], [1, 1, 0.3, 1], 1000, [1, 2, 3], 1000),  # one that bounced, recorded whole
+        ([900, 1100, 1000], None, 1000, [1, 2, 3, 4], 900),
+    ],
+)
+def test_hits_that_would_shorten_all_others_are_left_out(pauses, heights, tail, kept, length):
+    hits, samples = series(pauses, heights, tail)
+    room = room_of(hits, samples, 0)
+    used = [hit for hit in whole_series(hits, room) if not hit.unfit]
+    assert [hit.number for hit in used] == kept
+    assert min(room[hit.number] for hit in used) == length
+
+
+def test_the_hit_before_the_end_says_why_it_is_left_out(hits):
+    short = replace(hits, outputs=hits.outputs[:10000], inputs=hits.inputs[:10000])
+    frf = estimate_frf(short)
+    assert frf.averages == 5
+    assert "left out: 6, 220 samples long, where 1900 are cut" in frf.processing[-1]
+    assert [f.kind for f in examine(short)] == []

@@ -12,13 +12,28 @@ from modalscope.model.checks import Array, DataError, RealArray, check_count
 from modalscope.model.keywords import named
 from modalscope.model.robust import NORMAL
 
-__all__ = ["Hit", "clipped_samples", "cut_hits", "exponential_decay", "find_hits", "is_impact"]
+__all__ = [
+    "Hit",
+    "clipped_samples",
+    "cut_hits",
+    "exponential_decay",
+    "find_hits",
+    "is_impact",
+    "room_of",
+    "whole_series",
+]
 
 #: A pulse stands out of the record by this part of the highest peak, and by this many deviations of the noise.
 _TRIGGER, _ABOVE_NOISE = 0.03, 15.0
 
-#: A second pulse of this part of the first is a double hit.
-_SECOND = 0.1
+#: A second pulse of this part of the first is a double hit; of this part it may be a hit of its own.
+_SECOND, _EQUAL = 0.1, 0.5
+
+#: Pauses of this part of the longest part hits; where the pulse after it is a hit's equal, of this part: someone talked once.
+_PAUSE, _QUICK = 1 / 4, 1 / 20
+
+#: A hit is free of the one before it when this part of its own length has passed since.
+_SINCE = 1 / 4
 
 #: A hit this many times stronger than the median of all is not one of the same series.
 _OUTLIER = 5.0
@@ -49,9 +64,9 @@ class Hit(NamedTuple):
         Largest force of the first pulse, with its sign.
     reason : str
         What is wrong with the hit, in words; empty for a good one.
-    overloaded : bool
-        Whether the force was recorded wrongly, so that the hit is of no use. A double hit, recorded whole, still is: it
-        only puts less force into some lines.
+    unfit : bool
+        Whether the hit is of no use: its force was recorded wrongly, or too little of its vibration. A double hit, recorded
+        whole, still is: it only puts less force into some lines.
     """
 
     number: int
@@ -60,7 +75,7 @@ class Hit(NamedTuple):
     stop: int
     peak: float
     reason: str = ""
-    overloaded: bool = False
+    unfit: bool = False
 
 
 @named()
@@ -144,13 +159,19 @@ def _pulses(force: RealArray, peak: float) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(starts, stops, strict=True)]
 
 
-def _grouped(pulses: list[tuple[int, int]], samples: int) -> list[list[tuple[int, int]]]:
-    """Join pulses into hits: a pulse starts a new hit when the pause before it is a quarter of the longest pause or more."""
+def _grouped(pulses: list[tuple[int, int]], force: RealArray) -> list[list[tuple[int, int]]]:
+    """Join pulses into hits: a pulse starts a new hit when the pause before it is a quarter of the longest pause or more.
+
+    After shorter pauses, of a twentieth at least, it does so when it has half the height of the hit before: a hammer that bounces
+    strikes more weakly.
+    """
     pauses = [b[0] - a[1] for a, b in itertools.pairwise(pulses)]
-    longest = max([*pauses, samples - pulses[-1][1]])
+    longest = max([*pauses, force.size - pulses[-1][1]])
+    height = {pulse: float(np.abs(force[slice(*pulse)]).max()) for pulse in pulses}
     groups = [[pulses[0]]]
     for pulse, pause in zip(pulses[1:], pauses, strict=True):
-        if pause >= longest / 4:
+        equal = height[pulse] >= _EQUAL * height[groups[-1][0]]
+        if pause >= (_QUICK if equal else _PAUSE) * longest:
             groups.append([pulse])
         else:
             groups[-1].append(pulse)
@@ -170,36 +191,66 @@ def find_hits(forces: RealArray) -> list[Hit]:
         pulses = _pulses(force, typical)
         if not pulses:
             continue
-        for group in _grouped(pulses, force.size):
+        for group in _grouped(pulses, force):
             start, stop = group[0]
             place = start + int(np.argmax(np.abs(force[start:stop])))
             peak = float(force[place])
             later = [float(np.abs(force[a:b]).max()) for a, b in group[1:]]
-            reason, overloaded = "", False
+            reason, unfit = "", False
             if int(np.sum(force[start:stop] == peak)) >= _PLATEAU:
                 reason = f"overloaded: the force stays at {peak:.4g} for several samples"
-                overloaded = True
+                unfit = True
             elif later and max(later) >= _SECOND * abs(peak):
                 second = group[1 + int(np.argmax(later))][0] - start
                 reason = f"double hit: a second pulse of {100 * max(later) / abs(peak):.0f} %, {second} samples later"
-            found.append(Hit(len(found) + 1, run, start, stop, peak, reason, overloaded))
+            found.append(Hit(len(found) + 1, run, start, stop, peak, reason, unfit))
     return [_beside_others(hit, found) for hit in found]
 
 
 def _beside_others(hit: Hit, hits: list[Hit]) -> Hit:
     usual = float(np.median([abs(h.peak) for h in hits]))
-    if len(hits) < 3 or hit.overloaded or abs(hit.peak) <= _OUTLIER * usual:
+    if len(hits) < 3 or hit.unfit or abs(hit.peak) <= _OUTLIER * usual:
         return hit
     reason = f"overloaded: a peak of {hit.peak:.4g} where the others have {usual:.4g}"
-    return hit._replace(reason=reason, overloaded=True)
+    return hit._replace(reason=reason, unfit=True)
+
+
+def room_of(hits: list[Hit], samples: int, before: int) -> dict[int, int]:
+    """Return for every hit, by its number, the samples from `before` ahead of it to the next hit or the end of its run."""
+    starts = {hit.number: max(hit.start - before, 0) for hit in hits}
+    ends = {a.number: starts[b.number] for a, b in itertools.pairwise(hits) if a.run == b.run}
+    return {number: ends.get(number, samples) - start for number, start in starts.items()}
+
+
+def whole_series(hits: list[Hit], room: dict[int, int]) -> list[Hit]:
+    """Give a reason to hits that would shorten all others: the last before the record ends, and those soon after another.
+
+    Kept are the k hits with room for n samples each that have the largest k n, the time that is used; of series of the same
+    time the one of more hits. They begin a quarter of n after the hit before them at least.
+    """
+    since = {b.number: b.start - a.start for a, b in itertools.pairwise(hits) if a.run == b.run}
+    good = [hit for hit in hits if not hit.unfit]
+
+    def kept(length: int) -> list[Hit]:
+        return [h for h in good if room[h.number] >= length and since.get(h.number, length) >= _SINCE * length]
+
+    lengths = sorted({room[hit.number] for hit in good})
+    best = max(lengths, key=lambda n: n * len(kept(n)), default=0)
+    usable = kept(best)
+    return [hit if hit in usable or hit.unfit else _too_near(hit, room[hit.number], best) for hit in hits]
+
+
+def _too_near(hit: Hit, room: int, length: int) -> Hit:
+    what = f"{room} samples long, where {length} are cut" if room < length else "soon after the hit before it"
+    return hit._replace(reason=what, unfit=True)
 
 
 def cut_hits(
-    outputs: RealArray, inputs: RealArray, hits: list[Hit], *, segment: int | None, before: int
+    outputs: RealArray, inputs: RealArray, hits: list[Hit], room: dict[int, int], *, segment: int | None, before: int
 ) -> tuple[RealArray, RealArray]:
     """Return outputs (hits, n, l) and inputs (hits, n, m), each hit from `before` samples ahead of its trigger.
 
-    `segment` is n; by default it is as long as the shortest pause to the next hit or the end of its run allows.
+    `segment` is n; by default it is the least `room` of the hits.
 
     Raises
     ------
@@ -212,19 +263,14 @@ def cut_hits(
             "no usable hit is in the record",
             'Give hits="all" to use the others, or another excitation.',
         )
-    samples = outputs.shape[1]
     starts = [max(hit.start - before, 0) for hit in hits]
-    room = []
-    for hit, start in zip(hits, starts, strict=True):
-        following = [s for h, s in zip(hits, starts, strict=True) if h.run == hit.run and s > start]
-        room.append(min([*following, samples]) - start)
-    length = min(room) if segment is None else check_count("segment", segment, least=2)
-    if length > min(room):
-        short = hits[int(np.argmin(room))]
+    least = min(hits, key=lambda hit: room[hit.number]).number
+    length = room[least] if segment is None else check_count("segment", segment, least=2)
+    if length > room[least]:
         raise DataError(
             f"segments of {length} samples for every hit were asked",
-            f"hit {short.number} has {min(room)} before the next one or the end",
-            f"Lower segment to at most {min(room)}, or leave that hit out.",
+            f"hit {least} has {room[least]} before the next one or the end",
+            f"Lower segment to at most {room[least]}, or leave that hit out.",
         )
     y = np.stack([outputs[h.run, s : s + length] for h, s in zip(hits, starts, strict=True)])
     u = np.stack([inputs[h.run, s : s + length] for h, s in zip(hits, starts, strict=True)])

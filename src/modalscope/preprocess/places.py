@@ -125,9 +125,7 @@ def _well_hit(part: Signals) -> list[bool]:
     """Say of every run whether its force can be used: hits that were overloaded cannot."""
     forces = part.by_run()[1]
     assert forces is not None
-    spoilt = (
-        {hit.run for hit in find_hits(forces[:, :, 0]) if hit.overloaded} if find_excitation(part) == "impact" else ()
-    )
+    spoilt = {hit.run for hit in find_hits(forces[:, :, 0]) if hit.unfit} if find_excitation(part) == "impact" else ()
     return [run not in spoilt for run in range(part.runs)]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from modalscope.model.checks import Array, DataError, RealArray, check_choice, check_positive
 from modalscope.model.signals import Signals
-from modalscope.preprocess.impacts import Hit, cut_hits, exponential_decay, find_hits
+from modalscope.preprocess.impacts import Hit, cut_hits, exponential_decay, find_hits, room_of, whole_series
 from modalscope.preprocess.resolution import narrowest_peak
 from modalscope.preprocess.spectra import (
     Segments,
@@ -114,8 +114,9 @@ def plan_hits(
         )
     outputs, inputs = without_offset(signals, "impact")
     found = find_hits(inputs[:, :, 0])
-    used, note = _chosen(found, hits)
-    y, u = cut_hits(outputs, inputs, used, segment=segment, before=before)
+    room = room_of(found, signals.samples, before)
+    used, note = _chosen(whole_series(found, room) if segment is None else found, hits)
+    y, u = cut_hits(outputs, inputs, used, room, segment=segment, before=before)
     w = np.ones(y.shape[1])
     notes = [note, f"{y.shape[1]} samples from {before} ahead of the hit", "median removed"]
     return Plan(outputs=y, inputs=u, segments=Segments([0], w, w), sampling_rate=signals.sampling_rate, notes=notes)
@@ -124,7 +125,7 @@ def plan_hits(
 def _chosen(found: list[Hit], hits: str | Iterable[int]) -> tuple[list[Hit], str]:
     if isinstance(hits, str):
         check_choice("hits", hits, ("good", "all"))
-        used = [hit for hit in found if hits == "all" or not hit.overloaded]
+        used = [hit for hit in found if hits == "all" or not hit.unfit]
     else:
         numbers = set(hits)
         unknown = sorted(numbers - {hit.number for hit in found})

@@ -104,7 +104,7 @@ def _examine_record(signals: Signals) -> list[Finding]:
     if kind == "impact":
         found += bad_hits(signals)
     if kind in ("impact", "burst"):
-        found += leakage(moving)
+        found += leakage(moving, kind)
     short = too_short(moving) if kind in ("random", "ambient") else []
     found += short
     changed = changed_runs(moving) if forced else []

@@ -11,6 +11,7 @@ from modalscope.model.signals import Signals
 from modalscope.preprocess.findings import Finding
 from modalscope.preprocess.frf import estimate_frf
 from modalscope.preprocess.impacts import Hit, clipped_samples, find_hits
+from modalscope.preprocess.plans import plan_hits, without_offset
 from modalscope.preprocess.spectra import Segments, cross_spectra, segment_starts, window_samples
 
 __all__ = ["bad_hits", "clipped", "leakage", "noisy_channels", "swept_lines", "too_short", "transposed", "useful_lines"]
@@ -94,9 +95,9 @@ def bad_hits(signals: Signals) -> list[Finding]:
     for hit in hits:
         if not hit.reason:
             continue
-        others = [h.number for h in hits if h.number != hit.number and not h.overloaded]
+        others = [h.number for h in hits if h.number != hit.number and not h.unfit]
         effect = _without(signals, hit.number, others)
-        if hit.overloaded:
+        if hit.unfit:
             kind, change = "overload", f"estimate_frf leaves it out by itself{effect}"
         else:
             kind, change = "double hit", f"It was kept, the force being recorded; hits={others} leaves it out{effect}"
@@ -128,7 +129,7 @@ def _cut_hits(signals: Signals, hits: list[Hit]) -> list[Hit]:
     if more < max(_CUT, _UNLIKE * float(np.std(others, ddof=1))):
         return hits
     reason = f"outputs are {100 * more:.2g} % larger for its force than in the other hits: its top was cut, or it fell elsewhere"
-    return [hit._replace(reason=reason, overloaded=True) if hit is hits[k] else hit for hit in hits]
+    return [hit._replace(reason=reason, unfit=True) if hit is hits[k] else hit for hit in hits]
 
 
 def _without(signals: Signals, number: int, others: list[int]) -> str:
@@ -150,7 +151,7 @@ def useful_lines(signals: Signals, frequencies: RealArray) -> Array:
     """Return the lines into which good hits put a hundredth of their largest power or more."""
     _, inputs = signals.by_run()
     assert inputs is not None
-    hits = [hit for hit in find_hits(inputs[:, :, 0]) if not hit.overloaded]
+    hits = [hit for hit in find_hits(inputs[:, :, 0]) if not hit.unfit]
     pulses = [inputs[h.run, h.start : h.stop, 0] - np.median(inputs[h.run, :, 0]) for h in hits]
     phase = np.arange(max(p.size for p in pulses)) / signals.sampling_rate
     turn = np.exp(-2j * np.pi * np.outer(frequencies, phase))
@@ -169,26 +170,38 @@ def swept_lines(signals: Signals, frequencies: RealArray) -> Array:
     return np.asarray(own >= _USEFUL * smooth.max())
 
 
-def leakage(signals: Signals) -> list[Finding]:
-    """Look at what is left of the vibration at the end of runs that are transformed whole."""
-    outputs, _ = signals.by_run()
-    x = outputs - np.median(outputs, axis=1, keepdims=True)
-    length = max(2, signals.samples // 20)
-    blocks = x[:, : signals.samples // length * length].reshape(signals.runs, -1, length, x.shape[2])
+def leakage(signals: Signals, kind: str) -> list[Finding]:
+    """Look at what is left of the vibration at the end of what is transformed whole: runs, or hits as they are cut."""
+    x = _transformed(signals, kind)
+    samples = x.shape[1]
+    length = max(2, samples // 20)
+    blocks = x[:, : samples // length * length].reshape(x.shape[0], -1, length, x.shape[2])
     rms = np.sqrt(np.mean(blocks**2, axis=2)).max(axis=0)  # (blocks, l), the worst run
     left = rms[-1] / np.maximum(rms.max(axis=0), np.finfo(float).tiny)
     # a decay that has ended in noise stays at one level; one that goes on is lower from block to block
     falling = rms[-1] < 0.9 * rms[len(rms) // 2]
+    cut = kind == "impact" and samples < signals.samples
+    what, longer = ("hit", "Wait longer for the next hit") if cut else ("run", "Measure longer runs")
     return [
         Finding(
             "leakage",
             (dof,),
-            f"{100 * part:.0f} % of its largest vibration is left at the end of the run",
-            "Measure longer runs, or give exponential=0.01: its damping is taken off again.",
+            f"{100 * part:.0f} % of its largest vibration is left at the end of the {what}",
+            f"{longer}, or give exponential=0.01: its damping is taken off again.",
         )
         for dof, part, going in zip(signals.output_dofs, left, falling, strict=True)
         if part > _LEFT and going
     ]
+
+
+def _transformed(signals: Signals, kind: str) -> RealArray:
+    """Return outputs (R, n, l): the runs without their medians, or the hits that are cut from them."""
+    if kind == "impact" and len(signals.input_dofs) == 1:
+        try:
+            return plan_hits(signals, None, "good", 0, None).outputs
+        except DataError:  # no usable hit: an error of its own where responses are asked for
+            pass
+    return without_offset(signals, "impact")[0]
 
 
 def noisy_channels(signals: Signals, kind: str) -> list[Finding]:
