@@ -11,13 +11,12 @@ from modalscope.identification.conditioned import Conditioned, conditioned
 from modalscope.identification.conditioned_setups import conditioned_setups
 from modalscope.identification.lookup import find_method
 from modalscope.identification.method import Method, Problem
-from modalscope.identification.options import ROUTES, AllOptions, Options
-from modalscope.identification.routes import USUAL, by_route, chosen_route, one_record
+from modalscope.identification.options import ROUTES
+from modalscope.identification.routes import USUAL, band_of_route, by_route, chosen_route, one_record
+from modalscope.identification.row_options import check_form, options_of
 from modalscope.identification.sizes import setup_blocks
-from modalscope.identification.table import methods
 from modalscope.identification.takes import Takes
 from modalscope.model.checks import DataError, check_band, check_choice, check_kind
-from modalscope.model.errors import check_option_names
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.notes import Note
@@ -47,7 +46,7 @@ class Measured:
     row, domain : str
         The row and the column that are taken when none is asked.
     band : (float, float), optional
-        As asked, Hz; of records without inputs what was chosen where none was asked.
+        As asked, Hz; of hits and of records without inputs what was chosen where none was asked.
     exclude : object
         Channels left out, as asked.
     route : str, optional
@@ -174,9 +173,11 @@ def _(data: Records, band: tuple[float, float] | None, asked: _Asked) -> Measure
     check_size(data)
     if data.input_dofs:
         route = chosen_route(data, asked.method, asked.domain, asked.route)
-        response, note = by_route(data, route, band)
+        own, told = band_of_route(data, route) if band is None else (band, ())
+        response, note = by_route(data, route, own)
         row, domain = USUAL[route]
-        return Measured(response, None, "records with inputs", row, domain, route=route, driven=data, notes=(note,))
+        notes = (*told, note)
+        return Measured(response, None, "records with inputs", row, domain, own, route=route, driven=data, notes=notes)
     return _ambient(conditioned(one_record(data, "correlations"), band), "records without inputs")
 
 
@@ -249,10 +250,10 @@ def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem
             f"{refusal.reason}: this is {measured.given}",
             refusal.change,
         )
-    _check_form(row, options.get("form"))
+    check_form(row, options.get("form"))
     own = {f.name for f in fields(row.options_type)}
     suited = {name: size for name, size in measured.sizes.items() if name in own and options.get(name) is None}
-    chosen = _options_of(
+    chosen = options_of(
         row, {"band": measured.band, "exclude": measured.exclude, "route": measured.route, **options, **suited}
     )
     converted, note = _HAND_OVER[row.takes](response)
@@ -281,40 +282,3 @@ _HAND_OVER: dict[Takes, Any] = {
     Takes.RECORDS: lambda response: (response, ""),
     Takes.DRIVEN: lambda response: (response, ""),
 }
-
-
-def _options_of(row: Method, given: Mapping[str, Any]) -> Options:
-    """Return the row's own options; what it has no use for is refused, with the rows that have it."""
-    own = {f.name for f in fields(row.options_type)}
-    chosen = {name: value for name, value in given.items() if value is not None}
-    for name, value in row.fixed.items():
-        if chosen.get(name, value) != value:
-            raise DataError(
-                f"{name}={chosen[name]!r} was asked of method {row}",
-                f"{name}={value!r} is what makes that row",
-                "Leave the option out, or choose another method.",
-            )
-    asked = {**row.fixed, **chosen}
-    check_option_names(str(row), asked, AllOptions.__annotations__)
-    for name in asked:
-        if name not in own:
-            having = dict.fromkeys(str(m) for m in methods() if name in {f.name for f in fields(m.options_type)})
-            raise DataError(
-                f"option {name!r} was asked of method {row}",
-                row.options_type.why_not,
-                f"Leave it out, or choose one of the methods that have it: {', '.join(having)}.",
-            )
-    return row.options_type(**asked)
-
-
-def _check_form(row: Method, form: str | None) -> None:
-    if form is None:
-        return
-    check_choice("form", form, ("observable", "controllable", "smaller"))
-    allowed = (*row.forms, "smaller") if len(row.forms) > 1 else row.forms
-    if form not in allowed:
-        raise DataError(
-            f"form={form!r} of method {row.name!r} in domain {row.domain!r} was asked",
-            f"it has only {' and '.join(allowed)}: its columns are lines or times, in which the state matrix does not appear as B, AB, ...",
-            f"Use form={allowed[0]!r}, or a method in the time domain.",
-        )

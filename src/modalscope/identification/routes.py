@@ -26,7 +26,7 @@ from modalscope.model.record_transform import record_spectra
 from modalscope.model.records import Records
 from modalscope.model.signals import Signals
 
-__all__ = ["USUAL", "Way", "by_route", "chosen_route", "one_record", "usual_route"]
+__all__ = ["USUAL", "Way", "band_of_route", "by_route", "chosen_route", "one_record", "usual_route"]
 
 #: The row and the domain of each way where none is asked.
 USUAL = {
@@ -117,6 +117,20 @@ def by_route(records: Records, route: str, band: tuple[float, float] | None) -> 
     of = "the record" if runs == 1 else f"{runs} runs"
     note = Note("records on lines", {"runs": runs}, f"{of} on lines, nothing estimated: inputs and ends are eliminated")
     return Way(record_spectra(records, band), note)
+
+
+def band_of_route(records: Records, route: str) -> tuple[tuple[float, float] | None, tuple[Note, ...]]:
+    """Return the band of records with inputs where none is asked, and what is said of it; None stands for all there is.
+
+    Parameters
+    ----------
+    records : Records
+    route : str
+    """
+    from modalscope.preprocess.driven_band import struck_band
+
+    found = struck_band(records.stacked()) if route == "frf" else None
+    return (None, ()) if found is None else (found[0], (found[1],))
 
 
 def one_record(records: Records, what: str) -> Signals:

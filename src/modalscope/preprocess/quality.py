@@ -13,6 +13,7 @@ from modalscope.model.signals import Signals
 from modalscope.model.sizes import check_size
 from modalscope.model.stored import StoredSignals
 from modalscope.preprocess.causality_checks import delayed, exchanged
+from modalscope.preprocess.driven_band import swept_lines, useful_lines
 from modalscope.preprocess.excitation import find_excitation
 from modalscope.preprocess.findings import Finding, dead_channels, identical_channels, sides_of
 from modalscope.preprocess.frf import estimate_frf
@@ -21,10 +22,8 @@ from modalscope.preprocess.record_checks import (
     clipped,
     leakage,
     noisy_channels,
-    swept_lines,
     too_short,
     transposed,
-    useful_lines,
 )
 from modalscope.preprocess.response_checks import examine_response
 from modalscope.preprocess.run_checks import changed_runs

@@ -8,13 +8,14 @@ from scipy import fft
 
 from modalscope.model.checks import Array, DataError, RealArray
 from modalscope.model.signals import Signals
+from modalscope.preprocess.driven_band import useful_lines
 from modalscope.preprocess.findings import Finding
 from modalscope.preprocess.frf import estimate_frf
 from modalscope.preprocess.impacts import Hit, clipped_samples, find_hits
 from modalscope.preprocess.plans import plan_hits, without_offset
 from modalscope.preprocess.spectra import Segments, cross_spectra, segment_starts, window_samples
 
-__all__ = ["bad_hits", "clipped", "leakage", "noisy_channels", "swept_lines", "too_short", "transposed", "useful_lines"]
+__all__ = ["bad_hits", "clipped", "leakage", "noisy_channels", "too_short", "transposed"]
 
 #: A channel is noisy when less than this part of its power follows from the inputs, and this much less than the median's.
 _NOISY, _BELOW = 0.5, 0.25
@@ -34,9 +35,6 @@ _CUT, _UNLIKE = 0.01, 20.0
 #: Noise of a half of a channel's vibration has a fifth of its power, at one level at all lines. Of channels of one structure the forces on
 #: their own masses make levels that differ by a factor of four at most, so far seen.
 _FLOOR, _HIGHER = 0.15, 5.0
-
-#: A hammer's useful lines have at least this part of its largest power.
-_USEFUL = 0.01
 
 #: Vibration left at the end of a run, as a part of the largest, that an untapered transform turns into leakage.
 _LEFT = 0.05
@@ -145,29 +143,6 @@ def _without(signals: Signals, number: int, others: list[int]) -> str:
         assert response.coherence is not None
         medians.append(float(np.median(response.coherence[useful_lines(signals, response.frequencies)])))
     return f": coherence {medians[0]:.3f} with it, {medians[1]:.3f} without."
-
-
-def useful_lines(signals: Signals, frequencies: RealArray) -> Array:
-    """Return the lines into which good hits put a hundredth of their largest power or more."""
-    _, inputs = signals.by_run()
-    assert inputs is not None
-    hits = [hit for hit in find_hits(inputs[:, :, 0]) if not hit.unfit]
-    pulses = [inputs[h.run, h.start : h.stop, 0] - np.median(inputs[h.run, :, 0]) for h in hits]
-    phase = np.arange(max(p.size for p in pulses)) / signals.sampling_rate
-    turn = np.exp(-2j * np.pi * np.outer(frequencies, phase))
-    power = sum(np.abs(turn[:, : p.size] @ p) ** 2 for p in pulses)
-    return np.asarray(power >= _USEFUL * np.max(power))
-
-
-def swept_lines(signals: Signals, frequencies: RealArray) -> Array:
-    """Return the lines into which sweeps put a hundredth of their largest power or more, smoothed over a hundredth of the band."""
-    _, inputs = signals.by_run()
-    assert inputs is not None
-    power = np.sum(np.abs(fft.rfft(inputs - inputs.mean(axis=1, keepdims=True), axis=1)) ** 2, axis=(0, 2))
-    width = max(len(power) // 100, 1)
-    smooth = scipy.signal.oaconvolve(power, np.ones(width) / width, mode="same")
-    own = np.interp(frequencies, fft.rfftfreq(signals.samples, 1 / signals.sampling_rate), smooth)
-    return np.asarray(own >= _USEFUL * smooth.max())
 
 
 def leakage(signals: Signals, kind: str) -> list[Finding]:
