@@ -108,7 +108,8 @@ def looked_at(
         return [Look(sweep(band), band, notes=told) for band in bands or (None,)]
     band = bands[0] if bands else None
     whole = sweep(band)
-    parts = _parts(sweep, choose, _part(choose, band, whole), _DEEPEST)
+    by_line = not isinstance(document.options.get("weights"), str | None)  # they belong to the lines of the whole band
+    parts = _parts(sweep, choose, _part(choose, band, whole), 0 if by_line else _DEEPEST)
     return [Look(whole if len(parts) == 1 else joined_diagram(whole, parts), band, tuple(parts), told)]
 
 
