@@ -151,3 +151,16 @@ def test_numbers_come_back_from_every_writing(value: float, signs: tuple[str, st
 def test_complex_numbers_come_back(value: complex, letter: str, brackets: bool) -> None:
     text = f"{value.real!r}{value.imag:+}{letter}"
     assert complex_of(f"({text})" if brackets else text, Dialect(delimiter=";")) == value
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        ("a,b", 'all are outputs (else: --columns "in=2")'),
+        ("roof,ground", 'ground may be a base that drives the rest: --columns "in=3"'),
+        ("ShakeTable,top", 'ShakeTable may be a base that drives the rest: --columns "in=2"'),
+    ],
+)
+def test_a_base_that_moves_is_asked_for_by_name(names: str, said: str) -> None:
+    seen = contents_from_table(table(("time", "s"), *((name, "m/s2") for name in names.split(","))), {})
+    assert any(said in note for note in seen.notes)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.io.columns.axis import same_rate, sampling_of
-from modalscope.io.columns.roles import Role
+from modalscope.io.columns.roles import Role, may_be_base
 from modalscope.io.columns.table import Column, Table, as_word
 from modalscope.io.columns.words import factor_to_base, kind_of_unit
 from modalscope.io.contents import Options
@@ -61,7 +61,10 @@ def records(
         forces, others = [], channels
         notes.append("all columns are forces; they were taken as outputs")
     elif not forces and options.get("columns") is None:
-        notes.append(f'no column is a force by name or unit: all are outputs (else: --columns "in={others[0].number}")')
+        base = [column for column in others if may_be_base(column)] if len(others) > 1 else []
+        which = f"{base[0].name} may be a base that drives the rest" if base else "else"
+        number = (base or others)[0].number
+        notes.append(f'no column is a force by name or unit: all are outputs ({which}: --columns "in={number}")')
     thing = Signals(
         outputs=_stacked(others),
         inputs=_stacked(forces) if forces else None,

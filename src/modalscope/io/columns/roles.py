@@ -10,7 +10,7 @@ from modalscope.io.columns.table import Column
 from modalscope.io.columns.words import kind_of_unit, words_of
 from modalscope.model import DataError
 
-__all__ = ["ROLES", "Role", "ignored_columns", "named_columns", "role_by_words", "spoken_roles"]
+__all__ = ["ROLES", "Role", "ignored_columns", "may_be_base", "named_columns", "role_by_words", "spoken_roles"]
 
 #: What `--columns` may call a column.
 ROLES = ("time", "frequency", "in", "out", "real", "imag", "mag", "phase", "coh", "ignore")
@@ -69,6 +69,8 @@ _ALONE = {
     "t": "time", "T": "time", "X_Value": "time", "x_value": "time", "f": "frequency", "F": "in", "n": "index", "N": "index", "k": "index",
     "i": "index",
 }  # fmt: skip
+#: What may carry the motion of a base: an input, or one output of a structure that only listens; it is asked, not guessed.
+_BASE = {"ground", "base", "table", "shaketable", "basement", "foundation", "freefield", "support", "boden", "suelo"}
 _SENSORS = {"acc", "accel", "acceleration", "vel", "disp", "response", "output", "out"}
 #: Quantities that are no vibration, whatever their unit.
 _OTHERS = {
@@ -104,6 +106,16 @@ class Role:
 
     role: str = ""
     reason: str = ""
+
+
+def may_be_base(column: Column) -> bool:
+    """Whether a name is one that the motion of a base goes by.
+
+    Parameters
+    ----------
+    column : Column
+    """
+    return not _BASE.isdisjoint(words_of(column.name))
 
 
 def role_by_words(column: Column) -> Role:
