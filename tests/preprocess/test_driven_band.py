@@ -1,0 +1,51 @@
+"""The band of hits: what they put force into, by the spectrum of a pulse that is known."""
+
+import numpy as np
+import pytest
+
+from modalscope.identification.prepare import measure
+from modalscope.model import Signals
+from modalscope.preprocess.driven_band import struck_band
+from modalscope.systems import chain5
+
+RATE = 64.0
+
+
+def struck(width, noise=0.0):
+    """Three hits of half a sine of `width` samples on a chain of five masses (modes from .09 to 1 Hz), one a run."""
+    u = np.zeros((3, 6000, 1))
+    u[:, 40 : 40 + width, 0] = np.sin(np.pi * (np.arange(width) + 0.5) / width)
+    record = chain5().simulate(inputs=u, at=[0], sampling_rate=RATE, noise=noise)
+    return Signals(outputs=record.outputs, inputs=u, sampling_rate=RATE)
+
+
+@pytest.mark.parametrize("width", [8, 16, 32])
+def test_a_half_sine_has_a_hundredth_of_its_power_at_the_known_frequency(width):
+    """|U(f)| ~ |cos(pi f T)| / |1 - (2 f T)^2|: a tenth of its largest value at f T = 1.27."""
+    T = width / RATE
+    f = np.linspace(0, RATE / 2, 4096)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        power = (np.cos(np.pi * f * T) / (1 - (2 * f * T) ** 2)) ** 2
+    expected = f[np.nan_to_num(power, nan=1.0) >= 0.01 * power[0]].max()
+    band, note = struck_band([struck(width)])
+    assert band[0] == 0
+    assert band[1] == pytest.approx(expected, rel=0.02)
+    assert f"{band[1]:g} Hz" in note.text
+
+
+def test_the_band_of_hits_is_that_of_the_settings_and_of_the_lines():
+    found = measure(struck(32))
+    assert found.band is not None
+    assert found.response.frequencies[-1] <= found.band[1] < RATE / 4
+    assert found.notes[0].text.startswith(f"the band up to {found.band[1]:g} Hz was chosen")
+    asked = measure(struck(32), band=(0.0, 10.0))
+    assert asked.band == (0.0, 10.0)
+    assert len(asked.notes) == 1
+
+
+def test_no_band_is_chosen_where_the_force_fills_it_or_is_no_hit():
+    assert struck_band([struck(1)]) is None
+    rng = np.random.default_rng(0)
+    noise = Signals(outputs=rng.standard_normal((500, 2)), inputs=rng.standard_normal((500, 1)), sampling_rate=1.0)
+    assert struck_band([noise]) is None
+    assert struck_band([struck(16), noise]) is None
