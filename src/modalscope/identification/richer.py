@@ -68,8 +68,9 @@ def floor_of(response: Response, poles: Array) -> Floor:
     sigma_om^2 = RSS_om / (rows - columns) of channel (o, m), so s_i nearest to it in the logarithm.
     """
     basis = response.basis(_few(response, poles), response.outside_powers)
-    if response.known_variance is not None:
-        return _floor(response, basis, *from_variance(response.known_variance, len(basis.data)))
+    variance, scattered = response.known_variance, response.scattered_variance
+    if variance is not None:
+        return _floor(response, basis, *from_variance(variance, len(basis.data), scattered=scattered))
     told = fading(response)
     floor = _floor(response, basis, np.ones(len(basis.data)) if told is None else told)
     if response.grid is not None:

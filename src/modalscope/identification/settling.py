@@ -78,7 +78,7 @@ def task_of(
     rows = response.count * (1 + bool(np.iscomplexobj(response.values)))
     variance = response.known_variance
     if weights is None and variance is not None:
-        by_row, known = from_variance(variance, rows)
+        by_row, known = from_variance(variance, rows, scattered=response.scattered_variance)
         return Task(response, fixed, powers, by_row, known, progress)
     return Task(response, fixed, powers, row_deviations(rows, weights), None, progress)
 

@@ -26,6 +26,9 @@ _QUIETEST = 1e-7
 #: Neighbours over which the level of the residual is smoothed before it is called uneven.
 _SMOOTHED = 41
 
+#: Lines over which a variance that scatters is averaged: as wide as the narrowest resonance, and as far as noise stays the same.
+_NEAR, _FAR = 3, 21
+
 #: White noise exceeds these in less than one of a thousand sets: standard deviations of the correlation, and of the smoothed level.
 _CORRELATED, _UNEVEN = 5.0, 3.0
 
@@ -80,14 +83,27 @@ def row_deviations(rows: int, weights: Array | None) -> RealArray:
     return np.tile(1 / w, rows // w.size)
 
 
-def from_variance(variance: RealArray, rows: int) -> tuple[RealArray, Levels]:
-    """Return deviations of rows and levels of channels from the variance E |error|^2 of every value, (F, l, m)."""
+def from_variance(variance: RealArray, rows: int, *, scattered: bool = False) -> tuple[RealArray, Levels]:
+    """Return deviations of rows and levels of channels from the variance E |error|^2 of every value, (F, l, m).
+
+    A variance that is itself estimated line by line, from few averages, is `scattered`: a line that is quiet by chance would draw a
+    pole to itself. A row has then the larger of what its near and its far neighbours have in the mean: far ones for noise, which is
+    smooth, near ones at a resonance that noise on the force makes louder.
+    """
     known = variance[variance > 0]
     log = np.log(np.maximum(variance, known.min() if known.size else 1.0)) / 2
-    by_row = np.exp(log.mean(axis=(1, 2)))
+    level = log.mean(axis=(1, 2))
+    by_row = np.exp(np.maximum(_mean_around(level, _NEAR), _mean_around(level, _FAR)) if scattered else level)
     each = log - np.log(by_row)[:, None, None]
     parts = rows // len(variance)
     return np.tile(by_row, parts), levels_of(np.exp(each.mean(axis=0)) / np.sqrt(parts))
+
+
+def _mean_around(level: RealArray, lines: int) -> RealArray:
+    """Return the mean over so many neighbouring lines; at the ends over their mirror images."""
+    side = min(lines // 2, len(level) - 1)
+    mirrored = np.pad(level, side, mode="reflect")
+    return np.convolve(mirrored, np.full(2 * side + 1, 1 / (2 * side + 1)), mode="valid")
 
 
 @dataclass(frozen=True, eq=False, slots=True)

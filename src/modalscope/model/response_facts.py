@@ -51,6 +51,11 @@ class ResponseFacts(Channels):
         return getattr(self, "variance", None)
 
     @property
+    def scattered_variance(self) -> bool:
+        """Whether that variance is itself an estimate from a number of averages, line by line."""
+        return getattr(self, "averages", None) is not None
+
+    @property
     def count(self) -> int:
         """Number of lines or samples."""
         return int(self.values.shape[0])
