@@ -158,6 +158,7 @@ def test_frequency_responses_are_estimated_written_and_drawn(runs: list[str], tm
 
 
 def test_parts_of_a_test_become_one_file(runs: list[str], tmp_path: Path) -> None:
+    pytest.importorskip("h5py")
     assert main(["merge", *runs, "-o", str(tmp_path / "both.h5")]) == 0
     assert ms.read(tmp_path / "both.h5").runs == 2
 
@@ -247,6 +248,7 @@ def test_a_report_keeps_to_the_memory_that_reading_may_take(
 
 @pytest.mark.parametrize("shell", ["bash", "zsh"])
 def test_shells_complete_every_command(shell: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    pytest.importorskip("shtab")
     assert main(["completion", shell]) == 0
     text = capsys.readouterr().out
     assert all(name in text for name in names())
