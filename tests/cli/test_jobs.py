@@ -177,6 +177,7 @@ def test_two_sets_of_modes_stand_beside_each_other(
 
 
 def test_a_model_is_realized_and_read_back_from_every_format(runs: list[str], tmp_path: Path) -> None:
+    pytest.importorskip("h5py")
     places = [tmp_path / f"model.{suffix}" for suffix in ("mat", "npz", "h5", "json")]
     assert main(["realize", runs[0], "--order", "10", *(w for place in places for w in ("-o", str(place)))]) == 0
     models = [ms.read(place) for place in places]
