@@ -1,4 +1,7 @@
-"""Tests of measured data that are not there: skipped and counted, or failed where MODALSCOPE_NEED_DATA=1 says that they must be."""
+"""What a test needs and does not find is said in words: extras are skipped, and so are measured data, which are counted.
+
+With MODALSCOPE_NEED_DATA=1 missing data are failures.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +13,13 @@ from typing import Any
 
 import pytest
 
+from tests.support import BROWSER, CHROMIUM, wanted_extra
+
 #: How a test says that what it measures is missing (`tests.support.measured`).
 MISSING = re.compile(r"(is|are) not there")
+
+#: Helpers that need an extra: they hold no tests, and pytest would keep half a module of one that it cannot import.
+collect_ignore = ["arguments.py", "io/apart.py", "io/bombs.py", "io/corpus.py"]
 
 
 @pytest.fixture(autouse=True)
@@ -25,8 +33,6 @@ def _pictures_are_closed() -> Iterator[None]:
 @pytest.fixture(scope="module")  # an open driver holds the event loop of its thread, which other modules need
 def browser() -> Iterator[Any]:
     """A browser for all tests of a module: skipped in words where there is none."""
-    from tests.support import BROWSER, CHROMIUM
-
     if CHROMIUM is None:
         pytest.skip("no chromium on this machine")
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
@@ -37,8 +43,11 @@ def browser() -> Iterator[Any]:
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, Any, Any]:
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[Any]) -> Generator[None, Any, Any]:
     report = yield
+    wanted = wanted_extra(str(call.excinfo.value)) if report.failed and call.excinfo else None
+    if wanted:
+        report.outcome, report.longrepr = "skipped", (str(item.path), item.reportinfo()[1], f"Skipped: {wanted}")
     if os.environ.get("MODALSCOPE_NEED_DATA") == "1" and _missing(report):
         report.outcome, report.longrepr = "failed", f"MODALSCOPE_NEED_DATA=1, but {report.longrepr[2]}"
     return report

@@ -6,8 +6,10 @@ Import it as `from tests.support import ...`.
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -41,7 +43,20 @@ FIVE = {name: systems.catalog()[name] for name in ("chain5", "ring5", "close4", 
 #: Noise of the identities' tests, dB.
 SNR_DB = 20.0
 
+#: How modalscope says that an extra is missing (`modalscope.model.extras`), as it is or within the text of another error.
+WANTED = re.compile(
+    r"(?P<package>[\w.-]+) is not installed\.[\s\\n]+Run: pip install [\\'\"]*(?P<extra>modalscope\[\w+\])"
+)
+
 EPS = float(np.finfo(float).eps)
+
+
+def wanted_extra(error: str) -> str | None:
+    """Return what a test that failed with an error would have needed: an extra that is named there and is really not here."""
+    told = WANTED.search(error)
+    if told is None or find_spec(told["package"].partition(".")[0]):
+        return None
+    return f"{told['package']} is not installed: {told['extra']}"
 
 
 def built(data: Signals | Response, order: int, **options: Any) -> Pipeline:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 import os
-import shutil
+import re
 import subprocess
 import sys
 import tarfile
@@ -34,7 +34,10 @@ PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 
 #: What the tests need of their own, and the extras of the fuller environment.
 TOOLS = ("hypothesis>=6.100", "pytest>=8.3", "pytest-xdist>=3.6", "pytest-cov>=6.0")
-EXTRAS = "app,completion,control,excel,hdf5,mat,netcdf,pandas,parquet"
+EXTRAS = "all"
+
+#: How a test says that it wants a package; others are skipped for want of measured data, or of a browser.
+WANTED = re.compile("could not import|is not installed")
 
 #: Tests of the tree and its tools, which strangers have not, and comparisons with programs of others.
 LEFT = (
@@ -90,12 +93,23 @@ def _uv(*words: str) -> list[str]:
 
 def _pythons() -> list[str]:
     """Return the interpreters to try, and name those that are not here."""
-    here = f"{sys.version_info.major}.{sys.version_info.minor}"
-    found = [name for name in PYTHONS if name == here or shutil.which(f"python{name}")]
+    found = [name for name in PYTHONS if answers(name)]
     for name in PYTHONS:
         if name not in found:
             print(f"Python {name}: no interpreter here, not tested")
     return found
+
+
+def answers(version: str) -> bool:
+    """Whether there is a Python of a version: a name on the path may be a shim that leads to none."""
+    if version == f"{sys.version_info.major}.{sys.version_info.minor}":
+        return True
+    command = [f"python{version}", "-c", "import sys; print('%d.%d' % sys.version_info[:2])"]
+    try:
+        told = subprocess.run(command, capture_output=True, text=True, check=False)
+    except OSError:
+        return False
+    return told.returncode == 0 and told.stdout.strip() == version
 
 
 def _faults_by(python: str, place: Path, wheel: Path, source: Path, options: argparse.Namespace) -> list[str]:
@@ -112,9 +126,13 @@ def _faults_by(python: str, place: Path, wheel: Path, source: Path, options: arg
 
 
 def skipped_files(told: str) -> list[str]:
-    """Return the files of which any test was skipped, from what pytest wrote as JUnit XML of the kind `xunit1`."""
-    cases = ElementTree.fromstring(told).iter("testcase")
-    return sorted({str(case.get("file")) for case in cases if case.find("skipped") is not None and case.get("file")})
+    """Return the files of which any test wanted a package, from what pytest wrote as JUnit XML of the kind `xunit1`."""
+    found = set()
+    for case in ElementTree.fromstring(told).iter("testcase"):
+        skipped = case.find("skipped")
+        if skipped is not None and WANTED.search(f"{skipped.get('message')} {skipped.text}"):
+            found.add(str(case.get("file")))
+    return sorted(found)
 
 
 def _environment(python: str, extras: str, place: Path, wheel: Path) -> Path:

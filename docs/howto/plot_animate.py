@@ -2,8 +2,8 @@
 Animate a mode shape
 ====================
 
-A picture a frame: the shape times the cosine of the phase. Here four of them. Simulated: a chain of five masses
-(``ms.systems.chain5``).
+A picture a frame: the shape times the cosine of the phase. Here four of them. Simulated: a frame of four storeys
+(``ms.systems.iasc_asce``). ``ms.plot.animate`` writes a file that moves.
 """
 
 import numpy as np
@@ -12,7 +12,8 @@ from matplotlib import pyplot
 import modalscope as ms
 
 modes = ms.systems.iasc_asce().modes()
-figure, axes = pyplot.subplots(1, 4, figsize=(11, 4))
-for ax, phase in zip(axes, (0, 60, 120, 180), strict=True):
+print(f"the mode at {modes.frequencies[1]:.2f} Hz")
+figure, axes = pyplot.subplots(2, 2, figsize=(9, 9), layout="constrained")
+for ax, phase in zip(axes.flat, (0, 60, 120, 180), strict=True):
     ms.plot.shape(modes, 1, ax=ax, scale=0.14 * np.cos(np.radians(phase)))
-    ax.set_title(f"{phase}°")
+    ax.set_title(f"{phase}°", loc="left")

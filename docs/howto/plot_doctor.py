@@ -6,6 +6,7 @@ Overloads, swapped signs, dead channels, drift, missing quantities: what was see
 """
 
 import numpy as np
+from matplotlib import pyplot
 
 import modalscope as ms
 
@@ -16,4 +17,9 @@ for finding in ms.preprocess.examine(
     ms.Signals(outputs=spoiled, inputs=record.inputs, sampling_rate=record.sampling_rate)
 ):
     print(finding)
-ms.plot.spectra(ms.preprocess.decomposition(record), peaks=5)
+t = np.arange(300) / record.sampling_rate
+pyplot.plot(t, record.outputs[:300, 2], lw=0.8, label="y3 as it was")
+pyplot.plot(t, spoiled[:300, 2], label="y3 as recorded")
+pyplot.xlabel("time [s]")
+pyplot.ylabel("acceleration [m/s²]")
+pyplot.legend()

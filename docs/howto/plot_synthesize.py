@@ -12,4 +12,5 @@ import modalscope as ms
 modes = ms.systems.chain5().modes()
 fine = modes.frequency_response(np.linspace(0.2, 8, 2000))
 print(fine)
+print(f"at {fine.frequencies[500]:.4f} Hz: {abs(fine.values[500, 3, 1]):.5e}")
 ms.plot.response(fine, modes, output=3, input=1)

@@ -10,5 +10,5 @@ import modalscope as ms
 sound = ms.systems.iasc_asce().modes()
 damaged = ms.systems.iasc_asce(without_braces=[1]).modes()
 pairs = ms.pair_modes(sound, damaged, tolerance=0.5)
-print((100 * pairs.frequency_change).round(1), "% of change")
+print((100 * pairs.frequency_change).round(2), "% of change")
 ms.plot.mac(pairs.a, pairs.b)

@@ -24,7 +24,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def server(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    pytest.importorskip("uvicorn", reason="the extra `app` is not installed")
     with served(folder, tmp_path_factory.mktemp("place")) as made:
         yield made
 

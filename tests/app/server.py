@@ -15,6 +15,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import numpy as np
+import pytest
 
 import modalscope as ms
 from modalscope.app.limits import Limits
@@ -130,7 +131,8 @@ class Served:
 
 @contextmanager
 def served(folder: Path, place: Path, limits: Limits | None = None) -> Iterator[Served]:
-    """Run a server while the block runs."""
+    """Run a server while the block runs; without the extra, skip in words."""
+    pytest.importorskip("uvicorn", reason="the extra `app` is not installed")
     from modalscope.app import serve
 
     made = serve.page(folder=folder, place=place, limits=limits or Limits(upload=SMALL, spare=False))

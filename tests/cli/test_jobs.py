@@ -158,6 +158,7 @@ def test_frequency_responses_are_estimated_written_and_drawn(runs: list[str], tm
 
 
 def test_parts_of_a_test_become_one_file(runs: list[str], tmp_path: Path) -> None:
+    pytest.importorskip("h5py")
     assert main(["merge", *runs, "-o", str(tmp_path / "both.h5")]) == 0
     assert ms.read(tmp_path / "both.h5").runs == 2
 
@@ -176,6 +177,7 @@ def test_two_sets_of_modes_stand_beside_each_other(
 
 
 def test_a_model_is_realized_and_read_back_from_every_format(runs: list[str], tmp_path: Path) -> None:
+    pytest.importorskip("h5py")
     places = [tmp_path / f"model.{suffix}" for suffix in ("mat", "npz", "h5", "json")]
     assert main(["realize", runs[0], "--order", "10", *(w for place in places for w in ("-o", str(place)))]) == 0
     models = [ms.read(place) for place in places]
@@ -247,6 +249,7 @@ def test_a_report_keeps_to_the_memory_that_reading_may_take(
 
 @pytest.mark.parametrize("shell", ["bash", "zsh"])
 def test_shells_complete_every_command(shell: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    pytest.importorskip("shtab")
     assert main(["completion", shell]) == 0
     text = capsys.readouterr().out
     assert all(name in text for name in names())

@@ -156,6 +156,18 @@ def test_error_that_is_a_part_of_the_response_follows_its_peaks() -> None:
     )  # of 41 lines in 12 rows a level is known to 3 %, of a peak's top the fit takes part away
 
 
+def test_of_a_peak_of_one_line_the_level_is_that_of_the_line() -> None:
+    # squares that are .3 + .02 of the response's, exactly, and no neighbours that agree: the level is known without any smoothing
+    data = np.ones(400)
+    data[[100, 250, 251]] = [9.0, 5.0, 30.0]
+    level = np.sqrt(0.3 + 0.02 * data**2)
+    left = level * (-1.0) ** np.arange(data.size)
+    told = by_line(
+        replace(floor_of(response(), POLES), rows=np.ones(400), left=left[:, None, None], data=data[:, None, None]), 400
+    )
+    assert np.allclose(told.rows / told.rows[0], level / level[0], rtol=1e-6)
+
+
 @pytest.mark.parametrize("half", [0.5, 3.0, 60.0])
 def test_a_resonance_stands_out_of_correlated_noise_as_repeated_noise_says(half: float) -> None:
     rho, count = 0.8, 1601

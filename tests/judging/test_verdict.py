@@ -178,14 +178,14 @@ def test_a_mode_that_began_too_late_is_a_note_of_the_list() -> None:
     assert not [n for n in modes_of(diagram, poles_of(*made, orders=ORDERS), candidates).notes if n.kind == ORDERS_END]
 
 
-def test_of_coloured_data_poles_that_act_as_one_are_parts_of_the_strongest() -> None:
-    # the second pole of a resonance that shifts: a third of a bandwidth off, with the same shape
+def shifting(factor: float) -> tuple[Trial, list[np.ndarray]]:
+    """Return a trial of data whose last resonance shifts: a second pole beside it, of the same shape."""
     x = 2j * np.pi * F[:, None, None]
-    shifted = POLES[3] * 1.008
+    shifted = POLES[3] * factor
     R = np.outer(SHAPES[:, 3], [PARTS[3, 0], 0.3])
     H = data().values + R / (x - shifted) + R / (x - shifted.conj())
     response = replace(data(), values=H)
-    flat = [*ALL, *shown(3, ORDERS[:6], factor=1.008)]
+    flat = [*ALL, *shown(3, ORDERS[:6], factor=factor)]
     diagram = diagram_of(*flat, response=response, orders=ORDERS)
     arena = arena_of(response, coloured=True)
     start = np.append(POLES, shifted)
@@ -193,7 +193,29 @@ def test_of_coloured_data_poles_that_act_as_one_are_parts_of_the_strongest() -> 
     assert found is not None
     poles = poles_of(*flat, orders=ORDERS)
     groups = [np.flatnonzero(np.abs(poles.pole - s) < 1e-9) for s in dict.fromkeys(poles.pole)]
-    everything = verdicts(Trial(diagram, poles, evidence_of(diagram), arena, found), groups)
+    return Trial(diagram, poles, evidence_of(diagram), arena, found), groups
+
+
+def test_a_mode_with_parts_is_as_sure_as_one_mode_of_both_would_be() -> None:
+    # the deviation of a mode in half bandwidths goes as noise over the size of what it explains, whatever its shape
+    lone, (both, _) = trial_of(*ALL)[0], shifting(1.004)
+    x = 2j * np.pi * F[:, None, None]
+    one = np.outer(SHAPES[:, 3], PARTS[3]) / (x - POLES[3])
+    more = np.outer(SHAPES[:, 3], [PARTS[3, 0], 0.3]) / (x - 1.004 * POLES[3])
+    size = np.linalg.norm(one + more) / np.linalg.norm(one)
+    host, own = both.hosts(), np.arange(5)
+    assert host.tolist() == [0, 1, 2, 3, 3]
+    expected = np.array(lone.left_open(3, own[:4])) / size
+    # the two are a third of a half bandwidth apart, nearly one resonance, which the participation of the stronger meets in part
+    assert np.allclose(both.left_open(3, host), expected, rtol=0.2)
+    # each alone is open: what the one explains the other may explain
+    assert min(both.left_open(3, own)) > 3 * max(expected)
+    assert min(both.left_open(4, own)) > 3 * max(expected)
+
+
+def test_of_coloured_data_poles_that_act_as_one_are_parts_of_the_strongest() -> None:
+    # the second pole of a resonance that shifts: a third of a bandwidth off, with the same shape
+    everything = verdicts(*shifting(1.008))
     assert len(modes(everything)) == 4
     part = [c for c in everything if c.against and c.against[0].startswith("part of the mode at")]
     assert len(part) == 1
