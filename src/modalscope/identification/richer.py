@@ -12,7 +12,7 @@ from modalscope.model.checks import Array, RealArray
 from modalscope.model.modal_basis import ModalBasis
 from modalscope.model.response import Response, fading
 
-__all__ = ["Floor", "by_line", "floor_of"]
+__all__ = ["Floor", "by_line", "floor_of", "level_of", "smoothed"]
 
 #: Columns of the richer model are no more than this part of the rows: the rest tells the noise.
 _COLUMNS = 0.5
@@ -130,7 +130,7 @@ def _faded(floor: Floor) -> RealArray:
 def by_line(floor: Floor, count: int) -> Floor:
     """Return the noise with deviations line by line, for a residual that is coloured: misfit of the model as much as noise.
 
-    With e the residual, channels brought to unit level: level(f) as in `_level`, rho(f) = Re mean(e_k+1 conj e_k) / mean |e|^2 over
+    With e the residual, channels brought to unit level: level(f) as in `level_of`, smoothly corrected, rho(f) = Re mean(e_k+1 conj e_k) / mean |e|^2 over
     neighbours, and a row's deviation sqrt(level tau), tau = (1 + rho) / (1 - rho): so many lines tell as much as one of white noise. The
     variance is that of the residual divided by its level alone, or the colour would cancel.
 
@@ -145,10 +145,12 @@ def by_line(floor: Floor, count: int) -> Floor:
     channels = np.maximum(np.sqrt(np.mean(each**2, axis=0)), 1e-300)
     e = (each / channels).reshape(rows // count, count, l * m)
     size = np.mean((data / channels).reshape(e.shape) ** 2, axis=(0, 2))
-    level = _level(np.mean(e**2, axis=(0, 2)), size)
-    around = _smoothed(np.mean(e**2, axis=(0, 2)), _CORRELATED)
+    power = np.mean(e**2, axis=(0, 2))
+    level = level_of(power, np.ones(count), size)
+    level = level * smoothed(power / level, _LEVELLED)
+    around = smoothed(power, _CORRELATED)
     neighbours = np.append(np.mean(e[:, 1:] * e[:, :-1], axis=(0, 2)), 0)
-    rho = _smoothed(neighbours, _CORRELATED) / around
+    rho = smoothed(neighbours, _CORRELATED) / around
     rho = np.where(rho > _WHITE / np.sqrt(len(e) * l * m * _CORRELATED), rho, 0)
     tau = (1 + rho) / np.maximum(1 - rho, 2 / (_LONGEST + 1))
     own = np.tile(np.sqrt(level * np.minimum(tau, _LONGEST)), len(e))
@@ -159,27 +161,27 @@ def by_line(floor: Floor, count: int) -> Floor:
     )
 
 
-def _level(power: RealArray, size: RealArray) -> RealArray:
-    """Return the level of a coloured residual line by line: even noise and error that is a part of the response, smoothly corrected.
+def level_of(power: RealArray, even: RealArray, size: RealArray) -> RealArray:
+    """Return the level of a coloured residual line by line: noise of a known course, and error that is a part of the response.
 
-    power ~ a + b size, the likeliest for squares of normal numbers, times what it is of that, smoothed.
+    power ~ a even + b size, the likeliest for squares of normal numbers.
 
     Parameters
     ----------
-    power, size : array, (F,)
-        Mean squares of the residual and of the data.
+    power, even, size : array, (F,)
+        Squares of the residual, of what is even noise, and of the data.
     """
     from scipy.optimize import nnls  # slow to load
 
-    level = np.full(len(power), power.mean())
-    columns = np.stack([np.ones(len(power)), size / max(size.mean(), 1e-300)], axis=1)
+    level = np.full(len(power), max(power.mean(), 1e-300))
+    columns = np.stack([each / max(each.mean(), 1e-300) for each in (even, size)], axis=1)
     for _ in range(_LEVEL_ROUNDS):
         a, _ = nnls(columns / level[:, None], power / level)
-        level = np.maximum(columns @ a, 1e-6 * power.mean())
-    return np.asarray(level * _smoothed(power / level, _LEVELLED))
+        level = np.maximum(columns @ a, max(1e-6 * power.mean(), 1e-300))
+    return np.asarray(level)
 
 
-def _smoothed(values: RealArray, length: int) -> RealArray:
+def smoothed(values: RealArray, length: int) -> RealArray:
     """Return the mean over neighbours, of those that there are at the ends."""
     window = np.ones(min(length, len(values)))
     return np.asarray(np.convolve(values, window, mode="same") / np.convolve(np.ones(len(values)), window, mode="same"))

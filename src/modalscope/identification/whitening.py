@@ -13,7 +13,9 @@ __all__ = [
     "Levels",
     "blocks_of",
     "colour",
+    "free_bound",
     "from_variance",
+    "lag_factor",
     "levels_of",
     "row_deviations",
     "search_bound",
@@ -169,10 +171,41 @@ def told_apart(correlation: RealArray, half: RealArray) -> RealArray:
     ----------
     correlation, half : array, (n,)
     """
-    lags = np.arange(1, _LAGS)
-    powers = correlation[:, None] ** lags
-    own = 1 + 2 * np.sum(powers / (1 + (lags / (2 * np.maximum(half, 1e-6)[:, None])) ** 2), axis=1)
+    own = lag_factor(correlation[:, None] ** np.arange(1, _LAGS), half)
     return np.asarray((1 + correlation) / (1 - correlation) / own)
+
+
+def lag_factor(correlation: RealArray, half: RealArray) -> RealArray:
+    """Return 1 + 2 sum_i r_i / (1 + (i / 2 h)^2), (n,): the variance that errors of correlations r_i give the matched filter of a resonance.
+
+    Parameters
+    ----------
+    correlation : array, (k,) or (n, k)
+        r_i of lines i = 1 ... k apart.
+    half : array, (n,)
+        Half bandwidths h in lines.
+    """
+    lags = np.arange(1, correlation.shape[-1] + 1)
+    return np.asarray(
+        1 + 2 * np.sum(correlation / (1 + (lags / (2 * np.maximum(half, 1e-6)[:, None])) ** 2), axis=-1)
+    )
+
+
+def free_bound(channels: int, rows: int) -> float:
+    """Return k + 2 sqrt(k t) + 2 t, k = 2 channels, t = ln(positions / 1e-3): what a pole with free residues may explain of noise, in variances.
+
+    Parameters
+    ----------
+    channels : int
+    rows : int
+        Real values a channel; half as many positions.
+
+    Source
+    ------
+    B. Laurent and P. Massart, Annals of Statistics 28, 2000, Lemma 1.
+    """
+    k, t = 2 * channels, np.log(max(rows / 2, 2.0) / _FALSE)
+    return float(k + 2 * np.sqrt(k * t) + 2 * t)
 
 
 def search_bound(outputs: int, inputs: int, rows: int) -> float:

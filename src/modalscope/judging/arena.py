@@ -12,8 +12,8 @@ from modalscope.model.checks import Array, ComplexArray, RealArray
 
 __all__ = ["Arena"]
 
-#: A coherent line spans so many lines of a spectrum under a window, and errors so many times as far as they are correlated.
-_LOBE = 4.0
+#: A coherent line under Hann's window is 1.44 lines wide at half its power; what is twice as wide is none.
+_LOBE = 3.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -37,6 +37,8 @@ class Arena:
         modes of which one may be noise, and the variance stays what it is.
     correlation : array, (F,), optional
         Of the noise on neighbouring lines, which the rows' deviations already count in full.
+    whole : array, (K, q, p), optional
+        The divided data with what the terms explain, where errors may be a part of them.
     """
 
     problem: Whitened
@@ -46,17 +48,26 @@ class Arena:
     brief: bool = False
     coloured: bool = False
     correlation: RealArray | None = None
+    whole: RealArray | None = None
 
     def worth(self, poles: ComplexArray) -> RealArray:
         """Return by what the gain of poles is to be multiplied, (n,): see `told_apart`."""
         return np.ones(len(poles)) if self.correlation is None else told_apart(*self._on_lines(poles))
 
     def wide(self, poles: ComplexArray) -> Array:
-        """Return which poles span so many lines that neither one error of correlated lines nor a coherent line can pass for them, (n,)."""
+        """Return which poles span so many lines that neither one error of correlated lines nor a coherent line can pass for them, (n,).
+
+        A resonance agrees with itself over sum_i 1 / (1 + (i / 2 h)^2) = 2 pi h lines, errors over tau = (1 + rho) / (1 - rho): twice that
+        is asked.
+        """
         if self.correlation is None:
             return np.zeros(len(poles), bool)
         rho, half = self._on_lines(poles)
-        return np.asarray(2 * half >= _LOBE * (1 + rho) / (1 - rho))
+        return np.asarray((2 * half >= _LOBE) & (np.pi * half >= (1 + rho) / (1 - rho)))
+
+    def half_in_lines(self, poles: ComplexArray) -> RealArray:
+        """Return the half bandwidths of poles in lines, (n,)."""
+        return self._on_lines(poles)[1]
 
     def _on_lines(self, poles: ComplexArray) -> tuple[RealArray, RealArray]:
         """Return the correlation of neighbouring lines at poles and their half bandwidths in lines, (n,) each."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from modalscope.identification.descent import descend
+from modalscope.identification.descent import Descent, descend
 from modalscope.identification.information import inverse, normal, residual
 from modalscope.identification.likelihood import Point
 from modalscope.identification.matched import amplitudes, strongest_peaks
@@ -18,6 +18,7 @@ from modalscope.identification.whitening import colour
 from modalscope.judging.arena import Arena
 from modalscope.judging.contenders import Optimum, State, own_variance, settled, standing
 from modalscope.judging.likeness import collinear
+from modalscope.judging.recount import recount_of
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.uncertainty.covariance import deviations_of_poles, pole_blocks
 
@@ -29,6 +30,9 @@ _WHITER, _LARGE = 0.7, 20_000
 
 #: Two poles are tried for one so many half bandwidths to either side of it.
 _SPLIT = 0.5
+
+#: A peak within this part of its decay rate of one that was tried is the same.
+_AGAIN = 1.0
 
 #: Rounds of looking for what is missing, and poles taken up in each.
 _ROUNDS, _PEAKS = 8, 6
@@ -97,7 +101,8 @@ def contest(arena: Arena, poles: ComplexArray, sides: ComplexArray, *, doubted: 
         if completed is None:
             return None
         state = _parted(completed)
-    return _judged(_one_or_two(state))
+    state = _one_or_two(state)
+    return _judged(_beside_errors(state) if arena.coloured else state)
 
 
 def _completed(state: State, excess: float | None) -> State | None:
@@ -121,6 +126,40 @@ def _completed(state: State, excess: float | None) -> State | None:
         if len(state.poles) <= before:
             break
     return state if excess is None or excess <= 1 else None
+
+
+def _beside_errors(state: State) -> State:
+    """Take up what stands out of coloured errors, round by round, where it stays when it is refined beside the others."""
+    arena, tried = state.arena, np.zeros(0, complex)
+    for _ in range(_ROUNDS):
+        poles, sides = recount_of(arena, state.descent).peaks(_PEAKS)
+        new = ~np.any(np.abs(poles[:, None] - tried) < _AGAIN * np.abs(poles.real[:, None]), axis=1)
+        poles, sides = poles[new], sides[new]
+        if not poles.size:
+            break
+        tried = np.append(tried, poles)
+        before = len(state.poles)
+        descent = descend(
+            arena.problem, np.append(state.poles, poles), np.vstack([state.sides, sides]), tolerance=1e-5, most=8
+        )
+        kept = np.append(np.arange(before), before + _stayed(arena, descent, before))
+        if len(kept) == before:
+            continue
+        if len(kept) < len(descent.point.poles):
+            descent = descend(
+                arena.problem, descent.point.poles[kept], descent.point.sides[kept], tolerance=1e-5, most=8
+            )
+        state = State(descent, state.variance, arena)
+    return state
+
+
+def _stayed(arena: Arena, descent: Descent, before: int) -> Array:
+    """Return which of the poles from `before` on still stand out, wide and beside no other, counted from there."""
+    s, recount = descent.point.poles, recount_of(arena, descent)
+    mine = np.arange(before, len(s))
+    near = np.abs(s.imag[mine, None] - s.imag) < -(s.real[mine, None] + s.real)
+    near[np.arange(mine.size), mine] = False
+    return np.flatnonzero((recount.gains(mine) > recount.bar) & arena.wide(s[mine]) & ~near.any(axis=1))
 
 
 def _excess(state: State, more: ComplexArray | tuple[()] = ()) -> float:

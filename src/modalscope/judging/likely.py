@@ -91,7 +91,9 @@ def _arena(response: Response, floor: Floor, steady: ComplexArray) -> Arena:
         response, steady, response.outside_powers, floor.rows, levels.outputs, levels.inputs, swift=swift
     )
     bar = search_bound(response.values.shape[1], response.values.shape[2], len(floor.rows))
-    return Arena(problem, floor.variance, bar, response.span, correlation=floor.correlation)
+    whole = floor.data / problem.rows[:, None, None] / levels.outputs[:, None] / levels.inputs
+    whole = whole.transpose(0, 2, 1) if problem.turned else whole
+    return Arena(problem, floor.variance, bar, response.span, correlation=floor.correlation, whole=whole)
 
 
 def _starts(poles: Poles, groups: list[Array]) -> IntArray:

@@ -7,6 +7,7 @@ orders agree on has refined ones.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from modalscope.judging.arena import Arena
 from modalscope.judging.contest import Outcome, gains_beside
 from modalscope.judging.evidence import LEAST_PERSISTENCE, Candidate, Evidence, Own, judge, peaks
 from modalscope.judging.likeness import collinear
+from modalscope.judging.recount import Recount, recount_of
 from modalscope.judging.tracking import GAP, Poles
 from modalscope.modal.contribution import contributions
 from modalscope.modal.indicators import mac
@@ -36,14 +38,11 @@ _SURE = 0.3
 #: A group shows a mode when it lies within a half bandwidth, its damping within this part and its shape above this MAC.
 _DAMPING, _SHAPE = 0.5, 0.8
 
-#: The level of errors that are no white noise is known to this factor, in variances.
-_LEVELS = 2.0
-
 #: Of coloured data a mode is shown at this part of the orders.
 _SHARE = 0.25
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False)
 class Trial:
     """All that a verdict rests on.
 
@@ -86,8 +85,14 @@ class Trial:
             return False
         s, gain = self.found.poles, self.found.gain
         near = np.abs(s.imag - s[j].imag) < -(s.real + s[j].real)
-        weak = gain[j] < _LEVELS * self.arena.bar
-        return bool(weak or np.any(near & (gain > gain[j])) or not self.arena.wide(s[[j]])[0])
+        if np.any(near & (gain > gain[j])) or not self.arena.wide(s[[j]])[0]:
+            return True
+        return bool(self.recount.gains(np.array([j]))[0] < self.recount.bar)
+
+    @cached_property
+    def recount(self) -> Recount:
+        """The errors of all channels beside the refined poles."""
+        return recount_of(self.arena, self.found.descent)
 
     def hosts(self) -> IntArray:
         """Return the mode that each pole is part of, itself where it is none: the strongest of those that act as one.
@@ -170,7 +175,7 @@ def _mode(trial: Trial, j: int, groups: list[Candidate], fit: float, host: IntAr
     against = []
     if not low <= f <= high:
         against.append(f"lies outside the band, at {f:.5g} Hz")
-    few = trial.doubtful(j) and best.members.size < _SHARE * len(trial.poles.orders)
+    few = best.members.size < _SHARE * len(trial.poles.orders) and trial.doubtful(j)
     if few:
         against.append(
             f"shown at {best.members.size} of {len(trial.poles.orders)} orders only, in data whose errors are no white noise"
