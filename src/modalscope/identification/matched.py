@@ -84,7 +84,7 @@ def apart(grid: ComplexArray, gain: RealArray, least: float, most: int) -> list[
     least : float
     most : int
     """
-    gain, found = gain.copy(), []
+    gain, found = gain.copy(), list[int]()
     while len(found) < most and gain.size and gain[best := int(np.argmax(gain))] >= max(least, 1e-300):
         found.append(best)
         gain[np.abs(grid - grid[best]) < _APART * np.abs(grid.real + grid[best].real)] = 0
@@ -137,7 +137,10 @@ def amplitudes_by_channel(
         size = np.maximum(np.sum(((g**2).T @ w).reshape(-1, 2, w.shape[1]), axis=1) / 2, 1e-300)
         both = (g.T @ (w * left[used].reshape(len(g), -1))).reshape(-1, 2, w.shape[1])
         A = both[:, 0] + 1j * both[:, 1]
-        residues[some], explained[some] = (A / size).reshape(-1, *shape[1:]), (np.abs(A) ** 2 / size).reshape(-1, *shape[1:])
+        residues[some], explained[some] = (
+            (A / size).reshape(-1, *shape[1:]),
+            (np.abs(A) ** 2 / size).reshape(-1, *shape[1:]),
+        )
     return residues, explained
 
 

@@ -130,9 +130,10 @@ def _faded(floor: Floor) -> RealArray:
 def by_line(floor: Floor, count: int) -> Floor:
     """Return the noise with deviations line by line, for a residual that is coloured: misfit of the model as much as noise.
 
-    With e the residual, channels brought to unit level: level(f) as in `level_of`, smoothly corrected, rho(f) = Re mean(e_k+1 conj e_k) / mean |e|^2 over
-    neighbours, and a row's deviation sqrt(level tau), tau = (1 + rho) / (1 - rho): so many lines tell as much as one of white noise. The
-    variance is that of the residual divided by its level alone, or the colour would cancel.
+    With e the residual, channels brought to unit level: level(f) as in `level_of`, then smoothed,
+    rho(f) = Re mean(e_k+1 conj e_k) / mean |e|^2 over neighbours, and a row's deviation sqrt(level tau),
+    tau = (1 + rho) / (1 - rho): so many lines tell as much as one of white noise. The variance is that of the residual divided by its level
+    alone, or the colour would cancel.
 
     Parameters
     ----------

@@ -176,7 +176,7 @@ def told_apart(correlation: RealArray, half: RealArray) -> RealArray:
 
 
 def lag_factor(correlation: RealArray, half: RealArray) -> RealArray:
-    """Return 1 + 2 sum_i r_i / (1 + (i / 2 h)^2), (n,): the variance that errors of correlations r_i give the matched filter of a resonance.
+    """Return 1 + 2 sum_i r_i / (1 + (i / 2 h)^2), (n,): how errors of correlations r_i raise the variance of a resonance's amplitude.
 
     Parameters
     ----------
@@ -186,13 +186,11 @@ def lag_factor(correlation: RealArray, half: RealArray) -> RealArray:
         Half bandwidths h in lines.
     """
     lags = np.arange(1, correlation.shape[-1] + 1)
-    return np.asarray(
-        1 + 2 * np.sum(correlation / (1 + (lags / (2 * np.maximum(half, 1e-6)[:, None])) ** 2), axis=-1)
-    )
+    return np.asarray(1 + 2 * np.sum(correlation / (1 + (lags / (2 * np.maximum(half, 1e-6)[:, None])) ** 2), axis=-1))
 
 
 def free_bound(channels: int, rows: int) -> float:
-    """Return k + 2 sqrt(k t) + 2 t, k = 2 channels, t = ln(positions / 1e-3): what a pole with free residues may explain of noise, in variances.
+    """Return k + 2 sqrt(k t) + 2 t, k = 2 channels, t = ln(positions / 1e-3): what noise gives a pole with free residues, in variances.
 
     Parameters
     ----------

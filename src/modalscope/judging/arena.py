@@ -8,12 +8,9 @@ import numpy as np
 
 from modalscope.identification.likelihood import Whitened
 from modalscope.identification.whitening import told_apart
-from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.checks import ComplexArray, RealArray
 
 __all__ = ["Arena"]
-
-#: A coherent line under Hann's window is 1.44 lines wide at half its power; what is twice as wide is none.
-_LOBE = 3.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -38,7 +35,7 @@ class Arena:
     correlation : array, (F,), optional
         Of the noise on neighbouring lines, which the rows' deviations already count in full.
     whole : array, (K, q, p), optional
-        The divided data with what the terms explain, where errors may be a part of them.
+        The divided data with what the terms explain, where errors may be a part of them; without it where it is not given.
     """
 
     problem: Whitened
@@ -54,26 +51,15 @@ class Arena:
         """Return by what the gain of poles is to be multiplied, (n,): see `told_apart`."""
         return np.ones(len(poles)) if self.correlation is None else told_apart(*self._on_lines(poles))
 
-    def wide(self, poles: ComplexArray) -> Array:
-        """Return which poles span so many lines that neither one error of correlated lines nor a coherent line can pass for them, (n,).
-
-        A resonance agrees with itself over sum_i 1 / (1 + (i / 2 h)^2) = 2 pi h lines, errors over tau = (1 + rho) / (1 - rho): twice that
-        is asked.
-        """
-        if self.correlation is None:
-            return np.zeros(len(poles), bool)
-        rho, half = self._on_lines(poles)
-        return np.asarray((2 * half >= _LOBE) & (np.pi * half >= (1 + rho) / (1 - rho)))
-
     def half_in_lines(self, poles: ComplexArray) -> RealArray:
         """Return the half bandwidths of poles in lines, (n,)."""
-        return self._on_lines(poles)[1]
+        lines = self.problem.light.grid
+        assert lines is not None
+        return np.asarray(-poles.real / (2 * np.pi) / np.interp(poles.imag / (2 * np.pi), lines, np.gradient(lines)))
 
     def _on_lines(self, poles: ComplexArray) -> tuple[RealArray, RealArray]:
         """Return the correlation of neighbouring lines at poles and their half bandwidths in lines, (n,) each."""
         lines = self.problem.light.grid
         assert lines is not None
         assert self.correlation is not None
-        f = poles.imag / (2 * np.pi)
-        half = -poles.real / (2 * np.pi) / np.interp(f, lines, np.gradient(lines))
-        return np.interp(f, lines, self.correlation), half
+        return np.interp(poles.imag / (2 * np.pi), lines, self.correlation), self.half_in_lines(poles)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from modalscope.identification.descent import Descent, descend
+from modalscope.identification.descent import descend
 from modalscope.identification.information import inverse, normal, residual
 from modalscope.identification.likelihood import Point
 from modalscope.identification.matched import amplitudes, strongest_peaks
@@ -30,9 +30,6 @@ _WHITER, _LARGE = 0.7, 20_000
 
 #: Two poles are tried for one so many half bandwidths to either side of it.
 _SPLIT = 0.5
-
-#: A peak within this part of its decay rate of one that was tried is the same.
-_AGAIN = 1.0
 
 #: Rounds of looking for what is missing, and poles taken up in each.
 _ROUNDS, _PEAKS = 8, 6
@@ -130,36 +127,23 @@ def _completed(state: State, excess: float | None) -> State | None:
 
 def _beside_errors(state: State) -> State:
     """Take up what stands out of coloured errors, round by round, where it stays when it is refined beside the others."""
-    arena, tried = state.arena, np.zeros(0, complex)
     for _ in range(_ROUNDS):
-        poles, sides = recount_of(arena, state.descent).peaks(_PEAKS)
-        new = ~np.any(np.abs(poles[:, None] - tried) < _AGAIN * np.abs(poles.real[:, None]), axis=1)
-        poles, sides = poles[new], sides[new]
-        if not poles.size:
-            break
-        tried = np.append(tried, poles)
+        poles, sides = recount_of(state.arena, state.descent).peaks(_PEAKS)
         before = len(state.poles)
-        descent = descend(
-            arena.problem, np.append(state.poles, poles), np.vstack([state.sides, sides]), tolerance=1e-5, most=8
-        )
-        kept = np.append(np.arange(before), before + _stayed(arena, descent, before))
-        if len(kept) == before:
-            continue
-        if len(kept) < len(descent.point.poles):
-            descent = descend(
-                arena.problem, descent.point.poles[kept], descent.point.sides[kept], tolerance=1e-5, most=8
-            )
-        state = State(descent, state.variance, arena)
+        more = np.append(state.poles, poles), np.vstack([state.sides, sides])
+        while len(more[0]) > before:
+            descent = descend(state.arena.problem, *more, tolerance=1e-5, most=8)
+            point = descent.point
+            new = np.arange(before, len(point.poles))
+            new = new[recount_of(state.arena, descent).stands(new)]
+            if before + len(new) == len(point.poles):
+                state = State(descent, state.variance, state.arena)
+                break
+            kept = np.append(np.arange(before), new)
+            more = point.poles[kept], point.sides[kept]
+        if len(state.poles) == before:
+            break
     return state
-
-
-def _stayed(arena: Arena, descent: Descent, before: int) -> Array:
-    """Return which of the poles from `before` on still stand out, wide and beside no other, counted from there."""
-    s, recount = descent.point.poles, recount_of(arena, descent)
-    mine = np.arange(before, len(s))
-    near = np.abs(s.imag[mine, None] - s.imag) < -(s.real[mine, None] + s.real)
-    near[np.arange(mine.size), mine] = False
-    return np.flatnonzero((recount.gains(mine) > recount.bar) & arena.wide(s[mine]) & ~near.any(axis=1))
 
 
 def _excess(state: State, more: ComplexArray | tuple[()] = ()) -> float:

@@ -16,12 +16,20 @@ from modalscope.identification.matched import amplitudes_by_channel, apart, grid
 from modalscope.identification.richer import level_of, smoothed
 from modalscope.identification.whitening import free_bound, lag_factor
 from modalscope.judging.arena import Arena
+from modalscope.modal.indicators import mac
 from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.poles import frequencies_and_damping
 
 __all__ = ["Recount", "recount_of"]
 
 #: Errors of channels are no better known than to this factor, in variances: so many bars a mode has to pass.
-SURE = 2.0
+_SURE = 2.0
+
+#: A coherent line under Hann's window is 1.44 lines wide at half its power; what is twice as wide is none.
+_LOBE = 3.0
+
+#: Shapes of less than this MAC are not those of one resonance that shifts.
+_UNLIKE = 0.5
 
 #: With more damping than this a peak of what is left may stand for modes outside the band.
 _DAMPED = 0.1
@@ -29,8 +37,8 @@ _DAMPED = 0.1
 #: Lines over which the level of all channels together may depart from that of the rule for one.
 _LEVELLED = 41
 
-#: Lags of the correlation at most, and deviations below which it has ended.
-_LAGS, _ENDED = 200, 2.0
+#: Lags of the correlation at most, and the deviations below which the mean of so many ahead has ended.
+_LAGS, _ENDED, _AHEAD = 200, 2.0, 8
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -57,8 +65,8 @@ class Recount:
 
     @property
     def bar(self) -> float:
-        """What errors may explain with free residues, in variances, as often as they are known."""
-        return SURE * free_bound(self.left[0].size, len(self.left))
+        """What errors may explain with free residues, in variances, with what is not known of them."""
+        return _SURE * free_bound(self.left[0].size, len(self.left))
 
     def gains(self, which: Array) -> RealArray:
         """Return what modes explain beside the others, in variances, (k,).
@@ -89,10 +97,53 @@ class Recount:
                 total[k] += float(a[pair] @ np.linalg.pinv(B[pair, pair], hermitian=True) @ a[pair])
         return total
 
-    def peaks(self, most: int) -> tuple[ComplexArray, ComplexArray]:
-        """Return the poles (k,) that stand most out of what is left, and their sides (k, p), none beside a pole that is there.
+    def wide(self, poles: ComplexArray) -> Array:
+        """Return which poles span so many lines that neither one error of neighbouring lines nor a coherent line can pass for them, (n,).
 
-        Only such as no coherent line and no one error of neighbouring lines can pass for.
+        A resonance agrees with itself over sum_i 1 / (1 + (i / 2 h)^2) = 2 pi h lines, errors over 1 + 2 sum_i r_i: twice that is asked.
+
+        Parameters
+        ----------
+        poles : array of complex, (n,)
+        """
+        half = self.arena.half_in_lines(poles)
+        return np.asarray((2 * half >= _LOBE) & (np.pi * half >= 1 + 2 * self.correlation.sum()))
+
+    def own(self, which: Array) -> Array:
+        """Return which modes are no shoulder of a stronger one, (k,).
+
+        A resonance that shifts from input to input makes shoulders of its own shape, one that shifts from output to output such of its own
+        participation.
+
+        Parameters
+        ----------
+        which : array of int, (k,)
+        """
+        s, size = self.descent.point.poles, self.descent.fitted.gain
+        shapes, participation = self.arena.problem.scaled_back(self.descent.point, self.descent.fitted)
+        near = np.abs(s.imag[which, None] - s.imag) < -(s.real[which, None] + s.real)
+        stronger = size[None, :] > size[which, None]
+        alike = np.maximum(mac(shapes), mac(participation.T))[which] > _UNLIKE
+        return np.asarray(~np.any(near & stronger & alike, axis=1))
+
+    def stands(self, which: Array) -> Array:
+        """Return which modes lie in the band, are no shoulder, wide, not too damped, and explain more than errors may, (k,).
+
+        Parameters
+        ----------
+        which : array of int, (k,)
+        """
+        poles, (low, high) = self.descent.point.poles[which], self.arena.band
+        f, zeta = frequencies_and_damping(poles)
+        may = self.wide(poles) & self.own(which) & (f >= low) & (f <= high) & (zeta < _DAMPED)
+        if np.any(may):
+            may[may] = self.gains(np.asarray(which)[may]) > self.bar
+        return np.asarray(may)
+
+    def peaks(self, most: int) -> tuple[ComplexArray, ComplexArray]:
+        """Return the poles (k,) that may stand out of what is left, the strongest first, and their sides (k, p).
+
+        What overlaps with others shows little of itself before they are refined beside it: a quarter of the bar is enough here.
 
         Parameters
         ----------
@@ -100,14 +151,12 @@ class Recount:
         """
         problem, known = self.arena.problem, self.descent.point.poles
         grid = grid_of(problem.light)
-        grid = grid[(-grid.real < _DAMPED * np.abs(grid)) & self.arena.wide(grid)]
-        beside = np.abs(grid.imag[:, None] - known.imag) < -(grid.real[:, None] + known.real)
-        grid = grid[~beside.any(axis=1)]
+        grid = grid[(-grid.real < _DAMPED * np.abs(grid)) & self.wide(grid)]
+        grid = grid[~np.any(np.abs(grid[:, None] - known) < -known.real, axis=1)]
         weights = np.tile(2 / self.variance, (2, 1, 1))
         residues, each = amplitudes_by_channel(problem.light, self.left, weights, problem.rows, grid)
-        half = self.arena.half_in_lines(grid)
-        gain = each.sum(axis=(1, 2)) / lag_factor(self.correlation, half)
-        first = apart(grid, gain, self.bar, most)
+        gain = each.sum(axis=(1, 2)) / lag_factor(self.correlation, self.arena.half_in_lines(grid))
+        first = apart(grid, gain, self.bar / 4, most)
         sides = [np.linalg.svd(residues[k])[2][0] for k in first]
         return grid[first], np.array(sides, dtype=complex).reshape(-1, self.left.shape[2])
 
@@ -121,16 +170,15 @@ def recount_of(arena: Arena, descent: Descent) -> Recount:
     Parameters
     ----------
     arena : Arena
-        With the data whole, and lines whose errors are coloured.
+        Of lines whose errors are coloured.
     descent : Descent
     """
     problem = arena.problem
-    assert arena.whole is not None
     columns = np.hstack([problem.columns(descent.point.poles, slopes=False)[0], problem.terms])
     Q = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))[0]
     flat = problem.data.reshape(len(problem.data), -1)
     left = (flat - Q @ (Q.T @ flat)).reshape(problem.data.shape)
-    e, H = _complex(left), _complex(arena.whole)
+    e, H = _complex(left), _complex(problem.data if arena.whole is None else arena.whole)
     even = _complex(1 / problem.rows[:, None, None]).real ** 2
     power, size = np.abs(e) ** 2, np.abs(H - e) ** 2
     variance = np.empty(power.shape)
@@ -138,12 +186,20 @@ def recount_of(arena: Arena, descent: Descent) -> Recount:
         variance[:, *channel] = level_of(power[:, *channel], even[:, 0, 0], size[:, *channel])
     variance *= smoothed(np.mean(power / variance, axis=(1, 2)), _LEVELLED)[:, None, None]
     u = e / np.sqrt(variance)
-    lags = np.arange(1, min(_LAGS, len(u)))
-    r = np.array([float(np.mean((u[i:] * u[:-i].conj()).real)) for i in lags]) / float(np.mean(np.abs(u) ** 2))
-    ended = np.flatnonzero(r < _ENDED / np.sqrt(2 * u.size))
+    r = _correlation(u.reshape(len(u), -1))
+    ahead = np.convolve(r, np.ones(_AHEAD) / _AHEAD, mode="valid") if len(r) >= _AHEAD else r
+    ended = np.flatnonzero(ahead < _ENDED / np.sqrt(2 * u.size * _AHEAD))
     r = r[: ended[0]] if ended.size else r
     variance *= len(left) / max(len(left) - columns.shape[1], 1)
     return Recount(arena, descent, left, variance, r)
+
+
+def _correlation(u: ComplexArray) -> RealArray:
+    """Return the mean correlation of columns (F, c) with themselves one line on, two lines on, ..."""
+    count = len(u)
+    power = np.sum(np.abs(sfft.fft(u, 2 * count, axis=0)) ** 2, axis=1)
+    sums = sfft.ifft(power).real[: min(_LAGS, count)] / (count - np.arange(min(_LAGS, count)))
+    return np.asarray(sums[1:] / max(sums[0], 1e-300))
 
 
 def _complex(rows: RealArray) -> ComplexArray:

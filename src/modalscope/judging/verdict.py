@@ -7,7 +7,6 @@ orders agree on has refined ones.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from modalscope.judging.arena import Arena
 from modalscope.judging.contest import Outcome, gains_beside
 from modalscope.judging.evidence import LEAST_PERSISTENCE, Candidate, Evidence, Own, judge, peaks
 from modalscope.judging.likeness import collinear
-from modalscope.judging.recount import Recount, recount_of
+from modalscope.judging.recount import recount_of
 from modalscope.judging.tracking import GAP, Poles
 from modalscope.modal.contribution import contributions
 from modalscope.modal.indicators import mac
@@ -42,7 +41,7 @@ _DAMPING, _SHAPE = 0.5, 0.8
 _SHARE = 0.25
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, slots=True)
 class Trial:
     """All that a verdict rests on.
 
@@ -76,23 +75,11 @@ class Trial:
         """What each mode explains, in deviations."""
         return np.asarray(np.sqrt(np.maximum(self.found.gain, 0) / 2))
 
-    def doubtful(self, j: int) -> bool:
-        """Return whether orders have to show a pole: of coloured data one that is weak, overlaps with a stronger one, or spans few lines.
-
-        A shift of a resonance makes such shoulders, and coherent lines and errors of neighbouring lines are as narrow.
-        """
-        if not self.arena.coloured:
-            return False
-        s, gain = self.found.poles, self.found.gain
-        near = np.abs(s.imag - s[j].imag) < -(s.real + s[j].real)
-        if np.any(near & (gain > gain[j])) or not self.arena.wide(s[[j]])[0]:
-            return True
-        return bool(self.recount.gains(np.array([j]))[0] < self.recount.bar)
-
-    @cached_property
-    def recount(self) -> Recount:
-        """The errors of all channels beside the refined poles."""
-        return recount_of(self.arena, self.found.descent)
+    def doubtful(self, which: IntArray) -> IntArray:
+        """Return which of the poles orders have to show: of coloured data those that are weak, shoulders of a stronger one, or narrow."""
+        if not self.arena.coloured or not len(which):
+            return np.zeros(0, dtype=int)
+        return which[~recount_of(self.arena, self.found.descent).stands(which)]
 
     def hosts(self) -> IntArray:
         """Return the mode that each pole is part of, itself where it is none: the strongest of those that act as one.
@@ -141,10 +128,14 @@ def verdicts(trial: Trial, groups: list[Array]) -> list[Candidate]:
     known = [judge(trial.poles, group, peak, fit, trial.evidence) for group in groups]
     host = trial.hosts()
     shown = [-1 if mode < 0 else int(host[mode]) for mode in _shown_by(trial, groups)]
-    modes = {}
-    for j in np.flatnonzero(host == np.arange(len(host))):
-        mine = [c for c, mode in zip(known, shown, strict=True) if mode == j]
-        modes[j] = _mode(trial, int(j), mine, fit, host)
+    mine = {
+        int(j): [c for c, mode in zip(known, shown, strict=True) if mode == j]
+        for j in np.flatnonzero(host == np.arange(len(host)))
+    }
+    least = _SHARE * len(trial.poles.orders)
+    few = [j for j, each in mine.items() if max((c.members.size for c in each), default=0) < least]
+    doubtful = trial.doubtful(np.array(few, dtype=int))
+    modes = {j: _mode(trial, j, each, fit, host, few=j in doubtful) for j, each in mine.items()}
     parts = [_part(trial, int(j), modes[host[j]], fit) for j in np.flatnonzero(host != np.arange(len(host)))]
     left = _left(trial, [each for each, mode in zip(known, shown, strict=True) if mode < 0])
     return [*modes.values(), *parts, *left]
@@ -165,7 +156,7 @@ def _shown_by(trial: Trial, groups: list[Array]) -> list[int]:
     return shown
 
 
-def _mode(trial: Trial, j: int, groups: list[Candidate], fit: float, host: IntArray) -> Candidate:
+def _mode(trial: Trial, j: int, groups: list[Candidate], fit: float, host: IntArray, *, few: bool) -> Candidate:
     """Return a mode with its gain, and what speaks against it: values that the data leave open, or too few orders."""
     several = bool(np.any(np.delete(host, j) == j))
     near = groups if trial.arena.coloured or several else [c for c in groups if _close(c, complex(trial.settled[j]))]
@@ -175,7 +166,6 @@ def _mode(trial: Trial, j: int, groups: list[Candidate], fit: float, host: IntAr
     against = []
     if not low <= f <= high:
         against.append(f"lies outside the band, at {f:.5g} Hz")
-    few = best.members.size < _SHARE * len(trial.poles.orders) and trial.doubtful(j)
     if few:
         against.append(
             f"shown at {best.members.size} of {len(trial.poles.orders)} orders only, in data whose errors are no white noise"
