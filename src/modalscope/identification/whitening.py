@@ -20,6 +20,7 @@ __all__ = [
     "row_deviations",
     "search_bound",
     "told_apart",
+    "told_under_window",
 ]
 
 #: Quieter channels than this part of the loudest residual are brought to it: what is fitted to rounding must not decide alone.
@@ -116,7 +117,7 @@ class Colour:
         return self.excess > 1
 
 
-def colour(left: RealArray, count: int, unknown: int, *, level: bool = True) -> Colour:
+def colour(left: RealArray, count: int, unknown: float, *, level: bool = True, window: float = 0.0) -> Colour:
     """Judge a whitened residual by how far neighbours agree, and by how its level changes along lines or samples.
 
     Parameters
@@ -124,10 +125,13 @@ def colour(left: RealArray, count: int, unknown: int, *, level: bool = True) -> 
     left : array, (K, q, p)
     count : int
         Lines or samples; K is that, or twice that with real and imaginary parts one after the other.
-    unknown : int
+    unknown : float
         Unknowns a channel: a fit itself correlates what it leaves by about unknown / K.
     level : bool
         Whether a level that changes counts.
+    window : float
+        a T of an exponential window over the length that a line's distance tells: its noise has the correlation
+        rho_i = 1 / (1 + j pi i / (a T)) between lines, and sum |rho_i|^2 = a T coth(a T) lines tell as much as one.
     """
     e = left.reshape(-1, count, left[0].size)
     power = np.einsum("rkc,rkc->c", e, e) / len(left)  # no copy: of long records each is large
@@ -141,7 +145,10 @@ def colour(left: RealArray, count: int, unknown: int, *, level: bool = True) -> 
         smooth = np.convolve(squares, np.ones(_SMOOTHED) / _SMOOTHED, mode="valid")
         # the square of a standard normal number scatters by sqrt 2
         uneven = float(np.std(np.log(smooth)) * np.sqrt(_SMOOTHED * e.shape[0] * e.shape[2] / 2))
-    excess = max(abs(rho) / (_CORRELATED * deviation + unknown / len(left)), uneven / _UNEVEN if level else 0.0)
+    expected = window**2 / (window**2 + np.pi**2)
+    together = np.sqrt(window / np.tanh(window)) if window > 0 else 1.0
+    correlated = abs(rho - expected) / (_CORRELATED * deviation * together + unknown / len(left))
+    excess = max(correlated, uneven / _UNEVEN / together if level else 0.0)
     return Colour(rho, uneven, float(excess))
 
 
@@ -173,6 +180,27 @@ def told_apart(correlation: RealArray, half: RealArray) -> RealArray:
     """
     own = lag_factor(correlation[:, None] ** np.arange(1, _LAGS), half)
     return np.asarray((1 + correlation) / (1 - correlation) / own)
+
+
+def told_under_window(window: float, decay: RealArray) -> RealArray:
+    """Return by how much less modes stand out of noise under an exponential window than out of white noise of the same power, (n,).
+
+    Where the window is large both are: with w = exp(-a t), r = exp(-b t), b >= a the decay in the data, over a length T,
+    mean(w^2) mean(r^2) / mean(w^2 r^2).
+
+    Parameters
+    ----------
+    window : float
+        a T.
+    decay : array, (n,)
+        b T.
+    """
+
+    def mean(rate: RealArray) -> RealArray:
+        rate = np.maximum(2 * rate, 1e-9)
+        return np.asarray(-np.expm1(-rate) / rate)
+
+    return mean(np.asarray(window)) * mean(decay) / mean(window + decay)
 
 
 def lag_factor(correlation: RealArray, half: RealArray) -> RealArray:

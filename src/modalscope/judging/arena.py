@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from modalscope.identification.likelihood import Whitened
-from modalscope.identification.whitening import told_apart
+from modalscope.identification.whitening import told_apart, told_under_window
 from modalscope.model.checks import ComplexArray, RealArray
 
 __all__ = ["Arena"]
@@ -36,6 +36,8 @@ class Arena:
         Of the noise on neighbouring lines, which the rows' deviations already count in full.
     whole : array, (K, q, p), optional
         The divided data with what the terms explain, where errors may be a part of them; without it where it is not given.
+    window : float
+        a T of an exponential window that noise on lines lies under.
     """
 
     problem: Whitened
@@ -46,10 +48,16 @@ class Arena:
     coloured: bool = False
     correlation: RealArray | None = None
     whole: RealArray | None = None
+    window: float = 0.0
 
     def worth(self, poles: ComplexArray) -> RealArray:
-        """Return by what the gain of poles is to be multiplied, (n,): see `told_apart`."""
-        return np.ones(len(poles)) if self.correlation is None else told_apart(*self._on_lines(poles))
+        """Return by what the gain of poles is to be multiplied, (n,): see `told_apart` and `told_under_window`."""
+        if self.correlation is not None:
+            return told_apart(*self._on_lines(poles))
+        if self.window > 0:
+            # b / (2 pi) is the half bandwidth, so that b T is 2 pi of it in lines
+            return told_under_window(self.window, 2 * np.pi * self.half_in_lines(poles))
+        return np.ones(len(poles))
 
     def half_in_lines(self, poles: ComplexArray) -> RealArray:
         """Return the half bandwidths of poles in lines, (n,)."""

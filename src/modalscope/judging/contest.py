@@ -155,7 +155,7 @@ def _excess(state: State, more: ComplexArray | tuple[()] = ()) -> float:
         flat = left.reshape(len(left), -1)
         left = (flat - Q @ (Q.T @ flat)).reshape(left.shape)
     unknown = point.problem.terms.shape[1] + 2 * (len(state.poles) + len(more))
-    return colour(left, point.problem.light.count, unknown).excess
+    return colour(left, point.problem.light.count, unknown, window=state.arena.window).excess
 
 
 def gains_beside(arena: Arena, found: Outcome, poles: Array) -> RealArray:

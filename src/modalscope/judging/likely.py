@@ -92,7 +92,7 @@ def _arena(response: Response, floor: Floor, steady: ComplexArray) -> Arena:
         response, steady, response.outside_powers, floor.rows, levels.outputs, levels.inputs, swift=swift
     )
     bar = search_bound(response.values.shape[1], response.values.shape[2], len(floor.rows))
-    return Arena(problem, floor.variance, bar, response.span, correlation=floor.correlation)
+    return Arena(problem, floor.variance, bar, response.span, correlation=floor.correlation, window=floor.window)
 
 
 def _whole(arena: Arena, floor: Floor) -> RealArray:
