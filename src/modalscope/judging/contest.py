@@ -135,7 +135,7 @@ def _beside_errors(state: State) -> State:
             descent = descend(state.arena.problem, *more, tolerance=1e-5, most=8)
             point = descent.point
             new = np.arange(before, len(point.poles))
-            new = new[recount_of(state.arena, descent).stands(new)]
+            new = new[recount_of(state.arena, descent).standing(new) > 1]
             if before + len(new) == len(point.poles):
                 state = State(descent, state.variance, state.arena)
                 break

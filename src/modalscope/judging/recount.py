@@ -126,8 +126,10 @@ class Recount:
         alike = np.maximum(mac(shapes), mac(participation.T))[which] > _UNLIKE
         return np.asarray(~np.any(near & stronger & alike, axis=1))
 
-    def stands(self, which: Array) -> Array:
-        """Return which modes lie in the band, are no shoulder, wide, not too damped, and explain more than errors may, (k,).
+    def standing(self, which: Array) -> RealArray:
+        """Return the gains of modes, in deviations and relative to what errors may explain, (k,): above one they stand out.
+
+        Zero for those outside the band, shoulders, narrow ones and such that are damped like what lies outside.
 
         Parameters
         ----------
@@ -136,9 +138,10 @@ class Recount:
         poles, (low, high) = self.descent.point.poles[which], self.arena.band
         f, zeta = frequencies_and_damping(poles)
         may = self.wide(poles) & self.own(which) & (f >= low) & (f <= high) & (zeta < _DAMPED)
+        gains = np.zeros(len(which))
         if np.any(may):
-            may[may] = self.gains(np.asarray(which)[may]) > self.bar
-        return np.asarray(may)
+            gains[may] = np.sqrt(np.maximum(self.gains(np.asarray(which)[may]), 0) / self.bar)
+        return gains
 
     def peaks(self, most: int) -> tuple[ComplexArray, ComplexArray]:
         """Return the poles (k,) that may stand out of what is left, the strongest first, and their sides (k, p).

@@ -75,11 +75,14 @@ class Trial:
         """What each mode explains, in deviations."""
         return np.asarray(np.sqrt(np.maximum(self.found.gain, 0) / 2))
 
-    def doubtful(self, which: IntArray) -> IntArray:
-        """Return which of the poles orders have to show: of coloured data those that are weak, shoulders of a stronger one, or narrow."""
-        if not self.arena.coloured or not len(which):
-            return np.zeros(0, dtype=int)
-        return which[~recount_of(self.arena, self.found.descent).stands(which)]
+    def recounted(self, which: IntArray) -> RealArray:
+        """Return by how much poles that few orders show stand out of coloured errors, (k,): see `Recount.standing`; 1 at what these may do.
+
+        Orders have to show the others: a shift of a resonance makes shoulders, coherent lines and errors of neighbouring lines are narrow.
+        """
+        if not len(which):
+            return np.zeros(0)
+        return recount_of(self.arena, self.found.descent).standing(which)
 
     def hosts(self) -> IntArray:
         """Return the mode that each pole is part of, itself where it is none: the strongest of those that act as one.
@@ -134,8 +137,9 @@ def verdicts(trial: Trial, groups: list[Array]) -> list[Candidate]:
     }
     least = _SHARE * len(trial.poles.orders)
     few = [j for j, each in mine.items() if max((c.members.size for c in each), default=0) < least]
-    doubtful = trial.doubtful(np.array(few, dtype=int))
-    modes = {j: _mode(trial, j, each, fit, host, few=j in doubtful) for j, each in mine.items()}
+    few = few if trial.arena.coloured else []
+    again = dict(zip(few, trial.recounted(np.array(few, dtype=int)), strict=True))
+    modes = {j: _mode(trial, j, each, fit, host, again.get(j)) for j, each in mine.items()}
     parts = [_part(trial, int(j), modes[host[j]], fit) for j in np.flatnonzero(host != np.arange(len(host)))]
     left = _left(trial, [each for each, mode in zip(known, shown, strict=True) if mode < 0])
     return [*modes.values(), *parts, *left]
@@ -156,13 +160,14 @@ def _shown_by(trial: Trial, groups: list[Array]) -> list[int]:
     return shown
 
 
-def _mode(trial: Trial, j: int, groups: list[Candidate], fit: float, host: IntArray, *, few: bool) -> Candidate:
+def _mode(trial: Trial, j: int, groups: list[Candidate], fit: float, host: IntArray, again: float | None) -> Candidate:
     """Return a mode with its gain, and what speaks against it: values that the data leave open, or too few orders."""
     several = bool(np.any(np.delete(host, j) == j))
     near = groups if trial.arena.coloured or several else [c for c in groups if _close(c, complex(trial.settled[j]))]
     best = max(near, key=lambda c: c.members.size) if near else _by_itself(trial, j, fit)
     f, zeta = (float(v) for v in frequencies_and_damping(trial.settled[j]))
     low, high = trial.diagram.response.reported_band(trial.diagram.settings.band)
+    few = again is not None and again <= 1
     against = []
     if not low <= f <= high:
         against.append(f"lies outside the band, at {f:.5g} Hz")
@@ -170,7 +175,9 @@ def _mode(trial: Trial, j: int, groups: list[Candidate], fit: float, host: IntAr
         against.append(
             f"shown at {best.members.size} of {len(trial.poles.orders)} orders only, in data whose errors are no white noise"
         )
-    apart, damped = trial.left_open(j, host)
+    gain = max(trial.gain[j], again * trial.bar if again is not None and again > 1 else 0.0)
+    # what tells more of a mode tells more of where it lies
+    apart, damped = (deviation * trial.gain[j] / gain for deviation in trial.left_open(j, host))
     if zeta >= _DAMPED and not groups:
         against.append(f"damped by {100 * zeta:.2g} %, which no orders show: it may stand for modes outside the band")
     if not (apart < _SURE and damped < _SURE):
@@ -183,7 +190,7 @@ def _mode(trial: Trial, j: int, groups: list[Candidate], fit: float, host: IntAr
     if several and not trial.arena.coloured:
         undecided = {"cluster": int(np.sum(host == j))}
     known = replace(best, against=tuple(against), facts=best.facts | _alone(trial, j) | undecided)
-    return _with_gain(trial, known, trial.gain[j])
+    return _with_gain(trial, known, gain)
 
 
 def _late(group: Candidate, trial: Trial) -> bool:
