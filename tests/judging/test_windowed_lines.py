@@ -35,7 +35,7 @@ def response_of(seed: int, decibel: float = 40.0) -> FrequencyResponse:
 
 def test_lines_under_a_window_list_the_modes_and_none_of_the_noise() -> None:
     # without the window counted 11 to 32 were listed
-    modes = ms.select(ms.stabilize(response_of(0), domain="z"))
+    modes = ms.select(ms.stabilize(response_of(0), domain="z", orders=range(4, 25, 4)))
     truth = ms.systems.chain5().modes().frequencies
     assert modes.frequencies == pytest.approx(truth, rel=0.01)
 
