@@ -23,7 +23,7 @@ def judged(seeds: range) -> IntArray:
 
 
 def test_lists_of_structures_with_coloured_errors_are_complete_above_thirty_deviations_and_have_nothing_else() -> None:
-    # of the second the pole that stands for a shifting resonance is open by half a bandwidth beside its own part
+    # of the second set the pole that stands for a shifting resonance is open by half a bandwidth beside its own part
     assert judged(range(20042, 20043)).tolist()[1:] == [1, 0]
     assert judged(range(20003, 20005)).tolist()[1:] == [2, 0]
 
@@ -33,7 +33,7 @@ def test_study_of_structures_with_coloured_errors() -> None:
     """The line of docs/selection.md, on seeds that nothing was developed on."""
     above10, above30, spurious = judged(range(40000, 40200))
     print(f"\ncoloured errors: perfect above 10 {above10}, above 30 {above30} of 200, spurious {spurious}")
-    # of 44 of these seeds 33 and 42: shares of 200 are known to 3 and 2 %; wide modes of 10 to 30 deviations that no order shows are missed
-    assert above10 >= 130
-    assert above30 >= 180
+    # of 45 other seeds 40 and 45: shares of 200 are known to 2 and 1 %; narrow modes that few orders show are missed
+    assert above10 >= 160
+    assert above30 >= 188
     assert spurious <= 4

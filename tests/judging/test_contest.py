@@ -75,8 +75,13 @@ def test_a_mode_that_no_candidate_shows_is_found_in_what_the_others_leave() -> N
     assert close(ends(arena_of(data()), []), POLES)
 
 
-def test_of_coloured_data_nothing_is_looked_for() -> None:
-    assert ends(arena_of(data((0, 1, 3)), coloured=True), [0, 1]).size == 2
+def test_of_coloured_data_only_what_spans_many_lines_is_looked_for() -> None:
+    # 18 Hz with 1.2 % spans 8.6 lines; 15 Hz with .4 % 2.4, as a coherent line may; each stands out by 30 deviations
+    x, known = 2j * np.pi * F[:, None, None], data((0, 1))
+    for pole, size, found in ((POLES[3], 0.01, 3), (complex(poles_from(15.0, 0.004)), 0.005, 2)):
+        response = replace(known, values=known.values + size / (x - pole) + size / (x - np.conj(pole)))
+        assert ends(arena_of(response, coloured=True), [0, 1]).size == found
+        assert ends(arena_of(response), [0, 1]).size == 3
 
 
 def test_a_candidate_that_explains_no_more_than_noise_goes() -> None:
@@ -135,7 +140,8 @@ def cost_of(problem: Whitened, sides: np.ndarray, which: list[int]) -> float:
 
 def test_what_a_pole_would_explain_beside_the_modes_is_its_own_gain_where_it_is_missing() -> None:
     arena = arena_of(data())
-    found = contest(replace(arena, coloured=True), POLES[[0, 1, 2]], PARTS[[0, 1, 2]].astype(complex))
+    # nothing is taken up beyond the band
+    found = contest(replace(arena, coloured=True, band=(5.0, 15.0)), POLES[[0, 1, 2]], PARTS[[0, 1, 2]].astype(complex))
     whole = contest(arena, POLES, PARTS.astype(complex))
     assert found is not None
     assert whole is not None

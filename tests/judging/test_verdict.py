@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from modalscope.judging import recount
 from modalscope.judging.arena import Arena
 from modalscope.judging.contest import contest
 from modalscope.judging.evidence import Candidate, evidence_of
@@ -124,15 +125,22 @@ def test_what_data_leave_open_is_no_mode() -> None:
 
 
 def test_of_coloured_data_a_mode_that_spans_many_lines_need_not_be_shown_by_orders() -> None:
-    # 18 Hz with 1.2 %: a bandwidth of 8.6 lines, which are four correlation lengths of white lines and not of (1 + .5) / (1 - .5) lines
-    for correlation, listed in ((0.0, True), (0.5, False)):
-        found = told(*(p for j in (0, 1, 2) for p in shown(j)), coloured=True, correlation=np.full(F.size, correlation))
-        assert (abs(modes(found)[-1].frequency - 18) < 0.1) is listed
-    # 9 Hz with 1 %: 3.6 lines
-    found = told(*(p for j in (1, 2, 3) for p in shown(j)), coloured=True, correlation=np.zeros(F.size))
+    # 18 Hz with 1.2 %: a bandwidth of 8.6 lines; 9 Hz with 1 %: 3.6 lines
+    found = told(*(p for j in (0, 1, 2) for p in shown(j)), coloured=True)
+    assert abs(modes(found)[-1].frequency - 18) < 0.1
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(recount, "_LOBE", 5.0)
+        found = told(*(p for j in (1, 2, 3) for p in shown(j)), coloured=True)
     assert modes(found)[0].frequency > 10
 
 
+@pytest.fixture
+def _narrow(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let coherent lines be wider than the mode at 9 Hz."""
+    monkeypatch.setattr(recount, "_LOBE", 5.0)
+
+
+@pytest.mark.usefixtures("_narrow")
 def test_of_coloured_data_a_mode_is_shown_at_a_quarter_of_the_orders() -> None:
     for count, listed in ((5, True), (4, False)):
         found = told(*(p for j in (1, 2, 3) for p in shown(j)), *shown(0, ORDERS[:count]), coloured=True)
@@ -142,6 +150,7 @@ def test_of_coloured_data_a_mode_is_shown_at_a_quarter_of_the_orders() -> None:
     assert len(modes(told(*(p for j in (1, 2, 3) for p in shown(j)), *shown(0, ORDERS[:4])))) == 4
 
 
+@pytest.mark.usefixtures("_narrow")
 @pytest.mark.parametrize(
     ("orders", "late"), [(ORDERS[-4:], True), (ORDERS[-8:-4], False), ((*ORDERS[9:12], ORDERS[-1]), False)]
 )

@@ -10,7 +10,7 @@ from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.poles import poles_from
 from modalscope.model.response import Response
 
-__all__ = ["REACH", "Peak", "amplitudes", "grid_of", "strongest_peaks"]
+__all__ = ["REACH", "Peak", "amplitudes", "amplitudes_by_channel", "apart", "grid_of", "strongest_peaks"]
 
 #: Damping ratios of the grid: neighbours lose less than a tenth of the gain between them.
 _RATIOS = (0.001, 0.003, 0.007, 0.015, 0.03, 0.06)
@@ -68,9 +68,25 @@ def strongest_peaks(
     gain = np.linalg.norm(A, ord=2, axis=(1, 2)) ** 2
     gain[np.any(np.abs(grid[:, None] - known) < -0.5 * known.real, axis=1)] = 0
     found: list[Peak] = []
-    while len(found) < most and (best := int(np.argmax(gain))) >= 0 and gain[best] >= max(least, 1e-300):
+    for best in apart(grid, gain, least, most):
         U, _, Vh = np.linalg.svd(A[best])
         found.append(Peak(complex(grid[best]), U[:, 0], Vh[0]))
+    return found
+
+
+def apart(grid: ComplexArray, gain: RealArray, least: float, most: int) -> list[int]:
+    """Return where the largest gains are, far from each other, `most` of them while they reach `least`.
+
+    Parameters
+    ----------
+    grid : array of complex, (n,)
+    gain : array, (n,)
+    least : float
+    most : int
+    """
+    gain, found = gain.copy(), list[int]()
+    while len(found) < most and gain.size and gain[best := int(np.argmax(gain))] >= max(least, 1e-300):
+        found.append(best)
         gain[np.abs(grid - grid[best]) < _APART * np.abs(grid.real + grid[best].real)] = 0
     return found
 
@@ -95,6 +111,37 @@ def amplitudes(response: Response, left: RealArray, rows: RealArray, poles: Arra
         both = (g.T @ left[used].reshape(len(g), -1)).reshape(-1, 2, *left.shape[1:])
         A[some] = (both[:, 0] + 1j * both[:, 1]) / size[:, None, None]
     return A
+
+
+def amplitudes_by_channel(
+    response: Response, left: RealArray, weights: RealArray, rows: RealArray, poles: Array
+) -> tuple[ComplexArray, RealArray]:
+    """Return the residue of every pole beside nothing else by weighted least squares, and what it explains in each channel, (n, l, m) each.
+
+    Parameters
+    ----------
+    response, left, rows
+        As in `strongest_peaks`.
+    weights : array, (K, l, m)
+        One over the variance of every value that is left.
+    poles : array of complex, (n,)
+    """
+    shape = (poles.size, *left.shape[1:])
+    residues, explained = np.empty(shape, dtype=complex), np.empty(shape)
+    order = np.argsort(-poles.real / np.abs(poles), kind="stable")
+    for first in range(0, poles.size, _TOGETHER):
+        some = order[first : first + _TOGETHER]
+        part, used = _near(response, poles[some], len(left))
+        g = part.basis(poles[some], ()).functions / rows[used, None]
+        w = weights[used].reshape(len(g), -1)
+        size = np.maximum(np.sum(((g**2).T @ w).reshape(-1, 2, w.shape[1]), axis=1) / 2, 1e-300)
+        both = (g.T @ (w * left[used].reshape(len(g), -1))).reshape(-1, 2, w.shape[1])
+        A = both[:, 0] + 1j * both[:, 1]
+        residues[some], explained[some] = (
+            (A / size).reshape(-1, *shape[1:]),
+            (np.abs(A) ** 2 / size).reshape(-1, *shape[1:]),
+        )
+    return residues, explained
 
 
 def _near(response: Response, poles: Array, rows: int) -> tuple[Response, Array]:

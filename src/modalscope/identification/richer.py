@@ -7,15 +7,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.identification.whitening import Colour, Levels, colour, from_variance, levels_of
+from modalscope.identification.whitening import Colour, Levels, colour, from_variance, levels_of, told_under_window
 from modalscope.model.checks import Array, RealArray
 from modalscope.model.modal_basis import ModalBasis
-from modalscope.model.response import Response, fading
+from modalscope.model.response import Response, fading, window_damping, window_over_lines
 
-__all__ = ["Floor", "by_line", "floor_of"]
+__all__ = ["Floor", "by_line", "floor_of", "level_of", "smoothed"]
 
 #: Columns of the richer model are no more than this part of the rows: the rest tells the noise.
 _COLUMNS = 0.5
+
+#: One in so many rows of noise is left at least.
+_LEFT = 8.0
 
 #: Lines over which the level of a coloured residual is smoothed, and the correlation of neighbours; which is white below so many
 #: deviations, and lengthens the noise by this factor at most.
@@ -51,6 +54,8 @@ class Floor:
         Not divided.
     correlation : array, (F,), optional
         Of neighbouring lines around each, where rows are divided line by line.
+    window : float
+        a T of an exponential window that noise on lines lies under; see `colour`.
     """
 
     rows: RealArray
@@ -60,6 +65,7 @@ class Floor:
     left: RealArray
     data: RealArray
     correlation: RealArray | None = None
+    window: float = 0.0
 
 
 def floor_of(response: Response, poles: Array) -> Floor:
@@ -67,12 +73,14 @@ def floor_of(response: Response, poles: Array) -> Floor:
 
     sigma_om^2 = RSS_om / (rows - columns) of channel (o, m), so s_i nearest to it in the logarithm.
     """
-    basis = response.basis(_few(response, poles), response.outside_powers)
+    few = _few(response, poles)
+    basis = response.basis(few, response.outside_powers)
+    taken = _taken(response, few, basis.columns.shape[1])
     variance, scattered = response.known_variance, response.scattered_variance
     if variance is not None:
-        return _floor(response, basis, *from_variance(variance, len(basis.data), scattered=scattered))
+        return _floor(response, basis, taken, *from_variance(variance, len(basis.data), scattered=scattered))
     told = fading(response)
-    floor = _floor(response, basis, np.ones(len(basis.data)) if told is None else told)
+    floor = _floor(response, basis, taken, np.ones(len(basis.data)) if told is None else told)
     if response.grid is not None:
         return floor
     for _ in range(_ROUNDS):
@@ -81,11 +89,13 @@ def floor_of(response: Response, poles: Array) -> Floor:
         by_row = _faded(floor)
         if np.allclose(by_row, floor.rows, rtol=_SETTLED):
             break
-        floor = _floor(response, basis, by_row)
+        floor = _floor(response, basis, taken, by_row)
     return floor
 
 
-def _floor(response: Response, basis: ModalBasis, by_row: RealArray, known: Levels | None = None) -> Floor:
+def _floor(
+    response: Response, basis: ModalBasis, taken: float, by_row: RealArray, known: Levels | None = None
+) -> Floor:
     """Return what the columns leave of the data when rows are divided by their deviations."""
     rows = len(basis.data)
     columns = basis.columns / by_row[:, None]
@@ -94,12 +104,25 @@ def _floor(response: Response, basis: ModalBasis, by_row: RealArray, known: Leve
     flat = basis.data.reshape(rows, -1) / by_row[:, None]
     left = (flat - Q @ (Q.T @ flat)).reshape(basis.data.shape)
     least = _ROUNDING * np.sqrt(np.mean(flat**2))
-    sigma = np.maximum(np.sqrt(np.sum(left**2, axis=0) / max(rows - Q.shape[1], 1)), least)
+    sigma = np.maximum(np.sqrt(np.sum(left**2, axis=0) / max(rows - taken, rows / _LEFT, 1)), least)
     levels = known or levels_of(sigma)
     variance = float(np.mean((sigma / np.outer(levels.outputs, levels.inputs)) ** 2))
     # a model that is too rich follows the noise of samples while its poles last, and not later: there the level tells nothing
-    seen = colour(left, response.count, Q.shape[1], level=response.grid is not None)
-    return Floor(by_row, levels, variance, seen, left * by_row[:, None, None], basis.data)
+    window = window_over_lines(response)
+    seen = colour(left, response.count, taken, level=response.grid is not None, window=window)
+    return Floor(by_row, levels, variance, seen, left * by_row[:, None, None], basis.data, window=window)
+
+
+def _taken(response: Response, poles: Array, unknown: int) -> float:
+    """Return how many real rows of noise the columns of poles and terms take up: under an exponential window a pole takes more than two.
+
+    That noise lies where the window is large, as the poles do.
+    """
+    window = window_over_lines(response)
+    if window <= 0:
+        return unknown
+    each = 1 / told_under_window(window, -poles.real * window / window_damping(response))
+    return float(unknown + 2 * np.sum(each - 1))
 
 
 def _faded(floor: Floor) -> RealArray:
@@ -131,9 +154,10 @@ def _faded(floor: Floor) -> RealArray:
 def by_line(floor: Floor, count: int) -> Floor:
     """Return the noise with deviations line by line, for a residual that is coloured: misfit of the model as much as noise.
 
-    With e the residual, channels brought to unit level: level(f) as in `_level`, rho(f) = Re mean(e_k+1 conj e_k) / mean |e|^2 over
-    neighbours, and a row's deviation sqrt(level tau), tau = (1 + rho) / (1 - rho): so many lines tell as much as one of white noise. The
-    variance is that of the residual divided by its level alone, or the colour would cancel.
+    With e the residual, channels brought to unit level: level(f) as in `level_of`, then smoothed,
+    rho(f) = Re mean(e_k+1 conj e_k) / mean |e|^2 over neighbours, and a row's deviation sqrt(level tau),
+    tau = (1 + rho) / (1 - rho): so many lines tell as much as one of white noise. The variance is that of the residual divided by its level
+    alone, or the colour would cancel.
 
     Parameters
     ----------
@@ -146,10 +170,12 @@ def by_line(floor: Floor, count: int) -> Floor:
     channels = np.maximum(np.sqrt(np.mean(each**2, axis=0)), 1e-300)
     e = (each / channels).reshape(rows // count, count, l * m)
     size = np.mean((data / channels).reshape(e.shape) ** 2, axis=(0, 2))
-    level = _level(np.mean(e**2, axis=(0, 2)), size)
-    around = _smoothed(np.mean(e**2, axis=(0, 2)), _CORRELATED)
+    power = np.mean(e**2, axis=(0, 2))
+    level = level_of(power, np.ones(count), size)
+    level = level * smoothed(power / level, _LEVELLED)
+    around = smoothed(power, _CORRELATED)
     neighbours = np.append(np.mean(e[:, 1:] * e[:, :-1], axis=(0, 2)), 0)
-    rho = _smoothed(neighbours, _CORRELATED) / around
+    rho = smoothed(neighbours, _CORRELATED) / around
     rho = np.where(rho > _WHITE / np.sqrt(len(e) * l * m * _CORRELATED), rho, 0)
     tau = (1 + rho) / np.maximum(1 - rho, 2 / (_LONGEST + 1))
     own = np.tile(np.sqrt(level * np.minimum(tau, _LONGEST)), len(e))
@@ -160,27 +186,27 @@ def by_line(floor: Floor, count: int) -> Floor:
     )
 
 
-def _level(power: RealArray, size: RealArray) -> RealArray:
-    """Return the level of a coloured residual line by line: even noise and error that is a part of the response, smoothly corrected.
+def level_of(power: RealArray, even: RealArray, size: RealArray) -> RealArray:
+    """Return the level of a coloured residual line by line: noise of a known course, and error that is a part of the response.
 
-    power ~ a + b size, the likeliest for squares of normal numbers, times what it is of that, smoothed.
+    power ~ a even + b size, the likeliest for squares of normal numbers.
 
     Parameters
     ----------
-    power, size : array, (F,)
-        Mean squares of the residual and of the data.
+    power, even, size : array, (F,)
+        Squares of the residual, of what is even noise, and of the data.
     """
     from scipy.optimize import nnls  # slow to load
 
-    level = np.full(len(power), power.mean())
-    columns = np.stack([np.ones(len(power)), size / max(size.mean(), 1e-300)], axis=1)
+    level = np.full(len(power), max(power.mean(), 1e-300))
+    columns = np.stack([each / max(each.mean(), 1e-300) for each in (even, size)], axis=1)
     for _ in range(_LEVEL_ROUNDS):
         a, _ = nnls(columns / level[:, None], power / level)
-        level = np.maximum(columns @ a, 1e-6 * power.mean())
-    return np.asarray(level * _smoothed(power / level, _LEVELLED))
+        level = np.maximum(columns @ a, max(1e-6 * power.mean(), 1e-300))
+    return np.asarray(level)
 
 
-def _smoothed(values: RealArray, length: int) -> RealArray:
+def smoothed(values: RealArray, length: int) -> RealArray:
     """Return the mean over neighbours, of those that there are at the ends."""
     window = np.ones(min(length, len(values)))
     return np.asarray(np.convolve(values, window, mode="same") / np.convolve(np.ones(len(values)), window, mode="same"))

@@ -13,11 +13,14 @@ __all__ = [
     "Levels",
     "blocks_of",
     "colour",
+    "free_bound",
     "from_variance",
+    "lag_factor",
     "levels_of",
     "row_deviations",
     "search_bound",
     "told_apart",
+    "told_under_window",
 ]
 
 #: Quieter channels than this part of the loudest residual are brought to it: what is fitted to rounding must not decide alone.
@@ -130,7 +133,7 @@ class Colour:
         return self.excess > 1
 
 
-def colour(left: RealArray, count: int, unknown: int, *, level: bool = True) -> Colour:
+def colour(left: RealArray, count: int, unknown: float, *, level: bool = True, window: float = 0.0) -> Colour:
     """Judge a whitened residual by how far neighbours agree, and by how its level changes along lines or samples.
 
     Parameters
@@ -138,10 +141,13 @@ def colour(left: RealArray, count: int, unknown: int, *, level: bool = True) -> 
     left : array, (K, q, p)
     count : int
         Lines or samples; K is that, or twice that with real and imaginary parts one after the other.
-    unknown : int
+    unknown : float
         Unknowns a channel: a fit itself correlates what it leaves by about unknown / K.
     level : bool
         Whether a level that changes counts.
+    window : float
+        a T of an exponential window over the length that a line's distance tells: its noise has the correlation
+        rho_i = 1 / (1 + j pi i / (a T)) between lines, and sum |rho_i|^2 = a T coth(a T) lines tell as much as one.
     """
     e = left.reshape(-1, count, left[0].size)
     power = np.einsum("rkc,rkc->c", e, e) / len(left)  # no copy: of long records each is large
@@ -155,7 +161,10 @@ def colour(left: RealArray, count: int, unknown: int, *, level: bool = True) -> 
         smooth = np.convolve(squares, np.ones(_SMOOTHED) / _SMOOTHED, mode="valid")
         # the square of a standard normal number scatters by sqrt 2
         uneven = float(np.std(np.log(smooth)) * np.sqrt(_SMOOTHED * e.shape[0] * e.shape[2] / 2))
-    excess = max(abs(rho) / (_CORRELATED * deviation + unknown / len(left)), uneven / _UNEVEN if level else 0.0)
+    expected = window**2 / (window**2 + np.pi**2)
+    together = np.sqrt(window / np.tanh(window)) if window > 0 else 1.0
+    correlated = abs(rho - expected) / (_CORRELATED * deviation * together + unknown / len(left))
+    excess = max(correlated, uneven / _UNEVEN / together if level else 0.0)
     return Colour(rho, uneven, float(excess))
 
 
@@ -185,10 +194,60 @@ def told_apart(correlation: RealArray, half: RealArray) -> RealArray:
     ----------
     correlation, half : array, (n,)
     """
-    lags = np.arange(1, _LAGS)
-    powers = correlation[:, None] ** lags
-    own = 1 + 2 * np.sum(powers / (1 + (lags / (2 * np.maximum(half, 1e-6)[:, None])) ** 2), axis=1)
+    own = lag_factor(correlation[:, None] ** np.arange(1, _LAGS), half)
     return np.asarray((1 + correlation) / (1 - correlation) / own)
+
+
+def told_under_window(window: float, decay: RealArray) -> RealArray:
+    """Return by how much less modes stand out of noise under an exponential window than out of white noise of the same power, (n,).
+
+    Where the window is large both are: with w = exp(-a t), r = exp(-b t), b >= a the decay in the data, over a length T,
+    mean(w^2) mean(r^2) / mean(w^2 r^2).
+
+    Parameters
+    ----------
+    window : float
+        a T.
+    decay : array, (n,)
+        b T.
+    """
+
+    def mean(rate: RealArray) -> RealArray:
+        rate = np.maximum(2 * rate, 1e-9)
+        return np.asarray(-np.expm1(-rate) / rate)
+
+    return mean(np.asarray(window)) * mean(decay) / mean(window + decay)
+
+
+def lag_factor(correlation: RealArray, half: RealArray) -> RealArray:
+    """Return 1 + 2 sum_i r_i / (1 + (i / 2 h)^2), (n,): how errors of correlations r_i raise the variance of a resonance's amplitude.
+
+    Parameters
+    ----------
+    correlation : array, (k,) or (n, k)
+        r_i of lines i = 1 ... k apart.
+    half : array, (n,)
+        Half bandwidths h in lines.
+    """
+    lags = np.arange(1, correlation.shape[-1] + 1)
+    return np.asarray(1 + 2 * np.sum(correlation / (1 + (lags / (2 * np.maximum(half, 1e-6)[:, None])) ** 2), axis=-1))
+
+
+def free_bound(channels: int, rows: int) -> float:
+    """Return k + 2 sqrt(k t) + 2 t, k = 2 channels, t = ln(positions / 1e-3): what noise gives a pole with free residues, in variances.
+
+    Parameters
+    ----------
+    channels : int
+    rows : int
+        Real values a channel; half as many positions.
+
+    Source
+    ------
+    B. Laurent and P. Massart, Annals of Statistics 28, 2000, Lemma 1.
+    """
+    k, t = 2 * channels, np.log(max(rows / 2, 2.0) / _FALSE)
+    return float(k + 2 * np.sqrt(k * t) + 2 * t)
 
 
 def search_bound(outputs: int, inputs: int, rows: int) -> float:

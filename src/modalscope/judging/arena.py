@@ -7,13 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from modalscope.identification.likelihood import Whitened
-from modalscope.identification.whitening import told_apart
-from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.identification.whitening import told_apart, told_under_window
+from modalscope.model.checks import ComplexArray, RealArray
 
 __all__ = ["Arena"]
-
-#: A coherent line spans so many lines of a spectrum under a window, and errors so many times as far as they are correlated.
-_LOBE = 4.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -37,6 +34,10 @@ class Arena:
         modes of which one may be noise, and the variance stays what it is.
     correlation : array, (F,), optional
         Of the noise on neighbouring lines, which the rows' deviations already count in full.
+    whole : array, (K, q, p), optional
+        The divided data with what the terms explain, where errors may be a part of them; without it where it is not given.
+    window : float
+        a T of an exponential window that noise on lines lies under.
     """
 
     problem: Whitened
@@ -46,23 +47,27 @@ class Arena:
     brief: bool = False
     coloured: bool = False
     correlation: RealArray | None = None
+    whole: RealArray | None = None
+    window: float = 0.0
 
     def worth(self, poles: ComplexArray) -> RealArray:
-        """Return by what the gain of poles is to be multiplied, (n,): see `told_apart`."""
-        return np.ones(len(poles)) if self.correlation is None else told_apart(*self._on_lines(poles))
+        """Return by what the gain of poles is to be multiplied, (n,): see `told_apart` and `told_under_window`."""
+        if self.correlation is not None:
+            return told_apart(*self._on_lines(poles))
+        if self.window > 0:
+            # b / (2 pi) is the half bandwidth, so that b T is 2 pi of it in lines
+            return told_under_window(self.window, 2 * np.pi * self.half_in_lines(poles))
+        return np.ones(len(poles))
 
-    def wide(self, poles: ComplexArray) -> Array:
-        """Return which poles span so many lines that neither one error of correlated lines nor a coherent line can pass for them, (n,)."""
-        if self.correlation is None:
-            return np.zeros(len(poles), bool)
-        rho, half = self._on_lines(poles)
-        return np.asarray(2 * half >= _LOBE * (1 + rho) / (1 - rho))
+    def half_in_lines(self, poles: ComplexArray) -> RealArray:
+        """Return the half bandwidths of poles in lines, (n,)."""
+        lines = self.problem.light.grid
+        assert lines is not None
+        return np.asarray(-poles.real / (2 * np.pi) / np.interp(poles.imag / (2 * np.pi), lines, np.gradient(lines)))
 
     def _on_lines(self, poles: ComplexArray) -> tuple[RealArray, RealArray]:
         """Return the correlation of neighbouring lines at poles and their half bandwidths in lines, (n,) each."""
         lines = self.problem.light.grid
         assert lines is not None
         assert self.correlation is not None
-        f = poles.imag / (2 * np.pi)
-        half = -poles.real / (2 * np.pi) / np.interp(f, lines, np.gradient(lines))
-        return np.interp(f, lines, self.correlation), half
+        return np.interp(poles.imag / (2 * np.pi), lines, self.correlation), self.half_in_lines(poles)

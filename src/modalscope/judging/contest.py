@@ -18,6 +18,7 @@ from modalscope.identification.whitening import colour
 from modalscope.judging.arena import Arena
 from modalscope.judging.contenders import Optimum, State, own_variance, settled, standing
 from modalscope.judging.likeness import collinear
+from modalscope.judging.recount import recount_of
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.uncertainty.covariance import deviations_of_poles, pole_blocks
 
@@ -97,7 +98,8 @@ def contest(arena: Arena, poles: ComplexArray, sides: ComplexArray, *, doubted: 
         if completed is None:
             return None
         state = _parted(completed)
-    return _judged(_one_or_two(state))
+    state = _one_or_two(state)
+    return _judged(_beside_errors(state) if arena.coloured else state)
 
 
 def _completed(state: State, excess: float | None) -> State | None:
@@ -123,6 +125,27 @@ def _completed(state: State, excess: float | None) -> State | None:
     return state if excess is None or excess <= 1 else None
 
 
+def _beside_errors(state: State) -> State:
+    """Take up what stands out of coloured errors, round by round, where it stays when it is refined beside the others."""
+    for _ in range(_ROUNDS):
+        poles, sides = recount_of(state.arena, state.descent).peaks(_PEAKS)
+        before = len(state.poles)
+        more = np.append(state.poles, poles), np.vstack([state.sides, sides])
+        while len(more[0]) > before:
+            descent = descend(state.arena.problem, *more, tolerance=1e-5, most=8)
+            point = descent.point
+            new = np.arange(before, len(point.poles))
+            new = new[recount_of(state.arena, descent).standing(new) > 1]
+            if before + len(new) == len(point.poles):
+                state = State(descent, state.variance, state.arena)
+                break
+            kept = np.append(np.arange(before), new)
+            more = point.poles[kept], point.sides[kept]
+        if len(state.poles) == before:
+            break
+    return state
+
+
 def _excess(state: State, more: ComplexArray | tuple[()] = ()) -> float:
     """Return how far what is left exceeds what white noise may do, white up to 1: also without what more poles can explain of it."""
     point = state.descent.point
@@ -132,7 +155,7 @@ def _excess(state: State, more: ComplexArray | tuple[()] = ()) -> float:
         flat = left.reshape(len(left), -1)
         left = (flat - Q @ (Q.T @ flat)).reshape(left.shape)
     unknown = point.problem.terms.shape[1] + 2 * (len(state.poles) + len(more))
-    return colour(left, point.problem.light.count, unknown).excess
+    return colour(left, point.problem.light.count, unknown, window=state.arena.window).excess
 
 
 def gains_beside(arena: Arena, found: Outcome, poles: Array) -> RealArray:

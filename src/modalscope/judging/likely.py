@@ -19,7 +19,7 @@ from modalscope.judging.evidence import Candidate, Evidence
 from modalscope.judging.tracking import Poles, consensus, merge_splits, tracks
 from modalscope.judging.verdict import Trial, verdicts
 from modalscope.modal.indicators import mac
-from modalscope.model.checks import Array, ComplexArray, IntArray
+from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.response import Response, window_damping
 
@@ -69,6 +69,7 @@ def likely(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> t
     found = outcome(arena, floor.colour.coloured)
     if found is None and response.grid is not None:
         arena = replace(_arena(response, by_line(floor, response.count), steady), brief=True, coloured=True)
+        arena = replace(arena, whole=_whole(arena, floor))
         found = outcome(arena, False)
         # resonances that shift come out as several poles, and merged ones stand for them
         merged = merge_splits(poles)
@@ -91,7 +92,14 @@ def _arena(response: Response, floor: Floor, steady: ComplexArray) -> Arena:
         response, steady, response.outside_powers, floor.rows, levels.outputs, levels.inputs, swift=swift
     )
     bar = search_bound(response.values.shape[1], response.values.shape[2], len(floor.rows))
-    return Arena(problem, floor.variance, bar, response.span, correlation=floor.correlation)
+    return Arena(problem, floor.variance, bar, response.span, correlation=floor.correlation, window=floor.window)
+
+
+def _whole(arena: Arena, floor: Floor) -> RealArray:
+    """Return the data as the contest divides them, terms and all."""
+    outputs, inputs = arena.problem.sides
+    whole = floor.data / arena.problem.rows[:, None, None] / outputs[:, None] / inputs
+    return np.asarray(whole.transpose(0, 2, 1) if arena.problem.turned else whole)
 
 
 def _starts(poles: Poles, groups: list[Array]) -> IntArray:

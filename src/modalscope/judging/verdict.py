@@ -15,6 +15,7 @@ from modalscope.judging.arena import Arena
 from modalscope.judging.contest import Outcome, gains_beside
 from modalscope.judging.evidence import LEAST_PERSISTENCE, Candidate, Evidence, Own, judge, peaks
 from modalscope.judging.likeness import collinear
+from modalscope.judging.recount import recount_of
 from modalscope.judging.tracking import GAP, Poles
 from modalscope.modal.contribution import contributions
 from modalscope.modal.indicators import mac
@@ -35,9 +36,6 @@ _SURE = 0.3
 
 #: A group shows a mode when it lies within a half bandwidth, its damping within this part and its shape above this MAC.
 _DAMPING, _SHAPE = 0.5, 0.8
-
-#: The level of errors that are no white noise is known to this factor, in variances.
-_LEVELS = 2.0
 
 #: Of coloured data a mode is shown at this part of the orders.
 _SHARE = 0.25
@@ -77,17 +75,14 @@ class Trial:
         """What each mode explains, in deviations."""
         return np.asarray(np.sqrt(np.maximum(self.found.gain, 0) / 2))
 
-    def doubtful(self, j: int) -> bool:
-        """Return whether orders have to show a pole: of coloured data one that is weak, overlaps with a stronger one, or spans few lines.
+    def recounted(self, which: IntArray) -> RealArray:
+        """Return by how much poles that few orders show stand out of coloured errors, (k,): see `Recount.standing`; 1 at what these may do.
 
-        A shift of a resonance makes such shoulders, and coherent lines and errors of neighbouring lines are as narrow.
+        Orders have to show the others: a shift of a resonance makes shoulders, coherent lines and errors of neighbouring lines are narrow.
         """
-        if not self.arena.coloured:
-            return False
-        s, gain = self.found.poles, self.found.gain
-        near = np.abs(s.imag - s[j].imag) < -(s.real + s[j].real)
-        weak = gain[j] < _LEVELS * self.arena.bar
-        return bool(weak or np.any(near & (gain > gain[j])) or not self.arena.wide(s[[j]])[0])
+        if not len(which):
+            return np.zeros(0)
+        return recount_of(self.arena, self.found.descent).standing(which)
 
     def hosts(self) -> IntArray:
         """Return the mode that each pole is part of, itself where it is none: the strongest of those that act as one.
@@ -136,10 +131,15 @@ def verdicts(trial: Trial, groups: list[Array]) -> list[Candidate]:
     known = [judge(trial.poles, group, peak, fit, trial.evidence) for group in groups]
     host = trial.hosts()
     shown = [-1 if mode < 0 else int(host[mode]) for mode in _shown_by(trial, groups)]
-    modes = {}
-    for j in np.flatnonzero(host == np.arange(len(host))):
-        mine = [c for c, mode in zip(known, shown, strict=True) if mode == j]
-        modes[j] = _mode(trial, int(j), mine, fit, host)
+    mine = {
+        int(j): [c for c, mode in zip(known, shown, strict=True) if mode == j]
+        for j in np.flatnonzero(host == np.arange(len(host)))
+    }
+    least = _SHARE * len(trial.poles.orders)
+    few = [j for j, each in mine.items() if max((c.members.size for c in each), default=0) < least]
+    few = few if trial.arena.coloured else []
+    again = dict(zip(few, trial.recounted(np.array(few, dtype=int)), strict=True))
+    modes = {j: _mode(trial, j, each, fit, host, again.get(j)) for j, each in mine.items()}
     parts = [_part(trial, int(j), modes[host[j]], fit) for j in np.flatnonzero(host != np.arange(len(host)))]
     left = _left(trial, [each for each, mode in zip(known, shown, strict=True) if mode < 0])
     return [*modes.values(), *parts, *left]
@@ -160,22 +160,24 @@ def _shown_by(trial: Trial, groups: list[Array]) -> list[int]:
     return shown
 
 
-def _mode(trial: Trial, j: int, groups: list[Candidate], fit: float, host: IntArray) -> Candidate:
+def _mode(trial: Trial, j: int, groups: list[Candidate], fit: float, host: IntArray, again: float | None) -> Candidate:
     """Return a mode with its gain, and what speaks against it: values that the data leave open, or too few orders."""
     several = bool(np.any(np.delete(host, j) == j))
     near = groups if trial.arena.coloured or several else [c for c in groups if _close(c, complex(trial.settled[j]))]
     best = max(near, key=lambda c: c.members.size) if near else _by_itself(trial, j, fit)
     f, zeta = (float(v) for v in frequencies_and_damping(trial.settled[j]))
     low, high = trial.diagram.response.reported_band(trial.diagram.settings.band)
+    few = again is not None and again <= 1
     against = []
     if not low <= f <= high:
         against.append(f"lies outside the band, at {f:.5g} Hz")
-    few = trial.doubtful(j) and best.members.size < _SHARE * len(trial.poles.orders)
     if few:
         against.append(
             f"shown at {best.members.size} of {len(trial.poles.orders)} orders only, in data whose errors are no white noise"
         )
-    apart, damped = trial.left_open(j, host)
+    gain = max(trial.gain[j], again * trial.bar if again is not None and again > 1 else 0.0)
+    # what tells more of a mode tells more of where it lies
+    apart, damped = (deviation * trial.gain[j] / gain for deviation in trial.left_open(j, host))
     if zeta >= _DAMPED and not groups:
         against.append(f"damped by {100 * zeta:.2g} %, which no orders show: it may stand for modes outside the band")
     if not (apart < _SURE and damped < _SURE):
@@ -188,7 +190,7 @@ def _mode(trial: Trial, j: int, groups: list[Candidate], fit: float, host: IntAr
     if several and not trial.arena.coloured:
         undecided = {"cluster": int(np.sum(host == j))}
     known = replace(best, against=tuple(against), facts=best.facts | _alone(trial, j) | undecided)
-    return _with_gain(trial, known, trial.gain[j])
+    return _with_gain(trial, known, gain)
 
 
 def _late(group: Candidate, trial: Trial) -> bool:

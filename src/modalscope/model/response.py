@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from modalscope.model.modes import ModalModel
     from modalscope.model.statespace import StateSpace
 
-__all__ = ["AsLines", "AsSamples", "Response", "fading", "output_scale", "window_damping"]
+__all__ = ["AsLines", "AsSamples", "Response", "fading", "output_scale", "window_damping", "window_over_lines"]
 
 #: Relative rounding of single precision, in which many responses are stored.
 _STORED = 1e-7
@@ -274,6 +274,16 @@ def _real_parts(values: Array) -> RealArray:
 def window_damping(response: Response) -> float:
     """Return the decay rate (1/s) that an exponential window added: it is in the data, but not in the modes."""
     return response.added_damping
+
+
+def window_over_lines(response: Response) -> float:
+    """Return a T, the rate of an exponential window times the length that a line's distance tells; 0 without a window, and of samples.
+
+    Noise under the window has the correlation 1 / (1 + j pi i / (a T)) between lines i apart.
+    """
+    if response.grid is None or response.grid.size < 2:
+        return 0.0
+    return window_damping(response) / float(np.median(np.diff(response.grid)))
 
 
 def fading(response: Response) -> RealArray | None:
