@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import modalscope as ms
 from modalscope.preprocess import examine
 from modalscope.preprocess.causality_checks import delayed, exchanged
 from modalscope.preprocess.impacts import clipped_samples
+from modalscope.preprocess.joint_prediction import unexplained
+from modalscope.preprocess.lone_checks import lone_outputs
 from modalscope.preprocess.phase_checks import odd_phases
 from modalscope.preprocess.sample_checks import wraps
 from modalscope.preprocess.slip_checks import jumps
@@ -95,12 +100,12 @@ def test_a_hit_whose_force_lost_its_top_is_told_by_its_outputs() -> None:
     assert examine(spoilt.hit(3)) == ()
 
 
-def test_noise_of_half_a_channel_is_seen_on_its_floor() -> None:
+def test_noise_of_half_a_channel_is_seen_in_what_nothing_else_tells() -> None:
     record = spoilt.ambient(1)
     assert examine(record) == ()
     (found,) = examine(spoilt.noisy(record, 0.5, np.random.default_rng(0)))
     assert found.kind == "noisy"
-    assert "on a level that all lines have" in found.reason
+    assert "follows from no other sample" in found.reason
 
 
 def test_a_burst_that_leaves_most_of_a_record_quiet_does_not_overflow() -> None:
@@ -112,20 +117,54 @@ def test_a_burst_that_leaves_most_of_a_record_quiet_does_not_overflow() -> None:
     assert wraps((smooth + 0.9) % 1.8 - 0.9).size > 0
 
 
-def test_blocks_that_were_lost_are_found_and_a_blow_is_none() -> None:
-    y = (
-        chain5()
-        .simulate(inputs="ambient", samples=8000, sampling_rate=50.0, quantity="displacement", noise=0.001)
-        .outputs
-    )
-    assert jumps(y) == []
-    lost = {k: jumps(np.delete(y, np.s_[k : k + 5], axis=0)) for k in range(1000, 7000, 600)}
-    # now and then the motion is growing, or turns back to where it was
-    assert sum(bool(found) and abs(found[0] - k) <= 2 for k, found in lost.items()) >= 8
-    struck = y.copy()
-    blow = chain5().free_decay(5000, velocity=30 * np.ones(5) * y.std(), sampling_rate=50.0).values[:, :, 0]
-    struck[3000:] += blow
-    assert jumps(struck) == []
+@pytest.mark.parametrize("quantity", ["displacement", "acceleration"])
+def test_blocks_that_were_lost_are_found_and_blows_are_none(quantity: str) -> None:
+    record = chain5().simulate(inputs="ambient", samples=12_000, sampling_rate=50.0, quantity=quantity, noise=0.001)
+    y = record.outputs
+    assert jumps(y[None]) == []
+    short = y
+    for k in range(11_000, 900, -1000):
+        short = np.delete(short, np.s_[k : k + 5], axis=0)
+    found = jumps(short[None])
+    places = [1000 * (j + 1) - 5 * j for j in range(11)]
+    assert sum(any(abs(place - slip.sample) <= 2 for slip in found) for place in places) >= 9
+    assert int(np.median([slip.missing for slip in found])) == 5
+
+
+def test_blows_are_no_missing_samples() -> None:
+    structure = chain5()
+    given = {"samples": 12_000, "sampling_rate": 50.0, "quantity": "displacement"}
+    y = np.array(structure.simulate(inputs="ambient", noise=0.001, **given).outputs)
+    blow = structure.free_decay(600, velocity=np.arange(1.0, 6.0), sampling_rate=50.0).values[:, :, 0]
+    for k, size in zip(range(1000, 11_000, 1000), np.geomspace(0.3, 30, 10), strict=True):
+        y[k : k + 600] += size * blow * y[:1000].std() / np.abs(blow).max()
+    assert jumps(y[None]) == []
+
+
+def test_a_sample_is_weighed_against_all_others_as_the_inverse_covariance_does() -> None:
+    rng = np.random.default_rng(5)
+    y = np.asarray(lfilter([1.0], [1.0, -1.6, 0.8], rng.standard_normal((6000, 2)), axis=0)) @ [[1.0, 0.4], [0.2, 1.0]]
+    noise = 0.3 * y[:, 1].std()
+    y[:, 1] += noise * rng.standard_normal(6000)
+    part = unexplained(y[None])
+    assert part[1] > noise**2 / y[:, 1].var()  # no estimate of a sample is better than its own noise
+    assert part[1] < 2 * noise**2 / y[:, 1].var()
+    # the spectrum says the same: of one channel alone it is the harmonic mean over the arithmetic one
+    a = y[:, :1]
+    level = np.abs(1 / np.polyval([0.8, -1.6, 1.0], np.exp(-2j * np.pi * np.arange(4096) / 4096))) ** 2
+    assert unexplained(a[None])[0] == pytest.approx(1 / np.mean(1 / level) / np.mean(level), rel=0.5)
+
+
+def test_one_number_that_was_added_is_told_with_what_it_should_be() -> None:
+    record = spoilt.ambient(2)
+    y = np.array(record.outputs)
+    y[7000, 1] += 2 * y[:, 1].std()
+    (found,) = lone_outputs(replace(record, outputs=y))
+    assert (found.sample, found.channel) == (7000, 1)
+    mean = y[:, 1].mean()
+    assert found.value + mean == pytest.approx(y[7000, 1], rel=1e-9)
+    assert found.expected + mean == pytest.approx(record.outputs[7000, 1], abs=0.5 * y[:, 1].std())
+    assert examine(replace(record, outputs=y)) == ()  # a single one moves nothing
 
 
 @pytest.mark.parametrize("quantity", ["displacement", "velocity", "acceleration"])

@@ -17,6 +17,7 @@ from modalscope.preprocess.driven_band import swept_lines, useful_lines
 from modalscope.preprocess.excitation import find_excitation
 from modalscope.preprocess.findings import Finding, dead_channels, identical_channels, sides_of
 from modalscope.preprocess.frf import estimate_frf
+from modalscope.preprocess.lone_checks import lone_outputs
 from modalscope.preprocess.record_checks import (
     bad_hits,
     clipped,
@@ -90,9 +91,10 @@ def _examine_record(signals: Signals) -> list[Finding]:
         dead = [finding.channels[0] for finding in at_rest]
         alive[side] = [i for i, dof in enumerate(labels) if dof not in dead]
         found += at_rest + identical_channels(flat, labels)
-    overflown = wrapped(signals)
+    lone = lone_outputs(signals) if kind in ("random", "ambient") else []
+    overflown = wrapped(signals, lone)
     found += clipped(signals, kind) + overflown + frozen(signals)
-    found += spikes(signals, kind, {finding.channels[0] for finding in overflown})
+    found += spikes(signals, kind, {finding.channels[0] for finding in overflown}, lone)
     if not all(alive.values()):
         return found
     moving = signals.select(**{f"{side}s": kept for side, kept in alive.items()})

@@ -12,6 +12,7 @@ from modalscope.preprocess.driven_band import useful_lines
 from modalscope.preprocess.findings import Finding
 from modalscope.preprocess.frf import estimate_frf
 from modalscope.preprocess.impacts import Hit, clipped_samples, find_hits
+from modalscope.preprocess.joint_prediction import unexplained
 from modalscope.preprocess.plans import plan_hits, without_offset
 from modalscope.preprocess.spectra import Segments, cross_spectra, segment_starts, window_samples
 
@@ -23,18 +24,13 @@ _NOISY, _BELOW = 0.5, 0.25
 #: The same when only other outputs are there to compare with: what its own force does to a damped mass follows from none.
 _NOISY_ALONE = 0.08
 
-#: Where the usual output follows from the others to the first part, one that does so to less than the second part of that is noise, too:
-#: noise of 1.5 times its vibration leaves 1 / (1 + 1.5^2) of it. Only where the usual spectrum has peaks of so many times its median,
-#: 1 / (2 zeta)^2 for 3 %: without light damping every mass follows its own force.
-_TOGETHER, _SHARE, _PEAK = 0.7, 0.3, 300.0
-
 #: A hit whose outputs are this much larger for its force than those of the others, and by so many times as much as these differ among
 #: themselves, has lost the top of its force.
 _CUT, _UNLIKE = 0.01, 20.0
 
-#: Noise of a half of a channel's vibration has a fifth of its power, at one level at all lines. Of channels of one structure the forces on
-#: their own masses make levels that differ by a factor of four at most, so far seen.
-_FLOOR, _HIGHER = 0.15, 5.0
+#: Noise of a half of a channel's vibration has a fifth of its power, and nothing else tells it. Of channels of one structure the forces on
+#: their own masses make such parts that differ by a factor of three at most, so far seen.
+_ALONE, _HIGHER = 0.15, 5.0
 
 #: Vibration left at the end of a run, as a part of the largest, that an untapered transform turns into leakage.
 _LEFT = 0.05
@@ -204,29 +200,20 @@ def noisy_channels(signals: Signals, kind: str) -> list[Finding]:
     part = 1 - (1 - part) * spectra.effective / (spectra.effective - others)
     limit = _NOISY_ALONE if inputs is None else _NOISY
     usual = float(np.median(part))
-    peak = float(np.median(power.max(axis=0) / np.maximum(np.median(power, axis=0), np.finfo(float).tiny)))
-    if inputs is None and usual > _TOGETHER and peak > _PEAK:
-        limit = _SHARE * usual
     source = "the other outputs" if inputs is None else "the inputs"
     told = {
         dof: f"{100 * own:.0f} % of its power follows from {source}, of the usual channel's {100 * usual:.0f} %"
         for dof, own in zip(signals.output_dofs, part, strict=True)
         if own < limit and own < usual - _BELOW
     }
-    floors = _floors(power) if inputs is None else np.zeros(l)
-    for dof, own in zip(signals.output_dofs, floors, strict=True):
-        if own > max(_FLOOR, _HIGHER * float(np.median(floors))):
-            usual = 100 * float(np.median(floors))
-            words = f"{100 * own:.0f} % of its power lies on a level that all lines have, of the usual channel's {usual:.2g} %"
+    alone = unexplained(outputs) if inputs is None else np.zeros(l)
+    for dof, own in zip(signals.output_dofs, alone, strict=True):
+        if own > max(_ALONE, _HIGHER * float(np.median(alone))):
+            usual = 100 * float(np.median(alone))
+            words = f"{100 * own:.0f} % of its power follows from no other sample of any channel, of the usual channel's {usual:.2g} %"
             told.setdefault(dof, words)
     change = "Check sensor and cable, or leave it out: exclude={!r}."
     return [Finding("noisy", (dof,), reason, change.format([dof])) for dof, reason in told.items()]
-
-
-def _floors(power: RealArray) -> RealArray:
-    """Return which part of every output's power (F, l) a floor has: as much at all lines as nine tenths of them exceed."""
-    inside = power[2:-2]
-    return np.asarray(np.quantile(inside, 0.1, axis=0) * len(inside) / np.maximum(inside.sum(axis=0), 1e-300))
 
 
 def _from_others(S: Array) -> RealArray:

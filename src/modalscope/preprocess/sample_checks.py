@@ -6,7 +6,7 @@ not make: jumps from one end of the range to the other, a value that holds while
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Container, Sequence
 
 import numpy as np
 from scipy.special import pdtrc
@@ -15,6 +15,7 @@ from modalscope.model.checks import Array, RealArray
 from modalscope.model.robust import NORMAL
 from modalscope.model.signals import Signals
 from modalscope.preprocess.findings import Finding
+from modalscope.preprocess.lone_checks import Lone
 
 __all__ = ["frozen", "spikes", "wrapped"]
 
@@ -40,11 +41,21 @@ _ALONE = 0.25
 _NEAR, _MORE = 25, 1.5
 
 
-def wrapped(signals: Signals) -> list[Finding]:
-    """Find channels that jump from one end of their range to the other and go on from there: the converter overflowed."""
+def wrapped(signals: Signals, lone: Sequence[Lone] = ()) -> list[Finding]:
+    """Find channels that jump from one end of their range to the other and go on from there: the converter overflowed.
+
+    Parameters
+    ----------
+    signals : Signals
+    lone : sequence of Lone
+        Outputs' samples that stand alone: one at an end of the range that all others expect at the other end overflowed, too.
+    """
     found = []
-    for where, x in _channels(signals):
-        count = sum(len(wraps(run)) for run in x)
+    for i, (where, x) in enumerate(_channels(signals)):
+        places = {(r, int(k) + 1) for r, run in enumerate(x) for k in wraps(run)}
+        count = len(
+            places | {(each.run, each.sample) for each in lone if each.channel == i and _across(each, x[each.run])}
+        )
         if count:
             found.append(
                 Finding(
@@ -55,6 +66,15 @@ def wrapped(signals: Signals) -> list[Finding]:
                 )
             )
     return found
+
+
+def _across(lone: Lone, x: RealArray) -> bool:
+    """Say whether a sample lies in one outer tenth of the range of its run x (N,), and is expected as far on the other side."""
+    low, high = float(x.min()), float(x.max())
+    value, expected = (2 * (each + float(x.mean()) - low) / (high - low) - 1 for each in (lone.value, lone.expected))
+    outer = value * expected < 0 and min(abs(value), abs(expected)) > _OUTER
+    # a large spike makes the range by itself, and what is expected there lies near the mean
+    return bool(outer and abs(lone.expected) > abs(lone.value) / 2)
 
 
 def wraps(x: RealArray) -> Array:
@@ -133,7 +153,7 @@ def holds(x: RealArray) -> list[tuple[int, int]]:
     return found
 
 
-def spikes(signals: Signals, kind: str, but: Container[str] = ()) -> list[Finding]:
+def spikes(signals: Signals, kind: str, but: Container[str] = (), lone: Sequence[Lone] = ()) -> list[Finding]:
     """Find single samples that stand alone; the force of a hammer is a spike by nature.
 
     Parameters
@@ -143,10 +163,14 @@ def spikes(signals: Signals, kind: str, but: Container[str] = ()) -> list[Findin
         Of the excitation.
     but : container of str
         Channels that are not looked at: those that jump for another reason.
+    lone : sequence of Lone
+        Outputs' samples that stand alone beside all channels: two of one channel are spikes, one changes nothing that could be measured.
     """
     found = []
-    for where, x in _channels(signals, inputs=kind != "impact"):
-        places = [] if where in but else [(r, k) for r, run in enumerate(x) for k in lone_samples(run)]
+    for i, (where, x) in enumerate(_channels(signals, inputs=kind != "impact")):
+        weak = {(each.run, each.sample) for each in lone if each.channel == i}
+        large = {(r, int(k)) for r, run in enumerate(x) for k in lone_samples(run)}
+        places = [] if where in but else sorted(large | weak if len(weak) > 1 else large)
         if places:
             times = ", ".join(f"{k / signals.sampling_rate:.6g} s" for _, k in places[:3]) + (
                 ", ..." if len(places) > 3 else ""
