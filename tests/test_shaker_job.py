@@ -57,6 +57,18 @@ def test_close_modes_that_two_shakers_drive_alike_are_two() -> None:
     assert np.allclose(modes.damping_ratios, [0.004, 0.004, 0.006], rtol=0.02)
 
 
+def test_outputs_that_come_late_give_their_modes_and_a_delay_that_is_named() -> None:
+    """Three samples: the poles that stand for them are no modes, and modes alone, without the delay, are not refined."""
+    test = shaker(0, modes=4, outputs=4, seconds=6.0)
+    late = ms.Signals(outputs=test.signals.outputs[:-3], inputs=test.signals.inputs[3:], sampling_rate=1024.0)
+    result = ms.analyze(late)
+    f, zeta = errors(test, result.modes)
+    assert len(result.modes) == 4
+    assert f.max() < 1e-4
+    assert zeta.max() < 0.02
+    assert [note.kind for note in result.notes if note.kind in ("delay", "not refined")] == ["not refined", "delay"]
+
+
 @pytest.mark.study
 def test_every_band_from_gap_to_gap_gives_its_modes() -> None:
     test = shaker(1)
