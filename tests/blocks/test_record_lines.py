@@ -7,6 +7,7 @@ import pytest
 
 from modalscope import DataError, FrequencyResponse, Signals, StateSpace, identify, refine
 from modalscope.blocks.record_lines import RecordLines, record_lines
+from modalscope.blocks.run_columns import RunColumns
 from modalscope.blocks.transfer import transfer
 from modalscope.identification.pipeline import Pipeline
 from modalscope.modal.eigenmodes import eigenmodes
@@ -280,7 +281,8 @@ def test_chunks_of_lines_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None
     spectra = record_spectra(records)
     whole = record_lines(spectra, domain="z", block_rows=5)
     basis = spectra.basis(poles_of(ss))
-    monkeypatch.setattr("modalscope.blocks.record_lines._NUMBERS", 512)
+    monkeypatch.setattr("modalscope.blocks.run_columns._NUMBERS", 512)
+    monkeypatch.setattr("modalscope.blocks.record_gram._NUMBERS", 512)
     monkeypatch.setattr("modalscope.model.driven_basis._NUMBERS", 2048)
     pieces = record_lines(spectra, domain="z", block_rows=5)
     assert relative(pieces.triangle @ pieces.triangle.T, whole.triangle @ whole.triangle.T) < 1e-12
@@ -320,7 +322,7 @@ def test_lines_are_weighted_by_the_resonances_and_white_noise_stays_white() -> N
     u = rng.standard_normal((3000, 1))
     spectra = record_spectra(Records(runs=(Signals(outputs=ss.simulate(u), inputs=u, sampling_rate=1.0),)))
     matrix = record_lines(spectra, domain="z", block_rows=12)
-    rows = np.vstack([columns[:, :13] for _, columns in matrix._columns(matrix.spans[0])])
+    rows = np.vstack([columns[:, :13] for _, columns in RunColumns(matrix, matrix.spans[0]).rows()])
     assert np.abs(rows.T @ rows - np.eye(13)).max() < 1e-12
     assert np.mean(matrix.line_weights**2) == pytest.approx(1)
     at = np.abs(np.log(poles_of(ss)).imag) / (2 * np.pi)

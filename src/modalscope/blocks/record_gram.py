@@ -8,6 +8,7 @@ and k. That takes 2 F (2 q + 1) (1 + m + l)^2 products instead of 2 F ((q + 1) (
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from modalscope.model.checks import ComplexArray, IntArray, RealArray
 
 __all__ = ["gram_by_points"]
 
-#: Complex numbers in the products of channels that are taken at a time: 8 MB.
+#: Numbers in the products of channels that are taken at a time: 4 MB, and as many again for imaginary parts.
 _NUMBERS = 1 << 19
 
 #: Lines among which the points are chosen, and lines a point below which columns are as cheap.
@@ -24,7 +25,8 @@ _AMONG, _EACH = 8192, 4
 
 
 def gram_by_points(
-    points: ComplexArray,
+    count: int,
+    points: Callable[[slice], ComplexArray],
     channels: Callable[[slice], ComplexArray],
     polynomials: Callable[[IntArray], ComplexArray],
     *,
@@ -37,45 +39,54 @@ def gram_by_points(
 
     Parameters
     ----------
-    points : array of complex, (F,)
-    channels : callable
-        Some lines -> the channels there times the weights of the lines, (lines, c).
+    count : int
+        F, lines.
+    points, channels : callable
+        Some lines -> where they are, (lines,), and the channels there times the weights of the lines, (lines, c).
     polynomials : callable
         Lines -> p_0 ... p_q there, (lines, q + 1).
     given : int
     circle : bool
         Whether the points lie on the unit circle; else on the imaginary axis.
     """
-    some = np.arange(0, len(points), -(-len(points) // _AMONG))
+    every = -(-count // _AMONG)
+    some = np.arange(0, count, every)
     degree = polynomials(some[:1]).shape[1] - 1
     if some.size < _EACH * (2 * degree + 1):
         return None
-    few = chosen_points(points[some], degree, circle=circle)
-    spread = _spread_products(points, channels, few.spread)
+    few = chosen_points(points(slice(0, count, every)), degree, circle=circle)
+    products = _Products(channels(slice(0, 1)).shape[1])
+    for start in range(0, count, products.lines):
+        lines = slice(start, min(start + products.lines, count))
+        products.add(channels(lines), few.spread(points(lines)))
     p = polynomials(some[few.place])
     pairs = (p.conj()[:, :, None] * p[:, None, :]).reshape(len(p), -1)
-    sums = pairs.real.T @ spread.real - pairs.imag.T @ spread.imag
+    sums = pairs.real.T @ products.real.T - pairs.imag.T @ products.imag.T
     return _arranged(sums.reshape(degree + 1, degree + 1, -1), given)
 
 
-def _spread_products(
-    points: ComplexArray,
-    channels: Callable[[slice], ComplexArray],
-    spread: Callable[[ComplexArray], RealArray],
-) -> ComplexArray:
-    """Return what d_i* d_l, i <= l, are at the few points, (2 q + 1, pairs)."""
-    c = channels(slice(0, 1)).shape[1]
-    ends = np.concatenate([[0], np.cumsum(np.arange(c, 0, -1))])
-    step = max(_NUMBERS // int(ends[-1]), 1)
-    total, products = 0.0, np.empty((min(step, len(points)), int(ends[-1])), complex)
-    for start in range(0, len(points), step):
-        lines = slice(start, min(start + step, len(points)))
-        d = channels(lines)
-        own = products[: len(d)]
-        for i in range(c):
-            np.multiply(d[:, i : i + 1].conj(), d[:, i:], out=own[:, ends[i] : ends[i + 1]])
-        total = total + spread(points[lines]).T @ own.view(float)
-    return np.ascontiguousarray(total).view(complex)
+class _Products:
+    """What d_i* d_l, i <= l, of c channels are at the few points: real and imaginary parts, (pairs, points) each."""
+
+    def __init__(self, c: int) -> None:
+        self.ends = np.concatenate([[0], np.cumsum(np.arange(c, 0, -1))])
+        self.lines = max(_NUMBERS // int(self.ends[-1]), 1)
+        self._place = np.empty((3, int(self.ends[-1]) * self.lines))
+        self.real: RealArray = np.zeros(1)
+        self.imag: RealArray = np.zeros(1)
+
+    def add(self, d: ComplexArray, spread: RealArray) -> None:
+        """Add some lines: channels (lines, c), and how lines are spread, (lines, points)."""
+        x, y = np.ascontiguousarray(d.real.T), np.ascontiguousarray(d.imag.T)
+        shape = (int(self.ends[-1]), len(d))
+        real, imag, beside = (part[: shape[0] * shape[1]].reshape(shape) for part in self._place)
+        for i, (start, stop) in enumerate(pairwise(self.ends)):
+            re, im, other = real[start:stop], imag[start:stop], beside[: stop - start]
+            np.multiply(x[i], x[i:], out=re)
+            re += np.multiply(y[i], y[i:], out=other)
+            np.multiply(x[i], y[i:], out=im)
+            im -= np.multiply(y[i], x[i:], out=other)
+        self.real, self.imag = self.real + real @ spread, self.imag + imag @ spread
 
 
 def _arranged(sums: RealArray, given: int) -> RealArray:

@@ -85,13 +85,18 @@ class RunColumns:
 
     def gram(self) -> RealArray | None:
         """Return the Gram matrix of the columns on all lines where it is had without them; None else."""
-        first, matrix = self.own.start, self.matrix
-        if 2 * (self.own.stop - first) <= self.count:
+        first, count, matrix = self.own.start, self.own.stop - self.own.start, self.matrix
+        if 2 * count <= self.count:
             return None
+
+        def of_run(lines: slice) -> slice:
+            return slice(first + lines.start, first + lines.stop, lines.step)
+
         return gram_by_points(
-            matrix.plane.point(matrix.response.frequencies[self.own]),
-            lambda some: self.channels(slice(first + some.start, first + some.stop)),
-            lambda some: matrix.polynomials(first + some),
+            count,
+            lambda lines: matrix.plane.point(matrix.response.frequencies[of_run(lines)]),
+            lambda lines: self.channels(of_run(lines)),
+            lambda lines: matrix.polynomials(first + lines),
             given=self.drives,
             circle=matrix.dt is not None,
         )
