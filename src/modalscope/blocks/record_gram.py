@@ -14,6 +14,7 @@ import numpy as np
 
 from modalscope.blocks.few_points import chosen_points
 from modalscope.model.checks import ComplexArray, IntArray, RealArray
+from modalscope.model.memory import scratch
 
 __all__ = ["gram_by_points"]
 
@@ -71,7 +72,7 @@ class _Products:
     def __init__(self, c: int) -> None:
         self.ends = np.concatenate([[0], np.cumsum(np.arange(c, 0, -1))])
         self.lines = max(_NUMBERS // int(self.ends[-1]), 1)
-        self._place = np.empty((3, int(self.ends[-1]) * self.lines))
+        self._place = scratch(3 * int(self.ends[-1]) * self.lines).reshape(3, -1)
         self.real: RealArray = np.zeros(1)
         self.imag: RealArray = np.zeros(1)
 
