@@ -41,6 +41,34 @@ def test_a_shaker_test_gives_its_modes_with_nothing_set() -> None:
         assert sum(bool(np.any(near & (diagram.order_of_pole == n))) for n in able) >= 0.6 * len(able)
 
 
+def test_close_modes_that_two_shakers_drive_alike_are_two() -> None:
+    """Half a half bandwidth apart under the same participation: only the shapes, and what is known of the poles, tell them."""
+    rng = np.random.default_rng(0)
+    s = poles_from(np.array([0.2, 0.2008, 0.31]), np.array([0.004, 0.004, 0.006]))
+    A = np.zeros((6, 6))
+    for i, z in enumerate(np.exp(s)):
+        A[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = [[z.real, z.imag], [-z.imag, z.real]]
+    B, C = np.kron([[1.0, 0.5], [1.0, 0.5], [-0.5, 1.0]], [[1.0], [0.0]]), rng.standard_normal((4, 6))
+    u = rng.standard_normal((4000, 2))
+    y = ms.StateSpace(A=A, B=B, C=C, dt=1.0).simulate(u)
+    y = y + 0.01 * y.std(axis=0) * rng.standard_normal(y.shape)
+    modes = ms.select(ms.stabilize(ms.Signals(outputs=y, inputs=u, sampling_rate=1.0), orders=range(2, 31, 2)))
+    assert np.allclose(modes.frequencies, [0.2, 0.2008, 0.31], rtol=1e-4)
+    assert np.allclose(modes.damping_ratios, [0.004, 0.004, 0.006], rtol=0.02)
+
+
+def test_outputs_that_come_late_give_their_modes_and_a_delay_that_is_named() -> None:
+    """Three samples: the poles that stand for them are no modes, and modes alone, without the delay, are not refined."""
+    test = shaker(0, modes=4, outputs=4, seconds=6.0)
+    late = ms.Signals(outputs=test.signals.outputs[:-3], inputs=test.signals.inputs[3:], sampling_rate=1024.0)
+    result = ms.analyze(late)
+    f, zeta = errors(test, result.modes)
+    assert len(result.modes) == 4
+    assert f.max() < 1e-4
+    assert zeta.max() < 0.02
+    assert [note.kind for note in result.notes if note.kind in ("delay", "not refined")] == ["not refined", "delay"]
+
+
 @pytest.mark.study
 def test_every_band_from_gap_to_gap_gives_its_modes() -> None:
     test = shaker(1)

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from modalscope.blocks import record_influence
+from modalscope.blocks.few_points import few_points
 from modalscope.blocks.influence import LineInfluence
 from modalscope.blocks.polynomials import orthogonal_basis
-from modalscope.blocks.record_influence import RecordInfluence, few_points
+from modalscope.blocks.record_influence import RecordInfluence
 from modalscope.identification.sweep import Cut, cut_order
 from modalscope.model.record_transform import record_spectra
 from modalscope.model.records import Records

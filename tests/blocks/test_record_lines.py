@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope import DataError, FrequencyResponse, Signals, StateSpace, identify
+from modalscope import DataError, FrequencyResponse, Signals, StateSpace, identify, refine
 from modalscope.blocks.record_lines import RecordLines, record_lines
+from modalscope.blocks.run_columns import RunColumns
 from modalscope.blocks.transfer import transfer
 from modalscope.identification.pipeline import Pipeline
 from modalscope.modal.eigenmodes import eigenmodes
@@ -217,6 +218,28 @@ def test_inputs_that_are_alike_are_left_out_by_rank_with_a_note() -> None:
     assert relative(both, ss.markov_parameters(20)) < FITTED
 
 
+@pytest.mark.parametrize("third", [0.0, 3.0])
+def test_a_refinement_gives_nothing_to_what_inputs_do_not_excite(third: float) -> None:
+    """An input of zeros has no participation, and one that is three times the first half of what both give: the shortest vector."""
+    rng = np.random.default_rng(6)
+    ss = random_system(rng, outputs=3, inputs=2, modes=3)
+    u = rng.standard_normal((N, 2))
+    y = ss.simulate(u) + 0.01 * rng.standard_normal((N, 3))
+    of = [Signals(outputs=y, inputs=inputs, sampling_rate=1.0) for inputs in (u, np.column_stack([u, third * u[:, 0]]))]
+    two, three = (refine(data, identify(data, order=6, block_rows=8).modes) for data in of)
+    assert np.allclose(three.poles, two.poles, rtol=1e-6)
+    shared = three.participation @ [[1.0, 0.0], [0.0, 1.0], [third, 0.0]]
+    assert np.allclose(
+        third * three.participation[:, 2], (third > 0) * three.participation[:, 0], rtol=1e-9, atol=1e-12
+    )
+    assert np.all((third > 0) | (three.participation[:, 2] == 0))
+    assert np.allclose(residues(three.shapes, shared), residues(two.shapes, two.participation), rtol=1e-3, atol=1e-4)
+
+
+def residues(shapes: np.ndarray, participation: np.ndarray) -> np.ndarray:
+    return np.asarray(shapes.T[:, :, None] * participation[:, None, :])
+
+
 def test_what_must_not_be_done_to_a_record_is_not_exact() -> None:
     """An offset costs nothing, for 0 Hz is left out; a window or zeros behind the record cost the damping."""
     rng = np.random.default_rng(8)
@@ -258,7 +281,8 @@ def test_chunks_of_lines_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None
     spectra = record_spectra(records)
     whole = record_lines(spectra, domain="z", block_rows=5)
     basis = spectra.basis(poles_of(ss))
-    monkeypatch.setattr("modalscope.blocks.record_lines._NUMBERS", 512)
+    monkeypatch.setattr("modalscope.blocks.run_columns._NUMBERS", 512)
+    monkeypatch.setattr("modalscope.blocks.record_gram._NUMBERS", 512)
     monkeypatch.setattr("modalscope.model.driven_basis._NUMBERS", 2048)
     pieces = record_lines(spectra, domain="z", block_rows=5)
     assert relative(pieces.triangle @ pieces.triangle.T, whole.triangle @ whole.triangle.T) < 1e-12
@@ -298,7 +322,7 @@ def test_lines_are_weighted_by_the_resonances_and_white_noise_stays_white() -> N
     u = rng.standard_normal((3000, 1))
     spectra = record_spectra(Records(runs=(Signals(outputs=ss.simulate(u), inputs=u, sampling_rate=1.0),)))
     matrix = record_lines(spectra, domain="z", block_rows=12)
-    rows = np.vstack([columns[:, :13] for _, columns in matrix._columns(matrix.spans[0])])
+    rows = np.vstack([columns[:, :13] for _, columns in RunColumns(matrix, matrix.spans[0]).rows()])
     assert np.abs(rows.T @ rows - np.eye(13)).max() < 1e-12
     assert np.mean(matrix.line_weights**2) == pytest.approx(1)
     at = np.abs(np.log(poles_of(ss)).imag) / (2 * np.pi)

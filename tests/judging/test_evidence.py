@@ -60,6 +60,11 @@ def test_nearly_aperiodic_poles_are_no_modes_to_select(zeta: float, kept: int) -
     assert oscillations(diagram_of(Pole(2, zeta=zeta), response=samples())).pole.size == kept
 
 
+@pytest.mark.parametrize(("dt", "kept"), [(1 / 50, 0), (1 / 52, 1), (None, 1)])
+def test_what_falls_by_e_within_a_sample_stands_for_a_delay(dt: float | None, kept: int) -> None:
+    assert oscillations(diagram_of(Pole(2, s=-51 + 60j), response=samples(), dt=dt)).pole.size == kept
+
+
 def test_what_belongs_to_a_pole_stays_with_it_when_others_go() -> None:
     kept = oscillations(
         diagram_of(Pole(2, s=-1 + 0j), Pole(4, s=-2 + 10j, shape=(0, 1), part=(0, 0, 1)), response=samples())

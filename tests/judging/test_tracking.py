@@ -73,6 +73,20 @@ def test_residues_that_share_one_side_only_sum_to_rank_one(shape: tuple[int, ...
     assert merge_splits(pair).pole.size == 1
 
 
+@pytest.mark.parametrize(
+    ("apart", "shape", "left"),
+    [(3.0 + NUDGE, (0, 1), 2), (3.0 - NUDGE, (0, 1), 1), (30.0, (0.2, 1), 2), (30.0, (3.1, 1), 1), (np.inf, (0, 1), 1)],
+    ids=["apart", "within their deviations", "unlike shapes", "one shape", "not known"],
+)
+def test_what_inputs_drive_alike_is_two_modes_where_the_data_tell_them_apart(
+    apart: float, shape: tuple[float, ...], left: int
+) -> None:
+    """Both under one participation, .5 rad/s from each other; the second stands second in the diagram."""
+    pair = poles_of(Pole(2, s=-1 + 100j), Pole(2, s=-1 + 100.5j, shape=shape))
+    each = np.nan if np.isinf(apart) else 0.5 / apart
+    assert merge_splits(pair, np.array([0.25 * each, 0.75 * each])).pole.size == left
+
+
 def test_repeated_modes_stay_apart() -> None:
     pair = poles_of(Pole(2, s=-1 + 100j), Pole(2, s=-1 + 100j, shape=(0, 1), part=(0, 1, 0)))
     assert merge_splits(pair).pole.size == 2

@@ -10,95 +10,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.linalg as sla
 
 from modalscope.blocks.factor import Factors
+from modalscope.blocks.few_points import Few
 from modalscope.blocks.influence import LineInfluence, Lines, Moments, Outer
-from modalscope.blocks.polynomials import both_sums, evaluate
+from modalscope.blocks.polynomials import both_sums
 from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray, freeze
 
 if TYPE_CHECKING:
     from modalscope.blocks.record_lines import RecordLines
 
-__all__ = ["Few", "RecordColumns", "RecordInfluence", "few_points", "told_lines"]
-
-#: Lines among which each of the few points is chosen.
-_CHOICE = 8
+__all__ = ["RecordColumns", "RecordInfluence", "told_lines"]
 
 #: Lines of long records on which the influence is kept.
 _TOLD = 8192
-
-
-class Few(NamedTuple):
-    """Points that stand for all lines where products of two polynomials of a degree are concerned.
-
-    Attributes
-    ----------
-    place : array of int, (G,)
-        Lines that are the points.
-    spread : array, (F, G)
-        The value of a product on a line is this times its values at the points.
-    """
-
-    place: IntArray
-    spread: RealArray
-
-
-def few_points(points: ComplexArray, degree: int, *, circle: bool) -> Few:
-    """Return 2 q + 1 of the points, and how they give any product p(x) r(x)* of two polynomials of degree q on all of them.
-
-    All of them are returned where there are hardly more. On the unit circle, where x* = 1 / x, and on the imaginary axis such a product is
-    x^-q, or one, times a polynomial of degree 2 q. The points are those that a pivoted factorization takes first: the matrix to invert is
-    as well conditioned as any.
-
-    Parameters
-    ----------
-    points : array of complex, (F,)
-    degree : int
-        q.
-    circle : bool
-        Whether they lie on the unit circle; else on the imaginary axis.
-
-    Examples
-    --------
-    >>> x = np.exp(1j * np.linspace(0.5, 2.0, 400))
-    >>> few = few_points(x, 3, circle=True)
-    >>> product = np.abs(x**3 - 0.4 * x + 1) ** 2
-    >>> few.place.size, bool(np.allclose(few.spread @ product[few.place], product))
-    (7, True)
-    """
-    place = np.angle(points) if circle else np.imag(points)
-    distinct, first = np.unique(place, return_index=True)
-    wanted = 2 * degree + 1
-    if distinct.size <= 2 * wanted:
-        return Few(first, (place[:, None] == distinct).astype(float))
-    dense_at_ends = (1 - np.cos(np.linspace(0, np.pi, _CHOICE * wanted))) / 2
-    chosen = np.unique(np.searchsorted(distinct, distinct[0] + dense_at_ends * (distinct[-1] - distinct[0])))
-    among = first if chosen.size < 2 * wanted else first[chosen]
-    basis, recurrence = _orthonormal(points[among], wanted - 1)
-    index = among[np.sort(sla.qr(basis.T, mode="r", pivoting=True, check_finite=False)[1][:wanted])]
-    whole = evaluate(recurrence, float(basis[0, 0].real), points)
-    if circle:
-        whole *= points**-degree
-    return Few(index, np.asarray(sla.solve(whole[:, index], whole, check_finite=False).real.T))
-
-
-def _orthonormal(points: ComplexArray, degree: int) -> tuple[ComplexArray, ComplexArray]:
-    """Return polynomials orthonormal on the points alone, without their conjugates, and their recurrence, as `orthogonal_basis` does."""
-    basis, h = np.zeros((points.size, degree + 1), complex), np.zeros((degree + 1, degree), complex)
-    basis[:, 0] = 1 / np.sqrt(points.size)
-    for k in range(degree):
-        v = points * basis[:, k]
-        for _ in range(2):
-            c = basis[:, : k + 1].conj().T @ v
-            h[: k + 1, k] += c
-            v -= basis[:, : k + 1] @ c
-        h[k + 1, k] = np.linalg.norm(v)
-        basis[:, k + 1] = v / h[k + 1, k]
-    return basis, h
 
 
 def spread_over(weights: Array, few: Few) -> Array:

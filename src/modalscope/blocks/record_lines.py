@@ -24,28 +24,30 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope.blocks.factor import Factors
+from modalscope.blocks.few_points import Few, few_points
 from modalscope.blocks.influence import Lines
 from modalscope.blocks.operators import LargeMatrix
 from modalscope.blocks.plane import Plane, plane_of
 from modalscope.blocks.polynomial_rows import PolynomialRows
 from modalscope.blocks.polynomials import evaluate, orthogonal_basis
-from modalscope.blocks.record_influence import Few, RecordColumns, RecordInfluence, few_points, told_lines
+from modalscope.blocks.record_influence import RecordColumns, RecordInfluence, told_lines
+from modalscope.blocks.run_columns import RunColumns
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, check_count
 from modalscope.model.line_choice import resonance_weights
 from modalscope.model.record_spectra import RecordSpectra
-from modalscope.model.record_sums import line_power
+from modalscope.model.record_sums import line_power, untold_inputs
 from modalscope.model.response import output_scale
 from modalscope.model.statespace import StateSpace
 from modalscope.model.triangles import stacked_factor, triangle_of
 
 __all__ = ["RecordLines", "record_lines"]
 
-#: Numbers in the columns of the lines that are taken at a time, complex ones: 2 MB, or an eighth of their products.
-_NUMBERS, _EIGHTH = 1 << 17, 8
-
 #: Lines on which polynomials are made orthogonal: those of a longer record are nearly so on all lines, which is as good.
 _ORTHOGONAL = 32_768
+
+#: Length that a column keeps beside those before it where products are enough: those by few points are known to 1e-12 or so.
+_KEPT = 1e-3
 
 #: Rows p_j U below this share of the largest, in multiples of rounding, are no directions of their own.
 _ROUNDING = 16.0
@@ -169,10 +171,9 @@ class RecordLines(PolynomialRows):
 
         The triangular factor of [eliminated, outputs] stands in for the lines; the rank of its first columns is seen on it.
         """
-        given = (1 + self._drives_of(own)[0].size) * (self.block_rows + 1)
-        R = triangle_of(
-            lambda: (columns for _, columns in self._columns(own)), given + self.outputs * (self.block_rows + 1)
-        )
+        columns = RunColumns(self, own)
+        given = columns.given
+        R = triangle_of(lambda: (rows for _, rows in columns.rows()), columns.count, _KEPT, gram=columns.gram())
         known, beside = R[:given, :given], R[:given, given:]
         size = np.linalg.norm(known, axis=0)
         size = np.where(size > 0, size, 1)
@@ -185,34 +186,6 @@ class RecordLines(PolynomialRows):
         taken_off[order[:rank]] = sla.solve_triangular(T[:rank, :rank], seen, check_finite=False)
         left = R[given:, given:] if rank == given else np.vstack([Q[:, rank:].T @ beside, R[given:, given:]])
         return left, _Taken(rank, given, taken_off / size[:, None])
-
-    def _drives_of(self, own: slice) -> tuple[IntArray, RealArray]:
-        """Return the inputs that a run has, and their root mean squares on its lines."""
-        drive = self.response.drive[own]
-        used = np.flatnonzero(np.any(drive, axis=0))
-        power = np.einsum("fi,fi->i", drive.real, drive.real) + np.einsum("fi,fi->i", drive.imag, drive.imag)
-        return used, np.maximum(np.sqrt(power[used] / max(len(drive), 1)), 1e-300)
-
-    def _columns(self, own: slice, some: IntArray | None = None) -> Iterator[tuple[slice, RealArray]]:
-        """Yield [p_j, p_j U, p_j Y] of the lines of a run, or of some of them, times the weights, some at a time, real above imaginary."""
-        used, size = self._drives_of(own)
-        blocks = self.block_rows + 1
-        given, wide = (1 + used.size) * blocks, (1 + used.size + self.outputs) * blocks
-        step, count = max(_NUMBERS // wide, wide // _EIGHTH), own.stop - own.start if some is None else some.size
-        for start in range(0, count, step):
-            s = slice(start, min(start + step, count))
-            here = slice(own.start + s.start, own.start + s.stop) if some is None else some[s]
-            basis = self.polynomials(here) * self.line_weights[here, None]
-            drives = np.hstack([np.ones((len(basis), 1)), self.response.drive[here][:, used] / size])
-            outputs = self.response.values[here, :, 0] / self.output_scale
-            columns = np.empty((2, len(basis), wide))
-            for values, side in (
-                (drives[:, :, None] * basis[:, None, :], slice(None, given)),
-                (basis[:, :, None] * outputs[:, None, :], slice(given, None)),
-            ):
-                flat = values.reshape(len(basis), -1)
-                columns[0, :, side], columns[1, :, side] = flat.real, flat.imag
-            yield s, columns.reshape(-1, wide)
 
     def shifted(self, k: int) -> LargeMatrix:
         """Return H(k): E0 and E1 applied to the triangular factor."""
@@ -229,7 +202,7 @@ class RecordLines(PolynomialRows):
         for own, part in zip(self.spans, self.parts, strict=True):
             weights = np.vstack([-part.taken_off @ rows, rows])
             kept = np.flatnonzero((used >= own.start) & (used < own.stop))
-            for s, columns in self._columns(own, used[kept]):
+            for s, columns in RunColumns(self, own).rows(used[kept]):
                 found[:, kept[s]] = (columns @ weights).reshape(2, -1, rows.shape[1])
         return found.reshape(-1, rows.shape[1])
 
@@ -277,12 +250,12 @@ class RecordLines(PolynomialRows):
     def warnings(self) -> tuple[str, ...]:
         """Inputs that are no directions of their own."""
         short = [part.given - part.rank for part in self.parts]
-        untold = self.judged.untold
+        untold = untold_inputs(self.judged)
         told = []
         if untold:
             told.append(
                 f"inputs {', '.join(untold)} are zero or depend on each other: what they give together is known, "
-                "how it is shared among them is not (participation is the shortest that fits)"
+                "how it is shared among them is not (participation is the shortest that fits, of inputs brought to one size)"
             )
         if any(short):
             told.append(

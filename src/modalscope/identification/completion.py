@@ -85,7 +85,7 @@ def _added(task: Task, modes: ModalModel, found: tuple[Any, ...], participation:
     return ModalModel(
         poles=poles + window_damping(task.response),
         shapes=shapes,
-        participation=task.response.of_inputs(participation),
+        participation=task.response.told_of(task.response.of_inputs(participation)),
         quantity=modes.quantity,
         indicators=dict.fromkeys(modes.indicators, unknown),
         reasons=tuple({"text": text} for _ in poles) if modes.reasons else (),

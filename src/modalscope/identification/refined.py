@@ -52,7 +52,7 @@ def refined(
         before,
         poles=poles,
         shapes=shapes,
-        participation=response.of_inputs(participation),
+        participation=response.told_of(response.of_inputs(participation)),
         dt=dt,
         held_input=response.held_input,
         frequencies_std=spread.frequency,

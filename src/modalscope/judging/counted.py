@@ -10,7 +10,7 @@ from modalscope.judging.evidence import Candidate, Evidence, judge, peaks
 from modalscope.judging.tracking import Poles, consensus, join_broken, merge_splits, tracks
 from modalscope.modal.indicators import mac
 from modalscope.modal.sufficient import usable_orders
-from modalscope.model.checks import Array
+from modalscope.model.checks import Array, RealArray
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.uncertainty.of_modes import typical_deviation
 
@@ -31,7 +31,7 @@ def counted(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> 
     """
     orders, fit = usable_orders(diagram)
     poles = replace(poles, orders=orders).take(np.flatnonzero(poles.order <= orders[-1]))
-    poles = merge_splits(poles)
+    poles = merge_splits(poles, _known(diagram))
     groups = [group for group in (consensus(poles, t) for t in tracks(poles)) if group.size >= min(3, len(orders))]
     peak = peaks(diagram, poles, evidence)
     candidates = [
@@ -39,6 +39,17 @@ def counted(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> 
         for group in join_broken(poles, groups)
     ]
     return poles, _none_twice(poles, candidates)
+
+
+def _known(diagram: StabilizationDiagram) -> RealArray | None:
+    """Return the deviation of every pole in rad/s where the errors are those of records on their own lines.
+
+    Of correlations, and of responses with a coloured residual, two poles that are known well may be one mode that changes.
+    """
+    f, zeta = diagram.frequencies_std, diagram.damping_ratios_std
+    if f is None or zeta is None or diagram.response.ambient or diagram.response.separable:
+        return None
+    return np.asarray(2 * np.pi * np.hypot(f, zeta * diagram.frequencies))
 
 
 def _left_open(diagram: StabilizationDiagram, poles: Poles, group: Array) -> float:

@@ -104,8 +104,12 @@ class Candidate:
 
 
 def oscillations(diagram: StabilizationDiagram) -> Poles:
-    """Return the decaying oscillations of a diagram; real, unstable and nearly aperiodic poles are no modes to select."""
-    kept = np.flatnonzero((np.array(diagram.kinds) == "mode") & (diagram.damping_ratios < 0.9))
+    """Return the decaying oscillations of a diagram; real, unstable and nearly aperiodic poles are no modes to select.
+
+    Nor is what falls by e within a sample: models put such poles in the place of a delay.
+    """
+    lasting = -diagram.poles.real * (diagram.dt or 0.0) < 1
+    kept = np.flatnonzero((np.array(diagram.kinds) == "mode") & (diagram.damping_ratios < 0.9) & lasting)
     own = of_diagram(diagram)
     poles = Poles(diagram.orders, diagram.order_of_pole, diagram.poles, diagram.shapes.T, diagram.participation, own)
     return poles.take(kept)

@@ -20,6 +20,9 @@ __all__ = ["Poles", "consensus", "join_broken", "merge_splits", "tracks"]
 #: Two poles of one order count as one mode that was split in two when they are this alike.
 SPLIT = 0.9
 
+#: Poles that lie further apart than so many times the sum of their deviations are no one pole.
+_APART = 3.0
+
 #: Two poles of different orders agree: frequency within this fraction, and within this share of the half bandwidth ...
 SAME_FREQUENCY, SAME_BANDWIDTH = 0.005, 0.25
 #: ... damping within this fraction, and MAC above this.
@@ -84,21 +87,32 @@ class Poles:
         return Poles(self.orders, *(np.concatenate([getattr(p, name) for p in (self, others)]) for name in _FLAT))
 
 
-def merge_splits(poles: Poles) -> Poles:
+def merge_splits(poles: Poles, deviation: RealArray | None = None) -> Poles:
     """Merge, within every order, neighbours that act as one mode; their value is the energy-weighted mean.
 
     Data whose lines shift a little from run to run (a roving hammer, a structure that warms up) make one resonance come out
     as two or three poles within their bandwidths. They are one when their summed residue is of rank one,
     1 - 2.5 (s_2 / s_1)^2 at least .9; with a single output or input, where every residue is, when the shapes' MAC is.
     Repeated modes have a summed residue of rank two and stay apart.
+
+    Few inputs drive two modes alike by chance: two of them one pair in four. Where all outputs were measured at once, poles of
+    unlike shapes that lie further apart than their deviations are two modes all the same.
+
+    Parameters
+    ----------
+    poles : Poles
+    deviation : array, optional
+        rad/s: how well the data tell every pole of the diagram, by its index; NaN where that is not known.
     """
-    kept = [_merged(poles.take(np.flatnonzero(poles.order == order))) for order in poles.orders]
+    kept = [_merged(poles.take(np.flatnonzero(poles.order == order)), deviation) for order in poles.orders]
     return Poles(poles.orders, *(np.concatenate([getattr(k, name) for k in kept]) for name in _FLAT))
 
 
-def _merged(poles: Poles) -> Poles:
+def _merged(poles: Poles, deviation: RealArray | None) -> Poles:
     while poles.pole.size > 1:
         like = _likeness(poles)
+        if deviation is not None:
+            like[_told_apart(poles, deviation[poles.index])] = 0.0
         a, b = np.unravel_index(np.argmax(like), like.shape)
         if like[a, b] < SPLIT:
             break
@@ -121,6 +135,13 @@ def _likeness(poles: Poles) -> RealArray:
         s = np.linalg.svd(left @ right.T, compute_uv=False)
         alike[a, b] = max(1 - 2.5 * (s[1] / s[0]) ** 2, 0.0) if s[0] > 0 else 0.0
     return alike
+
+
+def _told_apart(poles: Poles, deviation: RealArray) -> Array:
+    """Return which pairs have unlike shapes and lie further apart than `_APART` times what both may be off, (p, p)."""
+    off = deviation[:, None] + deviation
+    apart = np.abs(poles.pole[:, None] - poles.pole) > _APART * off  # never where a deviation is not known
+    return np.asarray(apart & (mac(poles.shape.T) < SPLIT))
 
 
 def _merge_two(poles: Poles, a: int, b: int) -> Poles:

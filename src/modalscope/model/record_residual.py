@@ -13,10 +13,10 @@ import numpy as np
 from modalscope.model.checks import Array, RealArray
 from modalscope.model.notes import Note
 
-__all__ = ["UNMEASURED", "Excess", "excess", "excess_notes", "pole_notes"]
+__all__ = ["DELAY", "UNMEASURED", "Excess", "excess", "excess_notes", "pole_notes"]
 
-#: Kind of the note on a residual that stands out at the modes.
-UNMEASURED = "unmeasured forces"
+#: Kinds of the notes on a residual that stands out at the modes, and on channels that come late.
+UNMEASURED, DELAY = "unmeasured forces", "delay"
 
 #: From so many decibels on the residual stands out at the modes (noise of sensors alone gives 0 to 3), where it matters: it biases damping
 #: by about the square of its share of the data.
@@ -127,5 +127,5 @@ def pole_notes(poles: Array, sampling_rate: float | None, duration: float) -> tu
         late = max((k for k in range(1, min(size.size, _LATEST) + 1) if size[k - 1] ** k < _DELAY), default=0)
         if late:
             text = f"{late} poles at z = 0: some channels come about {late} samples late in all"
-            notes.append(Note("delay", {"samples": late}, f"a delay of about {late} samples: {text}"))
+            notes.append(Note(DELAY, {"samples": late}, f"a delay of about {late} samples: {text}"))
     return tuple(notes)

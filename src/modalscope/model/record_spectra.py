@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from modalscope.model import record_sums as sums
 from modalscope.model.checks import (
     Array,
     ComplexArray,
@@ -29,7 +30,6 @@ from modalscope.model.notes import Note
 from modalscope.model.poles import to_discrete
 from modalscope.model.record_picture import picture_of
 from modalscope.model.record_residual import excess, excess_notes, pole_notes
-from modalscope.model.record_sums import drive_of_poles, line_power, rebuilt_values, smoothed, untold_inputs
 from modalscope.model.statespace import StateSpace
 
 if TYPE_CHECKING:
@@ -168,7 +168,7 @@ class RecordSpectra(NoResponse):
         most = int(np.clip(_NUMBERS // self.values.shape[1], _LEAST_LINES, _JUDGED))
         if self.count <= most:
             return self
-        return replace(self._at(telling_lines(line_power(self), self.run, most)), source=self)
+        return replace(self._at(telling_lines(sums.line_power(self), self.run, most)), source=self)
 
     @property
     def whole(self) -> RecordSpectra:
@@ -219,12 +219,12 @@ class RecordSpectra(NoResponse):
 
     def spectrum(self) -> tuple[RealArray, ComplexArray]:
         """Return lines in Hz and the outputs on them and their neighbours, (F, l, p), whose singular values are a smoothed spectrum's."""
-        f, values = zip(*smoothed(self), strict=True)
+        f, values = zip(*sums.smoothed(self), strict=True)
         return np.concatenate(f), np.concatenate(values)
 
     def spectra(self) -> Iterator[tuple[RealArray, ComplexArray]]:
         """Yield the same, some lines at a time."""
-        return smoothed(self)
+        return sums.smoothed(self)
 
     def doubts(
         self, poles: Array, shapes: Array, participation: Array, terms: Array, trusted: Array
@@ -235,10 +235,9 @@ class RecordSpectra(NoResponse):
         found = excess(self.frequencies, left, self.values[:, :, 0], poles[trusted], 1 / max(self.durations))
         return (*excess_notes(found), *pole_notes(self.in_plane(poles), self.sampling_rate, max(self.durations)))
 
-    @property
-    def untold(self) -> tuple[str, ...]:
-        """Inputs that are zero or depend on the others: what they give together is known, and not how it is shared."""
-        return untold_inputs(self)
+    def told_of(self, participation: Array) -> ComplexArray:
+        """Return the shortest participation of the inputs that gives the same; see `Response.told_of`."""
+        return sums.shortest_participation(self, participation)
 
     def picture(self) -> FrequencyResponse:
         """Return frequency responses H1 of the lines and their neighbours, for the eye alone: nothing is judged on them."""
@@ -252,7 +251,7 @@ class RecordSpectra(NoResponse):
 
     def driven(self, poles: Array, participation: Array) -> RealArray:
         """Return the root mean square of what drives each pole on the lines near its frequency, (n,); see `Response.driven`."""
-        return drive_of_poles(self, poles, participation)
+        return sums.drive_of_poles(self, poles, participation)
 
     def in_band(self, band: tuple[float, float] | None) -> RecordSpectra:
         """Return the lines in a band."""
@@ -274,7 +273,7 @@ class RecordSpectra(NoResponse):
 
     def rebuilt_by(self, model: StateSpace) -> RecordSpectra:
         """Return what a model gives on these lines under the measured inputs, from the first states that fit best."""
-        return replace(self, values=rebuilt_values(self, model))
+        return replace(self, values=sums.rebuilt_values(self, model))
 
     def of_modes(self, modes: ModalModel) -> RecordSpectra:
         """Return what modes give on these lines under the measured inputs, from the first states that fit best."""

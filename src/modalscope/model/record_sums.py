@@ -14,7 +14,15 @@ from modalscope.model.statespace import StateSpace
 if TYPE_CHECKING:
     from modalscope.model.record_spectra import RecordSpectra
 
-__all__ = ["NEAR", "drive_of_poles", "line_power", "rebuilt_values", "smoothed", "untold_inputs"]
+__all__ = [
+    "NEAR",
+    "drive_of_poles",
+    "line_power",
+    "rebuilt_values",
+    "shortest_participation",
+    "smoothed",
+    "untold_inputs",
+]
 
 #: Neighbouring lines on either side that one value of the smoothed spectrum is made of.
 NEAR = 3
@@ -54,14 +62,26 @@ def smoothed(lines: RecordSpectra) -> Iterator[tuple[RealArray, ComplexArray]]:
 
 def untold_inputs(lines: RecordSpectra) -> tuple[str, ...]:
     """Return the inputs that are zero or depend on the others: what they give together is known, and not how it is shared."""
-    U = np.concatenate([lines.drive.real, lines.drive.imag])
-    size = np.linalg.norm(U, axis=0)
-    R = np.linalg.qr(U / np.where(size > 0, size, 1), mode="r")
-    _, d, Vt = np.linalg.svd(R)
-    alone = Vt[np.count_nonzero(d > _ALIKE) :]
+    _, alone = _silent(lines)
     return tuple(
         dof for dof, part in zip(lines.input_dofs, alone.T, strict=True) if np.abs(part).max(initial=0) > _SHARE
     )
+
+
+def shortest_participation(lines: RecordSpectra, participation: Array) -> ComplexArray:
+    """Return the shortest participation (n, m) of the inputs that gives the same on all lines, inputs brought to one size."""
+    size, alone = _silent(lines)
+    level = participation * size
+    return np.asarray((level - (level @ alone.T) @ alone) / size)
+
+
+def _silent(lines: RecordSpectra) -> tuple[RealArray, RealArray]:
+    """Return the sizes of the inputs, one for what is zero, and what directions of the divided ones are zero on every line, (k, m)."""
+    U = np.concatenate([lines.drive.real, lines.drive.imag])
+    size = np.linalg.norm(U, axis=0)
+    size = np.where(size > 0, size, 1)
+    _, d, Vt = np.linalg.svd(np.linalg.qr(U / size, mode="r"))
+    return size, Vt[np.count_nonzero(d > _ALIKE) :]
 
 
 def drive_of_poles(lines: RecordSpectra, poles: Array, participation: Array) -> RealArray:

@@ -130,6 +130,15 @@ class Response(ResponseFacts):
         """
         return np.asarray(participation[:, : len(self.input_dofs)])
 
+    def told_of(self, participation: Array) -> ComplexArray:
+        """Return what the data tell of the participation of the inputs, (n, m): what inputs do not excite is left at zero.
+
+        Parameters
+        ----------
+        participation : array of complex, (n, m)
+        """
+        return np.asarray(participation)
+
     @abstractmethod
     def derivatives(self, poles: Array) -> RealArray:
         """Return d/ds of the functions of `basis`, real columns e1, e2 of every pole.

@@ -24,7 +24,9 @@ _OWN = 1e-4
 _SEEN, _NEARLY = 1e-6, 0.5
 
 
-def triangle_of(chunks: Callable[[], Iterator[RealArray]], columns: int, least: float = _OWN) -> RealArray:
+def triangle_of(
+    chunks: Callable[[], Iterator[RealArray]], columns: int, least: float = _OWN, gram: RealArray | None = None
+) -> RealArray:
     """Return R (at most columns, columns) of all rows that the chunks give together.
 
     Parameters
@@ -34,8 +36,13 @@ def triangle_of(chunks: Callable[[], Iterator[RealArray]], columns: int, least: 
     columns : int
     least : float
         Length that each column must keep beside the ones before it for the Gram matrix to be enough; R is then known to 1e-16 / least^2.
+    gram : array, optional
+        R'R of more rows than columns, where it is known already; its place is used.
     """
-    gram, rows = _gram(chunks(), columns)
+    if gram is None:
+        gram, rows = _gram(chunks(), columns)
+    else:
+        rows = columns + 1
     R = factor_of_gram(gram, overwrite=True, least=_SEEN) if rows > columns else None
     if R is None:
         return _orthogonally(chunks(), columns)

@@ -154,7 +154,8 @@ def concluded(
         `select` and `examine`, or what keeps their parts from one choice to the next.
     """
     modes, diagrams = modes_chosen(data, document, looks, choose), [look.diagram for look in looks]
-    findings = tuple(finding.beside(document.bands) for finding in check(data))
+    harmless = _harmless(diagrams)
+    findings = tuple(finding.beside(document.bands) for finding in check(data) if finding.kind not in harmless)
     seen = tuple(Note(f"data: {finding.kind}", {}, str(finding)) for finding in findings)
     return Result(
         modes=modes,
@@ -180,6 +181,11 @@ def _bands(band: Any) -> tuple[tuple[float, float], ...]:
         return ()
     listed = check_each("band", band, "two frequencies in Hz, or several such pairs")
     return tuple(listed) if listed and np.ndim(listed[0]) == 1 else (tuple(listed),)
+
+
+def _harmless(diagrams: Sequence[StabilizationDiagram]) -> tuple[str, ...]:
+    """Return the kinds of findings that harm frequency responses alone: records on lines eliminate what a run begins and ends with."""
+    return ("leakage",) if all(diagram.settings.route == "records" for diagram in diagrams) else ()
 
 
 def _leaking(data: Any, modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> tuple[Note, ...]:

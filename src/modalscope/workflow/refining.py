@@ -17,7 +17,7 @@ from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.mode_fields import joined
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
-from modalscope.model.record_residual import UNMEASURED
+from modalscope.model.record_residual import DELAY, UNMEASURED
 from modalscope.model.response import Response
 
 __all__ = ["refined_where_it_helps"]
@@ -107,6 +107,8 @@ def _unfit(diagram: StabilizationDiagram) -> str:
         return "the data were transformed before they were identified; choose a domain that takes them as they are"
     if any(note.kind == UNMEASURED for note in diagram.notes):
         return "what was not measured stands out of the residual, and least squares on the records' lines would be biased by it"
+    if any(note.kind == DELAY for note in diagram.notes):
+        return "channels come late, which the modes alone do not explain; align the channels"
     if diagram.settings.route == "subspace":
         return "past inputs and outputs were taken as instruments, and least squares on the records' lines has none"
     if band is not None and response.in_band(band) is response:
