@@ -19,6 +19,9 @@ _SLOWER = 4
 #: Complex numbers in an array in between.
 _AT_A_TIME = 1_000_000
 
+#: Samples whose products with the others are taken together.
+_TOGETHER = 16
+
 
 @dataclass(frozen=True, eq=False)
 class BlockHankel:
@@ -39,14 +42,14 @@ class BlockHankel:
         return outputs * self.block_rows, inputs * self.block_columns
 
     @cached_property
-    def _strip(self) -> RealArray:
-        """(l, N m): columns i m to (i + block_columns) m are block row i."""
+    def strip(self) -> RealArray:
+        """The samples used, (l, N m): columns i m to (i + block_columns) m are block row i."""
         used = self.values[self.first : self.first + self.block_rows + self.block_columns - 1]
         return np.ascontiguousarray(used.transpose(1, 0, 2)).reshape(self.values.shape[1], -1)
 
     def _row(self, i: int) -> RealArray:
         inputs = self.values.shape[2]
-        return self._strip[:, i * inputs : (i + self.block_columns) * inputs]
+        return self.strip[:, i * inputs : (i + self.block_columns) * inputs]
 
     def dense(self) -> RealArray:
         """The matrix as an array, for small ones and for tests."""
@@ -132,18 +135,37 @@ class BlockHankel:
     def gram(self) -> RealArray:
         """H' H by its structure: G[i+1, j+1] = G[i, j] - Y(i)' Y(j) + Y(i+r)' Y(j+r), from the first block row of r products."""
         m, r, s = self.values.shape[2], self.block_rows, self.block_columns
-        strip = self._strip
         gram = np.zeros((s * m, s * m))
-        head = gram[:m]
-        for k in range(r):
-            head += strip[:, k * m : (k + 1) * m].T @ self._row(k)
-        for i in range(s - 1):
-            row, below = slice(i * m, (i + 1) * m), slice((i + 1) * m, (i + 2) * m)
-            leave, enter = strip[:, i * m : (i + 1) * m], strip[:, (i + r) * m : (i + r + 1) * m]
-            update = enter.T @ strip[:, (i + r) * m : (s - 1 + r) * m] - leave.T @ strip[:, i * m : (s - 1) * m]
-            gram[below, (i + 1) * m :] = gram[row, i * m : (s - 1) * m] + update
-        upper = np.triu(gram)
-        return np.asarray(upper + np.triu(gram, 1).T)
+        self._first_row(gram[:m])
+        both = zip(self._products(0, s - 1, s - 1), self._products(r, r + s - 1, s - 1), strict=True)
+        for (i, leave), (_, enter) in both:
+            block, left = slice(i * m, (i + 1) * m), (s - 1 - i) * m
+            below = gram[(i + 1) * m : (i + 2) * m, (i + 1) * m :]
+            np.subtract(gram[block, i * m : (s - 1) * m], leave[:, :left], out=below)
+            below += enter[:, :left]
+        for i in range(s):
+            gram[i * m :, i * m : (i + 1) * m] = gram[i * m : (i + 1) * m, i * m :].T
+        return gram
+
+    def _first_row(self, found: RealArray) -> None:
+        """Add sum_k Y(k)' Y(k + j) of all block rows, sample by sample, or with many inputs block by block."""
+        outputs, m, r, s = *self.values.shape[1:], self.block_rows, self.block_columns
+        if m <= 2 * outputs:
+            for _, row in self._products(0, r, s):
+                found += row[:, : s * m]
+            return
+        rows = [self.values[self.first + j : self.first + j + r].reshape(-1, m) for j in range(s)]
+        for j in range(s):
+            found[:, j * m : (j + 1) * m] = rows[0].T @ rows[j]
+
+    def _products(self, start: int, stop: int, blocks: int) -> Iterator[tuple[int, RealArray]]:
+        """Yield k and Y(k)' [Y(k), Y(k + 1), ...], at least `blocks` blocks where there are as many, from start to before stop."""
+        m, together = self.values.shape[2], max(min(_TOGETHER, blocks // 4), 1)
+        for first in range(start, stop, together):
+            last = min(first + together, stop)
+            rows = self.strip[:, first * m : last * m].T @ self.strip[:, first * m : (last + blocks) * m]
+            for k in range(last - first):
+                yield first + k, rows[k * m : (k + 1) * m, k * m :]
 
     def row_chunks(self, rows: int) -> Iterator[RealArray]:
         """The rows from first to last, whole blocks and about `rows` at a time."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from modalscope.model.checks import Array, RealArray
 
-__all__ = ["DenseMatrix", "LargeMatrix", "Operator", "TransposedOperator", "WideOperator"]
+__all__ = ["DenseMatrix", "LargeMatrix", "Operator", "Product", "TransposedOperator", "WideOperator"]
 
 
 class Operator(Protocol):
@@ -191,3 +191,28 @@ class LargeMatrix(DenseMatrix):
     def transposed(self) -> LargeMatrix:
         """H'."""
         return LargeMatrix(self.array.T)
+
+
+@dataclass(frozen=True, eq=False)
+class Product:
+    """H X, made when it is asked for.
+
+    Parameters
+    ----------
+    matrix : Operator
+        H.
+    right : array, (columns, k)
+        X.
+    """
+
+    matrix: Operator
+    right: RealArray
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.matrix.shape[0], self.right.shape[1]
+
+    def array(self) -> RealArray:
+        """The product."""
+        return self.matrix.times(self.right)

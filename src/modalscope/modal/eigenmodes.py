@@ -86,6 +86,7 @@ def split_extraneous(modes: Eigenmodes, model: Triple) -> tuple[Array, Array]:
 def state_space(matrix: DataMatrix, model: Triple, modes: Eigenmodes) -> StateSpace:
     """Return the model as it was realized; from lines in real modal coordinates, which do not depend on the polynomials."""
     if model.B is not None:
+        model = matrix.of_all_outputs(model)
         return StateSpace(A=model.A, B=model.B, C=model.C, D=modes.direct, dt=matrix.dt)
     z = modes.eigen.values
     # samples: Y(0) is the first sample there is
