@@ -109,6 +109,7 @@ class Found(NamedTuple):
     Parameters
     ----------
     U : array, (l, r)
+        No rows where it was not kept.
     columns : array, (r, columns)
         U'X.
     scale : array, (l,)
@@ -136,10 +137,11 @@ def combinations(response: Response, count: int, seed: int = 0) -> Combinations:
     rows = _InMemory(response.values)
     found = found_combinations(rows, count, seed)
     values = rows.as_response(found.columns)
-    return Combinations(labelled(response, values, found), found.U, found.scale, found.discarded)
+    few = labelled(response, values, found.U / found.scale[:, None], len(found.columns))
+    return Combinations(few, found.U, found.scale, found.discarded)
 
 
-def found_combinations(rows: OutputRows, count: int, seed: int = 0) -> Found:
+def found_combinations(rows: OutputRows, count: int, seed: int = 0, *, keep: bool = True) -> Found:
     """Return r combinations of outputs that come some at a time, in two passes over them.
 
     Parameters
@@ -149,6 +151,8 @@ def found_combinations(rows: OutputRows, count: int, seed: int = 0) -> Found:
         r.
     seed : int
         Of the sketch.
+    keep : bool
+        Whether U, which has a row an output, is wanted.
 
     References
     ----------
@@ -156,23 +160,27 @@ def found_combinations(rows: OutputRows, count: int, seed: int = 0) -> Found:
     algorithm for overdetermined linear least-squares regression", PNAS 105 (2008), for the sketch that conditions X V.
     """
     V = _directions(_sketch(rows, _ROWS * count, seed), count, seed)
-    Y, scale = np.empty((rows.outputs, V.shape[1])), np.empty(rows.outputs)
-    products, gram, energy = np.zeros((V.shape[1], rows.columns)), np.zeros((V.shape[1], V.shape[1])), 0.0
+    r = V.shape[1]
+    Y, scale = np.empty((rows.outputs if keep else 0, r)), np.empty(rows.outputs)
+    products, gram, energy = np.zeros((r, rows.columns)), np.zeros((r, r)), 0.0
     for part, X in rows.parts():
         scale[part] = _level(X)
         energy += float(np.vdot(X, X))
-        Y[part] = X @ V
-        products += Y[part].T @ X
-        gram += Y[part].T @ Y[part]
-    R = sla.cholesky(gram, check_finite=False)  # the sketch has made X V nearly orthonormal
-    inverse = np.asarray(sla.solve_triangular(R, np.eye(len(R)), check_finite=False))
+        y = X @ V
+        products += y.T @ X
+        gram += y.T @ y
+        if keep:
+            Y[part] = y
+    # the sketch has made X V nearly orthonormal
+    inverse = np.asarray(sla.solve_triangular(sla.cholesky(gram, check_finite=False), np.eye(r), check_finite=False))
     columns = inverse.T @ products
-    for start in range(0, len(Y), _AT_A_TIME // len(R)):
-        Y[start : start + _AT_A_TIME // len(R)] @= inverse
+    step = max(_AT_A_TIME // r, 1)
+    for start in range(0, len(Y), step):
+        Y[start : start + step] @= inverse
     left = 1 - float(np.vdot(columns, columns)) / energy
-    if left < _ROUNDING:
+    if left < _ROUNDING and keep:
         left = sum(_left_by(X / scale[part, None], Y[part], columns) for part, X in rows.parts()) / energy
-    return Found(Y, columns, scale, left)
+    return Found(Y, columns, scale, max(left, 0.0))
 
 
 def _left_by(X: RealArray, U: RealArray, columns: RealArray) -> float:
@@ -218,9 +226,19 @@ def _real_times(left: RealArray, right: Array) -> Array:
     return (left @ np.ascontiguousarray(right).view(np.float64)).view(np.complex128)
 
 
-def labelled(response: Response, values: Array, found: Found) -> Response:
-    """Return the combinations' response: what belongs to single outputs has no meaning for them, but variances add up."""
-    count = found.U.shape[1]
+def labelled(response: Response, values: Array, back: RealArray | None, count: int) -> Response:
+    """Return the combinations' response: what belongs to single outputs has no meaning for them, but variances add up.
+
+    Parameters
+    ----------
+    response : Response
+        What it is made of.
+    values : array, (K, r, m)
+    back : array, (l, r), optional
+        What the outputs are multiplied with; without it there must be no variance and no direct term.
+    count : int
+        r.
+    """
     changed: dict[str, Any] = {
         "values": values,
         "output_dofs": tuple(f"combination {k + 1}" for k in range(count)),
@@ -230,12 +248,11 @@ def labelled(response: Response, values: Array, found: Found) -> Response:
     for name in ("variance", "coherence"):
         if getattr(response, name, None) is not None:
             changed[name] = None
-    back = found.U / found.scale[:, None]
     variance = response.known_variance
-    if variance is not None:
+    if variance is not None and back is not None:
         changed["variance"] = np.einsum("or,kom->krm", back**2, variance, optimize=True)
     known = getattr(response, "feedthrough", None)
-    if known is not None:
+    if known is not None and back is not None:
         changed["feedthrough"] = back.T @ known
     return replace(response, **changed)
 
