@@ -88,7 +88,11 @@ def test_what_cannot_be_done_is_said_before_anything_is_written(tmp_path: Path) 
     stored = ms.read(folder(tmp_path / "big.zarr", responses()), stored=True)
     modes = ms.identify(stored, method="era", order=2 * MODES).modes
     (tmp_path / "there.zarr").mkdir()
-    for path, found in (("there.zarr", "there already"), ("shapes.npz", "end in .zarr"), ("no/shapes.zarr", "no folder")):
+    for path, found in (
+        ("there.zarr", "there already"),
+        ("shapes.npz", "end in .zarr"),
+        ("no/shapes.zarr", "no folder"),
+    ):
         with pytest.raises(DataError, match=found):
             ms.full_field(modes, stored, tmp_path / path)
     other = ms.identify(responses().select(inputs=[0]), method="era", order=2 * MODES).modes
@@ -111,7 +115,12 @@ def test_a_sample_that_is_no_number_is_named_where_it_stands(tmp_path: Path) -> 
 def test_a_head_that_promises_more_than_there_is_is_refused_at_once(tmp_path: Path, name: str) -> None:
     path = tmp_path / "a.zarr"
     group = zarr.open_group(path, mode="w")
-    group.create_array(name, shape=(100, 3, 2)[: 3 if name == "values" else 2], chunks=(10, 3, 2)[: 3 if name == "values" else 2], dtype="f8")[...] = 1.0
+    group.create_array(
+        name,
+        shape=(100, 3, 2)[: 3 if name == "values" else 2],
+        chunks=(10, 3, 2)[: 3 if name == "values" else 2],
+        dtype="f8",
+    )[...] = 1.0
     group.attrs["sampling_rate"] = 1.0
     head = json.loads((path / name / "zarr.json").read_text())
     head["shape"][0] = 10**15

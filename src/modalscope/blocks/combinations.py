@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 import scipy.linalg as sla
@@ -19,6 +19,9 @@ from modalscope.model.checks import Array, RealArray
 from modalscope.model.response import Response
 
 __all__ = ["Combinations", "Found", "OutputRows", "combinations", "enough", "found_combinations", "labelled"]
+
+#: A response of one kind or the other.
+Some = TypeVar("Some", bound=Response)
 
 #: Combinations beside the states that are asked: terms of the polynomials, and directions to spare.
 _BESIDE = 40
@@ -226,7 +229,7 @@ def _real_times(left: RealArray, right: Array) -> Array:
     return (left @ np.ascontiguousarray(right).view(np.float64)).view(np.complex128)
 
 
-def labelled(response: Response, values: Array, back: RealArray | None, count: int) -> Response:
+def labelled(response: Some, values: Array, back: RealArray | None, count: int) -> Some:
     """Return the combinations' response: what belongs to single outputs has no meaning for them, but variances add up.
 
     Parameters

@@ -145,7 +145,9 @@ class _Asked(NamedTuple):
 
 @singledispatch
 def _measured(data: Any, band: tuple[float, float] | None, asked: _Asked) -> Measured:
-    check_kind("data", data, (FrequencyResponse, ImpulseResponse, Signals, StoredSignals, StoredResponse, Records, Setups))
+    check_kind(
+        "data", data, (FrequencyResponse, ImpulseResponse, Signals, StoredSignals, StoredResponse, Records, Setups)
+    )
     raise AssertionError("one of these has no way to a response")
 
 

@@ -257,6 +257,7 @@ def stored_response(where: str, blocks: ZarrOutputs, arrays: Mapping[str, Array]
     names = [field.name for field in fields(StoredResponse) if field.name not in ("blocks", "output_dofs", "units")]
     kept: dict[str, Any] = {name: getattr(thing, name) for name in names}
     kept["output_dofs"] = None if labels is None else tuple(str(label) for label in labels)
-    response = StoredResponse(blocks=blocks, units=(None, thing.units[1]), **kept)
+    kept["units"] = (None, thing.units[1])
+    response = StoredResponse(blocks=blocks, **kept)
     shown = Finding(part="values", what=f"{'x'.join(map(str, blocks.shape))}, read some outputs at a time")
     return replace(found, thing=response, findings=(shown, *(each for each in found.findings if each.part != "values")))

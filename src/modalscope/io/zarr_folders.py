@@ -120,7 +120,9 @@ def _head(folder: Path) -> Mapping[str, Any] | None:
         raise _damaged(folder, f"it comes in pieces of the shape {pieces}", "Write it in pieces of some megabytes.")
     promised = prod(-(-n // max(k, 1)) for n, k in zip(shape or (), pieces or (), strict=False))
     there = sum(1 for each in folder.rglob("*") if each.is_file())
-    if promised > there:  # told here: what is not there would read as zeros, and a head may promise more than can be counted
+    if (
+        promised > there
+    ):  # told here: what is not there would read as zeros, and a head may promise more than can be counted
         raise _damaged(folder, f"it says that it comes in {promised} pieces, and there are {there} files")
     foreign = sorted(set(_packings(head)) - _PACKED)
     if foreign:

@@ -27,6 +27,9 @@ __all__ = ["OutputBlocks", "StoredResponse"]
 #: Numbers that are read together, at least; whole pieces of the file where these are larger.
 _AT_A_TIME = 4_000_000
 
+#: Bytes of the outputs that stand for all where they are looked at.
+_EXCERPT = 64_000_000
+
 
 class OutputBlocks(Protocol):
     """Samples, outputs and inputs, of which some outputs can be read."""
@@ -138,6 +141,12 @@ class StoredResponse(Channels):
             added_damping=self.added_damping,
             **{**self.labelled(), "output_dofs": self.output_dofs[first:last], "units": sides, "geometry": None},
         )
+
+    def excerpt(self) -> ImpulseResponse:
+        """Return outputs from the middle that are small beside memory: of few, all of them."""
+        count = max(_EXCERPT // (8 * self.samples * len(self.input_dofs)), 1)
+        first = max((len(self.output_dofs) - count) // 2, 0)
+        return self.part(first, first + count)
 
     def parts(self) -> Iterator[tuple[slice, RealArray]]:
         """Yield which outputs, and their samples as rows, (outputs, N m): whole pieces of the file, checked as they are read."""
