@@ -23,6 +23,7 @@ from modalscope.blocks.layout import block_shifts
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.operators import Operator
 from modalscope.blocks.row_sums import RowSums, projected_by_gram
+from modalscope.blocks.sample_fit import fit_of_samples
 from modalscope.blocks.shift import RowShift
 from modalscope.blocks.side import Side, side_of
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
@@ -30,7 +31,7 @@ from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.poles import powers_of, to_continuous, to_discrete
 
-__all__ = ["Hankel", "fit_of_samples", "hankel"]
+__all__ = ["Hankel", "hankel"]
 
 
 def hankel(
@@ -297,14 +298,3 @@ class Hankel(DataMatrix):
                 "of repeated ones) are lost, and noise weighs more",
             )
         return ()
-
-
-def fit_of_samples(response: ImpulseResponse, model: Triple, eigen: Eigen) -> ModalFit:
-    """Return shapes C X, participation X^-1 B referred to the impulse (Eqs. 15-16), and the direct term."""
-    assert model.B is not None
-    participation = eigen.left @ model.B
-    if response.first_sample:
-        participation = participation / eigen.values[:, None] ** response.first_sample
-    known = response.feedthrough
-    direct = np.zeros(response.values.shape[1:]) if known is None else known
-    return ModalFit(np.asarray(model.C @ eigen.vectors), participation, direct[None])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -50,6 +51,9 @@ _PIECES = 16
 #: More channel names than this cannot be read side by side.
 _LABELS = 30
 
+#: More bars, or lines, faces and nodes, than this are thinned: nobody sees them apart.
+_BARS, _DRAWN = 2000, 20_000
+
 
 def in_phase(shape: Array) -> RealArray:
     """Return the real part of a shape turned to its best phase, its largest component 1.
@@ -77,7 +81,8 @@ def shape(
 
     A complex shape is turned to the phase that leaves the least out of phase; how much that hides is told by the MPC
     above the picture (1: nothing). Nodes on a line are drawn as displacement over position, nodes in a plane that
-    moves in itself flat, all others obliquely. Without a geometry every channel is a bar.
+    moves in itself flat, all others obliquely. Without a geometry every channel is a bar. Of more channels, lines and faces
+    than can be seen apart every so many are drawn.
 
     Parameters
     ----------
@@ -171,6 +176,7 @@ def in_order(labels: tuple[str, ...]) -> list[int]:
 
 def _bars(ax: Axes, labels: tuple[str, ...], values: RealArray) -> None:
     order = in_order(labels)
+    order = order[spaced(len(order), _BARS)]
     labels, values = tuple(labels[k] for k in order), values[order]
     places = np.arange(values.size)
     ax.bar(places, values, width=0.72, color=np.where(values < 0, BLUE, VERMILLION).tolist(), zorder=2)
@@ -214,23 +220,50 @@ def _wireframe(ax: Axes, geometry: Geometry, motion: RealArray, measured: Array,
     # which way a node goes: along the direction of the largest motion
     signed = motion @ np.linalg.svd(motion, full_matrices=False)[2][0] / size
     signed = signed * (np.sign(signed[np.argmax(np.abs(signed))]) or 1.0)
+    geometry, shown = _thinned(geometry, measured)
     live = measured[geometry.lines].any(axis=1) if len(geometry.lines) else np.zeros(0, dtype=bool)
     _faces(ax, geometry, moved, signed, view)
     _strokes(ax, rest[geometry.lines], color=PALE, linewidths=0.9, zorder=1)
-    _strokes(
-        ax, np.stack([rest[measured], moved[measured]], axis=1), color=PALE, linewidths=0.7, linestyles=":", zorder=1.5
-    )
+    _strokes(ax, np.stack([rest[shown], moved[shown]], axis=1), color=PALE, linewidths=0.7, linestyles=":", zorder=1.5)
     _coloured(ax, moved[geometry.lines[live]], signed[geometry.lines[live]])
-    still, live_nodes = rest[measured], moved[measured]
+    still, live_nodes = rest[shown], moved[shown]
     ax.scatter(still[:, 0], still[:, 1], s=9, color=PALE, zorder=2, linewidths=0)
     style: dict[str, Any] = {"cmap": diverging(), "vmin": -1, "vmax": 1, "edgecolors": "white", "linewidths": 0.7}
-    ax.scatter(live_nodes[:, 0], live_nodes[:, 1], s=34, c=signed[measured], zorder=5, **style)
+    ax.scatter(live_nodes[:, 0], live_nodes[:, 1], s=34, c=signed[shown], zorder=5, **style)
     ax.set_aspect("equal", adjustable="datalim")
     ax.margins(0.06)
     ax.set_xticks([])
     ax.set_yticks([])
     frameless(ax)
     _triad(ax, view)
+
+
+def _thinned(geometry: Geometry, measured: Array) -> tuple[Geometry, Array]:
+    """Return a geometry with every so many of its lines and faces, and which measured nodes are drawn."""
+    some = (
+        geometry
+        if max(len(geometry.lines), len(geometry.faces)) <= _DRAWN
+        else replace(
+            geometry,
+            lines=geometry.lines[spaced(len(geometry.lines))],
+            faces=geometry.faces[spaced(len(geometry.faces))],
+        )
+    )
+    nodes = np.flatnonzero(measured)
+    shown = np.zeros_like(measured)
+    shown[nodes[spaced(len(nodes))]] = True
+    return some, shown
+
+
+def spaced(count: int, most: int = _DRAWN) -> slice:
+    """Return every so many of `count` things that `most` are left.
+
+    Examples
+    --------
+    >>> spaced(1_000_000).step, spaced(100).step
+    (50, 1)
+    """
+    return slice(None, None, max(-(-count // most), 1))
 
 
 def _strokes(ax: Axes, segments: Array, **style: Any) -> None:
