@@ -273,7 +273,10 @@ class _InMemory:
         """Yield outputs as rows; see `OutputRows`."""
         step = max(_AT_A_TIME // self.columns, 1)
         for start in range(0, self.outputs, step):
-            some = np.array(self.values[:, start : start + step].transpose(1, 0, 2), order="C")
+            part = self.values[:, start : start + step]
+            some = np.empty((part.shape[1], self.count, part.shape[2]), dtype=part.dtype)
+            for i in range(part.shape[2]):  # input by input: numpy copies pairs of numbers slowly
+                some[:, :, i] = part[:, :, i].T
             yield slice(start, start + len(some)), some.view(np.float64).reshape(len(some), -1)
 
     def as_response(self, columns: RealArray) -> Array:

@@ -39,10 +39,10 @@ def modes_in_pieces(folder: Path, modes: ModalModel, channels: Channels) -> Any:
     group, outputs = zarr.open_group(str(folder), mode="w"), len(channels.output_dofs)
     plain = {name: array for name, array in to_arrays(modes).items() if not name.startswith(_LEFT)}
 
-    def made(name: str, shape: tuple[int, ...], piece: tuple[int, ...], kind: Any) -> Any:
+    def made(name: str, shape: tuple[int, ...], piece: tuple[int, ...], kind: Any, **more: Any) -> Any:
         # pieces of zeros are written, too: one that is not there is damage
         whole = {"write_empty_chunks": True}
-        return group.create_array(name, shape=shape, chunks=piece, dtype=kind, config=whole)
+        return group.create_array(name, shape=shape, chunks=piece, dtype=kind, config=whole, **more)
 
     for name, array in plain.items():
         if name not in _OF_OUTPUTS and array.dtype.kind in "biufc":
@@ -51,4 +51,4 @@ def modes_in_pieces(folder: Path, modes: ModalModel, channels: Channels) -> Any:
     labels = np.asarray(channels.output_dofs, dtype=np.dtypes.StringDType())
     made("output_dofs", labels.shape, (_PIECE,), str)[...] = labels
     count = max(len(modes), 1)
-    return made("shapes", (outputs, len(modes)), (max(_PIECE // count, 1), count), complex)
+    return made("shapes", (outputs, len(modes)), (max(_PIECE // count, 1), count), complex, compressors=None)

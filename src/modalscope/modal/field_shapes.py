@@ -13,6 +13,9 @@ from modalscope.model.stored_response import StoredResponse
 
 __all__ = ["Fitted", "fitted_shapes"]
 
+#: Share of an output's energy below which what is left, a difference of sums, is told from rounding by rebuilding the samples.
+_ROUNDING = 1e-10
+
 
 class Fitted(NamedTuple):
     """Shapes of some outputs.
@@ -57,9 +60,11 @@ def fitted_shapes(stored: StoredResponse, modes: ModalModel) -> Iterator[Fitted]
     for part, X in stored.parts():
         found = X @ Q[:, kept]
         whole = np.einsum("lk,lk->l", X, X)
-        X -= found @ Q[:, kept].T
-        shapes = (found @ back).view(np.complex128)
-        yield Fitted(part, shapes, np.einsum("lk,lk->l", X, X), whole)
+        left = whole - np.einsum("lk,lk->l", found, found)
+        if not np.all(left > _ROUNDING * whole):
+            X -= found @ Q[:, kept].T
+            left = np.einsum("lk,lk->l", X, X)
+        yield Fitted(part, (found @ back).view(np.complex128), left, whole)
 
 
 def _basis(stored: StoredResponse, modes: ModalModel) -> RealArray:

@@ -155,7 +155,9 @@ class StoredResponse(Channels):
         step = together * max(_AT_A_TIME // (each * together), 1)
         for start in range(0, len(self.output_dofs), step):
             values = self._read(start, min(start + step, len(self.output_dofs)))
-            rows = np.array(values.transpose(1, 0, 2), dtype=np.float64, order="C")
+            rows = np.empty((values.shape[1], self.samples, values.shape[2]))
+            for i in range(values.shape[2]):  # input by input: numpy copies pairs of numbers slowly
+                rows[:, :, i] = values[:, :, i].T
             yield slice(start, start + len(rows)), rows.reshape(len(rows), -1)
 
     def _read(self, start: int, stop: int) -> Array:

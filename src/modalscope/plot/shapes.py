@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,6 +35,7 @@ from modalscope.plot._style import (
     new_axes,
     plain,
 )
+from modalscope.plot._thin import spaced, thinned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,8 +51,8 @@ _PIECES = 16
 #: More channel names than this cannot be read side by side.
 _LABELS = 30
 
-#: More bars, or lines, faces and nodes, than this are thinned: nobody sees them apart.
-_BARS, _DRAWN = 2000, 20_000
+#: More bars than this nobody sees apart.
+_BARS = 2000
 
 
 def in_phase(shape: Array) -> RealArray:
@@ -220,7 +220,7 @@ def _wireframe(ax: Axes, geometry: Geometry, motion: RealArray, measured: Array,
     # which way a node goes: along the direction of the largest motion
     signed = motion @ np.linalg.svd(motion, full_matrices=False)[2][0] / size
     signed = signed * (np.sign(signed[np.argmax(np.abs(signed))]) or 1.0)
-    geometry, shown = _thinned(geometry, measured)
+    geometry, shown = thinned(geometry, measured)
     live = measured[geometry.lines].any(axis=1) if len(geometry.lines) else np.zeros(0, dtype=bool)
     _faces(ax, geometry, moved, signed, view)
     _strokes(ax, rest[geometry.lines], color=PALE, linewidths=0.9, zorder=1)
@@ -236,34 +236,6 @@ def _wireframe(ax: Axes, geometry: Geometry, motion: RealArray, measured: Array,
     ax.set_yticks([])
     frameless(ax)
     _triad(ax, view)
-
-
-def _thinned(geometry: Geometry, measured: Array) -> tuple[Geometry, Array]:
-    """Return a geometry with every so many of its lines and faces, and which measured nodes are drawn."""
-    some = (
-        geometry
-        if max(len(geometry.lines), len(geometry.faces)) <= _DRAWN
-        else replace(
-            geometry,
-            lines=geometry.lines[spaced(len(geometry.lines))],
-            faces=geometry.faces[spaced(len(geometry.faces))],
-        )
-    )
-    nodes = np.flatnonzero(measured)
-    shown = np.zeros_like(measured)
-    shown[nodes[spaced(len(nodes))]] = True
-    return some, shown
-
-
-def spaced(count: int, most: int = _DRAWN) -> slice:
-    """Return every so many of `count` things that `most` are left.
-
-    Examples
-    --------
-    >>> spaced(1_000_000).step, spaced(100).step
-    (50, 1)
-    """
-    return slice(None, None, max(-(-count // most), 1))
 
 
 def _strokes(ax: Axes, segments: Array, **style: Any) -> None:
