@@ -140,7 +140,8 @@ def combinations(response: Response, count: int, seed: int = 0) -> Combinations:
     rows = _InMemory(response.values)
     found = found_combinations(rows, count, seed)
     values = rows.as_response(found.columns)
-    few = labelled(response, values, found.U / found.scale[:, None], len(found.columns))
+    wanted = response.known_variance is not None or getattr(response, "feedthrough", None) is not None
+    few = labelled(response, values, found.U / found.scale[:, None] if wanted else None, len(found.columns))
     return Combinations(few, found.U, found.scale, found.discarded)
 
 
