@@ -50,6 +50,32 @@ class OutputBlocks(Protocol):
         """Return the outputs from `start` to before `stop`, (N, outputs, m)."""
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class _Chosen:
+    """Some outputs and inputs of what is stored; what lies between them is read and left."""
+
+    blocks: OutputBlocks
+    outputs: tuple[int, ...]
+    inputs: tuple[int, ...]
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        return self.blocks.shape[0], len(self.outputs), len(self.inputs)
+
+    @property
+    def together(self) -> int:
+        return self.blocks.together
+
+    @property
+    def identity(self) -> str:
+        return f"{self.blocks.identity} outputs {self.outputs} inputs {self.inputs}"
+
+    def read(self, start: int, stop: int) -> Array:
+        chosen = np.asarray(self.outputs[start:stop])
+        first = int(chosen.min())
+        return self.blocks.read(first, int(chosen.max()) + 1)[:, chosen - first][:, :, list(self.inputs)]
+
+
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False, weakref_slot=True)
 class StoredResponse(Channels):
     """Impulse responses, or free decays, that stay where they are stored, however many outputs there are.
@@ -168,8 +194,4 @@ class StoredResponse(Channels):
         return values
 
     def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
-        raise DataError(
-            "a choice of channels was asked",
-            "the responses stay in their file, where all outputs are read",
-            "Identify with all of them, or take part(start, stop).",
-        )
+        return {"blocks": _Chosen(self.blocks, tuple(outputs), tuple(inputs))}
