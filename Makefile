@@ -24,7 +24,7 @@ SINGLE := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 QUIET_PLOTS := MPLBACKEND=Agg
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo page test coverage mutants lint format architecture changelog docs release-check versions licences bench study clean
+.PHONY: help setup demo page test coverage mutants lint format architecture changelog docs release-check versions licences bench torch study clean
 
 help:
 	@echo "make setup         .venv with everything in it"
@@ -42,6 +42,7 @@ help:
 	@echo "make changelog     join the fragments of changelog.d under the version"
 	@echo "make docs          the documentation site in build/docs, every example in it run"
 	@echo "make bench         time and memory, against other programs"
+	@echo "make torch         PyTorch, for large products on a graphics card"
 	@echo "make study         statistics over many seeds (long)"
 	@echo "make clean         remove what make made"
 
@@ -127,6 +128,10 @@ release-check: setup
 
 mutants: setup
 	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m tests.mutants --processes $(WORKERS)
+
+# Large; no other target needs it.
+torch: $(STAMP)
+	$(call install,torch)
 
 bench: $(BENCH_STAMP)
 	@found=; for script in benchmarks/[!_]*.py; do \

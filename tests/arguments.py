@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass, replace
 from functools import cache
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,21 @@ CHAIN = systems.chain5()
 LINES = np.linspace(0.2, 8, 60)
 FOLDER = Path(tempfile.mkdtemp(prefix="modalscope-arguments-"))
 
+#: Folders that must not be there yet.
+NUMBERS = count()
+
+
+class InMemory:
+    """Responses of which some outputs can be read."""
+
+    together, identity = 2, "in memory"
+
+    def __init__(self, values: Any) -> None:
+        self.values, self.shape = values, values.shape
+
+    def read(self, start: int, stop: int) -> Any:
+        return self.values[:, start:stop]
+
 
 @cache
 def right() -> dict[str, Any]:
@@ -44,6 +60,7 @@ def right() -> dict[str, Any]:
         "samples": samples,
         "records": records,
         "stored": ms.read(FOLDER / "stored.h5", stored=True),
+        "kept": ms.StoredResponse(blocks=InMemory(samples.values), sampling_rate=samples.sampling_rate),
         "ambient": ambient,
         "displacements": CHAIN.simulate(samples=600, sampling_rate=20.0, quantity="displacement"),
         "correlation": ms.estimate_correlation(ambient),
@@ -97,6 +114,8 @@ OWNERS = {
     "StabilizationDiagram": lambda t: t["diagram"],
     "StateSpace": lambda t: t["model"],
     "StoredSignals": lambda t: t["stored"],
+    "StoredResponse": lambda t: t["kept"],
+    "FullField": lambda t: ms.FullField(FOLDER, 1, 1, 0.0, np.zeros(1)),
     "StateSpace.predict": lambda t: replace(t["model"], gain=np.zeros((len(t["model"].A), len(t["model"].C)))),
     "StateSpace.to_discrete": lambda t: CHAIN.state_space(),
     "Validation": lambda t: VALIDATION,
@@ -118,6 +137,11 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "fit_residues": lambda t: {"response": t["lines"], "modes": t["modes"]},
     "from_frame": lambda t: {
         "frame": pd.DataFrame({"a [g]": [0.0, 1.0, 0.0]}, index=pd.Index([0.0, 0.1, 0.2], name="time [s]"))
+    },
+    "full_field": lambda t: {
+        "modes": ms.identify(t["kept"], method="era", order=4).modes,
+        "data": t["kept"],
+        "path": FOLDER / f"shapes{next(NUMBERS)}.zarr",
     },
     "identify": lambda t: {"data": t["samples"], "method": "era", "order": 4},
     "identify of lines": lambda t: {"data": t["lines"], "method": "alternate", "order": 4},
@@ -222,6 +246,7 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "ModalModel.take": lambda t: {"modes": [0]},
     "Note.from_dict": lambda t: {"entries": {"text": "a"}},
     "Records.inputs_of": lambda t: {"run": 0},
+    "StoredResponse.part": lambda t: {"start": 0, "stop": 2},
     "StoredSignals.chunk": lambda t: {"start": 0, "stop": 20},
     "StoredSignals.part": lambda t: {"start": 0, "stop": 20},
     "StateSpace.balanced": lambda t: {"order": 4},

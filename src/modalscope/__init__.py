@@ -48,6 +48,7 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
         Signals as Signals,
         StabilizationDiagram as StabilizationDiagram,
         StateSpace as StateSpace,
+        StoredResponse as StoredResponse,
         StoredSignals as StoredSignals,
     )
     from modalscope.model.analysis import Analysis as Analysis
@@ -70,6 +71,7 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
     from modalscope.reporting import report as report
     from modalscope.workflow.analyze import analyze as analyze
     from modalscope.workflow.certify import certify as certify
+    from modalscope.workflow.full_field import FullField as FullField, full_field as full_field
     from modalscope.workflow.replay import replay as replay
 
 __version__ = "0.2.0"
@@ -105,6 +107,7 @@ _HOMES = {
         "Signals",
         "StabilizationDiagram",
         "StateSpace",
+        "StoredResponse",
         "StoredSignals",
     ),
     "model.crew": ("working",),
@@ -118,6 +121,7 @@ _HOMES = {
     "reporting": ("report",),
     "workflow.analyze": ("analyze",),
     "workflow.certify": ("certify",),
+    "workflow.full_field": ("FullField", "full_field"),
     "workflow.replay": ("replay",),
 }
 

@@ -27,7 +27,7 @@ def test_modes_are_those_of_all_outputs(noise: float) -> None:
     ours, theirs = (
         ms.identify(data, order=6, route="records", factorization=how, block_rows=4) for how in ("auto", "gram")
     )
-    assert "150 outputs through 46 combinations" in " ".join(map(str, ours.notes))
+    assert "150 outputs through" in " ".join(map(str, ours.notes))
     assert "combinations" not in " ".join(map(str, theirs.notes))
     match = match_poles(ours.modes.poles, theirs.modes.poles)
     if not noise:

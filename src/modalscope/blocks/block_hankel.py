@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy import fft
 
-from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.checks import Array, RealArray
+from modalscope.model.crew import crew
+from modalscope.model.device import fetched, namespace, transforms
 
 __all__ = ["BlockHankel"]
 
@@ -18,6 +21,9 @@ _SLOWER = 4
 
 #: Complex numbers in an array in between.
 _AT_A_TIME = 1_000_000
+
+#: Samples whose products with the others are taken together.
+_TOGETHER = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,18 +45,22 @@ class BlockHankel:
         return outputs * self.block_rows, inputs * self.block_columns
 
     @cached_property
-    def _strip(self) -> RealArray:
-        """(l, N m): columns i m to (i + block_columns) m are block row i."""
+    def strip(self) -> Any:
+        """The samples used, (l, N m), where products are computed: columns i m to (i + block_columns) m are block row i."""
         used = self.values[self.first : self.first + self.block_rows + self.block_columns - 1]
-        return np.ascontiguousarray(used.transpose(1, 0, 2)).reshape(self.values.shape[1], -1)
+        return crew().place(np.ascontiguousarray(used.transpose(1, 0, 2)).reshape(self.values.shape[1], -1))
 
-    def _row(self, i: int) -> RealArray:
+    def samples_times(self, right: Array) -> RealArray:
+        """Return the samples used, (l, N m), times an array."""
+        return fetched(self.strip[:, : len(right)] @ crew().place(right))
+
+    def _row(self, i: int) -> Any:
         inputs = self.values.shape[2]
-        return self._strip[:, i * inputs : (i + self.block_columns) * inputs]
+        return self.strip[:, i * inputs : (i + self.block_columns) * inputs]
 
     def dense(self) -> RealArray:
         """The matrix as an array, for small ones and for tests."""
-        return np.vstack([self._row(i) for i in range(self.block_rows)])
+        return np.vstack([fetched(self._row(i)) for i in range(self.block_rows)])
 
     @property
     def _length(self) -> int:
@@ -93,63 +103,82 @@ class BlockHankel:
         return float(often @ np.einsum("klm,klm->k", used, used))
 
     @cached_property
-    def _transform(self) -> ComplexArray:
+    def _transform(self) -> Any:
         """Transform of the samples used, (length / 2 + 1, l, m)."""
-        used = self.values[self.first : self.first + self.block_rows + self.block_columns - 1]
-        return np.asarray(fft.rfft(used, n=self._length, axis=0))
+        used = crew().place(self.values[self.first : self.first + self.block_rows + self.block_columns - 1])
+        return transforms(used).rfft(used, n=self._length, axis=0)
 
-    def _correlated(self, transform: ComplexArray, blocks: int, right: Array) -> RealArray:
+    def _correlated(self, transform: Any, blocks: int, right: Array) -> RealArray:
         """Return sum_j Y(i + j) X_j of block vectors for `blocks` blocks i, some columns at a time."""
         lines, rows, inner = transform.shape
-        k, found = right.shape[1], np.empty((blocks, rows, right.shape[1]))
+        k, found, fft = right.shape[1], np.empty((blocks, rows, right.shape[1])), transforms(transform)
         step = max(_AT_A_TIME // (lines * max(rows, inner)), 1)
         for c in range(0, k, step):
-            X = np.ascontiguousarray(right[:, c : c + step]).reshape(-1, inner, min(step, k - c))
+            X = crew().place(np.ascontiguousarray(right[:, c : c + step]).reshape(-1, inner, min(step, k - c)))
             product = transform @ fft.rfft(X, n=self._length, axis=0).conj()
-            found[:, :, c : c + step] = fft.irfft(product, n=self._length, axis=0)[:blocks]
+            found[:, :, c : c + step] = fetched(fft.irfft(product, n=self._length, axis=0)[:blocks])
         return found.reshape(blocks * rows, k)
 
     def times(self, right: Array) -> RealArray:
         """H X, by one transform of each block column, or block row by block row."""
         if self.by_transforms:
             return self._correlated(self._transform, self.block_rows, right)
-        outputs = self.values.shape[1]
+        outputs, X = self.values.shape[1], crew().place(right)
         product = np.empty((self.shape[0], right.shape[1]))
         for i in range(self.block_rows):
-            np.matmul(self._row(i), right, out=product[i * outputs : (i + 1) * outputs])
+            product[i * outputs : (i + 1) * outputs] = fetched(self._row(i) @ X)
         return product
 
     def transposed_times(self, left: Array) -> RealArray:
         """H' Z, by transforms, or summed over block rows."""
         if self.by_transforms:
-            return self._correlated(self._transform.transpose(0, 2, 1), self.block_columns, left)
-        outputs = self.values.shape[1]
-        product = np.zeros((self.shape[1], left.shape[1]))
-        for i in range(self.block_rows):
-            product += self._row(i).T @ left[i * outputs : (i + 1) * outputs]
-        return product
+            return self._correlated(self._transform.swapaxes(1, 2), self.block_columns, left)
+        outputs, Z = self.values.shape[1], crew().place(left)
+        total = self._row(0).T @ Z[:outputs]
+        for i in range(1, self.block_rows):
+            total += self._row(i).T @ Z[i * outputs : (i + 1) * outputs]
+        return fetched(total)
 
     def gram(self) -> RealArray:
         """H' H by its structure: G[i+1, j+1] = G[i, j] - Y(i)' Y(j) + Y(i+r)' Y(j+r), from the first block row of r products."""
-        m, r, s = self.values.shape[2], self.block_rows, self.block_columns
-        strip = self._strip
-        gram = np.zeros((s * m, s * m))
-        head = gram[:m]
-        for k in range(r):
-            head += strip[:, k * m : (k + 1) * m].T @ self._row(k)
-        for i in range(s - 1):
-            row, below = slice(i * m, (i + 1) * m), slice((i + 1) * m, (i + 2) * m)
-            leave, enter = strip[:, i * m : (i + 1) * m], strip[:, (i + r) * m : (i + r + 1) * m]
-            update = enter.T @ strip[:, (i + r) * m : (s - 1 + r) * m] - leave.T @ strip[:, i * m : (s - 1) * m]
-            gram[below, (i + 1) * m :] = gram[row, i * m : (s - 1) * m] + update
-        upper = np.triu(gram)
-        return np.asarray(upper + np.triu(gram, 1).T)
+        m, r, s, strip = self.values.shape[2], self.block_rows, self.block_columns, self.strip
+        gram = namespace(strip).zeros((s * m, s * m), dtype=strip.dtype, device=strip.device)
+        self._first_row(gram[:m])
+        both = zip(self._products(0, s - 1, s - 1), self._products(r, r + s - 1, s - 1), strict=True)
+        for (i, leave), (_, enter) in both:
+            left = (s - 1 - i) * m
+            update = enter[:, :left] - leave[:, :left]
+            update += gram[i * m : (i + 1) * m, i * m : (s - 1) * m]
+            gram[(i + 1) * m : (i + 2) * m, (i + 1) * m :] = update
+        for i in range(s):
+            gram[i * m :, i * m : (i + 1) * m] = gram[i * m : (i + 1) * m, i * m :].T
+        return fetched(gram)
+
+    def _first_row(self, found: Any) -> None:
+        """Add sum_k Y(k)' Y(k + j) of all block rows, sample by sample, or with many inputs block by block."""
+        outputs, m, r, s = *self.values.shape[1:], self.block_rows, self.block_columns
+        if m <= 2 * outputs:
+            for _, row in self._products(0, r, s):
+                found += row[:, : s * m]
+            return
+        rows = [crew().place(self.values[self.first + j : self.first + j + r].reshape(-1, m)) for j in range(s)]
+        for j in range(s):
+            found[:, j * m : (j + 1) * m] = rows[0].T @ rows[j]
+
+    def _products(self, start: int, stop: int, blocks: int) -> Iterator[tuple[int, Any]]:
+        """Yield k and Y(k)' [Y(k), Y(k + 1), ...], at least `blocks` blocks where there are as many, from start to before stop."""
+        m, together = self.values.shape[2], max(min(_TOGETHER, blocks // 4), 1)
+        for first in range(start, stop, together):
+            last = min(first + together, stop)
+            rows = self.strip[:, first * m : last * m].T @ self.strip[:, first * m : (last + blocks) * m]
+            for k in range(last - first):
+                yield first + k, rows[k * m : (k + 1) * m, k * m :]
 
     def row_chunks(self, rows: int) -> Iterator[RealArray]:
         """The rows from first to last, whole blocks and about `rows` at a time."""
         step = max(rows // self.values.shape[1], 1)
         for i in range(0, self.block_rows, step):
-            yield np.vstack([self._row(k) for k in range(i, min(i + step, self.block_rows))])
+            yield np.vstack([fetched(self._row(k)) for k in range(i, min(i + step, self.block_rows))])
 
     def transposed(self) -> BlockHankel:
         """H': the block Hankel matrix of the transposed samples."""

@@ -1,21 +1,27 @@
 """Responses of many outputs through few combinations of them: as many as states can need, by a randomized range.
 
 With H = D X, D the outputs' scale, and orthonormal U (l, r) that spans the range of X, the responses U'X of r combinations hold what
-any model of fewer states can explain, H = D U (U'X). What they do not hold, |X - U U'X|^2, is measured over all lines.
+any model of fewer states can explain, H = D U (U'X). What they do not hold, |X - U U'X|^2, is measured over all lines. The outputs come
+some at a time, twice: once for a sketch of their rows, which shows the leading directions V of the columns, and once for X V and (X V)'X.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
+import scipy.linalg as sla
 
+from modalscope.blocks.orthonormal import orthonormal
 from modalscope.model.checks import Array, RealArray
-from modalscope.model.response import Response, output_scale
+from modalscope.model.response import Response
 
-__all__ = ["Combinations", "combinations", "enough"]
+__all__ = ["Combinations", "Found", "OutputRows", "combinations", "enough", "found_combinations", "labelled"]
+
+#: A response of one kind or the other.
+Some = TypeVar("Some", bound=Response)
 
 #: Combinations beside the states that are asked: terms of the polynomials, and directions to spare.
 _BESIDE = 40
@@ -23,14 +29,20 @@ _BESIDE = 40
 #: With fewer than so many times as many outputs as combinations nothing is gained.
 _WORTH = 3
 
-#: Powers of the randomized range: two leave the last wanted direction as good as the first.
+#: Rows of the sketch for every combination: eight leave out as much as a range of two powers does, sixteen hardly more than the best.
+_ROWS = 16
+
+#: Powers of the range of the sketch, which is small.
 _POWERS = 2
 
 #: Numbers of the data that are looked at together.
-_AT_A_TIME = 4_000_000
+_AT_A_TIME = 1_000_000
 
 #: Share of the energy below which what is discarded is measured itself, for the difference of the sums would be rounding.
 _ROUNDING = 1e-10
+
+#: Directions below this share of the first are rounding.
+_NOTHING = 1e-12
 
 
 def enough(outputs: int, order: int) -> int | None:
@@ -53,28 +65,69 @@ class Combinations:
     ----------
     response : Response
         U'X.
-    spread : array, (l, r)
-        D U: shapes of all outputs from those of the combinations.
-    back : array, (r, l)
-        U' D^-1: combinations of values of all outputs.
+    U : array, (l, r)
+    scale : array, (l,)
+        The diagonal of D.
     discarded : float
         |X - U U'X|^2 / |X|^2.
     """
 
     response: Response
-    spread: RealArray
-    back: RealArray
+    U: RealArray
+    scale: RealArray
     discarded: float
+
+    def spread(self, shapes: Array) -> Array:
+        """Return D U c: shapes, or anything else of the combinations, (r, ...), for all outputs."""
+        few = shapes.reshape(len(shapes), -1)
+        found = _real_times(self.U, few)
+        found *= self.scale[:, None]
+        return found.reshape(-1, *shapes.shape[1:])
 
     @property
     def words(self) -> str:
         """What was done, in words."""
-        outputs, count = self.spread.shape
+        outputs, count = self.U.shape
         return f"{outputs} outputs through {count} combinations, which leave out {self.discarded:.2g} of their energy"
 
 
+class OutputRows(Protocol):
+    """Responses whose outputs come some at a time."""
+
+    @property
+    def outputs(self) -> int:
+        """How many there are."""
+
+    @property
+    def columns(self) -> int:
+        """Real numbers of one output: of every line or sample, input by input."""
+
+    def parts(self) -> Iterator[tuple[slice, RealArray]]:
+        """Yield which outputs, and their numbers as rows, (outputs, columns): an array that may be changed."""
+
+
+class Found(NamedTuple):
+    """What combinations are made of.
+
+    Parameters
+    ----------
+    U : array, (l, r)
+        No rows where it was not kept.
+    columns : array, (r, columns)
+        U'X.
+    scale : array, (l,)
+    discarded : float
+        |X - U U'X|^2 / |X|^2.
+    """
+
+    U: RealArray
+    columns: RealArray
+    scale: RealArray
+    discarded: float
+
+
 def combinations(response: Response, count: int, seed: int = 0) -> Combinations:
-    """Return the response of `count` combinations of the outputs, which hold nearly all of its energy.
+    """Return the response of `count` combinations of the outputs, which hold nearly all of its energy; fewer where the rank is smaller.
 
     Parameters
     ----------
@@ -82,29 +135,114 @@ def combinations(response: Response, count: int, seed: int = 0) -> Combinations:
     count : int
         r.
     seed : int
-        Of the random directions that the range is first seen from; two powers make the result depend on it little.
+        Of the sketch; the result depends on it little.
+    """
+    rows = _InMemory(response.values)
+    found = found_combinations(rows, count, seed)
+    values = rows.as_response(found.columns)
+    wanted = response.known_variance is not None or getattr(response, "feedthrough", None) is not None
+    few = labelled(response, values, found.U / found.scale[:, None] if wanted else None, len(found.columns))
+    return Combinations(few, found.U, found.scale, found.discarded)
+
+
+def found_combinations(rows: OutputRows, count: int, seed: int = 0, *, keep: bool = True) -> Found:
+    """Return r combinations of outputs that come some at a time, in two passes over them.
+
+    Parameters
+    ----------
+    rows : OutputRows
+    count : int
+        r.
+    seed : int
+        Of the sketch.
+    keep : bool
+        Whether U, which has a row an output, is wanted.
 
     References
     ----------
-    Halko, Martinsson and Tropp, "Finding structure with randomness", SIAM Review 53 (2011), algorithm 4.4.
+    Halko, Martinsson and Tropp, "Finding structure with randomness", SIAM Review 53 (2011); Rokhlin and Tygert, "A fast randomized
+    algorithm for overdetermined linear least-squares regression", PNAS 105 (2008), for the sketch that conditions X V.
     """
-    scale = output_scale(response)
+    V = _directions(_sketch(rows, _ROWS * count, seed), count, seed)
+    r = V.shape[1]
+    Y, scale = np.empty((rows.outputs if keep else 0, r)), np.empty(rows.outputs)
+    products, gram, energy = np.zeros((r, rows.columns)), np.zeros((r, r)), 0.0
+    for part, X in rows.parts():
+        scale[part] = _level(X)
+        energy += float(np.vdot(X, X))
+        y = X @ V
+        products += y.T @ X
+        gram += y.T @ y
+        if keep:
+            Y[part] = y
+    # the sketch has made X V nearly orthonormal
+    inverse = np.asarray(sla.solve_triangular(sla.cholesky(gram, check_finite=False), np.eye(r), check_finite=False))
+    columns = inverse.T @ products
+    step = max(_AT_A_TIME // r, 1)
+    for start in range(0, len(Y), step):
+        Y[start : start + step] @= inverse
+    left = 1 - float(np.vdot(columns, columns)) / energy
+    if left < _ROUNDING and keep:
+        left = sum(_left_by(X / scale[part, None], Y[part], columns) for part, X in rows.parts()) / energy
+    return Found(Y, columns, scale, max(left, 0.0))
+
+
+def _left_by(X: RealArray, U: RealArray, columns: RealArray) -> float:
+    """Return |X - U U'X|^2 of some rows."""
+    X -= U @ columns
+    return float(np.vdot(X, X))
+
+
+def _level(X: RealArray) -> RealArray:
+    """Bring rows to a root mean square of one, in place, and return what they had; 1 for rows of zeros."""
+    scale = np.sqrt(np.einsum("lk,lk->l", X, X) / X.shape[1])
     scale = np.where(scale > 0, scale, 1.0)
-    data = _Columns(response.values, scale)
-    W: RealArray = np.random.default_rng(seed).standard_normal((data.columns, count))
-    for _ in range(_POWERS):
-        W = np.linalg.qr(data.transposed_times(np.linalg.qr(data.times(W))[0]))[0]
-    U = np.linalg.qr(data.times(W))[0]
-    columns = data.transposed_times(U)
-    left = 1 - float(np.sum(columns**2)) / data.energy
-    discarded = left if left > _ROUNDING else data.left_by(U, columns) / data.energy
-    back = U.T / scale
-    return Combinations(_labelled(response, data.as_response(columns), back), scale[:, None] * U, back, discarded)
+    X /= scale[:, None]
+    return np.asarray(scale)
 
 
-def _labelled(response: Response, values: Array, back: RealArray) -> Response:
-    """Return the combinations' response: what belongs to single outputs has no meaning for them, but variances add up."""
-    count = len(back)
+def _sketch(rows: OutputRows, count: int, seed: int) -> RealArray:
+    """Return sums of the level rows with random signs, each row in one of `count` sums; the rows themselves where they are fewer."""
+    rng, total = np.random.default_rng(seed), np.zeros((min(count, rows.outputs), rows.columns))
+    for part, X in rows.parts():
+        _level(X)
+        X *= rng.choice([-1.0, 1.0], len(X))[:, None]
+        place = np.arange(part.start, part.stop) % len(total)
+        for start in range(0, len(X), len(total)):
+            total[place[start : start + len(total)]] += X[start : start + len(total)]
+    return total
+
+
+def _directions(sketch: RealArray, count: int, seed: int) -> RealArray:
+    """Return leading directions of the columns, (columns, r), such that the sketch times them is orthonormal."""
+    V = np.random.default_rng(seed).standard_normal((sketch.shape[1], min(count, *sketch.shape)))
+    for _ in range(_POWERS + 1):
+        V = orthonormal(sketch.T @ orthonormal(sketch @ V))
+    _, d, turn = np.linalg.svd(sketch @ V, full_matrices=False)
+    kept = d > _NOTHING * d[0]
+    return np.asarray(V @ (turn[kept].T / d[kept]))
+
+
+def _real_times(left: RealArray, right: Array) -> Array:
+    """Return a product of which the left side is real: that of real and imaginary parts side by side."""
+    if not np.iscomplexobj(right):
+        return left @ right
+    return (left @ np.ascontiguousarray(right).view(np.float64)).view(np.complex128)
+
+
+def labelled(response: Some, values: Array, back: RealArray | None, count: int) -> Some:
+    """Return the combinations' response: what belongs to single outputs has no meaning for them, but variances add up.
+
+    Parameters
+    ----------
+    response : Response
+        What it is made of.
+    values : array, (K, r, m)
+    back : array, (l, r), optional
+        What the outputs are multiplied with; without it there must be no variance and no direct term.
+    count : int
+        r.
+    """
     changed: dict[str, Any] = {
         "values": values,
         "output_dofs": tuple(f"combination {k + 1}" for k in range(count)),
@@ -115,50 +253,34 @@ def _labelled(response: Response, values: Array, back: RealArray) -> Response:
         if getattr(response, name, None) is not None:
             changed[name] = None
     variance = response.known_variance
-    if variance is not None:
-        changed["variance"] = np.einsum("ro,kom->krm", back**2, variance, optimize=True)
+    if variance is not None and back is not None:
+        changed["variance"] = np.einsum("or,kom->krm", back**2, variance, optimize=True)
     known = getattr(response, "feedthrough", None)
-    if known is not None:
-        changed["feedthrough"] = back @ known
+    if known is not None and back is not None:
+        changed["feedthrough"] = back.T @ known
     return replace(response, **changed)
 
 
-class _Columns:
-    """X (l, K m) of level outputs, complex numbers as two real columns, by products over stretches of lines."""
+class _InMemory:
+    """Values (K, l, m) in memory, complex numbers as two real ones."""
 
-    def __init__(self, values: Array, scale: RealArray) -> None:
-        self.values, self.scale = values, scale
+    def __init__(self, values: Array) -> None:
+        self.values = values
         self.count, self.outputs, inputs = values.shape
         self.each = inputs * (2 if np.iscomplexobj(values) else 1)
         self.columns = self.count * self.each
-        self.energy = sum(float(np.sum(part**2)) for _, part in self._parts())
 
-    def _parts(self) -> Iterator[tuple[slice, RealArray]]:
-        """Yield which columns, and some of them as rows, (columns, l)."""
-        step = max(_AT_A_TIME // (self.outputs * self.each), 1)
-        for start in range(0, self.count, step):
-            part = np.ascontiguousarray(self.values[start : start + step])
-            real = part.view(np.float64).reshape(len(part), self.outputs, self.each)
-            level = np.empty((len(part), self.each, self.outputs))
-            np.divide(real.transpose(0, 2, 1), self.scale, out=level)
-            yield slice(start * self.each, (start + len(part)) * self.each), level.reshape(-1, self.outputs)
-
-    def times(self, right: RealArray) -> RealArray:
-        """X W, (l, r)."""
-        return np.asarray(sum(part.T @ right[s] for s, part in self._parts()))
-
-    def transposed_times(self, left: RealArray) -> RealArray:
-        """X' U, (columns, r)."""
-        found = np.empty((self.columns, left.shape[1]))
-        for s, part in self._parts():
-            np.matmul(part, left, out=found[s])
-        return found
+    def parts(self) -> Iterator[tuple[slice, RealArray]]:
+        """Yield outputs as rows; see `OutputRows`."""
+        step = max(_AT_A_TIME // self.columns, 1)
+        for start in range(0, self.outputs, step):
+            part = self.values[:, start : start + step]
+            some = np.empty((part.shape[1], self.count, part.shape[2]), dtype=part.dtype)
+            for i in range(part.shape[2]):  # input by input: numpy copies pairs of numbers slowly
+                some[:, :, i] = part[:, :, i].T
+            yield slice(start, start + len(some)), some.view(np.float64).reshape(len(some), -1)
 
     def as_response(self, columns: RealArray) -> Array:
-        """Return columns X' U as lines or samples of r outputs, (K, r, m)."""
-        values = np.ascontiguousarray(columns.reshape(self.count, self.each, -1).transpose(0, 2, 1))
+        """Return columns U'X as lines or samples of r outputs, (K, r, m)."""
+        values = np.ascontiguousarray(columns.reshape(-1, self.count, self.each).transpose(1, 0, 2))
         return values.view(complex) if np.iscomplexobj(self.values) else values
-
-    def left_by(self, U: RealArray, columns: RealArray) -> float:
-        """|X - U U'X|^2."""
-        return sum(float(np.sum((part - columns[s] @ U.T) ** 2)) for s, part in self._parts())

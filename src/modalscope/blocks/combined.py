@@ -54,7 +54,7 @@ class CombinedOutputs(DataMatrix):
     @property
     def outputs(self) -> int:
         """Outputs of the response."""
-        return len(self.few.spread)
+        return len(self.few.U)
 
     @property
     def block_rows(self) -> int:
@@ -84,9 +84,12 @@ class CombinedOutputs(DataMatrix):
         return self.inner.dt
 
     def model(self, triple: Triple) -> Triple:
+        """Return the model of the combinations, in which all orders are judged."""
+        return self.inner.model(triple)
+
+    def of_all_outputs(self, model: Triple) -> Triple:
         """Return the model of all outputs."""
-        found = self.inner.model(triple)
-        return replace(found, C=self.few.spread @ found.C)
+        return replace(model, C=self.few.spread(model.C))
 
     def as_measured(self, influence: Influence) -> Influence:
         """Refuse: the gradient is known by the combinations alone."""
@@ -94,14 +97,15 @@ class CombinedOutputs(DataMatrix):
 
     def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
         """Return the fit to the combinations, its shapes and terms spread over all outputs; what was discarded is left as well."""
-        found = self.inner.fit(self._of_few(model), eigen)
+        found = self.inner.fit(model, eigen)
         own = self._misfit.of_fit(self.to_s(eigen.values), found) if found.misfit is None else found.misfit
         discarded = self.few.discarded
         return replace(
             found,
-            shapes=self.few.spread @ found.shapes,
-            terms=self.few.spread @ found.terms,
+            shapes=self.few.spread(found.shapes),
+            terms=self.few.spread(found.terms.transpose(1, 0, 2)).transpose(1, 0, 2),
             basis=None,
+            fitted=replace(found, basis=None),
             misfit=float(np.sqrt((1 - discarded) * own**2 + discarded)),
         )
 
@@ -110,16 +114,10 @@ class CombinedOutputs(DataMatrix):
         response = self.few.response
         return Misfit(response, np.ones(response.values.shape[1]))
 
-    def _of_few(self, model: Triple) -> Triple:
-        return replace(model, C=self.few.back @ model.C)
-
     def row_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
         """Return the rows of the combinations."""
-        return self.inner.row_side(self._of_few(model), eigen, self._fit_of_few(fit))
+        return self.inner.row_side(model, eigen, fit.fitted or fit)
 
     def column_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
         """Return the columns, which all outputs share."""
-        return self.inner.column_side(self._of_few(model), eigen, self._fit_of_few(fit))
-
-    def _fit_of_few(self, fit: ModalFit) -> ModalFit:
-        return replace(fit, shapes=self.few.back @ fit.shapes, terms=self.few.back @ fit.terms)
+        return self.inner.column_side(model, eigen, fit.fitted or fit)

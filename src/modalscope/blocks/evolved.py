@@ -10,7 +10,7 @@ import numpy as np
 
 from modalscope.model.checks import Array, ComplexArray, RealArray
 
-__all__ = ["Agreement", "Compared", "Evolved", "ModalSide", "OnLines"]
+__all__ = ["Agreement", "Compared", "Evolved", "ModalSide", "OnLines", "compared", "squares"]
 
 #: Numbers compared at a time: the arrays in between stay in the cache.
 _AT_A_TIME = 16_000
@@ -55,6 +55,37 @@ class ModalSide(Protocol):
         """
 
 
+def compared(
+    inner: ComplexArray,
+    identified: RealArray,
+    at: ComplexArray,
+    first: ComplexArray,
+    evolution: ComplexArray,
+    chosen: Array,
+    agreement: Agreement,
+) -> Compared:
+    """Return the sums of a factor that runs in blocks, and the agreement of one block of each mode.
+
+    Parameters
+    ----------
+    inner, identified : array, (k,)
+        As in `Compared`.
+    at : array of complex, (c, k)
+        The chosen block as it was identified.
+    first : array of complex, (c, k)
+        The block that starts the evolution.
+    evolution : array of complex, (K, k)
+    chosen : array of int, (k,)
+        Which block.
+    agreement : callable
+    """
+    expected = first * evolution[chosen, np.arange(len(chosen))]
+    weight = np.abs(first) ** 2
+    total = np.sum(weight, axis=0)
+    mean = _share(np.sum(weight * agreement(at, expected), axis=0), total)
+    return Compared(inner, identified, total * squares(evolution), mean)
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Evolved:
     """A factor that runs in blocks: block k is the first times g_k.
@@ -87,11 +118,7 @@ class Evolved:
             size += squares(found.reshape(-1, k))
             here = np.flatnonzero((chosen >= start) & (chosen < start + len(found)))
             at[:, here] = found[chosen[here] - start, :, here].T
-        expected = self.first * self.evolution[chosen, np.arange(k)]
-        weight = np.abs(self.first) ** 2
-        total = np.sum(weight, axis=0)
-        mean = _share(np.sum(weight * agreement(at, expected), axis=0), total)
-        return Compared(inner, size, total * squares(self.evolution), mean)
+        return compared(inner, size, at, self.first, self.evolution, chosen, agreement)
 
     def _identified(self) -> Iterator[tuple[int, Array]]:
         """Yield the index of a block, and some blocks from there in modal coordinates, (blocks, c, k)."""

@@ -16,7 +16,8 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope.blocks.costs import EXTRA, Cost, costs_of
-from modalscope.blocks.operators import Operator
+from modalscope.blocks.operators import Operator, Product
+from modalscope.blocks.orthonormal import orthonormal
 from modalscope.blocks.randomized import Triplets, by_lanczos, by_range
 from modalscope.blocks.sums import TriangleSum
 from modalscope.model.checks import DataError, RealArray, check_choice
@@ -58,8 +59,8 @@ class Factors:
 
     Parameters
     ----------
-    P : array, (rows, k)
-        Orthonormal left vectors.
+    left : array or Product, (rows, k)
+        Orthonormal left vectors, or the product H Q d^-1 that gives them when they are first asked for.
     d : array, (k,)
         Singular values, decreasing.
     Q : array, (columns, k)
@@ -78,7 +79,7 @@ class Factors:
         The right factor on the data's own columns, where Q belongs to a stand-in.
     """
 
-    P: RealArray
+    left: RealArray | Product
     d: RealArray
     Q: RealArray
     spectrum: RealArray
@@ -87,6 +88,16 @@ class Factors:
     gram: RealArray | None = field(default=None, repr=False)
     rest: tuple[int, float] = (0, 0.0)
     right: RightFactor | None = field(default=None, repr=False)
+
+    @cached_property
+    def P(self) -> RealArray:
+        """Orthonormal left vectors, (rows, k)."""
+        return self.left.array() if isinstance(self.left, Product) else self.left
+
+    @property
+    def unmade(self) -> bool:
+        """Whether the left vectors are known as a product only: what needs sums over them alone goes without."""
+        return isinstance(self.left, Product)
 
     def transposed(self) -> Factors:
         """Return the factors of H'."""
@@ -211,7 +222,7 @@ def left_factor(matrix: Operator, route: str = "auto") -> Factors:
 
 
 def _finish(
-    P: RealArray,
+    P: RealArray | Product,
     d: RealArray,
     Q: RealArray,
     spectrum: RealArray,
@@ -265,10 +276,10 @@ def _by_gram(matrix: Operator, gram: RealArray, wanted: int) -> Factors:
     d = np.sqrt(weights)
     size = f"{matrix.shape[0]} x {columns}"
     if d[0] > 0 and d[wanted - 1] > _PASS_BELOW * d[0]:
-        P = matrix.times(np.ascontiguousarray(Q[:, :wanted])) / d[:wanted]
+        P = Product(matrix, np.ascontiguousarray(Q[:, :wanted]) / d[:wanted])
         how = f"structured Gram matrix of {size}"
         return _finish(P, d[:wanted], Q[:, :wanted], d, columns * eps, how, gram)
-    left, _ = np.linalg.qr(matrix.times(np.ascontiguousarray(Q)))
+    left = orthonormal(matrix.times(np.ascontiguousarray(Q)))
     U, d, Vt = np.linalg.svd(matrix.transposed_times(left).T, full_matrices=False)
     how = f"structured Gram matrix of {size} with a refinement pass"
     # directions below the Gram matrix' resolution are not separated by it: what the pass finds there is not rank

@@ -22,6 +22,8 @@ from modalscope.blocks.influence import Lines, SampleInfluence, convolved
 from modalscope.blocks.layout import block_shifts
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.operators import Operator
+from modalscope.blocks.row_sums import RowSums, projected_by_gram
+from modalscope.blocks.sample_fit import fit_of_samples
 from modalscope.blocks.shift import RowShift
 from modalscope.blocks.side import Side, side_of
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
@@ -29,7 +31,7 @@ from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.poles import powers_of, to_continuous, to_discrete
 
-__all__ = ["Hankel", "fit_of_samples", "hankel"]
+__all__ = ["Hankel", "hankel"]
 
 
 def hankel(
@@ -178,6 +180,12 @@ class Hankel(DataMatrix):
         before = np.arange(self.block_rows * block)
         return RowShift(block=block, before=before, after=before + block)
 
+    def projected(self, factors: Factors) -> RealArray:
+        """K = P' H(1) Q: of left vectors that are not made, from the Gram matrix."""
+        if factors.unmade:
+            return projected_by_gram(BlockHankel(self.values, self.block_rows, self.block_columns), factors)
+        return super().projected(factors)
+
     def row_blocks(self, P: Array) -> RealArray | None:
         """Return a left factor (rows, k) by block rows, (blocks, l', k)."""
         return P.reshape(-1, self.values.shape[1], P.shape[1])
@@ -213,7 +221,7 @@ class Hankel(DataMatrix):
 
     def _first_columns_from(self, factors: Factors) -> RealArray:
         """Return X from the left factor, by the first block column before anything was combined."""
-        tall = factors.P.shape[0] != self.rows.size
+        tall = factors.left.shape[0] != self.rows.size
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(self.first_block_column(tall=tall).T @ factors.P / factors.d)
 
@@ -248,6 +256,17 @@ class Hankel(DataMatrix):
         """Return shapes C X and participation X^-1 B, referred to the impulse (Eqs. 15-16)."""
         return fit_of_samples(self.response, model, eigen)
 
+    def row_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
+        """Return V = P d^a against c_j z^k; of left vectors that are not made by sums over the samples."""
+        factors, n = model.factors, model.rank
+        if factors is None or not factors.unmade:
+            return super().row_side(model, eigen, fit)
+        blocks = factors.left.shape[0] // self.values.shape[1]
+        states = factors.d[:n, None] ** model.power * eigen.vectors
+        right = (factors.Q[:, :n] / factors.d[:n]) @ states
+        matrix = BlockHankel(self.values, blocks, self.block_columns)
+        return RowSums(matrix, right, states, self.first_block(fit.shapes), self.evolution(eigen.values, blocks))
+
     def column_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
         """Return W = d^(1-a) Q' against b_j z^k; its columns start from the first sample there is, not from the impulse."""
         if model.factors is None:
@@ -279,14 +298,3 @@ class Hankel(DataMatrix):
                 "of repeated ones) are lost, and noise weighs more",
             )
         return ()
-
-
-def fit_of_samples(response: ImpulseResponse, model: Triple, eigen: Eigen) -> ModalFit:
-    """Return shapes C X, participation X^-1 B referred to the impulse (Eqs. 15-16), and the direct term."""
-    assert model.B is not None
-    participation = eigen.left @ model.B
-    if response.first_sample:
-        participation = participation / eigen.values[:, None] ** response.first_sample
-    known = response.feedthrough
-    direct = np.zeros(response.values.shape[1:]) if known is None else known
-    return ModalFit(np.asarray(model.C @ eigen.vectors), participation, direct[None])

@@ -57,7 +57,7 @@ def block_entries(
 ) -> IntArray:
     """Return shift and channel of every row (or column), (2, rows): all channels in each block, or the subsets given."""
     if subsets is None:
-        return np.array([(s, c) for s in shifts for c in range(count)], dtype=np.int64).T
+        return np.stack([np.repeat(shifts, count), np.tile(np.arange(count), len(shifts))]).astype(np.int64)
     sets = check_each(name, subsets, "one set of indices a block")
     chosen = [[check_count(name, c, least=0) for c in check_each(name, subset, "sets of indices")] for subset in sets]
     if len(chosen) != len(shifts):

@@ -81,6 +81,10 @@ class DataMatrix(ABC):
         """E0 and E1."""
         self._has_no("shift of its rows")
 
+    def projected(self, factors: Factors) -> RealArray:
+        """K = P' H(1) Q, (k, k): all that a truncated realization needs of H(1)."""
+        return np.asarray(factors.P.T @ self.shifted(1).times(np.ascontiguousarray(factors.Q)))
+
     def first_rows(self, right: Array, k: int = 0) -> RealArray:
         """The first block row of H(k), times X, in outputs: C = first_rows(Q d^-1/2), C A = first_rows(Q d^-1/2, 1)."""
         self._has_no("first block row")
@@ -173,6 +177,10 @@ class DataMatrix(ABC):
     def model(self, triple: Triple) -> Triple:
         """The model of the response, from that of the matrix that was factored."""
         return triple
+
+    def of_all_outputs(self, model: Triple) -> Triple:
+        """The same model with the outputs of the response, where it has combinations of them."""
+        return model
 
     def with_noise(self, model: StateSpace) -> StateSpace:
         """Return a model with the gain and the covariance of its innovations, where the data matrix knows them."""

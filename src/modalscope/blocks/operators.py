@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from functools import cached_property
+from typing import Any, Protocol
 
 import numpy as np
 
 from modalscope.model.checks import Array, RealArray
+from modalscope.model.crew import crew
+from modalscope.model.device import fetched
 
-__all__ = ["DenseMatrix", "LargeMatrix", "Operator", "TransposedOperator", "WideOperator"]
+__all__ = ["DenseMatrix", "LargeMatrix", "Operator", "Product", "TransposedOperator", "WideOperator"]
 
 
 class Operator(Protocol):
@@ -128,6 +131,10 @@ class DenseMatrix:
 
     array: RealArray
 
+    @cached_property
+    def _placed(self) -> Any:
+        return crew().place(self.array)
+
     @property
     def shape(self) -> tuple[int, int]:
         """Rows and columns."""
@@ -155,11 +162,11 @@ class DenseMatrix:
 
     def times(self, right: Array) -> RealArray:
         """H X."""
-        return self.array @ right
+        return fetched(self._placed @ crew().place(right))
 
     def transposed_times(self, left: Array) -> RealArray:
         """H' Z."""
-        return self.array.T @ left
+        return fetched(self._placed.T @ crew().place(left))
 
     def gram(self) -> RealArray | None:
         """None: nothing is gained by forming it."""
@@ -186,8 +193,33 @@ class LargeMatrix(DenseMatrix):
 
     def gram(self) -> RealArray:
         """H' H."""
-        return np.asarray(self.array.T @ self.array)
+        return fetched(self._placed.T @ self._placed)
 
     def transposed(self) -> LargeMatrix:
         """H'."""
         return LargeMatrix(self.array.T)
+
+
+@dataclass(frozen=True, eq=False)
+class Product:
+    """H X, made when it is asked for.
+
+    Parameters
+    ----------
+    matrix : Operator
+        H.
+    right : array, (columns, k)
+        X.
+    """
+
+    matrix: Operator
+    right: RealArray
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.matrix.shape[0], self.right.shape[1]
+
+    def array(self) -> RealArray:
+        """The product."""
+        return self.matrix.times(self.right)

@@ -8,6 +8,8 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope.model.checks import RealArray
+from modalscope.model.crew import crew
+from modalscope.model.device import fetched, namespace
 
 __all__ = ["Sums", "TriangleSum"]
 
@@ -54,9 +56,7 @@ class TriangleSum:
         stacked = np.asarray(np.vstack([self._R, chunk]), dtype=float)
         columns = stacked.shape[1]
         if len(stacked) >= columns:
-            stacked = np.asarray(sla.qr(stacked, mode="r", overwrite_a=True, check_finite=False)[0], dtype=float)[
-                :columns
-            ]
+            stacked = _triangle(stacked)
         self._R = stacked
 
     def merge(self, other: TriangleSum) -> None:
@@ -66,3 +66,11 @@ class TriangleSum:
     def finish(self) -> RealArray:
         """Return R, (at most columns, columns): fewer rows where fewer were added."""
         return self._R
+
+
+def _triangle(rows: RealArray) -> RealArray:
+    """Return R of Q R = rows, (columns, columns), computed where large products are."""
+    placed, columns = crew().place(rows), rows.shape[1]
+    if placed is not rows:
+        return fetched(namespace(placed).linalg.qr(placed)[1])
+    return np.asarray(sla.qr(rows, mode="r", overwrite_a=True, check_finite=False)[0], dtype=float)[:columns]

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from modalscope.blocks.evolved import ModalSide
-from modalscope.blocks.hankel import Hankel, fit_of_samples
+from modalscope.blocks.hankel import Hankel
 from modalscope.blocks.influence import Influence
 from modalscope.blocks.matrix import DataMatrix
+from modalscope.blocks.sample_fit import fit_of_samples
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, ComplexArray
 from modalscope.model.impulse import ImpulseResponse

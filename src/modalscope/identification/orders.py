@@ -123,7 +123,7 @@ class _States(OrderRule):
                 f"the data matrix has rank {rank}",
                 f"Lower the orders to at most {rank}.",
             )
-        exact = rank < min(factors.P.shape[1], asked[-1])
+        exact = rank < min(factors.left.shape[1], asked[-1])
         if (exact or not within) and rank not in within:
             within.append(rank)
         return Reach(within, notes)
@@ -153,7 +153,7 @@ class _Blocks(_States):
     def choose(self, largest: int, factored: Factored) -> Choice:
         """Leave room for the noise beside the modes: twice the states that stand out, in whole blocks."""
         matrix, factors = factored(largest)
-        return self._advised(factors, blocks_of=factors.P.shape[0] // (matrix.block_rows + 1), times=2)
+        return self._advised(factors, blocks_of=factors.left.shape[0] // (matrix.block_rows + 1), times=2)
 
     def reach(self, factors: Factors, asked: list[int], automatic: bool) -> Reach:
         return Reach(asked)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 from functools import singledispatch
 from typing import Any, NamedTuple
 
+from modalscope.blocks.stored_combinations import combined
 from modalscope.identification.conditioned import Conditioned, conditioned
 from modalscope.identification.conditioned_setups import conditioned_setups
 from modalscope.identification.lookup import find_method
@@ -26,6 +27,7 @@ from modalscope.model.setups import Setups, as_test
 from modalscope.model.signals import Signals
 from modalscope.model.sizes import check_alive, check_size
 from modalscope.model.stored import StoredSignals
+from modalscope.model.stored_response import StoredResponse
 
 __all__ = ["Data", "Measured", "measure", "pose", "prepare"]
 
@@ -142,7 +144,9 @@ class _Asked(NamedTuple):
 
 @singledispatch
 def _measured(data: Any, band: tuple[float, float] | None, asked: _Asked) -> Measured:
-    check_kind("data", data, (FrequencyResponse, ImpulseResponse, Signals, StoredSignals, Records, Setups))
+    check_kind(
+        "data", data, (FrequencyResponse, ImpulseResponse, Signals, StoredSignals, StoredResponse, Records, Setups)
+    )
     raise AssertionError("one of these has no way to a response")
 
 
@@ -204,6 +208,13 @@ def _ambient(taken: Conditioned, given: str) -> Measured:
         band=taken.band,
         notes=(*taken.notes, note),
     )
+
+
+@_measured.register
+def _(data: StoredResponse, band: tuple[float, float] | None, asked: _Asked) -> Measured:
+    few, note = combined(data)
+    found = _measured(few, band, asked)
+    return replace(found, given="stored responses", notes=(note, *found.notes))
 
 
 @_measured.register

@@ -18,13 +18,14 @@ from modalscope.model import (
     Signals,
     StabilizationDiagram,
     StateSpace,
+    StoredResponse,
     StoredSignals,
 )
 
 __all__ = ["Contents", "Finding", "Format", "Options", "Plain", "Survey", "Thing"]
 
 Plain: TypeAlias = FrequencyResponse | ImpulseResponse | Signals | ModalModel | Geometry | StateSpace
-Thing: TypeAlias = Plain | StoredSignals | StabilizationDiagram
+Thing: TypeAlias = Plain | StoredSignals | StoredResponse | StabilizationDiagram
 Options: TypeAlias = Mapping[str, Any]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from modalscope.io.contents import Contents, Finding, Options
 from modalscope.io.from_arrays import contents_from_arrays
-from modalscope.model import DataError, Signals, StoredSignals
+from modalscope.model import DataError, ImpulseResponse, Signals, StoredResponse, StoredSignals
 from modalscope.model.checks import Array
 from modalscope.model.extras import optional_package
 from modalscope.model.memory import allowed_memory
@@ -20,11 +20,13 @@ from modalscope.model.stored import Rows
 __all__ = [
     "STORED_OPTIONS",
     "Hdf5Rows",
+    "ZarrOutputs",
     "ZarrRows",
     "identity_of",
     "name_of_outputs",
     "stays_stored",
     "stored_contents",
+    "stored_response",
 ]
 
 STORED_OPTIONS = ("stored",)
@@ -108,7 +110,7 @@ class Hdf5Rows:
             with h5py.File(self.path, "r") as file:
                 return np.asarray(file[self.name][start:stop])
         except _DAMAGED as error:
-            raise _unreadable(self.path, start, stop, error) from None
+            raise _unreadable(self.path, f"samples {start} to {stop - 1}", error) from None
 
 
 @dataclass(frozen=True)
@@ -133,16 +135,48 @@ class ZarrRows:
 
     def read(self, start: int, stop: int) -> Array:
         """Return some rows."""
-        zarr = optional_package("reading a Zarr folder", "zarr", "zarr")
-        try:
-            return np.asarray(zarr.open_array(self.path, mode="r")[start:stop])
-        except _DAMAGED as error:
-            raise _unreadable(self.path, start, stop, error) from None
+        return _of_zarr(self.path, (slice(start, stop),), f"samples {start} to {stop - 1}")
 
 
-def _unreadable(path: str, start: int, stop: int, error: Exception) -> DataError:
+@dataclass(frozen=True)
+class ZarrOutputs:
+    """Impulse responses in an array of a Zarr folder, some outputs at a time.
+
+    Parameters
+    ----------
+    path : str
+        Of the array's own folder.
+    shape : (int, int, int)
+        Samples, outputs, inputs.
+    together : int
+        Outputs that lie in one piece.
+    """
+
+    path: str
+    shape: tuple[int, int, int]
+    together: int
+
+    @property
+    def identity(self) -> str:
+        """The folder, and what it says of the array."""
+        return ZarrRows(self.path, self.shape[:2]).identity
+
+    def read(self, start: int, stop: int) -> Array:
+        """Return some outputs, (N, outputs, m)."""
+        return _of_zarr(self.path, (slice(None), slice(start, stop)), f"outputs {start} to {stop - 1}")
+
+
+def _of_zarr(path: str, part: tuple[slice, ...], what: str) -> Array:
+    zarr = optional_package("reading a Zarr folder", "zarr", "zarr")
+    try:
+        return np.asarray(zarr.open_array(path, mode="r")[part])
+    except _DAMAGED as error:
+        raise _unreadable(path, what, error) from None
+
+
+def _unreadable(path: str, what: str, error: Exception) -> DataError:
     return DataError(
-        f"reading samples {start} to {stop - 1} of {Path(path).name} was asked",
+        f"reading {what} of {Path(path).name} was asked",
         f"they do not read: the file is damaged or gone ({error})",
         "Copy or write the file again.",
     )
@@ -194,3 +228,36 @@ def stored_contents(where: str, rows: Rows, arrays: Mapping[str, Array], options
     others = tuple(finding for finding in found.findings if finding.part != name)
     unread = tuple(Finding(part=key, what="", taken=False, reason="nothing takes it") for key in left)
     return replace(found, thing=record, findings=(shown, *others, *unread))
+
+
+def stored_response(where: str, blocks: ZarrOutputs, arrays: Mapping[str, Array], options: Options) -> Contents:
+    """Return impulse responses whose samples stay where they are.
+
+    Parameters
+    ----------
+    where : str
+        The file, for messages.
+    blocks : ZarrOutputs
+    arrays : mapping
+        What stands beside them, by the names in the file.
+    options : mapping
+        Of files of named arrays.
+
+    Raises
+    ------
+    DataError
+        No sampling rate, what the data object refuses.
+    """
+    labels = arrays.get("output_dofs")
+    beside = {key: array for key, array in arrays.items() if key not in ("output_dofs", "output_units", "feedthrough")}
+    head = {"values": np.asarray(blocks.read(0, 1))}
+    found = contents_from_arrays(where, beside | head, options)
+    thing = found.thing
+    assert isinstance(thing, ImpulseResponse)
+    names = [field.name for field in fields(StoredResponse) if field.name not in ("blocks", "output_dofs", "units")]
+    kept: dict[str, Any] = {name: getattr(thing, name) for name in names}
+    kept["output_dofs"] = None if labels is None else tuple(str(label) for label in labels)
+    kept["units"] = (None, thing.units[1])
+    response = StoredResponse(blocks=blocks, **kept)
+    shown = Finding(part="values", what=f"{'x'.join(map(str, blocks.shape))}, read some outputs at a time")
+    return replace(found, thing=response, findings=(shown, *(each for each in found.findings if each.part != "values")))

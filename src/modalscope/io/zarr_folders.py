@@ -19,8 +19,15 @@ from modalscope.io.arrays import names_of
 from modalscope.io.contents import Contents, Options
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import Room, room
-from modalscope.io.stored import ZarrRows, name_of_outputs, stays_stored, stored_contents
-from modalscope.model import DataError, Signals
+from modalscope.io.stored import (
+    ZarrOutputs,
+    ZarrRows,
+    name_of_outputs,
+    stays_stored,
+    stored_contents,
+    stored_response,
+)
+from modalscope.model import DataError, ImpulseResponse, ModalModel, Signals
 from modalscope.model.checks import Array
 from modalscope.model.extras import optional_package
 
@@ -55,6 +62,10 @@ def read(path: Path, options: Options) -> Contents:
     folders = _arrays(path, space)
     attributes = _attributes(path)
     outputs = folders.pop(name_of_outputs(options), None)
+    if outputs is None and "values" in folders and "frequencies" not in folders and not options.get("axes"):
+        shape, size = _whole(zarr, folders["values"])
+        if len(shape) == 3 and stays_stored(options, size):
+            return stored_response(path.name, *_stored(zarr, path, folders, space), options)
     small = {name: _values(zarr, name, folder, space) for name, folder in folders.items()} | attributes
     if outputs is None:
         return contents_from_arrays(path.name, small, options)
@@ -69,6 +80,15 @@ def read(path: Path, options: Options) -> Contents:
             "Store one run, samples in rows and channels in columns.",
         )
     return stored_contents(path.name, ZarrRows(str(outputs), (shape[0], shape[1])), small, options)
+
+
+def _stored(zarr: Any, path: Path, folders: dict[str, Path], space: Room) -> tuple[ZarrOutputs, dict[str, Array]]:
+    """Return responses that stay there, and what stands beside them."""
+    folder = folders.pop("values")
+    array = zarr.open_array(str(folder), mode="r")
+    pieces = getattr(array, "shards", None) or array.chunks
+    beside = {name: _values(zarr, name, each, space) for name, each in folders.items()} | _attributes(path)
+    return ZarrOutputs(str(folder), tuple(array.shape), int(pieces[1])), beside
 
 
 def _arrays(path: Path, space: Room) -> dict[str, Path]:
@@ -98,6 +118,12 @@ def _head(folder: Path) -> Mapping[str, Any] | None:
         raise _damaged(folder, "it does not say the shape of its array")
     if prod(pieces or ()) * 8 > _A_PIECE:
         raise _damaged(folder, f"it comes in pieces of the shape {pieces}", "Write it in pieces of some megabytes.")
+    promised = prod(-(-n // max(k, 1)) for n, k in zip(shape or (), pieces or (), strict=False))
+    there = sum(1 for each in folder.rglob("*") if each.is_file())
+    if (
+        promised > there
+    ):  # told here: what is not there would read as zeros, and a head may promise more than can be counted
+        raise _damaged(folder, f"it says that it comes in {promised} pieces, and there are {there} files")
     foreign = sorted(set(_packings(head)) - _PACKED)
     if foreign:
         raise _damaged(folder, f"it is packed by {', '.join(foreign)}", "Write it with zstd, or unpacked.")
@@ -130,7 +156,7 @@ def _json(path: Path) -> Any:
 def _attributes(path: Path) -> dict[str, Array]:
     """Return the attributes that have names of the layout, as arrays."""
     head = _json(path / ".zattrs") or (_json(path / "zarr.json") or {}).get("attributes") or {}
-    known = names_of(Signals) | {"sampling_rate"}
+    known = names_of(Signals) | names_of(ImpulseResponse) | names_of(ModalModel)
     return {name: np.asarray(value) for name, value in head.items() if name in known and value is not None}
 
 

@@ -251,7 +251,7 @@ def collected(
         indicators={name: np.concatenate([c.indicators[name][c.reported] for c in cuts]) for name in sorted(names)},
         singular_values=factors.spectrum,
         fit_errors=np.array([cut.misfit for cut in cuts]),
-        exact_rank=factors.rank if factors.rank < factors.P.shape[1] and factors.rank == cuts[-1].order else None,
+        exact_rank=factors.rank if factors.rank < factors.left.shape[1] and factors.rank == cuts[-1].order else None,
         tolerances=limits,
         settings=pipeline.settings,
         notes=(*pipeline.notes, *notes, *left, *_doubts(pipeline, cuts, stable)),

@@ -20,6 +20,7 @@ from modalscope.model.setups import Setups
 from modalscope.model.signals import Signals
 from modalscope.model.statespace import StateSpace
 from modalscope.model.stored import StoredSignals
+from modalscope.model.stored_response import StoredResponse
 
 __all__ = [
     "Candidate",
@@ -37,6 +38,7 @@ __all__ = [
     "Signals",
     "StabilizationDiagram",
     "StateSpace",
+    "StoredResponse",
     "StoredSignals",
     "as_records",
     "parse_dof",
@@ -57,5 +59,6 @@ plain_methods(
     Signals,
     StabilizationDiagram,
     StateSpace,
+    StoredResponse,
     StoredSignals,
 )

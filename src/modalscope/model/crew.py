@@ -10,6 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeVar
 
+from modalscope.model.device import Device, device_named
 from modalscope.model.errors import DataError
 from modalscope.model.keywords import named
 
@@ -35,11 +36,18 @@ class Crew:
         Called with (tasks done, tasks in all).
     folder : path, optional
         Where what is done is kept, so that a stopped run resumes.
+    device : Device, optional
+        Where large products are computed; without it by NumPy.
     """
 
     client: Any = None
     progress: Progress | None = None
     folder: Path | None = None
+    device: Device | None = None
+
+    def place(self, array: Any) -> Any:
+        """Return an array where large products are computed: itself, where that is NumPy."""
+        return array if self.device is None else self.device.place(array)
 
 
 _ALONE = Crew()
@@ -53,8 +61,14 @@ def crew() -> Crew:
 
 @named()
 @contextmanager
-def working(client: Any = None, *, progress: Progress | None = None, save: str | Path | None = None) -> Iterator[None]:
-    """Let long sums over a record be done by others, be told of, and be kept.
+def working(
+    client: Any = None,
+    *,
+    progress: Progress | None = None,
+    save: str | Path | None = None,
+    device: str | None = None,
+) -> Iterator[None]:
+    """Let long sums over a record be done by others, be told of, and be kept, and large products be computed elsewhere.
 
     Within the block, what is not given stays as it was outside.
 
@@ -66,11 +80,14 @@ def working(client: Any = None, *, progress: Progress | None = None, save: str |
         Called with (tasks done, tasks in all).
     save : path, optional
         A folder for partial sums: the same work, started again, goes on where it was stopped.
+    device : {"cpu", "cuda"}, optional
+        Where Gram matrices, cross spectra, triangular factors and products with data matrices are computed: by PyTorch on the processor
+        or on a graphics card (extra `torch`); by NumPy without it. Workers of a client compute by NumPy.
 
     Raises
     ------
     DataError
-        No client of a Dask scheduler; a folder that cannot be made.
+        No client of a Dask scheduler; a folder that cannot be made; a device that is not there.
 
     Examples
     --------
@@ -91,6 +108,7 @@ def working(client: Any = None, *, progress: Progress | None = None, save: str |
             outer.client if client is None else client,
             outer.progress if progress is None else progress,
             outer.folder if save is None else _folder(save),
+            outer.device if device is None else device_named(device),
         )
     )
     try:

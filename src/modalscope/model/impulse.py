@@ -35,6 +35,9 @@ if TYPE_CHECKING:
 
 __all__ = ["ImpulseResponse"]
 
+#: Samples of a model that are made together at least: C is read as often as there are such steps.
+_STEP = 16
+
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
 class ImpulseResponse(Response):
@@ -209,7 +212,7 @@ class ImpulseResponse(Response):
     def beside(self, model: StateSpace) -> Iterator[tuple[Array, Array]]:
         """Yield samples and those of a model, never all of many outputs together; see `Response.beside`."""
         _, l, m = self.values.shape
-        step, state = max(1, HELD // (l * m)), model.B
+        step, state = max(_STEP, HELD // (4 * l * m)), model.B
         for first in range(0, self.samples, step):
             measured = self.values[first : first + step]
             yield measured, markov_parameters(model.A, state, model.C, len(measured))

@@ -36,6 +36,12 @@ class Dof(NamedTuple):
 DofLike = str | int | Dof | Sequence[object]
 
 
+class _Checked(tuple[str, ...]):
+    """Labels that were read and found different: what is made of data of a million channels does not read them again."""
+
+    __slots__ = ()
+
+
 def parse_dof(label: str) -> Dof | None:
     """Read `3:+Z`, `3Z` or `tip:-Y`; None when the label is a plain name.
 
@@ -68,8 +74,10 @@ def label_of(dof: DofLike) -> str:
 def check_labels(name: str, dofs: Iterable[DofLike] | None, count: int, prefix: str) -> tuple[str, ...]:
     """Return `count` different labels: the given ones, or `prefix1`, `prefix2`, ... when there are none."""
     if dofs is None:
-        return tuple(f"{prefix}{i + 1}" for i in range(count))
-    labels = tuple(label_of(dof) for dof in ([dofs] if isinstance(dofs, str) else check_each(name, dofs, "labels")))
+        return _Checked(f"{prefix}{i + 1}" for i in range(count))
+    if isinstance(dofs, _Checked) and len(dofs) == count:
+        return dofs
+    labels = _Checked(label_of(dof) for dof in ([dofs] if isinstance(dofs, str) else check_each(name, dofs, "labels")))
     if len(labels) != count:
         raise DataError(
             f"{name} needs {count} labels, one a channel", f"{len(labels)} are given", "Give one label a channel."

@@ -18,11 +18,13 @@ __all__ = ["markov_parameters", "predicted", "simulated"]
 
 def markov_parameters(A: RealArray, B: RealArray, C: RealArray, samples: int) -> RealArray:
     """Return Y(k) = C A^k B, k = 0 ... samples - 1, (samples, l, m)."""
-    values, state = np.empty((samples, C.shape[0], B.shape[1])), np.array(B)
+    states, state = np.empty((samples, B.shape[1], len(A))), np.array(B)
     for k in range(samples):
-        values[k] = C @ state
+        states[k] = state.T
         state = A @ state
-    return values
+    # one product for all samples: outputs are many beside inputs
+    values = states.reshape(-1, len(A)) @ C.T
+    return np.ascontiguousarray(values.reshape(samples, B.shape[1], len(C)).transpose(0, 2, 1))
 
 
 def simulated(model: Quadruple, inputs: ArrayLike, initial: ArrayLike | None) -> RealArray:

@@ -18,6 +18,7 @@ from modalscope.model.shown import cells_of, counted, curve, dots, sketch_of, su
 from modalscope.model.signals import Signals
 from modalscope.model.statespace import StateSpace
 from modalscope.model.stored import StoredSignals
+from modalscope.model.stored_response import StoredResponse
 
 __all__: list[str] = []
 
@@ -75,6 +76,11 @@ def _(thing: Signals) -> str:
 @summary_of.register
 def _(thing: StoredSignals) -> str:
     return f"stored records: {thing.samples} samples at {thing.sampling_rate:g} Hz, {_outputs_and_inputs(thing)}"
+
+
+@summary_of.register
+def _(thing: StoredResponse) -> str:
+    return f"stored impulse responses ({thing.kind}): {thing.samples} samples at {thing.sampling_rate:g} Hz, {_sides(thing)}"
 
 
 @summary_of.register
@@ -139,7 +145,7 @@ def _kind(thing: FrequencyResponse | ImpulseResponse | ModalModel | Signals | St
     return f" ({thing.quantity})" if thing.quantity else ""
 
 
-def _sides(thing: FrequencyResponse | ImpulseResponse | ModalModel | RecordSpectra) -> str:
+def _sides(thing: FrequencyResponse | ImpulseResponse | StoredResponse | ModalModel | RecordSpectra) -> str:
     return f"{counted(len(thing.output_dofs), 'output')}, {counted(len(thing.input_dofs), 'input')}"
 
 

@@ -35,6 +35,7 @@ from modalscope.plot._style import (
     new_axes,
     plain,
 )
+from modalscope.plot._thin import spaced, thinned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,6 +50,9 @@ _PIECES = 16
 
 #: More channel names than this cannot be read side by side.
 _LABELS = 30
+
+#: More bars than this nobody sees apart.
+_BARS = 2000
 
 
 def in_phase(shape: Array) -> RealArray:
@@ -77,7 +81,8 @@ def shape(
 
     A complex shape is turned to the phase that leaves the least out of phase; how much that hides is told by the MPC
     above the picture (1: nothing). Nodes on a line are drawn as displacement over position, nodes in a plane that
-    moves in itself flat, all others obliquely. Without a geometry every channel is a bar.
+    moves in itself flat, all others obliquely. Without a geometry every channel is a bar. Of more channels, lines and faces
+    than can be seen apart every so many are drawn.
 
     Parameters
     ----------
@@ -171,6 +176,7 @@ def in_order(labels: tuple[str, ...]) -> list[int]:
 
 def _bars(ax: Axes, labels: tuple[str, ...], values: RealArray) -> None:
     order = in_order(labels)
+    order = order[spaced(len(order), _BARS)]
     labels, values = tuple(labels[k] for k in order), values[order]
     places = np.arange(values.size)
     ax.bar(places, values, width=0.72, color=np.where(values < 0, BLUE, VERMILLION).tolist(), zorder=2)
@@ -214,17 +220,16 @@ def _wireframe(ax: Axes, geometry: Geometry, motion: RealArray, measured: Array,
     # which way a node goes: along the direction of the largest motion
     signed = motion @ np.linalg.svd(motion, full_matrices=False)[2][0] / size
     signed = signed * (np.sign(signed[np.argmax(np.abs(signed))]) or 1.0)
+    geometry, shown = thinned(geometry, measured)
     live = measured[geometry.lines].any(axis=1) if len(geometry.lines) else np.zeros(0, dtype=bool)
     _faces(ax, geometry, moved, signed, view)
     _strokes(ax, rest[geometry.lines], color=PALE, linewidths=0.9, zorder=1)
-    _strokes(
-        ax, np.stack([rest[measured], moved[measured]], axis=1), color=PALE, linewidths=0.7, linestyles=":", zorder=1.5
-    )
+    _strokes(ax, np.stack([rest[shown], moved[shown]], axis=1), color=PALE, linewidths=0.7, linestyles=":", zorder=1.5)
     _coloured(ax, moved[geometry.lines[live]], signed[geometry.lines[live]])
-    still, live_nodes = rest[measured], moved[measured]
+    still, live_nodes = rest[shown], moved[shown]
     ax.scatter(still[:, 0], still[:, 1], s=9, color=PALE, zorder=2, linewidths=0)
     style: dict[str, Any] = {"cmap": diverging(), "vmin": -1, "vmax": 1, "edgecolors": "white", "linewidths": 0.7}
-    ax.scatter(live_nodes[:, 0], live_nodes[:, 1], s=34, c=signed[measured], zorder=5, **style)
+    ax.scatter(live_nodes[:, 0], live_nodes[:, 1], s=34, c=signed[shown], zorder=5, **style)
     ax.set_aspect("equal", adjustable="datalim")
     ax.margins(0.06)
     ax.set_xticks([])

@@ -25,6 +25,7 @@ from modalscope.model import (
 )
 from modalscope.model.result import Result
 from modalscope.model.stored import StoredSignals
+from modalscope.model.stored_response import StoredResponse
 from modalscope.plot._camera import oblique
 from modalscope.plot._style import BLUE, MUTED, PALE, VERMILLION, dress, frameless, new_axes
 from modalscope.plot.certificates import certificate
@@ -107,6 +108,11 @@ def _(thing: Signals, ax: Any = None) -> Any:
 
 @drawn.register
 def _(thing: StoredSignals, ax: Any = None) -> Any:
+    return drawn(thing.excerpt(), ax)
+
+
+@drawn.register
+def _(thing: StoredResponse, ax: Any = None) -> Any:
     return drawn(thing.excerpt(), ax)
 
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from scipy import fft
 
 from modalscope.model.checks import ComplexArray, RealArray
+from modalscope.model.crew import crew
+from modalscope.model.device import fetched, namespace
 
 __all__ = ["LagSum"]
 
@@ -77,10 +80,19 @@ class LagSum:
         """Return the cross spectra of all blocks together, (length / 2 + 1, l, r)."""
         total = np.zeros((self._length // 2 + 1, self.channels, len(columns)), dtype=complex)
         for later, now in self._blocks(chunk, times, columns):
+            if crew().device is not None:
+                total += self._at_once(crew().place(later), crew().place(now))
+                continue
             ahead, behind = fft.rfft(later, axis=1), fft.rfft(now, n=self._length, axis=1)
             for cross, y, y_now in zip(total, ahead.swapaxes(0, 1), behind.conj().swapaxes(0, 1), strict=True):
                 cross += y.T @ y_now  # line by line: what is summed stays in the cache
         return total
+
+    def _at_once(self, later: Any, now: Any) -> ComplexArray:
+        """Return the cross spectra of some blocks, all lines in one product."""
+        xp = namespace(later)
+        ahead, behind = xp.fft.rfft(later, axis=1), xp.fft.rfft(now, n=self._length, axis=1)
+        return fetched(xp.permute_dims(ahead, (1, 2, 0)) @ xp.conj(xp.permute_dims(behind, (1, 0, 2))))
 
     def _blocks(self, chunk: RealArray, times: int, columns: list[int]) -> Iterator[tuple[RealArray, RealArray]]:
         """Yield some blocks with what follows them, (blocks, length, l), and the references of these times alone."""

@@ -12,6 +12,7 @@ from modalscope.model.setups import Setups
 from modalscope.model.signals import Signals
 from modalscope.model.sizes import check_size
 from modalscope.model.stored import StoredSignals
+from modalscope.model.stored_response import StoredResponse
 from modalscope.preprocess.causality_checks import delayed, exchanged
 from modalscope.preprocess.driven_band import swept_lines, useful_lines
 from modalscope.preprocess.excitation import find_excitation
@@ -39,7 +40,7 @@ _SHOWN_BY_RESPONSES = {"low coherence", "reciprocity", "polarity", "swapped", "w
 
 
 @named()
-def examine(data: Signals | StoredSignals | Records | Setups | Response) -> tuple[Finding, ...]:
+def examine(data: Signals | StoredSignals | StoredResponse | Records | Setups | Response) -> tuple[Finding, ...]:
     """Look for what commonly goes wrong in a test: each finding names channels and reason, and says what to do.
 
     Looked for are overloaded, double and clipped hits, clipped, dead, noisy, duplicate and swapped channels, converters that
@@ -51,8 +52,8 @@ def examine(data: Signals | StoredSignals | Records | Setups | Response) -> tupl
 
     Parameters
     ----------
-    data : Signals, StoredSignals, Records, Setups, FrequencyResponse or ImpulseResponse
-        Of a stored record a stretch from its middle is looked at.
+    data : Signals, StoredSignals, StoredResponse, Records, Setups, FrequencyResponse or ImpulseResponse
+        Of a stored record a stretch from its middle is looked at, of stored responses some outputs.
 
     Returns
     -------
@@ -68,8 +69,9 @@ def examine(data: Signals | StoredSignals | Records | Setups | Response) -> tupl
     ...     print(finding)
     dead: y2: it never changes. Check cable and sensor, or leave it out: exclude=['y2'].
     """
-    check_kind("examine", data, (FrequencyResponse, ImpulseResponse, Signals, StoredSignals, Records, Setups))
-    if isinstance(data, StoredSignals):
+    kinds = (FrequencyResponse, ImpulseResponse, Signals, StoredSignals, StoredResponse, Records, Setups)
+    check_kind("examine", data, kinds)
+    if isinstance(data, StoredSignals | StoredResponse):
         data = data.excerpt()
     check_size(data)
     if isinstance(data, Response):

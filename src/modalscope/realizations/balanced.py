@@ -12,12 +12,7 @@ from modalscope.blocks.triple import Eigen, Triple
 from modalscope.model.checks import Array, RealArray
 from modalscope.realizations.realization import Realization, Sides
 
-__all__ = ["Balanced", "balanced", "first_blocks", "projected", "projected_general"]
-
-
-def projected(matrix: DataMatrix, factors: Factors) -> RealArray:
-    """Return K = P' H(1) Q, (k, k): all that a truncated realization needs of H(1)."""
-    return np.asarray(factors.P.T @ matrix.shifted(1).times(np.ascontiguousarray(factors.Q)))
+__all__ = ["Balanced", "balanced", "first_blocks", "projected_general"]
 
 
 def first_blocks(matrix: DataMatrix, factors: Factors) -> tuple[RealArray, RealArray | None]:
@@ -74,7 +69,7 @@ def balanced(matrix: DataMatrix, factors: Factors) -> Balanced:
     -------
     Balanced
     """
-    K, root = projected(matrix, factors), np.sqrt(factors.d)
+    K, root = matrix.projected(factors), np.sqrt(factors.d)
     with np.errstate(divide="ignore", invalid="ignore"):
         A = K / np.outer(root, root)
     C, B = first_blocks(matrix, factors)

@@ -100,7 +100,7 @@ def recommend_order(factors: Factors) -> OrderAdvice:
         Of H(0) or of the matrix with one block more, with some directions to spare.
     """
     d: RealArray = factors.complete_spectrum
-    rows, columns = factors.P.shape[0], factors.Q.shape[0]
+    rows, columns = factors.left.shape[0], factors.Q.shape[0]
     rounding = float(max(rows, columns) * np.finfo(float).eps * d[0])
     floor = max(noise_floor(d, rows, columns), rounding)
     by_threshold = max(int(np.count_nonzero(d > floor)), 1)

@@ -10,7 +10,6 @@ from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Eigen, Triple
 from modalscope.model.checks import Array, RealArray
-from modalscope.realizations.balanced import projected
 from modalscope.realizations.realization import Realization, Sides
 
 __all__ = ["Regression", "regression", "regression_matrix"]
@@ -63,7 +62,7 @@ def regression(matrix: DataMatrix, factors: Factors) -> Regression:
     """
     d = factors.d
     with np.errstate(divide="ignore", invalid="ignore"):
-        A = projected(matrix, factors) / d
+        A = matrix.projected(factors) / d
         CA = matrix.first_rows(factors.Q / d, 1)
     first = matrix.first_columns(factors)
     B = None if first is None else np.ascontiguousarray((first * d).T)
