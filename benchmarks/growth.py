@@ -16,8 +16,6 @@ from benchmarks.peers.works import Data, ambient, lines, samples
 #: Runs of one size: the least time counts.
 _RUNS = 3
 
-_OUTPUTS, _SAMPLES, _ORDERS = (300, 1000, 3000, 10_000), (30_000, 100_000, 300_000, 1_000_000), (20, 40, 80)
-
 
 class Growth(NamedTuple):
     """One kind of work over sizes.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import subprocess
+import tempfile
 from pathlib import Path
 from statistics import median
 from types import TracebackType
@@ -71,31 +72,41 @@ class Child:
             raise RuntimeError(f"{program} is not installed")
         script = _HERE / "programs" / f"{program}_.py"
         self.name = f"{program}.{function}"
+        self._said = tempfile.TemporaryFile("w+")  # noqa: SIM115 - a pipe that nobody reads would stop who writes
         self._process = subprocess.Popen(
             [str(python.absolute()), str(_HERE / "child.py"), str(script), function, str(data)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
+            stderr=self._said,
             text=True,
             env=os.environ | _ALONE,
         )
 
     def __enter__(self) -> Child:
-        self._answer()
+        try:
+            self._answer()
+        except RuntimeError:
+            self.close()
+            raise
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the process."""
         self._process.kill()
         self._process.communicate()
+        self._said.close()
 
     def _answer(self) -> dict[str, object]:
         assert self._process.stdout is not None
-        assert self._process.stderr is not None
         line = self._process.stdout.readline()
         if not line:
-            raise RuntimeError(f"{self.name} failed: {(self._process.stderr.read().strip().splitlines() or ['?'])[-1]}")
+            self._said.seek(0)
+            raise RuntimeError(f"{self.name} failed: {(self._said.read().strip().splitlines() or ['?'])[-1]}")
         return dict(json.loads(line))
 
     def run(self) -> Run:
