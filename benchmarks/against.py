@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -19,14 +20,6 @@ from benchmarks.peers.works import WORKS, Work
 _HEAD = "| work | program | ours, CPU s | theirs | ratio | ours, MB | theirs | poles differ by |\n|---|---|---|---|---|---|---|---|\n"
 
 
-def stored(work: Work) -> Path:
-    """Return where the arrays of a piece of work lie."""
-    path = (PLACE / "data.npz").absolute()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    np.savez(path, **work.data())
-    return path
-
-
 def row(work: Work, who: str, found: Measured) -> str:
     """Return a line of the table."""
     times = f"{found.ours:.3g} | {found.theirs:.3g} | {found.ratio:.2g}"
@@ -35,10 +28,10 @@ def row(work: Work, who: str, found: Measured) -> str:
 
 def rows(work: Work) -> Iterator[tuple[str, bool]]:
     """Yield the lines of one piece of work, and whether the results are equal."""
-    path = stored(work)
-    with np.load(path) as arrays:
-        truth = arrays.get("truth")
+    arrays = work.data()
     with ExitStack() as held:
+        path = Path(held.enter_context(tempfile.TemporaryDirectory())) / "data.npz"
+        np.savez(path, **arrays)
         waiting = {
             own: held.enter_context(Child("modalscope", own, path)) for own in {own for *_, own, _ in work.peers}
         }
@@ -47,7 +40,7 @@ def rows(work: Work) -> Iterator[tuple[str, bool]]:
                 yield f"| {work.name} | {program}: left out, it is not installed |", True
                 continue
             with Child(program, function, path) as theirs:
-                found = paired(waiting[own], theirs, truth)
+                found = paired(waiting[own], theirs, arrays.get("truth"))
             yield row(work, f"{program}, {function}", found), bool(found.difference <= equal)
 
 
@@ -63,6 +56,7 @@ def main() -> None:
             unequal += [] if alike else [line]
         if work.left_out:
             print(f"  left out: {work.left_out}", flush=True)
+    PLACE.mkdir(parents=True, exist_ok=True)
     (PLACE / "table.md").write_text(_HEAD + "\n".join(table) + "\n", encoding="utf-8")
     if unequal:
         raise SystemExit(f"results are not equal in {len(unequal)} of {len(table)} rows")

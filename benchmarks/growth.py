@@ -82,7 +82,7 @@ def exponent(sizes: tuple[int, ...], values: list[float]) -> float:
 
 def drawn(found: list[tuple[Growth, list[float], list[float]]]) -> None:
     """Draw times and memory of all kinds beside each other."""
-    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "growth", "font.size": 9}):
+    with mpl.rc_context({"font.size": 9}):
         figure, panels = plt.subplots(1, len(found), figsize=(11, 3.4), layout="constrained")
         for axes, (growth, seconds, peaks) in zip(panels, found, strict=True):
             beside = axes.twinx()
@@ -91,8 +91,11 @@ def drawn(found: list[tuple[Growth, list[float], list[float]]]) -> None:
             axes.set(xlabel=growth.of, title=f"{growth.name}\ntime ~ {growth.of}^{exponent(growth.sizes, seconds):.2f}")
             axes.set_ylabel("CPU seconds", color="C0")
             beside.set_ylabel("MB above the data", color="C1")
-            axes.grid(which="both", alpha=0.2)
-        figure.savefig(PLACE / "growth.svg", metadata={"Date": None})
+            axes.grid(alpha=0.2)
+            axes.set_xticks(growth.sizes, [f"{size:,}" for size in growth.sizes], minor=False)
+            axes.set_xticks([], minor=True)
+            beside.set_ylim(1, 10 * max(peaks))
+        figure.savefig(PLACE / "growth.png", dpi=90)
 
 
 def main() -> None:
@@ -105,7 +108,7 @@ def main() -> None:
         told = "; ".join(f"{n:,} {t:.3g} s {m:.0f} MB" for n, t, m in zip(growth.sizes, seconds, peaks, strict=True))
         print(f"{growth.name}, by {growth.of}: {told}; exponent {exponent(growth.sizes, seconds):.2f}", flush=True)
     drawn(found)
-    print(PLACE / "growth.svg")
+    print(PLACE / "growth.png")
 
 
 if __name__ == "__main__":

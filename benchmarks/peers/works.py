@@ -17,6 +17,9 @@ Data = dict[str, np.ndarray]
 #: Poles of the same equation on the same numbers; and of a randomized range, which knows the bulk of the noise to a part of it.
 SAME, RANDOM = 1e-8, 1e-6
 
+#: Poles of combinations of many outputs: they differ by a part of their deviations.
+FEWER = 1e-4
+
 
 @dataclass(frozen=True)
 class Work:
@@ -132,9 +135,9 @@ WORKS = (
         _TOO_LARGE,
     ),
     Work(
-        "ERA 500 x 1, Hankel 150 000 x 300, order 60",
-        lambda: samples(500, 1, 300, 300, 60),
-        (("pymor", "era_randomized", "alternate", RANDOM), *_era("scipy")),
+        "ERA 500 x 1, Hankel 150 000 x 300, order 20",
+        lambda: samples(500, 1, 300, 300, 20),
+        (("pymor", "era_randomized", "alternate", FEWER),),
         _TOO_LARGE,
     ),
     Work(
