@@ -3,8 +3,8 @@ PYTHON ?= python3
 WORKERS ?= 2
 BIN := .venv/bin
 STAMP := .venv/.installed
-BENCH_STAMP := .venv/.installed-bench
 DOCS_STAMP := .venv/.installed-docs
+comma := ,
 
 # Formulas are drawn in the reader's browser, by a file of the site itself.
 MATHJAX := mathjax@3.2.2
@@ -41,7 +41,7 @@ help:
 	@echo "make architecture  draw the floors of pyproject.toml into the documents"
 	@echo "make changelog     join the fragments of changelog.d under the version"
 	@echo "make docs          the documentation site in build/docs, every example in it run"
-	@echo "make bench         time and memory, against other programs"
+	@echo "make bench         time and memory, against other programs in environments of their own (minutes)"
 	@echo "make torch         PyTorch, for large products on a graphics card"
 	@echo "make study         statistics over many seeds (long)"
 	@echo "make clean         remove what make made"
@@ -54,11 +54,6 @@ $(STAMP): pyproject.toml
 	@[ -x $(BIN)/uv ] || $(BIN)/python -m pip install --quiet uv || true
 	$(call install,dev)
 	@touch $@
-
-$(BENCH_STAMP): $(STAMP)
-	$(call install,dev$(comma)bench)
-	@touch $@
-comma := ,
 
 $(DOCS_STAMP): $(STAMP)
 	$(call install,dev$(comma)docs)
@@ -133,11 +128,13 @@ mutants: setup
 torch: $(STAMP)
 	$(call install,torch)
 
-bench: $(BENCH_STAMP)
-	@found=; for script in benchmarks/[!_]*.py; do \
-		[ -e "$$script" ] || continue; found=1; name=$$(basename "$$script" .py); echo "== $$name"; \
+# Other programs live in environments of their own under build/bench; one that does not install is left out in words.
+bench: setup
+	@$(BIN)/python -m benchmarks.peers.install
+	@for script in benchmarks/[!_]*.py; do \
+		name=$$(basename "$$script" .py); echo "== $$name"; \
 		$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m benchmarks.$$name || exit 1; \
-	done; [ -n "$$found" ] || echo "no scripts in benchmarks/ yet"
+	done
 
 study: setup
 	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m pytest -m study -s -v

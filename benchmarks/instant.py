@@ -1,7 +1,7 @@
 """Large work against the plain way to the same numbers, in one run: results compared first, then CPU seconds and memory.
 
 Every case is done twice, by the way that is taken and by the exact or plain one that it stands for; the ratio of both is what counts,
-for times drift with the machine. At the end: how time and memory grow with the number of outputs and of samples.
+for times drift with the machine.
 """
 
 from __future__ import annotations
@@ -13,11 +13,10 @@ from typing import Any, NamedTuple
 from unittest.mock import patch
 
 import numpy as np
-from scipy.signal import correlate, lfilter
+from scipy.signal import correlate
 
 import modalscope as ms
-from modalscope.model.poles import poles_from
-from modalscope.preprocess.lag_sums import LagSum
+from benchmarks.peers.works import ambient, lines, samples
 
 #: Poles of both ways are equal to this.
 EQUAL = 1e-8
@@ -41,44 +40,15 @@ class Case(NamedTuple):
     equal: float = EQUAL
 
 
-def modes(outputs: int, inputs: int, count: int = 20) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return poles (rad/s at one sample a second), shapes and participation."""
-    rng = np.random.default_rng(0)
-    s = poles_from(np.sort(rng.uniform(0.03, 0.45, count)), rng.uniform(0.003, 0.02, count))
-    return s, rng.standard_normal((outputs, count)), rng.standard_normal((count, inputs))
+def responses(outputs: int, inputs: int, count: int) -> ms.FrequencyResponse:
+    """Return frequency responses of twenty modes."""
+    data = lines(outputs, inputs, count, 80)
+    return ms.FrequencyResponse(values=data["values"], frequencies=data["frequencies"], quantity="displacement")
 
 
-def noisy(values: np.ndarray, level: float = 0.01) -> np.ndarray:
-    """Return values with noise 40 dB below their root mean square."""
-    rng, size = np.random.default_rng(1), level * np.sqrt(np.mean(np.abs(values) ** 2))
-    return values + size * rng.standard_normal(values.shape) * (1j if np.iscomplexobj(values) else 1)
-
-
-def lines(outputs: int, inputs: int, count: int) -> ms.FrequencyResponse:
-    """Return frequency responses."""
-    s, C, B = modes(outputs, inputs)
-    f = np.linspace(0.02, 0.48, count)
-    x = 2j * np.pi * f[:, None]
-    H = (C * (-1j / (x - s) + 1j / (x - s.conj()))[:, None]) @ B
-    return ms.FrequencyResponse(values=noisy(H), frequencies=f, quantity="displacement")
-
-
-def samples(outputs: int, inputs: int, count: int) -> ms.ImpulseResponse:
-    """Return impulse responses."""
-    s, C, B = modes(outputs, inputs)
-    values = np.stack([2 * np.real((C * row) @ B) for row in np.exp(np.arange(count)[:, None] * s)])
-    return ms.ImpulseResponse(values=noisy(values), sampling_rate=1.0)
-
-
-def ambient(outputs: int, count: int) -> ms.Signals:
+def record(outputs: int, count: int) -> ms.Signals:
     """Return a record under white forces."""
-    rng, (s, C, _) = np.random.default_rng(2), modes(outputs, 1, 10)
-    z = np.exp(s)
-    y = sum(
-        np.outer(lfilter([0, 1], [1, -2 * a.real, abs(a) ** 2], rng.standard_normal(count)), c)
-        for a, c in zip(z, C.T, strict=True)
-    )
-    return ms.Signals(outputs=noisy(np.asarray(y), 0.1), sampling_rate=1.0)
+    return ms.Signals(outputs=ambient(outputs, count)["outputs"], sampling_rate=1.0)
 
 
 def diagram(data: Any, last: int = 80, **options: Any) -> np.ndarray:
@@ -109,13 +79,14 @@ def lagged(data: ms.Signals, lags: int) -> np.ndarray:
 
 def cases() -> list[Case]:
     """Return what is done."""
-    many, wide, square = lines(16, 16, 1000), lines(300, 2, 300), samples(16, 16, 202)
-    record, channels = ambient(15, 20_000), ambient(8, 50_000)
+    many, wide = responses(16, 16, 1000), responses(300, 2, 300)
+    square = ms.ImpulseResponse(values=samples(16, 16, 101, 101, 40)["values"], sampling_rate=1.0)
+    short, channels = record(15, 20_000), record(8, 50_000)
     sized = {"method": "era", "block_rows": 100, "block_columns": 100}
     past = {"method": "ssi-data", "block_rows": 16, "block_columns": 16}
 
     def of_record() -> np.ndarray:
-        return diagram(record, 60, **past)
+        return diagram(short, 60, **past)
 
     return [
         Case(
@@ -172,42 +143,10 @@ def compared(case: Case) -> None:
         raise SystemExit(f"{case.name}: both ways differ by {difference:.1e}")
 
 
-def growth(name: str, sizes: list[int], work: Callable[[int], Callable[[], Any]]) -> None:
-    """Print times by size, and the exponent over the last step."""
-    times = []
-    for size in sizes:
-        run = work(size)
-        start = time.process_time()
-        run()
-        times.append(time.process_time() - start)
-    exponent = np.log(times[-1] / times[-2]) / np.log(sizes[-1] / sizes[-2])
-    told = ", ".join(f"{size:,} {seconds:.2f} s" for size, seconds in zip(sizes, times, strict=True))
-    print(f"  {name}: {told}; exponent {exponent:.2f}")
-
-
-def by_outputs(outputs: int) -> Callable[[], Any]:
-    """Return ERA of so many outputs."""
-    data = samples(outputs, 2, 300)
-    return lambda: ms.identify(data, method="era", order=40, deviations=False)
-
-
-def by_samples(count: int) -> Callable[[], Any]:
-    """Return the lagged sums of so many samples."""
-    y = np.random.default_rng(0).standard_normal((count, 16))
-
-    def run() -> None:
-        total = LagSum(16, range(16), 200)
-        total.add(y)
-
-    return run
-
-
 def main() -> None:
     """Run all of it."""
     for case in cases():
         compared(case)
-    growth("ERA by outputs", [300, 3000, 20_000], by_outputs)
-    growth("correlations by samples", [10_000, 50_000, 250_000], by_samples)
 
 
 if __name__ == "__main__":

@@ -40,7 +40,7 @@ def test_every_requirement_stands_in_the_list_of_licences() -> None:
     groups = PROJECT["optional-dependencies"]
     known = set(re.findall(r"^\| ([\w.-]+) \|", read("docs/licences.md"), re.MULTILINE))
     needed = {bare(each) for each in PROJECT["dependencies"]}
-    needed |= {bare(each) for name, group in groups.items() if name not in ("dev", "bench") for each in group}
+    needed |= {bare(each) for name, group in groups.items() if name != "dev" for each in group}
     assert needed - {"modalscope"} <= known
 
 
@@ -48,7 +48,7 @@ def test_the_extra_all_is_every_extra_for_users_that_binds_nobody() -> None:
     groups = PROJECT["optional-dependencies"]
     (everything,) = groups["all"]
     named = set(everything.partition("[")[2].rstrip("]").split(","))
-    left_out = {"all", "bench", "dev", "docs", "torch", "video"}  # torch: gigabytes, for who has a card
+    left_out = {"all", "dev", "docs", "torch", "video"}  # torch: gigabytes, for who has a card
     assert named == set(groups) - left_out - WITH_LGPL
     assert EXTRAS in groups
 

@@ -86,10 +86,10 @@ def test_time_and_memory_of_one_process(alone: tuple[Any, float, float]) -> None
 
 def test_two_workers_take_what_one_takes_and_one_may_be_killed(path: Path, alone: tuple[Any, float, float]) -> None:
     expected, seconds, _ = alone
-    from modalscope.cli.workers import _KEEPS_MEMORY
+    from modalscope.cli.workers import LOCAL_SETTINGS
 
     with (
-        dask.config.set(_KEEPS_MEMORY),
+        dask.config.set(LOCAL_SETTINGS),
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
         distributed.Client(cluster) as client,
     ):

@@ -11,11 +11,16 @@ from modalscope.cli.progress import progress
 from modalscope.model.crew import working
 from modalscope.model.errors import DataError
 
-__all__ = ["workers_of"]
+__all__ = ["LOCAL_SETTINGS", "workers_of"]
 
-#: Dask's workers give memory back at once, and are given it again for the next transform: a third of their time goes there. These keep it.
-_KEEPS_MEMORY = {
-    f"distributed.nanny.pre-spawn-environ.MALLOC_{name}_THRESHOLD_": 1_000_000_000 for name in ("TRIM", "MMAP")
+#: Dask's workers give memory back at once, and are given it again for the next transform: these keep it. And every process of Dask looks at
+#: itself many times a second, which beside tasks of seconds tells nothing and takes a tenth of a second of a processor each second.
+LOCAL_SETTINGS = {
+    **{f"distributed.nanny.pre-spawn-environ.MALLOC_{name}_THRESHOLD_": 1_000_000_000 for name in ("TRIM", "MMAP")},
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "10s",
+    "distributed.worker.memory.monitor-interval": "2s",
 }
 
 #: What begins the address of processes of this machine, and seconds that a scheduler has to answer.
@@ -49,7 +54,7 @@ def _client(address: str, held: ExitStack) -> Any:
         if count and not (count.isdecimal() and int(count)):
             raise _wrong(address, f"{count!r} is no number of processes")
         workers = {"n_workers": int(count)} if count else {}
-        held.enter_context(optional_package("--scheduler", "dask", "cluster").config.set(_KEEPS_MEMORY))
+        held.enter_context(optional_package("--scheduler", "dask", "cluster").config.set(LOCAL_SETTINGS))
         address = held.enter_context(
             distributed.LocalCluster(**workers, threads_per_worker=1, dashboard_address=None, silence_logs=40)
         )

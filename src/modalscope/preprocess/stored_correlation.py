@@ -139,10 +139,12 @@ def _sum_over(
     """Return the sums of one task, (lags + 1, l + 1, r + 1); the last channel, and the last reference, is 1."""
     channels = len(offset)
     total = LagSum(channels + 1, (*references, channels), lags)
+    beside = np.ones((min(held, task.stop - task.start) + lags, channels + 1))
     for start in range(task.start, task.stop, held):
         stop = min(start + held, task.stop)
         rows = record.chunk(start, stop + lags)
-        total.add(np.hstack([rows - offset, np.ones((len(rows), 1))]), stop - start)
+        np.subtract(rows, offset, out=beside[: len(rows), :channels])
+        total.add(beside[: len(rows)], stop - start)
     return total.finish()
 
 

@@ -1,0 +1,51 @@
+"""The benchmarks against other programs: what they ask for is there, and results are compared as they say."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.peers import pairs, works
+from benchmarks.peers.child import loaded, poles_of
+from benchmarks.peers.install import PEERS
+
+PROGRAMS = Path(pairs.__file__).parent / "programs"
+
+
+def functions(program: str) -> set[str]:
+    tree = ast.parse((PROGRAMS / f"{program}_.py").read_text())
+    return {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
+
+
+@pytest.mark.parametrize("work", works.WORKS, ids=lambda work: work.name)
+def test_every_program_has_the_function_that_a_work_asks_of_it(work: works.Work) -> None:
+    for program, function, own, _ in work.peers:
+        assert program in PEERS
+        assert function in functions(program)
+        assert own in functions("modalscope")
+
+
+def test_the_plain_way_and_ours_give_the_same_poles() -> None:
+    data = {name: np.asarray(value) for name, value in works.samples(3, 2, 12, 12, 6).items()}
+    ours, plain = (poles_of(loaded(str(PROGRAMS / f"{name}_.py")).era(data)) for name in ("modalscope", "scipy"))
+    assert pairs.nearest(ours, plain) < works.SAME
+    assert pairs.nearest(ours, 1.001 * plain) == pytest.approx(1e-3, rel=1e-6)
+
+
+def test_two_processes_work_in_turn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pairs, "python_of", lambda program: Path(sys.executable))
+    monkeypatch.setattr(pairs, "_PAIRS", 2)
+    np.savez(tmp_path / "data.npz", **works.samples(3, 2, 12, 12, 6))
+    with (
+        pairs.Child("scipy", "era", tmp_path / "data.npz") as one,
+        pairs.Child("scipy", "era", tmp_path / "data.npz") as other,
+    ):
+        found = pairs.paired(one, other)
+    assert found.difference == 0
+    assert found.ratio > 0
+    with pytest.raises(RuntimeError, match="failed"), pairs.Child("scipy", "nothing", tmp_path / "data.npz"):
+        pass
