@@ -162,7 +162,9 @@ def _print_left_out(result: Result, everything: bool) -> None:
     if not left:
         return
     if not everything:
-        remark(f"{len(left)} candidates were left out; --all prints them, and why")
+        from modalscope.model.shown import counted
+
+        remark(f"{counted(len(left), 'candidate')} left out; --all says which, and why")
         return
     say("\nleft out:")
     for each in left:

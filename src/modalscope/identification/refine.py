@@ -161,7 +161,8 @@ def _candidate(modes: ModalModel, j: int, gain: float) -> Candidate:
 
 
 def _held(count: int) -> Note:
-    text = f"{count} poles that are no modes take part in the refinement: they are held, their residues free"
+    words = "pole that is no mode takes" if count == 1 else "poles that are no modes take"
+    text = f"{count} {words} part in the refinement: held, with free residues"
     return Note("held", {"poles": count}, text)
 
 

@@ -25,6 +25,7 @@ from modalscope.model.keywords import named
 from modalscope.model.notes import Note
 from modalscope.model.poles import frequencies_and_damping
 from modalscope.model.record_residual import UNMEASURED
+from modalscope.model.shown import counted
 
 __all__ = ["TOLERANCES", "Watch", "collected", "stabilize", "stabilized", "stable_against"]
 
@@ -233,7 +234,7 @@ def collected(
     names = set.intersection(*(set(cut.indicators) for cut in cuts))
     factors = pipeline.factors
     outside = sum(cut.modal.poles.size - cut.reported.size for cut in cuts)
-    text = f"{outside} poles outside the band or extraneous are not in the diagram"
+    text = f"{counted(outside, 'pole')} outside the band or extraneous left out of the diagram"
     left = [Note("poles left out", {"poles": outside}, text)] if outside else []
     return StabilizationDiagram(
         response=pipeline.response,
