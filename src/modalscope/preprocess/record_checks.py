@@ -11,6 +11,7 @@ from modalscope.model.signals import Signals
 from modalscope.preprocess.driven_band import useful_lines
 from modalscope.preprocess.findings import Finding
 from modalscope.preprocess.frf import estimate_frf
+from modalscope.preprocess.harmonics import find_lines
 from modalscope.preprocess.impacts import Hit, clipped_samples, find_hits
 from modalscope.preprocess.joint_prediction import unexplained
 from modalscope.preprocess.plans import plan_hits, without_offset
@@ -31,6 +32,9 @@ _CUT, _UNLIKE = 0.01, 20.0
 #: Noise of a half of a channel's vibration has a fifth of its power, and nothing else tells it. Of channels of one structure the forces on
 #: their own masses make such parts that differ by a factor of three at most, so far seen.
 _ALONE, _HIGHER = 0.15, 5.0
+
+#: A line of a machine and what a window makes of it lie within this part of its frequency.
+_HUM = 0.01
 
 #: Vibration left at the end of a run, as a part of the largest, that an untapered transform turns into leakage.
 _LEFT = 0.05
@@ -227,26 +231,25 @@ def _from_others(S: Array) -> RealArray:
 
 
 def too_short(signals: Signals) -> list[Finding]:
-    """Estimate the decay of the strongest resonance from its correlation, and compare it with the length of the record."""
+    """Estimate the decay of the strongest resonance from its correlation, and compare it with the length of the record.
+
+    What a machine or the mains hum at is no resonance.
+    """
     outputs, _ = signals.by_run()
     y = outputs - outputs.mean(axis=1, keepdims=True)
     i = int(np.argmax(np.mean(y**2, axis=(0, 1)) / np.maximum(np.median(y**2, axis=(0, 1)), np.finfo(float).tiny)))
     length = fft.next_fast_len(2 * signals.samples, real=True)
     power = np.mean(np.abs(fft.rfft(y[:, :, i], n=length, axis=1)) ** 2, axis=0)
     lines = fft.rfftfreq(length, 1 / signals.sampling_rate)
+    hums = [line.frequency for line in find_lines(signals.select(outputs=[i]))]
+    for hum in hums:
+        power[np.abs(lines - hum) < _HUM * hum] = 0
     smooth = scipy.signal.oaconvolve(power, np.ones(17) / 17, mode="same")
     top = int(np.argmax(smooth))
     f0 = float(lines[top])
     if f0 * signals.duration < 4 or smooth[top] < 20 * float(np.median(smooth)):
         return []
-    # a band around the peak, wide against any light damping, leaves the correlation of that resonance alone
-    band = np.exp(-0.5 * ((lines - f0) / (0.05 * f0 + 4 / signals.duration)) ** 2)
-    spectrum = np.zeros(length, dtype=complex)
-    spectrum[: lines.size] = power * band
-    envelope = np.abs(fft.ifft(spectrum))[: signals.samples // 2]
-    # half an e-fold: further down a short record's correlation is scatter
-    below = np.flatnonzero(envelope < envelope[0] * np.exp(-0.5))
-    constant = 2 * float(below[0] if below.size else envelope.size) / signals.sampling_rate
+    constant = _decay_time(signals, power, lines, f0)
     count = signals.runs * signals.duration / constant
     if count >= _TIME_CONSTANTS:
         return []
@@ -261,3 +264,15 @@ def too_short(signals: Signals) -> list[Finding]:
             (f0,),
         )
     ]
+
+
+def _decay_time(signals: Signals, power: RealArray, lines: RealArray, f0: float) -> float:
+    """Return in how many seconds the correlation of the resonance at f0 Hz falls by e, from the power on lines."""
+    # a band around the peak, wide against any light damping, leaves the correlation of that resonance alone
+    band = np.exp(-0.5 * ((lines - f0) / (0.05 * f0 + 4 / signals.duration)) ** 2)
+    spectrum = np.zeros(fft.next_fast_len(2 * signals.samples, real=True), dtype=complex)
+    spectrum[: lines.size] = power * band
+    envelope = np.abs(fft.ifft(spectrum))[: signals.samples // 2]
+    # half an e-fold: further down a short record's correlation is scatter
+    below = np.flatnonzero(envelope < envelope[0] * np.exp(-0.5))
+    return 2 * float(below[0] if below.size else envelope.size) / signals.sampling_rate
