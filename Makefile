@@ -96,7 +96,7 @@ changelog: setup
 # COVERAGE=1 counts the lines that the tests run, and wants 95 % of them. What fails has one more try, and the summary names
 # it: a browser or a process that a loaded machine kept waiting is no fault of the code; what fails twice is.
 test: lint
-	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m pytest -q --retries 1 -n $(WORKERS) $(if $(COVERAGE),--cov --cov-report=term:skip-covered)
+	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m pytest -q -rR --reruns 1 -n $(WORKERS) $(if $(COVERAGE),--cov --cov-report=term:skip-covered)
 
 coverage:
 	@$(MAKE) --no-print-directory test COVERAGE=1

@@ -207,7 +207,7 @@ def test_resolution_of_estimates_from_short_segments():
 def test_what_cannot_be_examined_is_said():
     with pytest.raises(
         DataError,
-        match="expected FrequencyResponse, ImpulseResponse, Signals, StoredSignals, Records or Setups, got list",
+        match="expected FrequencyResponse, ImpulseResponse, Signals, StoredSignals, StoredResponse, Records or Setups, got list",
     ):
         examine([1, 2])
 

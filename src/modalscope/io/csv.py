@@ -94,7 +94,7 @@ def _is_own(path: Path) -> bool:
     with path.open(encoding="utf-8-sig", errors="replace", newline=None) as file:
         head = next((line for line in file if not line.startswith("#") and not line.isspace()), "")
     if not head:
-        return True
+        raise _empty(path)
     cells = [cell.strip() for cell in head.split(max(",;\t", key=head.count))]
     if cells[0] not in ("frequency_hz", "time_s"):
         return {"frequency_hz", "damping_ratio"} <= set(cells)
@@ -103,6 +103,14 @@ def _is_own(path: Path) -> bool:
         if _SIDE.match(label) or (pair and (pair["part"] or pair["in"] == "1" or not is_unit(pair["in"]))):
             return True
     return len(cells) < 2
+
+
+def _empty(path: Path) -> DataError:
+    return DataError(
+        f"reading {path.name} as CSV was asked",
+        "it has no header and rows",
+        "Write a header and one row a line or sample.",
+    )
 
 
 def _table(path: Path, space: Room) -> _Table:
@@ -114,11 +122,7 @@ def _table(path: Path, space: Room) -> _Table:
             first = next(rows, "")
             second = next(rows, "")
             if not second:
-                raise DataError(
-                    f"reading {path.name} as CSV was asked",
-                    "it has no header and rows",
-                    "Write a header and one row a line or sample.",
-                )
+                raise _empty(path)
             delimiter = max(",;\t", key=first.count)
             space.parts("columns", first.count(delimiter) + 1)
             reader = csv.reader(chain([first, second], rows), delimiter=delimiter, strict=True)
