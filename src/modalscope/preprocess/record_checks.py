@@ -241,19 +241,15 @@ def too_short(signals: Signals) -> list[Finding]:
     length = fft.next_fast_len(2 * signals.samples, real=True)
     power = np.mean(np.abs(fft.rfft(y[:, :, i], n=length, axis=1)) ** 2, axis=0)
     lines = fft.rfftfreq(length, 1 / signals.sampling_rate)
-    hums = [line.frequency for line in find_lines(signals.select(outputs=[i]))]
-    for hum in hums:
-        power[np.abs(lines - hum) < _HUM * hum] = 0
-    smooth = scipy.signal.oaconvolve(power, np.ones(17) / 17, mode="same")
-    top = int(np.argmax(smooth))
-    f0 = float(lines[top])
-    if f0 * signals.duration < 4 or smooth[top] < 20 * float(np.median(smooth)):
+    found = _slowest(signals, power, lines)
+    if found is not None:  # looked for only here: it takes longer than all the rest
+        for hum in find_lines(signals.select(outputs=[i])):
+            power[np.abs(lines - hum.frequency) < _HUM * hum.frequency] = 0
+        found = _slowest(signals, power, lines)
+    if found is None:
         return []
-    constant = _decay_time(signals, power, lines, f0)
-    count = signals.runs * signals.duration / constant
-    if count >= _TIME_CONSTANTS:
-        return []
-    damping = 1 / (2 * np.pi * f0 * constant)
+    f0, constant = found
+    count, damping = signals.runs * signals.duration / constant, 1 / (2 * np.pi * f0 * constant)
     return [
         Finding(
             "short record",
@@ -264,6 +260,17 @@ def too_short(signals: Signals) -> list[Finding]:
             (f0,),
         )
     ]
+
+
+def _slowest(signals: Signals, power: RealArray, lines: RealArray) -> tuple[float, float] | None:
+    """Return frequency (Hz) and decay time (s) of the strongest resonance where the record is short for it."""
+    smooth = scipy.signal.oaconvolve(power, np.ones(17) / 17, mode="same")
+    top = int(np.argmax(smooth))
+    f0 = float(lines[top])
+    if f0 * signals.duration < 4 or smooth[top] < 20 * float(np.median(smooth)):
+        return None
+    constant = _decay_time(signals, power, lines, f0)
+    return (f0, constant) if signals.runs * signals.duration < _TIME_CONSTANTS * constant else None
 
 
 def _decay_time(signals: Signals, power: RealArray, lines: RealArray, f0: float) -> float:
