@@ -34,7 +34,7 @@ BESIDE = ("pyproject.toml", "README.md", "CHANGELOG.md")
 #: A fault that makes tests run this long, in seconds, is noticed.
 PATIENCE = 120
 
-#: Files and tests that are run together without a fault: patience is for few of them.
+#: Files and tests that are run together without a fault; each has that patience.
 TOGETHER = 12
 
 #: One thread each: several faults are tried at a time. Pictures are drawn nowhere.
@@ -102,18 +102,18 @@ def copy_to(folder: Path, root: Path = ROOT) -> Path:
     return folder
 
 
-def run(folder: Path, tests: Iterable[str]) -> tuple[int, str]:
+def run(folder: Path, tests: Iterable[str], patience: float = PATIENCE) -> tuple[int, str]:
     """Run tests against the library of a copy up to the first failure; return the exit status and the end of what was said."""
     log, end = folder / "log.txt", folder / "status.txt"
     end.unlink(missing_ok=True)
     # a fork of a server that holds what the library imports: starting anew would take longer than the tests
     child = FORKS.Process(target=_run_here, args=(folder, tuple(tests), log, end))
     child.start()
-    child.join(PATIENCE)
+    child.join(patience)
     if child.is_alive():
         child.kill()
         child.join()
-        return FAILED, f"longer than {PATIENCE} s"
+        return FAILED, f"longer than {patience} s"
     status = int(end.read_text()) if end.exists() else CRASHED
     return status, log.read_text(encoding="utf-8", errors="replace")[-2500:]
 
@@ -172,7 +172,7 @@ def main(arguments: Sequence[str] | None = None, path: Path = LIST, root: Path =
         def one(tests: Sequence[str], mutant: Mutant | None = None) -> tuple[int, str]:
             folder = copies.get()
             try:
-                return run(folder, tests) if mutant is None else (0, attempt(folder, mutant))
+                return run(folder, tests, PATIENCE * len(tests)) if mutant is None else (0, attempt(folder, mutant))
             finally:
                 copies.put(folder)
 
