@@ -121,8 +121,9 @@ release-check: setup
 	@$(BIN)/mypy --python-version 3.13
 	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m tools.release --workers $(WORKERS) $(if $(TESTS),--tests $(TESTS))
 
+# PART=2/3 tries every third of them, from the second on.
 mutants: setup
-	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m tests.mutants --processes $(WORKERS)
+	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m tests.mutants --processes $(WORKERS) $(if $(PART),--part $(PART))
 
 # Large; no other target needs it.
 torch: $(STAMP)

@@ -146,18 +146,30 @@ def attempt(folder: Path, mutant: Mutant) -> str:
     return "" if status == FAILED else f"BROKEN (status {status})\n{words}"
 
 
+def part_of(words: str) -> tuple[int, int]:
+    """Return K and N of "K/N"."""
+    first, parts = (int(word) for word in words.split("/"))
+    if not 1 <= first <= parts:
+        raise ValueError(words)
+    return first, parts
+
+
 def main(arguments: Sequence[str] | None = None, path: Path = LIST, root: Path = ROOT) -> int:
     """Try all faults; 0 when every one is noticed by tests that pass without it."""
     parser = argparse.ArgumentParser(prog="python -m tests.mutants", description=__doc__)
     parser.add_argument("word", nargs="?", default="", help="part of a name or a file")
     parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument(
+        "--part", type=part_of, default=(1, 1), metavar="K/N", help="every N-th fault, from the K-th on"
+    )
     given = parser.parse_args(arguments)
     every = load(path)
     wrong = misfits(every, root)
     if wrong:
         print(*wrong, sep="\n")
         return 1
-    mutants = [m for m in every if given.word in m.name or given.word in m.file]
+    first, parts = given.part
+    mutants = [m for m in every if given.word in m.name or given.word in m.file][first - 1 :: parts]
     if not mutants:
         print(f"no mutant has {given.word!r} in its name or file")
         return 1
@@ -177,8 +189,8 @@ def main(arguments: Sequence[str] | None = None, path: Path = LIST, root: Path =
                 copies.put(folder)
 
         named = sorted({t for m in mutants for t in m.tests})
-        parts = -(-len(named) // TOGETHER)
-        for status, words in pool.map(one, [named[k::parts] for k in range(parts)]):
+        heaps = -(-len(named) // TOGETHER)
+        for status, words in pool.map(one, [named[k::heaps] for k in range(heaps)]):
             if status != PASSED:
                 print(f"the tests fail without any fault\n{words}")
                 return 1

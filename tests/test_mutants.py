@@ -49,14 +49,14 @@ def _light(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mutants, "SURROUNDINGS", {})
 
 
-def tried(place: Path, *entries: tuple[str, str, str], word: str = "", **files: str) -> int:
+def tried(place: Path, *entries: tuple[str, str, str], word: str = "", part: str = "1/1", **files: str) -> int:
     for name, text in {**LIBRARY, **files}.items():
         path = place / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
     faults = place / "faults.toml"
     faults.write_text("\n".join(ENTRY.format(*entry) for entry in entries))
-    return main([word, "--processes", "1"], faults, place)
+    return main([word, "--processes", "1", "--part", part], faults, place)
 
 
 NOTICED = ("noticed", "a < b", "a <= b")
@@ -76,6 +76,14 @@ def test_all_noticed_is_a_success_and_a_word_chooses(tmp_path: Path, capfd: pyte
     assert tried(tmp_path, NOTICED, LIVING, word="noticed") == 0
     assert "1 of 1 mutants noticed" in capfd.readouterr().out
     assert tried(tmp_path, NOTICED, word="nothing") == 1
+
+
+def test_parts_hold_every_fault_once(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert tried(tmp_path, NOTICED, LIVING, part="1/2") == 0
+    assert tried(tmp_path, NOTICED, LIVING, part="2/2") == 1
+    assert "LIVES: living" in capfd.readouterr().out
+    with pytest.raises(SystemExit):
+        tried(tmp_path, NOTICED, part="3/2")
 
 
 def test_tests_that_fail_without_a_fault_prove_nothing(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
