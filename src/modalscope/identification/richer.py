@@ -7,12 +7,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.identification.whitening import Colour, Levels, colour, from_variance, levels_of, told_under_window
+from modalscope.identification.whitening import (
+    Colour,
+    Levels,
+    colour,
+    from_variance,
+    levels_of,
+    smoothed,
+    told_under_window,
+)
 from modalscope.model.checks import Array, RealArray
 from modalscope.model.modal_basis import ModalBasis
 from modalscope.model.response import Response, fading, window_damping, window_over_lines
 
-__all__ = ["Floor", "by_line", "floor_of", "level_of", "smoothed"]
+__all__ = ["Floor", "by_line", "floor_of", "level_of"]
 
 #: Columns of the richer model are no more than this part of the rows: the rest tells the noise.
 _COLUMNS = 0.5
@@ -204,12 +212,6 @@ def level_of(power: RealArray, even: RealArray, size: RealArray) -> RealArray:
         a, _ = nnls(columns / level[:, None], power / level)
         level = np.maximum(columns @ a, max(1e-6 * power.mean(), 1e-300))
     return np.asarray(level)
-
-
-def smoothed(values: RealArray, length: int) -> RealArray:
-    """Return the mean over neighbours, of those that there are at the ends."""
-    window = np.ones(min(length, len(values)))
-    return np.asarray(np.convolve(values, window, mode="same") / np.convolve(np.ones(len(values)), window, mode="same"))
 
 
 def _few(response: Response, poles: Array) -> Array:

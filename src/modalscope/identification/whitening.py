@@ -19,6 +19,7 @@ __all__ = [
     "levels_of",
     "row_deviations",
     "search_bound",
+    "smoothed",
     "told_apart",
     "told_under_window",
 ]
@@ -96,17 +97,16 @@ def from_variance(variance: RealArray, rows: int, *, scattered: bool = False) ->
     known = variance[variance > 0]
     log = np.log(np.maximum(variance, known.min() if known.size else 1.0)) / 2
     level = log.mean(axis=(1, 2))
-    by_row = np.exp(np.maximum(_mean_around(level, _NEAR), _mean_around(level, _FAR)) if scattered else level)
+    by_row = np.exp(np.maximum(smoothed(level, _NEAR), smoothed(level, _FAR)) if scattered else level)
     each = log - np.log(by_row)[:, None, None]
     parts = rows // len(variance)
     return np.tile(by_row, parts), levels_of(np.exp(each.mean(axis=0)) / np.sqrt(parts))
 
 
-def _mean_around(level: RealArray, lines: int) -> RealArray:
-    """Return the mean over so many neighbouring lines; at the ends over their mirror images."""
-    side = min(lines // 2, len(level) - 1)
-    mirrored = np.pad(level, side, mode="reflect")
-    return np.convolve(mirrored, np.full(2 * side + 1, 1 / (2 * side + 1)), mode="valid")
+def smoothed(values: RealArray, length: int) -> RealArray:
+    """Return the mean over neighbours, of those that there are at the ends."""
+    window = np.ones(min(length, len(values)))
+    return np.asarray(np.convolve(values, window, mode="same") / np.convolve(np.ones(len(values)), window, mode="same"))
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -13,8 +13,8 @@ import scipy.fft as sfft
 
 from modalscope.identification.descent import Descent
 from modalscope.identification.matched import amplitudes_by_channel, apart, grid_of
-from modalscope.identification.richer import level_of, smoothed
-from modalscope.identification.whitening import free_bound, lag_factor
+from modalscope.identification.richer import level_of
+from modalscope.identification.whitening import free_bound, lag_factor, smoothed
 from modalscope.judging.arena import Arena
 from modalscope.modal.indicators import mac
 from modalscope.model.checks import Array, ComplexArray, RealArray

@@ -35,6 +35,7 @@ __all__ = [
     "freeze",
     "locked",
     "real_array",
+    "real_stretch",
 ]
 
 #: From so many numbers on arrays are looked through without one of their size beside them.
@@ -108,6 +109,15 @@ def real_array(name: str, values: ArrayLike, axes: str, ndim: int | Sequence[int
     if finite:
         check_finite(name, array)
     return locked(np.asarray(array, dtype=np.float64))
+
+
+def real_stretch(name: str, place: str, values: ArrayLike) -> Array:
+    """Return what was read of a longer array, at a place in words, or raise a `DataError` that says what is wrong with it."""
+    read = np.asarray(values)
+    if read.dtype.kind not in "biuf":
+        raise DataError(f"{name} needs real numbers", f"its type is {read.dtype}", "Give the real samples.")
+    check_finite(f"{name}, from {place} on,", read)
+    return read
 
 
 def complex_array(name: str, values: ArrayLike, axes: str, ndim: int | Sequence[int]) -> ComplexArray:

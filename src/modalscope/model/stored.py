@@ -8,7 +8,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 
 from modalscope.model.channels import Channels, check_quantity
-from modalscope.model.checks import Array, DataError, RealArray, check_count, check_finite, check_positive, freeze
+from modalscope.model.checks import Array, DataError, RealArray, check_count, check_positive, freeze, real_stretch
 from modalscope.model.memory import allowed_memory, check_fits
 from modalscope.model.signals import Signals
 
@@ -159,12 +159,8 @@ class StoredSignals(Channels):
             NaN or infinite samples; complex ones.
         """
         first, last = check_count("start", start, least=0), check_count("stop", stop)
-        values = np.asarray(self.rows.read(first, min(last, self.samples)))
-        if values.dtype.kind not in "biuf":
-            raise DataError("outputs needs real numbers", f"its type is {values.dtype}", "Give the real samples.")
-        found = np.asarray(values, dtype=np.float64)
-        check_finite(f"outputs, from sample {start} on,", found)
-        return found
+        read = real_stretch("outputs", f"sample {first}", self.rows.read(first, min(last, self.samples)))
+        return np.asarray(read, dtype=np.float64)
 
     def load(self) -> Signals:
         """Return all of it in memory.

@@ -15,10 +15,10 @@ from modalscope.model.checks import (
     RealArray,
     check_choice,
     check_count,
-    check_finite,
     check_number,
     check_positive,
     freeze,
+    real_stretch,
 )
 from modalscope.model.impulse import ImpulseResponse
 
@@ -187,11 +187,7 @@ class StoredResponse(Channels):
             yield slice(start, start + len(rows)), rows.reshape(len(rows), -1)
 
     def _read(self, start: int, stop: int) -> Array:
-        values = np.asarray(self.blocks.read(start, stop))
-        if values.dtype.kind not in "biuf":
-            raise DataError("values needs real numbers", f"its type is {values.dtype}", "Give the real samples.")
-        check_finite(f"values, from output {self.output_dofs[start]} on,", values)
-        return values
+        return real_stretch("values", f"output {self.output_dofs[start]}", self.blocks.read(start, stop))
 
     def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
         return {"blocks": _Chosen(self.blocks, tuple(outputs), tuple(inputs))}

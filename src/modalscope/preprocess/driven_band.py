@@ -54,24 +54,25 @@ def struck_band(parts: Sequence[Signals]) -> tuple[tuple[float, float], Note] | 
 
 def _highest(part: Signals) -> float:
     """Return the highest useful line, Hz; half the sampling rate where there is no good hit."""
-    _, inputs = part.by_run()
-    assert inputs is not None
-    if all(hit.unfit for hit in find_hits(inputs[:, :, 0])):
-        return part.sampling_rate / 2
     lines = np.linspace(0.0, part.sampling_rate / 2, _LINES)
     return float(lines[useful_lines(part, lines)][-1])
 
 
 def useful_lines(signals: Signals, frequencies: RealArray) -> Array:
-    """Return the lines into which good hits put a hundredth of their largest power or more."""
+    """Return the lines into which good hits put a hundredth of their largest power or more; all where none is good."""
+    power = _power_of_hits(signals, frequencies)
+    return np.asarray(power >= _USEFUL * np.max(power))
+
+
+def _power_of_hits(signals: Signals, frequencies: RealArray) -> RealArray:
+    """Return the power of the good hits' first pulses on lines; zeros where none is good."""
     _, inputs = signals.by_run()
     assert inputs is not None
     hits = [hit for hit in find_hits(inputs[:, :, 0]) if not hit.unfit]
     pulses = [inputs[h.run, h.start : h.stop, 0] - np.median(inputs[h.run, :, 0]) for h in hits]
-    phase = np.arange(max(p.size for p in pulses)) / signals.sampling_rate
+    phase = np.arange(max((p.size for p in pulses), default=0)) / signals.sampling_rate
     turn = np.exp(-2j * np.pi * np.outer(frequencies, phase))
-    power = sum(np.abs(turn[:, : p.size] @ p) ** 2 for p in pulses)
-    return np.asarray(power >= _USEFUL * np.max(power))
+    return sum((np.abs(turn[:, : p.size] @ p) ** 2 for p in pulses), np.zeros(len(frequencies)))
 
 
 def swept_lines(signals: Signals, frequencies: RealArray) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ import scipy
 from modalscope.model.checks import RealArray
 from modalscope.preprocess.lag_sums import LagSum
 
-__all__ = ["FARTHEST", "Joint", "joint", "side_by_side", "unexplained"]
+__all__ = ["FARTHEST", "Joint", "joint", "joints", "side_by_side", "unexplained"]
 
 #: Channels that are looked at together, and rows of one side of their matrix: samples of the past times channels.
 _TOGETHER, _ROWS = 6, 120
@@ -101,6 +102,20 @@ def joint(runs: RealArray) -> Joint | None:
     return found
 
 
+def joints(runs: RealArray) -> Iterator[tuple[list[int], Joint]]:
+    """Yield channels that are looked at together, and what they say, for all that ever change and tell enough.
+
+    Parameters
+    ----------
+    runs : array, (R, N, l)
+    """
+    alive = np.flatnonzero(np.ptp(runs, axis=(0, 1)) > 0)
+    for group in side_by_side(alive.size):
+        known = joint(runs[:, :, alive[group]])
+        if known is not None:
+            yield alive[group].tolist(), known
+
+
 def unexplained(runs: RealArray) -> RealArray:
     """Return which part of every channel's power none of its other samples, nor those of the channels beside it, explain.
 
@@ -117,10 +132,7 @@ def unexplained(runs: RealArray) -> RealArray:
         Zero where the record does not tell.
     """
     part = np.zeros(runs.shape[2])
-    for group in side_by_side(runs.shape[2]):
-        alive = [i for i in group if np.ptp(runs[:, :, i]) > 0]
-        known = joint(runs[:, :, alive]) if alive else None
-        if known is not None:
-            p, l = known.depth, len(alive)
-            part[alive] = 1 / np.diagonal(np.linalg.inv(known.within(2 * p + 1)))[p * l : (p + 1) * l]
+    for channels, known in joints(runs):
+        p, l = known.depth, len(channels)
+        part[channels] = 1 / np.diagonal(np.linalg.inv(known.within(2 * p + 1)))[p * l : (p + 1) * l]
     return part

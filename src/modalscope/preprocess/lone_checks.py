@@ -9,7 +9,7 @@ import numpy as np
 from modalscope.model.checks import RealArray
 from modalscope.model.robust import NORMAL
 from modalscope.model.signals import Signals
-from modalscope.preprocess.joint_prediction import Joint, joint, side_by_side
+from modalscope.preprocess.joint_prediction import Joint, joints
 
 __all__ = ["Lone", "lone_outputs"]
 
@@ -53,19 +53,16 @@ def lone_outputs(signals: Signals) -> list[Lone]:
     """
     outputs, _ = signals.by_run()
     found = []
-    for group in side_by_side(outputs.shape[2]):
-        alive = [i for i in group if np.ptp(outputs[:, :, i]) > 0]
-        known = joint(outputs[:, :, alive]) if alive else None
-        if known is not None:
-            size = np.std(outputs[:, :, alive], axis=(0, 1))
-            found += [
-                each._replace(
-                    channel=alive[each.channel],
-                    value=each.value * float(size[each.channel]),
-                    expected=each.expected * float(size[each.channel]),
-                )
-                for each in _alone(known)
-            ]
+    for channels, known in joints(outputs):
+        size = np.std(outputs[:, :, channels], axis=(0, 1))
+        found += [
+            each._replace(
+                channel=channels[each.channel],
+                value=each.value * float(size[each.channel]),
+                expected=each.expected * float(size[each.channel]),
+            )
+            for each in _alone(known)
+        ]
     return sorted(found)
 
 

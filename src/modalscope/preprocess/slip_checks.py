@@ -10,7 +10,7 @@ import scipy
 from modalscope.model.checks import Array, RealArray
 from modalscope.model.signals import Signals
 from modalscope.preprocess.findings import Finding
-from modalscope.preprocess.joint_prediction import FARTHEST, Joint, joint, side_by_side
+from modalscope.preprocess.joint_prediction import FARTHEST, Joint, joints
 
 __all__ = ["Slip", "jumps", "slips"]
 
@@ -85,8 +85,7 @@ def jumps(runs: RealArray) -> list[Slip]:
     The likelihood ratio's bound is Markov's inequality; canonical variates as in Larimore, "Canonical variate analysis in
     identification, filtering, and adaptive control", 1990.
     """
-    alive = np.flatnonzero(np.ptp(runs, axis=(0, 1)) > 0)
-    known = joint(runs[:, :, alive[side_by_side(alive.size)[0]]]) if alive.size else None
+    known = next((known for _, known in joints(runs)), None)
     if known is None:
         return []
     U, V, C = _variates(known)
