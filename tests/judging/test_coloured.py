@@ -28,6 +28,11 @@ def test_lists_of_structures_with_coloured_errors_are_complete_above_thirty_devi
     assert judged(range(20003, 20005)).tolist()[1:] == [2, 0]
 
 
+def test_a_narrow_mode_that_few_orders_show_is_found_where_it_is() -> None:
+    # 1.45 lines at half its power, 20 deviations: nine orders put it a decay rate off
+    assert judged(range(80006, 80007)).tolist() == [1, 1, 0]
+
+
 @pytest.mark.study
 def test_study_of_structures_with_coloured_errors() -> None:
     """The line of docs/selection.md, on seeds that nothing was developed on."""

@@ -163,7 +163,8 @@ def _shown_by(trial: Trial, groups: list[Array]) -> list[int]:
 def _mode(trial: Trial, j: int, groups: list[Candidate], fit: float, host: IntArray, again: float | None) -> Candidate:
     """Return a mode with its gain, and what speaks against it: values that the data leave open, or too few orders."""
     several = bool(np.any(np.delete(host, j) == j))
-    near = groups if trial.arena.coloured or several else [c for c in groups if _close(c, complex(trial.settled[j]))]
+    loose = several or (trial.arena.coloured and again is None)
+    near = groups if loose else [c for c in groups if _close(c, complex(trial.settled[j]))]
     best = max(near, key=lambda c: c.members.size) if near else _by_itself(trial, j, fit)
     f, zeta = (float(v) for v in frequencies_and_damping(trial.settled[j]))
     low, high = trial.diagram.response.reported_band(trial.diagram.settings.band)
