@@ -15,7 +15,7 @@ from modalscope.judging.coloured_errors import ColouredErrors, errors_of as told
 from modalscope.judging.recount import Recount, recount_of
 from modalscope.model.checks import RealArray
 from modalscope.model.poles import poles_from
-from tests.judging.test_contest import PARTS, POLES, SHAPES, F, arena_of, data
+from tests.judging.test_contest import NOISE, PARTS, POLES, SHAPES, F, arena_of, data
 
 
 def errors_of(variance: float = 2.0, correlation: tuple[float, ...] = ()) -> Recount:
@@ -134,12 +134,12 @@ def test_a_narrow_resonance_lasts_beyond_the_lobe_of_a_window_and_a_coherent_lin
         assert recount.lasting(np.array([3, 4])).tolist() == [True, lasting]
 
 
-def test_what_is_narrower_than_a_line_tells_no_width() -> None:
+def test_what_is_much_narrower_than_a_line_is_no_mode() -> None:
     recount = errors_of()
     step = F[1] - F[0]
     narrow = replace(
         recount.descent.point,
-        poles=poles_from(np.abs(POLES) / (2 * np.pi), 0.45 * step / (np.abs(POLES) / (2 * np.pi))),
+        poles=poles_from(np.abs(POLES) / (2 * np.pi), 0.12 * step / (np.abs(POLES) / (2 * np.pi))),
     )
     less = replace(recount, descent=replace(recount.descent, point=narrow))
     assert not np.any(less.lasting(np.arange(4)))
@@ -160,4 +160,29 @@ def test_a_shoulder_has_the_shape_or_the_participation_of_a_stronger_mode_that_i
     arena = arena_of(response, coloured=True)
     poles, sides = np.append(POLES, beside), np.vstack([PARTS, parts[part]])
     descent = descend(arena.problem, poles, sides / np.linalg.norm(sides, axis=1)[:, None] + 0j, most=1)
-    assert recount_of(arena, descent).own(np.array([3, 4])).tolist() == [True, own]
+    assert recount_of(arena, descent).hosts(np.array([3, 4])).tolist() == [[False] * 5, [False] * 3 + [not own, False]]
+
+
+def test_a_resonance_that_shifts_from_input_to_input_leaves_nothing_beyond_and_a_second_of_its_participation_does() -> (
+    None
+):
+    rng = np.random.default_rng(5)
+    x, alone = 2j * np.pi * F[:, None], POLES[3]
+    noise = NOISE * (rng.standard_normal((F.size, 3, 2)) + 1j * rng.standard_normal((F.size, 3, 2)))
+
+    def of(pole: complex, shape: RealArray) -> np.ndarray:
+        return shape / (x - pole) + shape / (x - np.conj(pole))
+
+    # shifts of a tenth of the half bandwidth one way and the other; a twentieth of the mode at .6 half bandwidths
+    shifted = [of(alone + 0.1j * e * -alone.real, SHAPES[:, 3] * PARTS[3, i]) for i, e in enumerate((1, -1))]
+    beside = alone - 0.6j * alone.real
+    second = [of(alone, SHAPES[:, 3] * b) + of(beside, rng.standard_normal(3) * 0.3 * b) for b in PARTS[3]]
+    for channels, beyond in ((shifted, False), (second, True)):
+        response = replace(data(), values=data((0, 1, 2), noise=0.0).values + np.stack(channels, axis=2) + noise)
+        arena = arena_of(response, coloured=True)
+        poles, sides = np.append(POLES, beside), np.vstack([PARTS, PARTS[3]])
+        descent = descend(arena.problem, poles, sides / np.linalg.norm(sides, axis=1)[:, None] + 0j, most=0)
+        recount = recount_of(arena, descent)
+        assert recount.gains(np.array([4]))[0] > recount.bar
+        assert bool(recount.beyond_shifts(4, np.array([3])) > np.sqrt(recount.bar)) is beyond
+        assert bool(recount.standing(np.array([4]))[0] > 1) is beyond

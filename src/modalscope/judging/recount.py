@@ -29,14 +29,20 @@ _SURE = 1.5
 #: A coherent line under Hann's window lies within so many lines of its frequency, and leaks less than a thirtieth beyond.
 _LOBE = 2.0
 
-#: What is narrower than a line at half its power tells no width.
-_NARROWEST = 1.0
+#: What is narrower than this part of a line at half its power is none: a line leaks like that where no window was. Peaks are a line wide.
+_NARROWEST, _PEAK = 0.25, 1.0
+
+#: The lobe is 1.44 lines wide at half its power; what is twice as wide and more lies beyond it.
+_WIDE = 3.0
 
 #: What the lines beyond the lobe say of a mode is that by this part at least; chance has one case of a thousand.
 _AGREED, _CHANCE = 0.5, 1e-3
 
 #: Shapes of less than this MAC are not those of one resonance that shifts.
 _UNLIKE = 0.5
+
+#: sqrt(15) sqrt(5 / 16): the third order of a shift, see `beyond_shifts`.
+_THIRD = 2.165
 
 #: With more damping than this a peak of what is left may stand for modes outside the band.
 _DAMPED = 0.1
@@ -80,7 +86,9 @@ class Recount:
             total += [each @ np.linalg.pinv(own, hermitian=True) @ each for each, own in zip(a, B, strict=True)]
         return total
 
-    def _residues(self, which: Array, lines: Array | None = None) -> Iterator[tuple[RealArray, RealArray]]:
+    def _residues(
+        self, which: Array, lines: Array | None = None, beside: RealArray | None = None
+    ) -> Iterator[tuple[RealArray, RealArray]]:
         """Return residues (k, 2) and their covariance (k, 2, 2), channel by channel.
 
         With weighted least squares and columns X of a channel, covariance C = D T D of its errors, D their deviations and T what they have
@@ -91,23 +99,23 @@ class Recount:
         which : array of int, (k,)
         lines : array of bool, (F,), optional
             Those that count; all without it.
+        beside : array, (K, 2 b), optional
+            More columns in pairs, which count as modes behind those that there are.
         """
         problem, poles = self.arena.problem, self.descent.point.poles
-        X = _complex(np.hstack([problem.columns(poles, slopes=False)[0], problem.terms]))
-        y = _complex(problem.data)
-        own = (2 * np.asarray(which)[:, None] + [0, 1]).ravel()
-        for channel in np.ndindex(*self.left.shape[1:]):
-            weight = 1 / np.sqrt(self.errors.variance[:, *channel])
-            weight = weight if lines is None else weight * lines
+        more = problem.terms[:, :0] if beside is None else beside
+        X = np.hstack([problem.columns(poles, slopes=False)[0], more, problem.terms])
+        own, k = (2 * np.asarray(which)[:, None] + [0, 1]).ravel(), np.arange(len(which))
+        counted = 1.0 if lines is None else np.tile(lines, 2)
+        for i, o in np.ndindex(*self.left.shape[1:]):
+            weight = counted / np.sqrt(np.tile(self.errors.variance[:, i, o], 2))
             Z = X * weight[:, None]
-            size = np.maximum(np.linalg.norm(Z, axis=0), 1e-300)
-            Z /= size
-            back = np.linalg.pinv((Z.conj().T @ Z).real, hermitian=True)[:, own]
+            M = Z.T @ Z
+            size = np.sqrt(np.maximum(np.diag(M), 1e-300))
+            back = np.linalg.pinv(M / np.outer(size, size), hermitian=True)[:, own] / size[:, None] / size[own]
             from_errors = Z @ back
-            a = back.T @ (Z.conj().T @ (y[:, *channel] * weight)).real / size[own]
-            B = (from_errors.conj().T @ self.errors.times((channel[0], channel[1]), from_errors)).real / 2
-            B /= np.outer(size[own], size[own])
-            k = np.arange(len(which))
+            B = (_complex(from_errors).conj().T @ self.errors.times((i, o), _complex(from_errors))).real / 2
+            a = from_errors.T @ (problem.data[:, i, o] * weight)
             yield a.reshape(-1, 2), B.reshape(len(which), 2, len(which), 2)[k, :, k]
 
     def lasting(self, which: Array) -> Array:
@@ -126,7 +134,7 @@ class Recount:
         assert lines is not None
         at = np.interp(poles.imag / (2 * np.pi), lines, np.arange(lines.size))
         told = 2 * half >= _NARROWEST
-        for k in np.flatnonzero(told):
+        for k in np.flatnonzero(told & (2 * half < _WIDE)):
             beyond = np.abs(np.arange(lines.size) - at[k]) > _LOBE
             agreed, whole = 0.0, 0.0
             both = zip(self._residues(which[[k]]), self._residues(which[[k]], beyond), strict=True)
@@ -136,8 +144,8 @@ class Recount:
             told[k] = agreed >= _AGREED * whole and agreed**2 > _SURE * ndtri(_CHANCE) ** 2 * whole
         return told
 
-    def own(self, which: Array) -> Array:
-        """Return which modes are no shoulder of a stronger one, (k,).
+    def hosts(self, which: Array) -> Array:
+        """Return the stronger modes that each may be a shoulder of, (k, n): they overlap, and have one shape or one participation.
 
         A resonance that shifts from input to input makes shoulders of its own shape, one that shifts from output to output such of its own
         participation.
@@ -151,12 +159,41 @@ class Recount:
         near = np.abs(s.imag[which, None] - s.imag) < -(s.real[which, None] + s.real)
         stronger = size[None, :] > size[which, None]
         alike = np.maximum(mac(shapes), mac(participation.T))[which] > _UNLIKE
-        return np.asarray(~np.any(near & stronger & alike, axis=1))
+        return np.asarray(near & stronger & alike)
+
+    def beyond_shifts(self, one: int, hosts: Array) -> float:
+        """Return what a mode explains that stronger ones do not when they shift by other amounts in every channel, in deviations.
+
+        What a shift e of a pole s leaves is r e g' + r e^2 g'' / 2 + ... with g = 1 / (x - s): the first two are free in every channel. The
+        third is (e / h)^3 sqrt(5 / 16) of the mode, h its half bandwidth, and e^3 of normal e scatters by sqrt(15) e^3: that is taken off.
+
+        Parameters
+        ----------
+        one : int
+        hosts : array of int, (b,)
+        """
+        problem, poles = self.arena.problem, self.descent.point.poles[hosts]
+        step = -0.05 * poles.real
+        first = problem.columns(poles)[1]
+        second = (problem.columns(poles + step)[1] - problem.columns(poles - step)[1]) / np.repeat(2 * step, 2)
+        count, b = len(self.descent.point.poles), len(hosts)
+        which = np.array([one, *hosts, *(count + np.arange(b))])
+        gain, shifts, sizes, strength = 0.0, np.zeros(b), np.zeros(b), np.zeros(b)
+        for a, B in self._residues(which, beside=np.hstack([first, second])):
+            told = np.linalg.pinv(B, hermitian=True)
+            each = np.einsum("ki,kij,kj->k", a, told, a)
+            level = np.trace(told[1 : b + 1], axis1=1, axis2=2)
+            gain += each[0]
+            strength += each[1 : b + 1]
+            sizes += level * np.sum(a[1 : b + 1] ** 2, axis=1)
+            shifts += level * np.sum(a[b + 1 :] ** 2, axis=1)
+        apart = np.sqrt(shifts / np.maximum(sizes, 1e-300)) / -poles.real
+        return float(np.sqrt(gain) - np.sum(_THIRD * apart**3 * np.sqrt(strength)))
 
     def standing(self, which: Array) -> RealArray:
         """Return the gains of modes, in deviations and relative to what errors may explain, (k,): above one they stand out.
 
-        Zero for those outside the band, shoulders, narrow ones and such that are damped like what lies outside.
+        Zero for those outside the band, coherent lines and such that are damped like what lies outside; a shoulder has what shifts leave.
 
         Parameters
         ----------
@@ -164,10 +201,14 @@ class Recount:
         """
         poles, (low, high) = self.descent.point.poles[which], self.arena.band
         f, zeta = frequencies_and_damping(poles)
-        may = np.flatnonzero(self.own(which) & (f >= low) & (f <= high) & (zeta < _DAMPED))
+        may = np.flatnonzero((f >= low) & (f <= high) & (zeta < _DAMPED))
         gains = np.zeros(len(which))
         if may.size:
             gains[may] = np.sqrt(np.maximum(self.gains(which[may]), 0) / self.bar)
+        hosts = self.hosts(which)
+        for k in np.flatnonzero((gains > 1) & hosts.any(axis=1)):
+            beyond = self.beyond_shifts(int(which[k]), np.flatnonzero(hosts[k])) / np.sqrt(self.bar)
+            gains[k] = gains[k] if beyond > 1 else 0.0
         out = np.flatnonzero(gains > 1)
         gains[out[~self.lasting(which[out])]] = 0
         return gains
@@ -183,7 +224,7 @@ class Recount:
         """
         problem, known = self.arena.problem, self.descent.point.poles
         grid = grid_of(problem.light)
-        grid = grid[(-grid.real < _DAMPED * np.abs(grid)) & (2 * self.arena.half_in_lines(grid) >= _NARROWEST)]
+        grid = grid[(-grid.real < _DAMPED * np.abs(grid)) & (2 * self.arena.half_in_lines(grid) >= _PEAK)]
         grid = grid[~np.any(np.abs(grid[:, None] - known) < -known.real, axis=1)]
         weights = np.tile(2 / self.errors.variance, (2, 1, 1))
         residues, each = amplitudes_by_channel(problem.light, self.left, weights, problem.rows, grid)
