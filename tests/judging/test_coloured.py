@@ -38,7 +38,7 @@ def test_study_of_structures_with_coloured_errors() -> None:
     """The line of docs/selection.md, on seeds that nothing was developed on."""
     above10, above30, spurious = judged(range(40000, 40200))
     print(f"\ncoloured errors: perfect above 10 {above10}, above 30 {above30} of 200, spurious {spurious}")
-    # of 45 other seeds 40 and 45: shares of 200 are known to 2 and 1 %; narrow modes that few orders show are missed
-    assert above10 >= 160
-    assert above30 >= 188
+    # of 200 other seeds (90000 to 90199) 196 and 200, none spurious: shares of 200 are known to 2 and 1 %
+    assert above10 >= 190
+    assert above30 >= 197
     assert spurious <= 4
