@@ -28,12 +28,17 @@ def test_lists_of_structures_with_coloured_errors_are_complete_above_thirty_devi
     assert judged(range(20003, 20005)).tolist()[1:] == [2, 0]
 
 
+def test_a_narrow_mode_that_few_orders_show_is_found_where_it_is() -> None:
+    # 1.45 lines at half its power, 20 deviations: nine orders put it a decay rate off
+    assert judged(range(80006, 80007)).tolist() == [1, 1, 0]
+
+
 @pytest.mark.study
 def test_study_of_structures_with_coloured_errors() -> None:
     """The line of docs/selection.md, on seeds that nothing was developed on."""
     above10, above30, spurious = judged(range(40000, 40200))
     print(f"\ncoloured errors: perfect above 10 {above10}, above 30 {above30} of 200, spurious {spurious}")
-    # of 45 other seeds 40 and 45: shares of 200 are known to 2 and 1 %; narrow modes that few orders show are missed
-    assert above10 >= 160
-    assert above30 >= 188
+    # of 200 other seeds (90000 to 90199) 196 and 200, none spurious: shares of 200 are known to 2 and 1 %
+    assert above10 >= 190
+    assert above30 >= 197
     assert spurious <= 4

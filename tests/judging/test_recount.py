@@ -11,10 +11,11 @@ from scipy.stats import chi2
 from modalscope.identification.descent import descend
 from modalscope.identification.likelihood import whitened
 from modalscope.identification.whitening import free_bound, lag_factor
+from modalscope.judging.coloured_errors import ColouredErrors, errors_of as told_errors
 from modalscope.judging.recount import Recount, recount_of
 from modalscope.model.checks import RealArray
 from modalscope.model.poles import poles_from
-from tests.judging.test_contest import PARTS, POLES, SHAPES, F, arena_of, data
+from tests.judging.test_contest import NOISE, PARTS, POLES, SHAPES, F, arena_of, data
 
 
 def errors_of(variance: float = 2.0, correlation: tuple[float, ...] = ()) -> Recount:
@@ -23,7 +24,8 @@ def errors_of(variance: float = 2.0, correlation: tuple[float, ...] = ()) -> Rec
     descent = descend(arena.problem, POLES, PARTS / np.linalg.norm(PARTS, axis=1, keepdims=True) + 0j, most=0)
     left = arena.problem.data
     shape = (len(F), *left.shape[1:])
-    return Recount(arena, descent, left, np.full(shape, variance), np.array(correlation))
+    errors = ColouredErrors(np.full(shape, variance), np.zeros(shape), np.array(correlation), np.zeros(0))
+    return Recount(arena, descent, left, errors)
 
 
 def test_of_white_errors_a_gain_is_the_rise_of_the_misfit_without_the_mode_and_free_residues() -> None:
@@ -70,23 +72,77 @@ def test_errors_that_are_a_part_of_the_response_are_told_with_their_correlation(
         replace(data(), values=H + e), np.zeros(0), (0,), np.tile(level, 2), np.ones(3), np.ones(2), swift=False
     )
     arena = replace(arena_of(data(), coloured=True), problem=problem)
-    recount = recount_of(arena, descend(problem, POLES, PARTS / np.linalg.norm(PARTS, axis=1)[:, None] + 0j))
-    told = np.sqrt(recount.variance) / (0.05 * np.abs(H) / level[:, None, None])
+    errors = recount_of(arena, descend(problem, POLES, PARTS / np.linalg.norm(PARTS, axis=1)[:, None] + 0j)).errors
+    told = np.sqrt(errors.variance) / (0.05 * np.abs(H) / level[:, None, None])
     assert np.exp(np.mean(np.log(told))) == pytest.approx(1, abs=0.15)
     assert np.std(np.log(told)) < 0.4
     # a mean of nine lines: 1 - k / 9, less what four modes take of it
-    assert recount.correlation[:4] == pytest.approx(1 - np.arange(1, 5) / 9, abs=0.12)
-    assert len(recount.correlation) < 15
+    assert errors.share.mean() > 0.8
+    assert errors.own[:4] == pytest.approx(1 - np.arange(1, 5) / 9, abs=0.12)
+    assert len(errors.own) < 15
 
 
-def test_narrow_poles_and_such_as_errors_reach_as_far_are_not_wide() -> None:
-    # half bandwidths of 1.45 and 1.55 lines; errors over 1 + 2 sum r = 9 lines, pi h = 9 at 2.86 lines
-    def pole(half: float) -> np.ndarray:
-        return poles_from(np.array([15.0]), np.array([half * (F[1] - F[0]) / 15]))
+def test_white_noise_and_smooth_errors_of_the_response_each_have_their_own_correlation() -> None:
+    rng = np.random.default_rng(1)
+    count = 1500
+    H = (1.1 + np.sin(np.arange(count) / 40))[:, None, None] * np.array([[1.0, 2.0], [3.0, 0.5]]) + 0j
+    longer = rng.standard_normal((count + 8, 2, 2)) + 1j * rng.standard_normal((count + 8, 2, 2))
+    sums = np.cumsum(np.concatenate([np.zeros((1, 2, 2)), longer]), axis=0)
+    smooth = 0.1 * np.abs(H) * (sums[9:] - sums[:-9]) / np.sqrt(18)
+    sigma = 0.1 * np.abs(H).mean(axis=0) / np.sqrt(2)
+    noise = sigma * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape))
+    errors = told_errors(smooth + noise, H + smooth + noise, np.ones(count), 0)
+    assert np.abs(errors.even).max(initial=0) < 0.1
+    assert errors.own[:7] == pytest.approx(1 - np.arange(1, 8) / 9, abs=0.12)
+    truth = np.abs(H) ** 2 / (np.abs(H) ** 2 + np.mean(np.abs(H), axis=0) ** 2)
+    assert np.abs(errors.share - truth).mean() < 0.06
+    # what all lines have in common at a place is that of its shares, and the same matrix is applied to columns
+    near = errors.common(np.array([63, 188]))  # a peak of the response, and where it is least
+    assert near[:, 0] == pytest.approx([0.72 * 8 / 9, 0.01], abs=0.12)
+    unit = np.zeros((count, 1), complex)
+    unit[700] = 1
+    s2 = errors.share[:, 1, 0]
+    column = errors.times((1, 0), unit)[:, 0]
+    assert column[700] == pytest.approx(1)
+    assert column[703] == pytest.approx(
+        np.sqrt(s2[700] * s2[703]) * errors.own[2]
+        + np.sqrt((1 - s2[700]) * (1 - s2[703])) * np.append(errors.even, np.zeros(3))[2]
+    )
 
-    white, long = errors_of(), errors_of(2.0, (1.0,) * 4)
-    assert [bool(white.wide(pole(h))[0]) for h in (1.45, 1.55)] == [False, True]
-    assert [bool(long.wide(pole(h))[0]) for h in (2.8, 2.95)] == [False, True]
+
+def test_a_narrow_resonance_lasts_beyond_the_lobe_of_a_window_and_a_coherent_line_does_not() -> None:
+    rng = np.random.default_rng(2)
+    step, at = F[1] - F[0], 60
+    noise = 0.02 * np.abs(data().values).mean()
+    white = noise * (rng.standard_normal((F.size, 3, 2)) + 1j * rng.standard_normal((F.size, 3, 2)))
+    shape, part = rng.standard_normal(3), rng.standard_normal(2)
+    beside = poles_from(np.array([F[at]]), np.array([0.75 * step / F[at]]))  # 1.5 lines at half its power
+    R = np.outer(shape, part) * -beside.real
+    lobe = np.zeros(F.size)
+    lobe[at - 1 : at + 2] = 0.5, 1.0, 0.5  # Hann's window
+    resonance = R / (2j * np.pi * F[:, None, None] - beside)
+    for extra, lasting in ((resonance, True), (lobe[:, None, None] * np.outer(shape, part), False)):
+        size = 40 * noise / np.abs(extra).max()
+        response = replace(data(), values=data().values + white + size * extra)
+        arena = arena_of(response, coloured=True)
+        sides = np.vstack([PARTS, part])
+        descent = descend(
+            arena.problem, np.append(POLES, beside), sides / np.linalg.norm(sides, axis=1)[:, None] + 0j, most=0
+        )
+        recount = recount_of(arena, descent)
+        assert recount.gains(np.array([4]))[0] > recount.bar
+        assert recount.lasting(np.array([3, 4])).tolist() == [True, lasting]
+
+
+def test_what_is_much_narrower_than_a_line_is_no_mode() -> None:
+    recount = errors_of()
+    step = F[1] - F[0]
+    narrow = replace(
+        recount.descent.point,
+        poles=poles_from(np.abs(POLES) / (2 * np.pi), 0.12 * step / (np.abs(POLES) / (2 * np.pi))),
+    )
+    less = replace(recount, descent=replace(recount.descent, point=narrow))
+    assert not np.any(less.lasting(np.arange(4)))
 
 
 @pytest.mark.parametrize(
@@ -104,4 +160,29 @@ def test_a_shoulder_has_the_shape_or_the_participation_of_a_stronger_mode_that_i
     arena = arena_of(response, coloured=True)
     poles, sides = np.append(POLES, beside), np.vstack([PARTS, parts[part]])
     descent = descend(arena.problem, poles, sides / np.linalg.norm(sides, axis=1)[:, None] + 0j, most=1)
-    assert recount_of(arena, descent).own(np.array([3, 4])).tolist() == [True, own]
+    assert recount_of(arena, descent).hosts(np.array([3, 4])).tolist() == [[False] * 5, [False] * 3 + [not own, False]]
+
+
+def test_a_resonance_that_shifts_from_input_to_input_leaves_nothing_beyond_and_a_second_of_its_participation_does() -> (
+    None
+):
+    rng = np.random.default_rng(5)
+    x, alone = 2j * np.pi * F[:, None], POLES[3]
+    noise = NOISE * (rng.standard_normal((F.size, 3, 2)) + 1j * rng.standard_normal((F.size, 3, 2)))
+
+    def of(pole: complex, shape: RealArray) -> np.ndarray:
+        return shape / (x - pole) + shape / (x - np.conj(pole))
+
+    # shifts of a tenth of the half bandwidth one way and the other; a twentieth of the mode at .6 half bandwidths
+    shifted = [of(alone + 0.1j * e * -alone.real, SHAPES[:, 3] * PARTS[3, i]) for i, e in enumerate((1, -1))]
+    beside = alone - 0.6j * alone.real
+    second = [of(alone, SHAPES[:, 3] * b) + of(beside, rng.standard_normal(3) * 0.3 * b) for b in PARTS[3]]
+    for channels, beyond in ((shifted, False), (second, True)):
+        response = replace(data(), values=data((0, 1, 2), noise=0.0).values + np.stack(channels, axis=2) + noise)
+        arena = arena_of(response, coloured=True)
+        poles, sides = np.append(POLES, beside), np.vstack([PARTS, PARTS[3]])
+        descent = descend(arena.problem, poles, sides / np.linalg.norm(sides, axis=1)[:, None] + 0j, most=0)
+        recount = recount_of(arena, descent)
+        assert recount.gains(np.array([4]))[0] > recount.bar
+        assert bool(recount.beyond_shifts(4, np.array([3])) > np.sqrt(recount.bar)) is beyond
+        assert bool(recount.standing(np.array([4]))[0] > 1) is beyond

@@ -129,15 +129,15 @@ def test_of_coloured_data_a_mode_that_spans_many_lines_need_not_be_shown_by_orde
     found = told(*(p for j in (0, 1, 2) for p in shown(j)), coloured=True)
     assert abs(modes(found)[-1].frequency - 18) < 0.1
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(recount, "_LOBE", 5.0)
+        patch.setattr(recount, "_NARROWEST", 5.0)
         found = told(*(p for j in (1, 2, 3) for p in shown(j)), coloured=True)
     assert modes(found)[0].frequency > 10
 
 
 @pytest.fixture
 def _narrow(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let coherent lines be wider than the mode at 9 Hz."""
-    monkeypatch.setattr(recount, "_LOBE", 5.0)
+    """Let the mode at 9 Hz be too narrow to tell its width."""
+    monkeypatch.setattr(recount, "_NARROWEST", 5.0)
 
 
 @pytest.mark.usefixtures("_narrow")

@@ -63,7 +63,7 @@ class Outer(NamedTuple):
     def summed(self, weights: RealArray) -> ComplexArray:
         """Return sum_(f, o, i) weights[f, o, i] left[k, f, o] right[k, f, i], (k,); weights (l, m) are those of every f."""
         if weights.ndim == 2:
-            return np.asarray(np.sum((self.left @ weights) * self.right, axis=(1, 2)))
+            return np.asarray(np.einsum("kfi,kfi->k", self.left @ weights, self.right))
         turned = self.left.transpose(1, 0, 2) @ weights  # (F, k, m)
         return np.asarray(np.sum(turned * self.right.transpose(1, 0, 2), axis=(0, 2)))
 
@@ -280,4 +280,4 @@ def convolved(rows: ComplexArray, columns: ComplexArray, length: int | None = No
     """
     if length is None:
         length = int(fft.next_fast_len(rows.shape[1] + columns.shape[1] - 1))
-    return Outer(np.fft.fft(rows, n=length, axis=1), np.fft.fft(columns, n=length, axis=1))
+    return Outer(*(np.asarray(fft.fft(part, n=length, axis=1), dtype=complex) for part in (rows, columns)))

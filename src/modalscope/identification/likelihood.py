@@ -129,15 +129,15 @@ def _by_reflections(columns: RealArray, flat: RealArray) -> tuple[_Span, RealArr
 
 def _by_products(columns: RealArray, flat: RealArray) -> tuple[_Span, RealArray, RealArray, RealArray]:
     """Return the same from P'P = V L V', Q = P V L^-1/2, without directions that products cannot tell from dependent ones."""
-    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    P = columns / size
-    values, vectors = np.linalg.eigh(P.T @ P)
+    gram = columns.T @ columns
+    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    values, vectors = np.linalg.eigh(gram / np.outer(size, size))
     kept = values > _DEPENDENT * values.max(initial=0.0)
     root, V = np.sqrt(values[kept]), vectors[:, kept]
-    W = V / root
-    Z = W.T @ (P.T @ flat)
-    beyond = np.maximum(np.sum(flat**2, axis=0) - np.sum(Z**2, axis=0), 0)
-    return (P, W), (root[:, None] * V.T) * size, Z, beyond
+    W = V / root / size[:, None]
+    Z = W.T @ (columns.T @ flat)
+    beyond = np.maximum(np.einsum("kq,kq->q", flat, flat) - np.sum(Z**2, axis=0), 0)
+    return (columns, W), (root[:, None] * V.T) * size, Z, beyond
 
 
 def whitened(

@@ -20,7 +20,7 @@ from modalscope.model.checks import Array, RealArray
 from modalscope.model.modal_basis import ModalBasis
 from modalscope.model.response import Response, fading, window_damping, window_over_lines
 
-__all__ = ["Floor", "by_line", "floor_of", "level_of"]
+__all__ = ["Floor", "by_line", "floor_of", "level_of", "parts_of_level"]
 
 #: Columns of the richer model are no more than this part of the rows: the rest tells the noise.
 _COLUMNS = 0.5
@@ -197,7 +197,17 @@ def by_line(floor: Floor, count: int) -> Floor:
 def level_of(power: RealArray, even: RealArray, size: RealArray) -> RealArray:
     """Return the level of a coloured residual line by line: noise of a known course, and error that is a part of the response.
 
-    power ~ a even + b size, the likeliest for squares of normal numbers.
+    Parameters
+    ----------
+    power, even, size : array, (F,)
+        As in `parts_of_level`.
+    """
+    noise, own = parts_of_level(power, even, size)
+    return noise + own
+
+
+def parts_of_level(power: RealArray, even: RealArray, size: RealArray) -> tuple[RealArray, RealArray]:
+    """Return a even and b size, power ~ a even + b size, the likeliest for squares of normal numbers.
 
     Parameters
     ----------
@@ -206,12 +216,15 @@ def level_of(power: RealArray, even: RealArray, size: RealArray) -> RealArray:
     """
     from scipy.optimize import nnls  # slow to load
 
+    least = max(1e-6 * power.mean(), 1e-300)
     level = np.full(len(power), max(power.mean(), 1e-300))
     columns = np.stack([each / max(each.mean(), 1e-300) for each in (even, size)], axis=1)
+    parts = columns
     for _ in range(_LEVEL_ROUNDS):
         a, _ = nnls(columns / level[:, None], power / level)
-        level = np.maximum(columns @ a, max(1e-6 * power.mean(), 1e-300))
-    return np.asarray(level)
+        parts = columns * a
+        level = np.maximum(parts.sum(axis=1), least)
+    return level - np.minimum(parts[:, 1], level), np.minimum(parts[:, 1], level)
 
 
 def _few(response: Response, poles: Array) -> Array:

@@ -22,7 +22,7 @@ from modalscope.judging.recount import recount_of
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.uncertainty.covariance import deviations_of_poles, pole_blocks
 
-__all__ = ["Outcome", "contest", "gains_beside"]
+__all__ = ["Outcome", "contest", "gains_beside", "staying"]
 
 #: In data that may not be white every round leaves at most this part of what exceeds white noise; of so many values, where a round is
 #: dear, that is asked of the peaks before they are refined with the others.
@@ -135,11 +135,11 @@ def _beside_errors(state: State) -> State:
             descent = descend(state.arena.problem, *more, tolerance=1e-5, most=8)
             point = descent.point
             new = np.arange(before, len(point.poles))
-            new = new[recount_of(state.arena, descent).standing(new) > 1]
-            if before + len(new) == len(point.poles):
+            stays = staying(point.poles[new], recount_of(state.arena, descent).standing(new))
+            if np.all(stays):
                 state = State(descent, state.variance, state.arena)
                 break
-            kept = np.append(np.arange(before), new)
+            kept = np.append(np.arange(before), new[stays])
             more = point.poles[kept], point.sides[kept]
         if len(state.poles) == before:
             break
@@ -163,6 +163,20 @@ def gains_beside(arena: Arena, found: Outcome, poles: Array) -> RealArray:
     left = residual(found.descent.point, found.descent.fitted)
     A = amplitudes(arena.problem.light, left, arena.problem.rows, poles)
     return np.asarray(np.linalg.norm(A, ord=2, axis=(1, 2)) ** 2 / found.variance * arena.worth(poles))
+
+
+def staying(poles: ComplexArray, standing: RealArray) -> Array:
+    """Return which new poles stay, (n,): those that stand out, and those that share a peak with one that does less.
+
+    Parameters
+    ----------
+    poles : array of complex, (n,)
+    standing : array, (n,)
+        As in `Recount.standing`.
+    """
+    near = np.abs(poles.imag[:, None] - poles.imag) < -(poles.real[:, None] + poles.real)
+    rank = np.argsort(np.argsort(standing))
+    return np.asarray((standing > 1) | np.any(near & (rank[:, None] > rank) & (standing <= 1), axis=1))
 
 
 def _with_peaks(state: State, tried: ComplexArray) -> tuple[tuple[ComplexArray, ComplexArray], ComplexArray]:

@@ -6,16 +6,17 @@ small where a channel's response is, so that a mode tells more of itself there t
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.fft as sfft
+from scipy.special import ndtri
 
 from modalscope.identification.descent import Descent
 from modalscope.identification.matched import amplitudes_by_channel, apart, grid_of
-from modalscope.identification.richer import level_of
-from modalscope.identification.whitening import free_bound, lag_factor, smoothed
+from modalscope.identification.whitening import free_bound, lag_factor
 from modalscope.judging.arena import Arena
+from modalscope.judging.coloured_errors import ColouredErrors, errors_of
 from modalscope.modal.indicators import mac
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.poles import frequencies_and_damping
@@ -23,22 +24,28 @@ from modalscope.model.poles import frequencies_and_damping
 __all__ = ["Recount", "recount_of"]
 
 #: Errors of channels are no better known than to this factor, in variances: so many bars a mode has to pass.
-_SURE = 2.0
+_SURE = 1.5
 
-#: A coherent line under Hann's window is 1.44 lines wide at half its power; what is twice as wide is none.
-_LOBE = 3.0
+#: A coherent line under Hann's window lies within so many lines of its frequency, and leaks less than a thirtieth beyond.
+_LOBE = 2.0
+
+#: What is narrower than this part of a line at half its power is none: a line leaks like that where no window was. Peaks are a line wide.
+_NARROWEST, _PEAK = 0.25, 1.0
+
+#: The lobe is 1.44 lines wide at half its power; what is twice as wide and more lies beyond it.
+_WIDE = 3.0
+
+#: What the lines beyond the lobe say of a mode is that by this part at least; chance has one case of a thousand.
+_AGREED, _CHANCE = 0.5, 1e-3
 
 #: Shapes of less than this MAC are not those of one resonance that shifts.
 _UNLIKE = 0.5
 
+#: sqrt(15) sqrt(5 / 16): the third order of a shift, see `beyond_shifts`.
+_THIRD = 2.165
+
 #: With more damping than this a peak of what is left may stand for modes outside the band.
 _DAMPED = 0.1
-
-#: Lines over which the level of all channels together may depart from that of the rule for one.
-_LEVELLED = 41
-
-#: Lags of the correlation at most, and the deviations below which the mean of so many ahead has ended.
-_LAGS, _ENDED, _AHEAD = 200, 2.0, 8
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -51,17 +58,13 @@ class Recount:
     descent : Descent
     left : array, (K, q, p)
         What the poles with free residues leave.
-    variance : array, (F, q, p)
-        Of a complex value of that.
-    correlation : array, (k,)
-        Of values so many lines apart, from one on.
+    errors : ColouredErrors
     """
 
     arena: Arena
     descent: Descent
     left: RealArray
-    variance: RealArray
-    correlation: RealArray
+    errors: ColouredErrors
 
     @property
     def bar(self) -> float:
@@ -71,46 +74,78 @@ class Recount:
     def gains(self, which: Array) -> RealArray:
         """Return what modes explain beside the others, in variances, (k,).
 
-        With weighted least squares and columns X of a channel, covariance C = D T D of its errors, D their deviations and T the
-        correlation between lines: residues a = (X' D^-2 X)^-1 X' D^-2 y have the covariance B = M^-1 X' D^-1 T D^-1 X M^-1 / 2, and the
-        gain is the sum of a_j' B_jj^-1 a_j over channels.
+        The sum of a_j' B_jj^-1 a_j over channels, see `_residues`.
 
         Parameters
         ----------
         which : array of int, (k,)
             Modes.
         """
-        problem, poles = self.arena.problem, self.descent.point.poles
-        X = _complex(np.hstack([problem.columns(poles, slopes=False)[0], problem.terms]))
-        y, total = _complex(problem.data), np.zeros(len(which))
-        own = (2 * np.asarray(which)[:, None] + [0, 1]).ravel()
-        for channel in np.ndindex(*self.left.shape[1:]):
-            weight = 1 / np.sqrt(self.variance[:, *channel])
-            Z = X * weight[:, None]
-            Z /= np.maximum(np.linalg.norm(Z, axis=0), 1e-300)
-            back = np.linalg.pinv((Z.conj().T @ Z).real, hermitian=True)[:, own]
-            a = back.T @ (Z.conj().T @ (y[:, *channel] * weight)).real
-            from_errors = Z @ back
-            B = (from_errors.conj().T @ _toeplitz(self.correlation, from_errors)).real / 2
-            for k in range(len(which)):
-                pair = slice(2 * k, 2 * k + 2)
-                total[k] += float(a[pair] @ np.linalg.pinv(B[pair, pair], hermitian=True) @ a[pair])
+        total = np.zeros(len(which))
+        for a, B in self._residues(which):
+            total += [each @ np.linalg.pinv(own, hermitian=True) @ each for each, own in zip(a, B, strict=True)]
         return total
 
-    def wide(self, poles: ComplexArray) -> Array:
-        """Return which poles span so many lines that neither one error of neighbouring lines nor a coherent line can pass for them, (n,).
+    def _residues(
+        self, which: Array, lines: Array | None = None, beside: RealArray | None = None
+    ) -> Iterator[tuple[RealArray, RealArray]]:
+        """Return residues (k, 2) and their covariance (k, 2, 2), channel by channel.
 
-        A resonance agrees with itself over sum_i 1 / (1 + (i / 2 h)^2) = 2 pi h lines, errors over 1 + 2 sum_i r_i: twice that is asked.
+        With weighted least squares and columns X of a channel, covariance C = D T D of its errors, D their deviations and T what they have
+        in common: residues a = (X' D^-2 X)^-1 X' D^-2 y have the covariance B = M^-1 X' D^-1 T D^-1 X M^-1 / 2.
 
         Parameters
         ----------
-        poles : array of complex, (n,)
+        which : array of int, (k,)
+        lines : array of bool, (F,), optional
+            Those that count; all without it.
+        beside : array, (K, 2 b), optional
+            More columns in pairs, which count as modes behind those that there are.
         """
-        half = self.arena.half_in_lines(poles)
-        return np.asarray((2 * half >= _LOBE) & (np.pi * half >= 1 + 2 * self.correlation.sum()))
+        problem, poles = self.arena.problem, self.descent.point.poles
+        more = problem.terms[:, :0] if beside is None else beside
+        X = np.hstack([problem.columns(poles, slopes=False)[0], more, problem.terms])
+        own, k = (2 * np.asarray(which)[:, None] + [0, 1]).ravel(), np.arange(len(which))
+        counted = 1.0 if lines is None else np.tile(lines, 2)
+        for i, o in np.ndindex(*self.left.shape[1:]):
+            weight = counted / np.sqrt(np.tile(self.errors.variance[:, i, o], 2))
+            Z = X * weight[:, None]
+            M = Z.T @ Z
+            size = np.sqrt(np.maximum(np.diag(M), 1e-300))
+            back = np.linalg.pinv(M / np.outer(size, size), hermitian=True)[:, own] / size[:, None] / size[own]
+            from_errors = Z @ back
+            B = (_complex(from_errors).conj().T @ self.errors.times((i, o), _complex(from_errors))).real / 2
+            a = from_errors.T @ (problem.data[:, i, o] * weight)
+            yield a.reshape(-1, 2), B.reshape(len(which), 2, len(which), 2)[k, :, k]
 
-    def own(self, which: Array) -> Array:
-        """Return which modes are no shoulder of a stronger one, (k,).
+    def lasting(self, which: Array) -> Array:
+        """Return which modes are as wide as they are said to be, (k,): what a coherent line is not.
+
+        Such a line lies within the lobe of a window. Of a resonance the lines beyond the lobe tell the same residues: with these, r, and
+        their covariance B, and a of all lines, sum a' B^-1 r is normal with the variance sum a' B^-1 a, and that is its mean for a
+        resonance, where it is zero for a line.
+
+        Parameters
+        ----------
+        which : array of int, (k,)
+        """
+        poles = self.descent.point.poles[which]
+        half, lines = self.arena.half_in_lines(poles), self.arena.problem.light.grid
+        assert lines is not None
+        at = np.interp(poles.imag / (2 * np.pi), lines, np.arange(lines.size))
+        told = 2 * half >= _NARROWEST
+        for k in np.flatnonzero(told & (2 * half < _WIDE)):
+            beyond = np.abs(np.arange(lines.size) - at[k]) > _LOBE
+            agreed, whole = 0.0, 0.0
+            both = zip(self._residues(which[[k]]), self._residues(which[[k]], beyond), strict=True)
+            for (a, _), (r, B) in both:
+                towards = np.linalg.pinv(B[0], hermitian=True) @ a[0]
+                agreed, whole = agreed + float(towards @ r[0]), whole + float(towards @ a[0])
+            told[k] = agreed >= _AGREED * whole and agreed**2 > _SURE * ndtri(_CHANCE) ** 2 * whole
+        return told
+
+    def hosts(self, which: Array) -> Array:
+        """Return the stronger modes that each may be a shoulder of, (k, n): they overlap, and have one shape or one participation.
 
         A resonance that shifts from input to input makes shoulders of its own shape, one that shifts from output to output such of its own
         participation.
@@ -124,12 +159,41 @@ class Recount:
         near = np.abs(s.imag[which, None] - s.imag) < -(s.real[which, None] + s.real)
         stronger = size[None, :] > size[which, None]
         alike = np.maximum(mac(shapes), mac(participation.T))[which] > _UNLIKE
-        return np.asarray(~np.any(near & stronger & alike, axis=1))
+        return np.asarray(near & stronger & alike)
+
+    def beyond_shifts(self, one: int, hosts: Array) -> float:
+        """Return what a mode explains that stronger ones do not when they shift by other amounts in every channel, in deviations.
+
+        What a shift e of a pole s leaves is r e g' + r e^2 g'' / 2 + ... with g = 1 / (x - s): the first two are free in every channel. The
+        third is (e / h)^3 sqrt(5 / 16) of the mode, h its half bandwidth, and e^3 of normal e scatters by sqrt(15) e^3: that is taken off.
+
+        Parameters
+        ----------
+        one : int
+        hosts : array of int, (b,)
+        """
+        problem, poles = self.arena.problem, self.descent.point.poles[hosts]
+        step = -0.05 * poles.real
+        first = problem.columns(poles)[1]
+        second = (problem.columns(poles + step)[1] - problem.columns(poles - step)[1]) / np.repeat(2 * step, 2)
+        count, b = len(self.descent.point.poles), len(hosts)
+        which = np.array([one, *hosts, *(count + np.arange(b))])
+        gain, shifts, sizes, strength = 0.0, np.zeros(b), np.zeros(b), np.zeros(b)
+        for a, B in self._residues(which, beside=np.hstack([first, second])):
+            told = np.linalg.pinv(B, hermitian=True)
+            each = np.einsum("ki,kij,kj->k", a, told, a)
+            level = np.trace(told[1 : b + 1], axis1=1, axis2=2)
+            gain += each[0]
+            strength += each[1 : b + 1]
+            sizes += level * np.sum(a[1 : b + 1] ** 2, axis=1)
+            shifts += level * np.sum(a[b + 1 :] ** 2, axis=1)
+        apart = np.sqrt(shifts / np.maximum(sizes, 1e-300)) / -poles.real
+        return float(np.sqrt(gain) - np.sum(_THIRD * apart**3 * np.sqrt(strength)))
 
     def standing(self, which: Array) -> RealArray:
         """Return the gains of modes, in deviations and relative to what errors may explain, (k,): above one they stand out.
 
-        Zero for those outside the band, shoulders, narrow ones and such that are damped like what lies outside.
+        Zero for those outside the band, coherent lines and such that are damped like what lies outside; a shoulder has what shifts leave.
 
         Parameters
         ----------
@@ -137,10 +201,16 @@ class Recount:
         """
         poles, (low, high) = self.descent.point.poles[which], self.arena.band
         f, zeta = frequencies_and_damping(poles)
-        may = self.wide(poles) & self.own(which) & (f >= low) & (f <= high) & (zeta < _DAMPED)
+        may = np.flatnonzero((f >= low) & (f <= high) & (zeta < _DAMPED))
         gains = np.zeros(len(which))
-        if np.any(may):
-            gains[may] = np.sqrt(np.maximum(self.gains(np.asarray(which)[may]), 0) / self.bar)
+        if may.size:
+            gains[may] = np.sqrt(np.maximum(self.gains(which[may]), 0) / self.bar)
+        hosts = self.hosts(which)
+        for k in np.flatnonzero((gains > 1) & hosts.any(axis=1)):
+            beyond = self.beyond_shifts(int(which[k]), np.flatnonzero(hosts[k])) / np.sqrt(self.bar)
+            gains[k] = gains[k] if beyond > 1 else 0.0
+        out = np.flatnonzero(gains > 1)
+        gains[out[~self.lasting(which[out])]] = 0
         return gains
 
     def peaks(self, most: int) -> tuple[ComplexArray, ComplexArray]:
@@ -154,21 +224,21 @@ class Recount:
         """
         problem, known = self.arena.problem, self.descent.point.poles
         grid = grid_of(problem.light)
-        grid = grid[(-grid.real < _DAMPED * np.abs(grid)) & self.wide(grid)]
+        grid = grid[(-grid.real < _DAMPED * np.abs(grid)) & (2 * self.arena.half_in_lines(grid) >= _PEAK)]
         grid = grid[~np.any(np.abs(grid[:, None] - known) < -known.real, axis=1)]
-        weights = np.tile(2 / self.variance, (2, 1, 1))
+        weights = np.tile(2 / self.errors.variance, (2, 1, 1))
         residues, each = amplitudes_by_channel(problem.light, self.left, weights, problem.rows, grid)
-        gain = each.sum(axis=(1, 2)) / lag_factor(self.correlation, self.arena.half_in_lines(grid))
+        lines = problem.light.grid
+        assert lines is not None
+        near = np.searchsorted(lines, grid.imag / (2 * np.pi)).clip(max=lines.size - 1)
+        gain = each.sum(axis=(1, 2)) / lag_factor(self.errors.common(near), self.arena.half_in_lines(grid))
         first = apart(grid, gain, self.bar / 4, most)
         sides = [np.linalg.svd(residues[k])[2][0] for k in first]
         return grid[first], np.array(sides, dtype=complex).reshape(-1, self.left.shape[2])
 
 
 def recount_of(arena: Arena, descent: Descent) -> Recount:
-    """Return the errors as what the poles of a descent leave shows them.
-
-    Of every channel a + b |H|^2, the likeliest for squares of complex normal numbers, times what all channels together are of that around
-    a line. The correlation over lines is one for all channels.
+    """Return the errors as what the poles of a descent leave, with free residues, shows them.
 
     Parameters
     ----------
@@ -181,43 +251,12 @@ def recount_of(arena: Arena, descent: Descent) -> Recount:
     Q = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))[0]
     flat = problem.data.reshape(len(problem.data), -1)
     left = (flat - Q @ (Q.T @ flat)).reshape(problem.data.shape)
-    e, H = _complex(left), _complex(problem.data if arena.whole is None else arena.whole)
-    even = _complex(1 / problem.rows[:, None, None]).real ** 2
-    power, size = np.abs(e) ** 2, np.abs(H - e) ** 2
-    variance = np.empty(power.shape)
-    for channel in np.ndindex(*power.shape[1:]):
-        variance[:, *channel] = level_of(power[:, *channel], even[:, 0, 0], size[:, *channel])
-    variance *= smoothed(np.mean(power / variance, axis=(1, 2)), _LEVELLED)[:, None, None]
-    u = e / np.sqrt(variance)
-    r = _correlation(u.reshape(len(u), -1))
-    ahead = np.convolve(r, np.ones(_AHEAD) / _AHEAD, mode="valid") if len(r) >= _AHEAD else r
-    ended = np.flatnonzero(ahead < _ENDED / np.sqrt(2 * u.size * _AHEAD))
-    r = r[: ended[0]] if ended.size else r
-    variance *= len(left) / max(len(left) - columns.shape[1], 1)
-    return Recount(arena, descent, left, variance, r)
-
-
-def _correlation(u: ComplexArray) -> RealArray:
-    """Return the mean correlation of columns (F, c) with themselves one line on, two lines on, ..."""
-    count = len(u)
-    power = np.sum(np.abs(sfft.fft(u, 2 * count, axis=0)) ** 2, axis=1)
-    sums = sfft.ifft(power).real[: min(_LAGS, count)] / (count - np.arange(min(_LAGS, count)))
-    return np.asarray(sums[1:] / max(sums[0], 1e-300))
+    whole = _complex(problem.data if arena.whole is None else arena.whole)
+    even = _complex(1 / problem.rows[:, None]).real[:, 0] ** 2
+    return Recount(arena, descent, left, errors_of(_complex(left), whole, even, columns.shape[1]))
 
 
 def _complex(rows: RealArray) -> ComplexArray:
     """Return lines of real and imaginary parts, one half after the other."""
     real, imag = np.split(rows, 2)
     return np.asarray(real + 1j * imag)
-
-
-def _toeplitz(correlation: RealArray, columns: ComplexArray) -> ComplexArray:
-    """Return the correlation matrix of lines times columns (F, k), by transforms of twice the length."""
-    count, lags = len(columns), len(correlation)
-    if not lags:
-        return columns
-    size = sfft.next_fast_len(count + lags)
-    kernel = np.zeros(size)
-    kernel[0], kernel[1 : lags + 1], kernel[size - lags :] = 1, correlation, correlation[::-1]
-    product = sfft.fft(kernel)[:, None] * sfft.fft(columns, size, axis=0)
-    return np.asarray(sfft.ifft(product, axis=0)[:count])

@@ -129,11 +129,12 @@ def _likeness(poles: Poles) -> RealArray:
         alike = mac(shapes.T) if shapes.shape[1] > 1 else mac(parts.T)
         return np.where(overlap, alike, 0.0)
     alike = np.zeros(overlap.shape)
-    for a, b in zip(*np.nonzero(overlap), strict=True):
-        left: Array = np.asarray(np.linalg.qr(shapes[[a, b]].T, mode="r"))
-        right: Array = np.asarray(np.linalg.qr(parts[[a, b]].T, mode="r"))
-        s = np.linalg.svd(left @ right.T, compute_uv=False)
-        alike[a, b] = max(1 - 2.5 * (s[1] / s[0]) ** 2, 0.0) if s[0] > 0 else 0.0
+    a, b = np.nonzero(overlap)
+    left: Array = np.asarray(np.linalg.qr(np.stack([shapes[a], shapes[b]], axis=2), mode="r"))
+    right: Array = np.asarray(np.linalg.qr(np.stack([parts[a], parts[b]], axis=2), mode="r"))
+    s = np.linalg.svd(left @ right.transpose(0, 2, 1), compute_uv=False)
+    first = np.where(s[:, 0] > 0, s[:, 0], 1.0)
+    alike[a, b] = np.where(s[:, 0] > 0, np.maximum(1 - 2.5 * (s[:, 1] / first) ** 2, 0.0), 0.0)
     return alike
 
 

@@ -34,6 +34,9 @@ _DAMPED = 0.1
 #: the diagram stand for it within this part of a half bandwidth.
 _SURE = 0.3
 
+#: Of coloured data, where a resonance that shifts draws a refinement away, within this part.
+_SHIFTED = 0.5
+
 #: A group shows a mode when it lies within a half bandwidth, its damping within this part and its shape above this MAC.
 _DAMPING, _SHAPE = 0.5, 0.8
 
@@ -163,7 +166,8 @@ def _shown_by(trial: Trial, groups: list[Array]) -> list[int]:
 def _mode(trial: Trial, j: int, groups: list[Candidate], fit: float, host: IntArray, again: float | None) -> Candidate:
     """Return a mode with its gain, and what speaks against it: values that the data leave open, or too few orders."""
     several = bool(np.any(np.delete(host, j) == j))
-    near = groups if trial.arena.coloured or several else [c for c in groups if _close(c, complex(trial.settled[j]))]
+    reach = _SHIFTED if trial.arena.coloured else _SURE
+    near = groups if several else [c for c in groups if _close(c, complex(trial.settled[j]), reach)]
     best = max(near, key=lambda c: c.members.size) if near else _by_itself(trial, j, fit)
     f, zeta = (float(v) for v in frequencies_and_damping(trial.settled[j]))
     low, high = trial.diagram.response.reported_band(trial.diagram.settings.band)
@@ -213,10 +217,10 @@ def _alone(trial: Trial, j: int) -> dict[str, str]:
     return {"rests_on": response.input_dofs[int(np.argmax(share))]}
 
 
-def _close(group: Candidate, mode: complex) -> bool:
-    """Return whether the values of a group can stand for those of a mode."""
+def _close(group: Candidate, mode: complex, reach: float) -> bool:
+    """Return whether the values of a group can stand for those of a mode: within this part of the wider half bandwidth."""
     middle = complex(poles_from(group.frequency, group.damping))
-    return abs(middle - mode) < _SURE * max(-middle.real, -mode.real)
+    return abs(middle - mode) < reach * max(-middle.real, -mode.real)
 
 
 def _by_itself(trial: Trial, j: int, fit: float) -> Candidate:

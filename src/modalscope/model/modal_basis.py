@@ -16,7 +16,7 @@ import scipy.linalg as sla
 
 from modalscope.model.channels import QUANTITIES
 from modalscope.model.checks import Array, ComplexArray, RealArray
-from modalscope.model.orthogonal import orthogonalized
+from modalscope.model.orthogonal import less, orthogonalized
 from modalscope.model.poles import powers_of, to_discrete
 
 __all__ = [
@@ -90,10 +90,8 @@ class ModalBasis:
     @property
     def unexplained(self) -> RealArray:
         """What is left of the data by the best terms and residues of every channel, whatever their rank, (K, l, m)."""
-        size = np.linalg.norm(self.columns, axis=0)
-        Q = np.asarray(np.linalg.qr(self.columns / np.where(size > 0, size, 1))[0])
         flat = self.data.reshape(len(self.data), -1)
-        return np.asarray((flat - Q @ (Q.T @ flat)).reshape(self.data.shape))
+        return np.asarray(less(flat, self.columns).reshape(self.data.shape))
 
     def compressed(self) -> ModalBasis:
         """Return the same problem on as many rows as there are columns: fits are the same, the misfit less what no column can explain."""

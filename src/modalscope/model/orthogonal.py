@@ -7,10 +7,13 @@ import scipy.linalg as sla
 
 from modalscope.model.checks import RealArray
 
-__all__ = ["orthogonalized"]
+__all__ = ["less", "orthogonalized"]
 
 #: From so many rows on reflections take longer than two Cholesky factors; they serve while columns stand so far out of each other's span.
 _MANY_ROWS, _WELL_APART = 3000, 1e-4
+
+#: Eigenvalues of a Gram matrix below this part of the largest are near rounding; what is left below that part of the data is, too.
+_DEPENDENT, _LEAST = 1e-11, 1e-8
 
 
 def orthogonalized(X: RealArray) -> tuple[RealArray, RealArray]:
@@ -26,6 +29,25 @@ def orthogonalized(X: RealArray) -> tuple[RealArray, RealArray]:
             return Q @ np.linalg.inv(second), second @ first
     factors = sla.qr(X, mode="economic", check_finite=False)
     return np.asarray(factors[0], dtype=float), np.asarray(factors[1], dtype=float)
+
+
+def less(data: RealArray, columns: RealArray) -> RealArray:
+    """Return data (K, q) less all that columns (K, k) explain.
+
+    By their products, in a third of the time of an orthogonal basis; twice, as what is left is inexact to rounding times the condition;
+    data that are explained to 1e-4 by the orthogonal basis.
+    """
+    size = np.linalg.norm(columns, axis=0)
+    columns = columns[:, size > 0] / size[size > 0]
+    values, vectors = np.linalg.eigh(columns.T @ columns)
+    kept = values > _DEPENDENT * values.max(initial=0.0)
+    W, left = vectors[:, kept] / np.sqrt(values[kept]), data
+    for _ in range(2):
+        left = left - columns @ (W @ (W.T @ (columns.T @ left)))
+    if np.sum(left**2) < _LEAST * np.sum(data**2):
+        Q = np.asarray(np.linalg.qr(columns)[0])
+        left = data - Q @ (Q.T @ data)
+    return np.asarray(left)
 
 
 def _triangle(X: RealArray) -> RealArray | None:

@@ -1,0 +1,24 @@
+"""What columns leave of data, by their products, against least squares."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from modalscope.model.orthogonal import less
+
+
+@pytest.mark.parametrize("noise", [1e-2, 1e-9])
+def test_what_is_left_is_that_of_least_squares_also_of_nearly_dependent_columns_and_of_data_without_noise(
+    noise: float,
+) -> None:
+    rng = np.random.default_rng(0)
+    columns = rng.standard_normal((400, 12)) * 10.0 ** np.arange(-6, 6)
+    columns[:, 1] = 0.0
+    columns[:, 3] = columns[:, 2] * (1 + 1e-3 * rng.standard_normal(400))
+    data = (columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)) @ rng.standard_normal((12, 3))
+    data = data + noise * rng.standard_normal(data.shape)
+    kept = np.delete(columns, 1, axis=1)
+    kept /= np.linalg.norm(kept, axis=0)
+    exact = data - kept @ np.linalg.lstsq(kept, data, rcond=None)[0]
+    assert less(data, columns) == pytest.approx(exact, abs=1e-9 * np.abs(exact).max() + 1e-13)
