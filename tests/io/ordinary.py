@@ -177,6 +177,31 @@ def a_clock_of_another_rate_than_the_header() -> str:
     return "Sample rate: 512 Hz\nTime,Force,AccA,AccB\n" + rows(TIMES, F, A, B)
 
 
+@case(".csv", inputs=(), outputs=(0, 1, 2))
+def nanoseconds_since_1970_of_a_telephone() -> str:
+    stamps = 1_709_290_800_000_000_000 + (TIMES * 1e9).round().astype(np.int64)
+    lines = [
+        f"{stamp},{t:.6f},{f:.5f},{a:.5f},{b:.5f}" for stamp, t, f, a, b in zip(stamps, TIMES, F, A, B, strict=True)
+    ]
+    return "time,seconds_elapsed,z,y,x\n" + "\n".join(lines) + "\n"
+
+
+@case(".csv", inputs=(), outputs=(0, 1, 2))
+def two_clocks_of_different_rates() -> str:
+    return "time_ms,elapsed_s,a1,a2,a3\n" + rows(500 * TIMES, TIMES, F, A, B, form="{:.9f}")
+
+
+@case(".csv")
+def units_behind_a_stroke_without_blanks() -> str:
+    return "t/s;F/N;a_1/(m/s^2);a_2/(m/s^2);\n" + rows(TIMES, F, A, B, sep=";").replace("\n", ";\n")
+
+
+@case(".txt", inputs=(), outputs=(0, 1, 2))
+def keys_and_values_parted_as_the_rows_are() -> str:
+    head = "SESAME ASCII data format (saf) v. 1\nSAMP_FREQ = 1024\nNDAT = 150\nCH0_ID = V\nCH1_ID = N\nCH2_ID = E\n####----\n"
+    return head + rows(F, A, B, sep=" ")
+
+
 @case(".csv")
 def an_index_before_the_columns() -> str:
     lines = rows(F, A, B).splitlines()
@@ -367,6 +392,12 @@ def parts_in_a_second_row() -> str:
 @case(".csv", kind="lines")
 def real_imag_real_imag() -> str:
     return "Freq,Real,Imag,Real,Imag\n" + rows(FREQUENCIES, H.real, H.imag, G.real, G.imag)
+
+
+@case(".dat", kind="lines")
+def parts_in_braces() -> str:
+    head = "# f[Hz]  Re{H_11}  Im{H_11}  Re{H_21}  Im{H_21}\n"
+    return head + rows(FREQUENCIES, H.real, H.imag, G.real, G.imag, sep="  ", form="{:.8e}").replace("e", "D")
 
 
 @case(".csv", kind="lines")

@@ -23,12 +23,12 @@ _LOOSE_FACT = re.compile(r"\s*(?P<key>[A-Za-z][^\d:=]{0,59}?)\s+(?P<value>[+-]?\
 _NAME_AND_UNIT = re.compile(r"\S++(?:\s*+[\[(][^\[\]()]*+[\])])?")
 _QUANTITY = re.compile(r"\s*\"?([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s*([A-Za-z/]*)")
 _RATE = re.compile(
-    r"(?:sampl\w*|scan|acquisition|acq\.?|data|abtast)[\s_]*(?:rate|freq\w*)|\b(?:fs|f_s|rate|sr|abtastrate|abtastfrequenz)\b"
+    r"(?:sampl?\w*|scan|acquisition|acq\.?|data|abtast)[\s_]*(?:rate|freq\w*)|\b(?:fs|f_s|rate|sr|abtastrate|abtastfrequenz)\b"
     r"|fr[eé]quence d.[eé]chantillonnage|frecuencia de muestreo|samples? per sec\w*|samples/s",
     re.IGNORECASE,
 )
 _STEP = re.compile(
-    r"\bdt\b|delta[\s_]*[tx]|sampl\w*[\s_]*(?:interval|period|time)|(?:time|x)[\s_]*(?:increment|step|interval|resolution)"
+    r"\bdt\b|delta[\s_]*[tx]|sampl?\w*[\s_]*(?:interval|period|time)|(?:time|x)[\s_]*(?:increment|step|interval|resolution)"
     r"|abtastintervall|delta time",
     re.IGNORECASE,
 )
@@ -148,6 +148,8 @@ def _fitted(line: str, cells: list[str], width: int, dialect: Dialect) -> list[s
             fitted = fitted[:-1]
         if len(fitted) == width - 1 and width > 2 and way is cells and not any(map(is_number, fitted)):
             fitted = ["", *fitted]
+        if "=" in fitted:  # a key and its value, parted by blanks as the rows are
+            continue
         if len(fitted) == width and (width > 1 or not _FACT.match(line)) and not all(map(is_number, fitted)):
             return fitted
     return None
