@@ -481,6 +481,18 @@ def a_matlab_structure_with_dt(path: Path) -> None:
     savemat(path, {"test": {"dt": 1 / RATE, "force": F[None, :], "acc": CHANNELS[:, 1:].T, "date": "May"}})
 
 
+@binary(".mat", inputs=(), outputs=(0, 1, 2))
+def a_matlab_structure_of_start_and_increment(path: Path) -> None:
+    x = {"start_value": 0.0, "increment": 1 / RATE, "number_of_values": float(ROWS), "quantity": {"label": "s"}}
+    savemat(path, {"Signal_0": {"x_values": x, "y_values": {"values": CHANNELS}, "function_record": {"name": "run 1"}}})
+
+
+@binary(".mat", kind="lines")
+def a_matlab_structure_of_lines_by_increment(path: Path) -> None:
+    x = {"start_value": FREQUENCIES[0], "increment": 0.25, "number_of_values": float(len(FREQUENCIES))}
+    savemat(path, {"Signal": {"x_values": x, "y_values": {"values": RESPONSES}}})
+
+
 #: Three hits of fifty samples, as columns or pages.
 HITS = CHANNELS.reshape(3, 50, 3)
 
