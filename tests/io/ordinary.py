@@ -177,6 +177,17 @@ def a_clock_of_another_rate_than_the_header() -> str:
     return "Sample rate: 512 Hz\nTime,Force,AccA,AccB\n" + rows(TIMES, F, A, B)
 
 
+@case(".csv")
+def units_behind_commas_in_quotes() -> str:
+    return '"Time, s","Force, N","Accel 1, m/s^2","Accel 2, m/s^2"\n' + rows(TIMES, F, A, B)
+
+
+@case(".csv", inputs=(), outputs=(1, 2))
+def a_row_of_units_with_the_form_of_a_clock() -> str:
+    lines = [f"00:00:{t:09.6f};{a:.6f};{b:.6f}" for t, a, b in zip(TIMES, A, B, strict=True)]
+    return "Elapsed;Accel 1;Accel 2\nhh:mm:ss.ffffff;m/s2;m/s2\n" + "\n".join(lines) + "\n"
+
+
 @case(".csv", inputs=(), outputs=(0, 1, 2))
 def nanoseconds_since_1970_of_a_telephone() -> str:
     stamps = 1_709_290_800_000_000_000 + (TIMES * 1e9).round().astype(np.int64)
@@ -392,6 +403,12 @@ def parts_in_a_second_row() -> str:
 @case(".csv", kind="lines")
 def real_imag_real_imag() -> str:
     return "Freq,Real,Imag,Real,Imag\n" + rows(FREQUENCIES, H.real, H.imag, G.real, G.imag)
+
+
+@case(".txt", kind="lines")
+def parts_below_a_title_of_as_many_words() -> str:
+    body = rows(FREQUENCIES, H.real, H.imag, G.real, G.imag, sep="  ", form="{:.8e}")
+    return "% one two three four five\n% FREQ  REAL  IMAG  REAL  IMAG\n" + body
 
 
 @case(".dat", kind="lines")

@@ -39,7 +39,7 @@ LONGEST = 400
 
 _BRACKETED = re.compile(r"^(?P<name>.*?)\s*[\[<{](?P<unit>[^\[\]<>{}]*)[\]>}]\s*(?P<rest>\S*)$")
 _ROUND = re.compile(r"^(?P<name>.*\S)\s*\((?P<unit>[^()]*(?:\([^()]*\)[^()]*)*)\)\s*$")
-_SLASH = re.compile(r"^(?P<name>.*\S)\s+(?:/|in|,)\s*(?P<unit>\S+)$")
+_SLASH = re.compile(r"^(?P<name>.*\S)(?:\s+(?:/|in|,)\s*|,\s+)(?P<unit>\S+)$")
 #: DIN 1313 without blanks, `F/N` or `a_1/(m/s^2)`; the names of pairs (`3Z/1Z`) have no unit behind the stroke.
 _STROKE = re.compile(r"^(?P<name>[^\s/]+)/(?:\((?P<round>[^()]+)\)|(?P<plain>[^()]+))$")
 _PART_OF = re.compile(r"^(?P<part>re|im|real|imag|abs|arg|mag|phase)\{(?P<name>[^{}]*)\}", re.IGNORECASE)
