@@ -60,6 +60,7 @@ html_theme_options = {
     "footer_end": [],
     "navigation_with_keys": False,
 }
+html_sidebars = {"*": []}  # pages that stand alone have no section to show
 html_context = {"default_mode": "auto"}
 
 

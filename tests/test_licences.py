@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from importlib import metadata
+from pathlib import Path
+
 import pytest
 
-from tools.licences import WITH_LGPL, Package, needed, refused
+from tools.licences import FOR_SOME_FILES, WITH_LGPL, Package, licence_of, needed, refused
 
 
 def test_no_package_is_under_a_licence_that_binds_its_users() -> None:
@@ -34,3 +37,21 @@ def test_licences_are_told_apart(licence: str, allowed: bool) -> None:
 
 def test_the_lgpl_may_come_with_the_extras_that_say_so() -> None:
     assert refused([Package("a", "1", "LGPL-3.0-only", extra) for extra in WITH_LGPL]) == []
+
+
+@pytest.mark.parametrize(("file", "allowed"), [("docutils/core.py", True), ("share/rst.el", False)])
+def test_a_licence_for_some_files_counts_where_they_are_installed(tmp_path: Path, file: str, allowed: bool) -> None:
+    folder = tmp_path / "docutils-1.dist-info"
+    folder.mkdir()
+    told = ("Public Domain", "OSI Approved :: GNU General Public License (GPL)")
+    lines = [
+        "Metadata-Version: 2.1",
+        "Name: docutils",
+        "Version: 1",
+        *(f"Classifier: License :: {each}" for each in told),
+    ]
+    (folder / "METADATA").write_text("\n".join(lines) + "\n")
+    (folder / "RECORD").write_text(f"{file},,\n")
+    licence = licence_of(metadata.Distribution.at(folder))
+    assert "docutils" in FOR_SOME_FILES
+    assert (refused([Package("docutils", "1", licence, "docs")]) == []) is allowed

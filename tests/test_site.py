@@ -12,6 +12,7 @@ import pytest
 import modalscope as ms
 from modalscope.systems import chain5
 from tests.support import ROOT
+from tools.held import HELD
 from tools.site import problems
 
 DOCS = ROOT / "docs"
@@ -56,6 +57,13 @@ def test_a_recipe_is_short_says_where_its_data_come_from_and_ends_in_a_picture(s
     if script.parent.name == "howto":
         assert len(lines) <= 30
     assert re.search(r"plot", code)
+
+
+def test_there_are_forty_recipes_and_what_each_of_them_prints_is_held() -> None:
+    pages = {f"{path.parent.name}/{path.stem}" for path in SCRIPTS if path.parent.name in ("start", "howto")}
+    assert sum(page.startswith("howto/") for page in pages) >= 40
+    assert set(HELD) == pages
+    assert all(held.of or held.words for held in HELD.values())
 
 
 def test_every_start_says_whether_its_data_are_measured() -> None:

@@ -1,6 +1,8 @@
-"""Values of simulated structures from their matrices alone: a second way to what pages of the documentation print."""
+"""A second way to what pages of the documentation print: simulated structures from their matrices alone, peaks of measured spectra."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import numpy as np
 import scipy.linalg as sla
@@ -10,6 +12,8 @@ from modalscope.model.checks import RealArray
 
 __all__ = [
     "collinearity",
+    "damping",
+    "hit_peaks",
     "least_damping",
     "receptance",
     "six_masses",
@@ -57,10 +61,15 @@ def stiffness_over_mass() -> RealArray:
     return np.diag(np.linalg.solve(structure.mass, structure.stiffness))
 
 
-def least_damping() -> RealArray:
-    """Return the least damping ratio of five masses."""
+def damping() -> RealArray:
+    """Return the damping ratios of five masses."""
     poles, _ = _complex(systems.chain5())
-    return np.asarray([np.min(-poles.real / np.abs(poles))])
+    return np.asarray(-poles.real / np.abs(poles))
+
+
+def least_damping() -> RealArray:
+    """Return the least of them."""
+    return np.asarray([np.min(damping())])
 
 
 def collinearity() -> RealArray:
@@ -77,6 +86,16 @@ def receptance() -> RealArray:
     w = 2 * np.pi * np.linspace(0.2, 8, 2000)[500]
     stiffness = structure.stiffness - w**2 * structure.mass + 1j * w * structure.damping
     return np.abs(np.linalg.inv(stiffness)[[4], [4]])
+
+
+def hit_peaks() -> RealArray:
+    """Return the lines at which |sum Y conj(F)| / sum |F|^2 of the measured hits, whole and without a window, is largest, Hz."""
+    held = np.load(Path(__file__).parents[1] / "examples" / "impact_hits" / "impact_hits.npz")
+    force, moved = (np.fft.rfft(held[name], axis=1)[:, :, 0] for name in ("inputs", "outputs"))
+    height = np.abs(np.sum(moved * force.conj(), axis=0)) / np.sum(np.abs(force) ** 2, axis=0)
+    lines = np.fft.rfftfreq(held["inputs"].shape[1], 1 / float(held["sampling_rate"]))
+    bands = [(lines >= low) & (lines < high) for low, high in ((400, 500), (500, 650), (650, 800), (800, 900))]
+    return np.asarray([lines[band][np.argmax(height[band])] for band in bands])
 
 
 def softened() -> RealArray:

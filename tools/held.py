@@ -69,6 +69,7 @@ HELD = {
     "howto/plot_fdd": Held(BUILDING, 5e-3),
     "howto/plot_frames": Held("chain5", 2e-3, last=4),
     "howto/plot_free_decay": Held("chain5"),
+    "howto/plot_frf_estimators": Held((1 / 1.09, 1.0), 0.01),
     "howto/plot_intervals": Held(words=("within: [ True  True  True  True  True]",)),
     "howto/plot_mass_scaling": Held(exact.unit_mass, 3e-3, times=6),
     "howto/plot_matrices": Held(exact.stiffness_over_mass, 1e-4, times=2),
@@ -79,6 +80,7 @@ HELD = {
     "howto/plot_polymax": Held(BEAM),
     "howto/plot_quantity": Held((2 * np.pi * 158 / 60,), 2e-3),
     "howto/plot_read_a_table": Held(words=("600 samples at 20 Hz, 4 outputs (acceleration), 1 input",)),
+    "howto/plot_refine": Held(exact.damping, 0.03, times=2),
     "howto/plot_replay": Held(words=("True",)),
     "howto/plot_report_file": Held(words=("no request to anywhere",)),
     "howto/plot_residuals": Held("chain5", first=0, last=1),
@@ -90,6 +92,7 @@ HELD = {
     "howto/plot_synthesize": Held(exact.receptance, 1e-5),
     "howto/plot_take_refuse": Held("chain5", last=3),
     "howto/plot_two_tests": Held(exact.softened, 2e-3),
+    "howto/plot_windows": Held(exact.hit_peaks, 4e-3, times=2),
     "howto/plot_wrong_sign": Held(words=("polarity: 2:+X", "Turn the sign of 2:+X")),
     "howto/plot_zoom_band": Held(BEAM[1:2]),
 }

@@ -11,10 +11,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import metadata
 
-__all__ = ["WITH_LGPL", "Package", "licence_of", "main", "needed", "refused"]
+__all__ = ["FOR_SOME_FILES", "WITH_LGPL", "Package", "licence_of", "main", "needed", "refused"]
 
 #: Extras that may bring packages under the LGPL.
 WITH_LGPL: frozenset[str] = frozenset({"mdf", "tdms"})
+
+#: Licences that a package names for a few of its files only, and how the names of these end: they count where the files are installed.
+FOR_SOME_FILES: dict[str, tuple[str, str]] = {
+    "docutils": ("GNU General Public License (GPL)", ".el"),  # its mode for Emacs, by COPYING.rst
+}
 
 _NAME = re.compile(r"\s*([A-Za-z0-9._-]+)\s*(?:\[([^\]]*)\])?")
 _EXTRA = re.compile(r"extra\s*==\s*['\"]([^'\"]+)['\"]")
@@ -35,12 +40,18 @@ class Package:
 
 
 def licence_of(package: metadata.Distribution) -> str:
-    """Return the licence by the expression, the classifiers or the field of a package, whichever there is first."""
+    """Return the licence by the expression, the classifiers or the field of a package, whichever there is first.
+
+    A licence that stands for files which are not installed is left out (`FOR_SOME_FILES`); where no list of files is known, they count.
+    """
 
     def told(name: str) -> list[str]:
         return [str(text) for text in package.metadata.get_all(name) or ()]
 
     classified = [text.split(" :: ")[-1] for text in told("Classifier") if text.startswith("License")]
+    partial, ending = FOR_SOME_FILES.get(package.name, ("", ""))
+    if partial in classified and package.files and not any(str(f).endswith(ending) for f in package.files):
+        classified.remove(partial)
     written = " ".join(" ".join(told("License"))[:_HEAD].split())
     return " ".join(told("License-Expression")) or "; ".join(classified) or written
 

@@ -176,30 +176,30 @@ equation, when to use it, and what it finds on the same beam.
 
 
 def _landing(cells: list[Any], found: dict[Any, str], folder: Path) -> None:
-    """Draw the landing picture: the frequencies that each method finds on the beam, side by side."""
+    """Draw the landing picture: the modes that each method finds on the beam, side by side."""
     target = folder / "side-by-side.png"
     if target.exists():
         return
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
     shown = [m for m in cells if m.name not in ("ssi-data", "ssi-cva", "n4sid")]
-    figure = Figure(figsize=(11, 0.36 * len(shown) + 1.3), layout="constrained")
+    figure = Figure(figsize=(9, 0.34 * len(shown) + 1.7), layout="constrained")
     ax = figure.add_subplot()
+    colors = {"time": "#0072B2", "z": "#D55E00", "s": "#009E73"}
     for k, m in enumerate(shown):
         values = _frequencies(found[m.name, m.domain])
-        ax.plot(
-            values,
-            [k] * len(values),
-            "o",
-            color={"time": "#0072B2", "z": "#D55E00", "s": "#009E73"}[m.domain],
-            markersize=5,
-        )
+        ax.plot(values, [k] * len(values), "o", color=colors[m.domain], markersize=6)
     for f in (177.0, 477.4, 933.1, 1535.5):
-        ax.axvline(f, color="#B4BEC9", linewidth=1, zorder=0)
+        line = ax.axvline(f, color="#B4BEC9", linewidth=1.5, zorder=0)
+    marks = [Line2D([], [], ls="", marker="o", color=color, label=DOMAINS[name]) for name, color in colors.items()]
+    line.set_label("published by the authors of the data")
+    figure.legend(handles=[*marks, line], loc="outside lower center", ncols=2, frameon=False)
     ax.set_yticks(range(len(shown)), [m.label for m in shown])
     ax.invert_yaxis()
-    ax.set_xlabel("frequency [Hz]; grey: published by the authors of the data")
-    ax.set_title("One measured beam, all methods", loc="left", fontweight="bold")
+    ax.set_xlim(100, 1700)
+    ax.set_xlabel("frequency [Hz]")
+    ax.set_title("One measured beam, and the modes that each method finds", loc="left", fontweight="bold")
     figure.savefig(target, dpi=100)
 
 

@@ -43,7 +43,7 @@ def write_pages(source: Path) -> None:
                 (inspect.getdoc(thing) or "").split("\n\n")[0].replace("\n", " ").replace("|", "\\|").replace("`", "")
             )
             lines.append(f"| [`{name}`]({page}.rst) | {first} |")
-            tree.append(page)
+            tree.append(f"{page.removeprefix('modalscope.')} <{page}>")
         lines.append("")
     lines += ["```{toctree}", ":hidden:", "", *tree, "```", ""]
     (folder / "index.md").write_text("\n".join(lines), encoding="utf-8")

@@ -44,6 +44,7 @@ export function makeDiagram(place, acts = {}) {
   let shownTop = Infinity;
   let letters = false;
   let linear = false;
+  let level = "mode indicator";
   let hover = -1;
   let curves = { lines: /** @type {ArrayLike<number>} */ ([0, 1]), levels: /** @type {any[]} */ ([]) };
   let chart = /** @type {any} */ (null);
@@ -68,7 +69,7 @@ export function makeDiagram(place, acts = {}) {
     axes: [
       axis({ label: "frequency [Hz]", size: 24 }),
       axis({ scale: "y", label: "model order (states)", size: 30, grid: { show: false }, space: 26 }),
-      axis({ scale: "c", side: 1, size: 32, grid: { show: false }, label: linear ? "mode indicator" : "mode indicator [dB]" }),
+      axis({ scale: "c", side: 1, size: 32, grid: { show: false }, label: linear ? level : `${level} [dB]` }),
     ],
     series: [
       {},
@@ -307,8 +308,9 @@ export function makeDiagram(place, acts = {}) {
 
   const resize = fitted(holder, () => chart);
   return {
-    /** @param {{lines: ArrayLike<number>, levels: any[]}} given @param {[number, number]} limits */
-    setCurves(given, limits) {
+    /** @param {{lines: ArrayLike<number>, levels: any[]}} given @param {[number, number]} limits @param {string} [name] */
+    setCurves(given, limits, name = "mode indicator") {
+      level = name;
       const [low, high] = limits;
       let a = 0;
       let b = given.lines.length;

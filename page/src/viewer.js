@@ -29,7 +29,7 @@ export function makeViewer(root, data, acts = {}) {
   matrixPlace.append(h("div.bar", {}, h("h2", {}, "MAC")));
   const matrix = makeMatrix(matrixPlace, select);
   const count = data.shapes.curves[1];
-  diagram.setCurves({ lines: data.behind, levels: Array.from({ length: data.shapes.curves[0] }, (_, k) => data.curves.subarray(k * count, (k + 1) * count)) }, ends(data.bands));
+  diagram.setCurves({ lines: data.behind, levels: Array.from({ length: data.shapes.curves[0] }, (_, k) => data.curves.subarray(k * count, (k + 1) * count)) }, ends(data.bands), data.level);
   diagram.setPoles({ frequency: data.frequency, damping: data.damping, order: data.order, kind: data.kind, std: data.std, damping_std: data.damping_std }, Math.max(...data.orders, 2));
   shape.set(data, 0);
   matrix.set(data.mac, data.modes.length);

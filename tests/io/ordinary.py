@@ -178,6 +178,42 @@ def a_clock_of_another_rate_than_the_header() -> str:
 
 
 @case(".csv")
+def units_behind_commas_in_quotes() -> str:
+    return '"Time, s","Force, N","Accel 1, m/s^2","Accel 2, m/s^2"\n' + rows(TIMES, F, A, B)
+
+
+@case(".csv", inputs=(), outputs=(1, 2))
+def a_row_of_units_with_the_form_of_a_clock() -> str:
+    lines = [f"00:00:{t:09.6f};{a:.6f};{b:.6f}" for t, a, b in zip(TIMES, A, B, strict=True)]
+    return "Elapsed;Accel 1;Accel 2\nhh:mm:ss.ffffff;m/s2;m/s2\n" + "\n".join(lines) + "\n"
+
+
+@case(".csv", inputs=(), outputs=(0, 1, 2))
+def nanoseconds_since_1970_of_a_telephone() -> str:
+    stamps = 1_709_290_800_000_000_000 + (TIMES * 1e9).round().astype(np.int64)
+    lines = [
+        f"{stamp},{t:.6f},{f:.5f},{a:.5f},{b:.5f}" for stamp, t, f, a, b in zip(stamps, TIMES, F, A, B, strict=True)
+    ]
+    return "time,seconds_elapsed,z,y,x\n" + "\n".join(lines) + "\n"
+
+
+@case(".csv", inputs=(), outputs=(0, 1, 2))
+def two_clocks_of_different_rates() -> str:
+    return "time_ms,elapsed_s,a1,a2,a3\n" + rows(500 * TIMES, TIMES, F, A, B, form="{:.9f}")
+
+
+@case(".csv")
+def units_behind_a_stroke_without_blanks() -> str:
+    return "t/s;F/N;a_1/(m/s^2);a_2/(m/s^2);\n" + rows(TIMES, F, A, B, sep=";").replace("\n", ";\n")
+
+
+@case(".txt", inputs=(), outputs=(0, 1, 2))
+def keys_and_values_parted_as_the_rows_are() -> str:
+    head = "SESAME ASCII data format (saf) v. 1\nSAMP_FREQ = 1024\nNDAT = 150\nCH0_ID = V\nCH1_ID = N\nCH2_ID = E\n####----\n"
+    return head + rows(F, A, B, sep=" ")
+
+
+@case(".csv")
 def an_index_before_the_columns() -> str:
     lines = rows(F, A, B).splitlines()
     return ",Force,AccA,AccB\n" + "".join(f"{k},{line}\n" for k, line in enumerate(lines))
@@ -369,6 +405,18 @@ def real_imag_real_imag() -> str:
     return "Freq,Real,Imag,Real,Imag\n" + rows(FREQUENCIES, H.real, H.imag, G.real, G.imag)
 
 
+@case(".txt", kind="lines")
+def parts_below_a_title_of_as_many_words() -> str:
+    body = rows(FREQUENCIES, H.real, H.imag, G.real, G.imag, sep="  ", form="{:.8e}")
+    return "% one two three four five\n% FREQ  REAL  IMAG  REAL  IMAG\n" + body
+
+
+@case(".dat", kind="lines")
+def parts_in_braces() -> str:
+    head = "# f[Hz]  Re{H_11}  Im{H_11}  Re{H_21}  Im{H_21}\n"
+    return head + rows(FREQUENCIES, H.real, H.imag, G.real, G.imag, sep="  ", form="{:.8e}").replace("e", "D")
+
+
 @case(".csv", kind="lines")
 def kilohertz_and_coherences() -> str:
     one = np.full(len(FREQUENCIES), 0.9)
@@ -448,6 +496,18 @@ def a_matlab_file_with_a_time_column(path: Path) -> None:
 @binary(".mat")
 def a_matlab_structure_with_dt(path: Path) -> None:
     savemat(path, {"test": {"dt": 1 / RATE, "force": F[None, :], "acc": CHANNELS[:, 1:].T, "date": "May"}})
+
+
+@binary(".mat", inputs=(), outputs=(0, 1, 2))
+def a_matlab_structure_of_start_and_increment(path: Path) -> None:
+    x = {"start_value": 0.0, "increment": 1 / RATE, "number_of_values": float(ROWS), "quantity": {"label": "s"}}
+    savemat(path, {"Signal_0": {"x_values": x, "y_values": {"values": CHANNELS}, "function_record": {"name": "run 1"}}})
+
+
+@binary(".mat", kind="lines")
+def a_matlab_structure_of_lines_by_increment(path: Path) -> None:
+    x = {"start_value": FREQUENCIES[0], "increment": 0.25, "number_of_values": float(len(FREQUENCIES))}
+    savemat(path, {"Signal": {"x_values": x, "y_values": {"values": RESPONSES}}})
 
 
 #: Three hits of fifty samples, as columns or pages.

@@ -39,7 +39,7 @@ def test_an_analysis_comes_back_with_its_arrays(tmp_path):
 def test_a_damaged_analysis_is_refused(tmp_path, document, said):
     (tmp_path / "a.json").write_text(document)
     refused(said, read_analysis, tmp_path / "a.json")
-    refused("No such file", read_analysis, tmp_path / "none.json")
+    refused("there is no such file", read_analysis, tmp_path / "none.json")
 
 
 def test_modes_without_an_analysis_say_so(tmp_path):

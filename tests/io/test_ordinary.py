@@ -24,6 +24,7 @@ REFUSED = {
     "three bare columns without a rate": "--sampling-rate",
     "an uneven clock": "--ignore",
     "a clock of another rate than the header": "--sampling-rate",
+    "two clocks of different rates": "--ignore",
     "an index before the columns": "--sampling-rate",
     "one column of decimal commas": "--sampling-rate",
     "one column of commas that may part two": "--decimal",

@@ -140,7 +140,7 @@ def test_a_document_is_a_file_of_its_own(tmp_path: Path) -> None:
     path.write_text("{}")
     with pytest.raises(ms.DataError, match='has no "analysis"'):
         ms.replay(path, SAMPLES)
-    with pytest.raises(ms.DataError, match="Name a file that can be read"):
+    with pytest.raises(ms.DataError, match="there is no such file"):
         ms.replay(tmp_path / "none.json", SAMPLES)
 
 

@@ -7,8 +7,8 @@ from typing import Any
 from modalscope.identification.lookup import cell_label
 from modalscope.modal.explained import explained
 from modalscope.model.result import Result
+from modalscope.plot.web.fits import fit_of_bands
 from modalscope.reporting.scripts import result_script
-from modalscope.reporting.sections import fit_of_bands
 
 __all__ = ["result_head"]
 

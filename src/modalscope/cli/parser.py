@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
 
@@ -37,8 +38,19 @@ class Parser(argparse.ArgumentParser):
         """Read what is known; the rest is an error, with the nearest word that is."""
         options, unknown = super().parse_known_args(args, namespace)
         if unknown:
-            self.error(f"unknown: {' '.join(unknown)}{self._hint(unknown[0])}")
+            given = sys.argv[1:] if args is None else list(args)
+            hint = self._hint(unknown[0]) if unknown[0].startswith("-") else self._form_before(given, unknown[0])
+            self.error(f"unknown: {' '.join(unknown)}{hint}")
         return options, unknown
+
+    def _form_before(self, given: list[str], word: str) -> str:
+        """Return how the option is written that a word too many stands behind."""
+        before = [each for each in given[: given.index(word)] if each.startswith("-")] if word in given else []
+        action = self._option_string_actions.get(before[-1]) if before else None
+        if action is None or not action.metavar:
+            return self._hint(word)
+        form = action.metavar if isinstance(action.metavar, str) else " ".join(action.metavar)
+        return f" (written {before[-1]} {form}; see {self.prog} --help)"
 
     def _hint(self, word: str) -> str:
         from difflib import get_close_matches

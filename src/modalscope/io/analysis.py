@@ -46,9 +46,8 @@ def read_analysis(path: Path) -> Analysis:
     except DataError:
         raise
     except OSError as error:
-        raise DataError(
-            f"reading {path} was asked", error.strerror or str(error), "Name a file that can be read."
-        ) from None
+        why = "there is no such file" if isinstance(error, FileNotFoundError) else error.strerror or str(error)
+        raise DataError(f"reading {str(path)!r} was asked", why, "Check the name and the folder.") from None
     except (ValueError, RecursionError) as error:
         raise DataError(f"reading {path} was asked", f"it is no JSON ({error})", "Name an .analysis.json.") from None
     found = document.get("analysis") if isinstance(document, Mapping) else None

@@ -14,6 +14,7 @@ from modalscope.io.columns import contents_from_table
 from modalscope.io.contents import Contents, Finding, Options, Thing
 from modalscope.io.geometry_arrays import damaged, geometry_of_arrays
 from modalscope.io.hints import listed, unknown_arrays
+from modalscope.io.increments import with_vectors
 from modalscope.io.limits import room
 from modalscope.io.loose import meaning_of
 from modalscope.model import DataError, FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals, StateSpace
@@ -113,6 +114,8 @@ def _by_evidence(
         *held,
         *(name for name in FIELD_OPTIONS if options.get(name) is not None),
     }
+    if not whole:
+        held = with_vectors(held)
     meant = None if whole or options.get("axes") else meaning_of(where, held, options)
     if meant is None:
         raise unknown_arrays(where, unknown or list(held), noun)

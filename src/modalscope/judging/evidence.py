@@ -210,13 +210,18 @@ def sentence(facts: dict[str, Any], loss: float) -> str:
     if "gain" in facts:
         told.insert(
             0,
-            f"explains {facts['gain']:.3g} standard deviations of the noise ({facts['noise_gain']:.2g} could be noise)",
+            f"explains {_three_digits(facts['gain'])} standard deviations of the noise ({facts['noise_gain']:.2g} could be noise)",
         )
     if "cluster" in facts:
         told.append(f"stands for a cluster of {facts['cluster']} poles that the data do not part")
     if "rests_on" in facts:
         told.append(f"seen from {facts['rests_on']} alone")
     return f"{', '.join(told)}; without it the fit error grows by {100 * loss:.2g} %"
+
+
+def _three_digits(value: float) -> str:
+    """Return a number with three digits that count, large ones without an exponent: 5090 and not 5.09e+03."""
+    return f"{float(f'{value:.3g}'):.10g}"
 
 
 def _found(facts: dict[str, Any]) -> str:

@@ -12,6 +12,7 @@ from modalscope.comparing import CAUSES, Comparison, MethodResult
 from modalscope.comparing.kinship import Kinship
 from modalscope.comparing.scatter import LEVEL
 from modalscope.modal.explained import explained, explains_enough
+from modalscope.plot.web.fits import fit_of
 from modalscope.reporting import record, sections
 from modalscope.reporting.figures import draw, stabilization_svg
 from modalscope.reporting.html import Section, folded, listing, paragraph, picture, table
@@ -41,7 +42,7 @@ _ALIKE = 0.99
 
 def comparison_sections(c: Comparison, *, source: str | None = None, command: str | None = None) -> Iterator[Section]:
     """Give the sections on a comparison in the order of reading, each drawn when it is asked for."""
-    fit = sections.fit_of(c.modes, c.response) if len(c.modes) else None
+    fit = fit_of(c.modes, c.response) if len(c.modes) else None
     yield _verdict(c)
     yield _modes(c)
     yield _methods(c)

@@ -23,6 +23,7 @@ from modalscope.model.notes import Note
 from modalscope.model.response import Response
 from modalscope.model.result import Result
 from modalscope.model.version import VERSION
+from modalscope.plot.web.fits import fit_of, fit_of_bands
 from modalscope.preprocess import Finding
 from modalscope.preprocess.singular_spectra import Decomposition, decomposition
 from modalscope.reporting import record, sections
@@ -180,20 +181,20 @@ def stabilization_sections(modes: ModalModel, diagram: StabilizationDiagram, ori
     response, judged = diagram.response, grades(modes, origin.certificate)
     shown = bands_of(modes, origin.diagrams if len(origin.diagrams) > 1 else (diagram,))
     several = len(shown) > 1
-    fit = sections.fit_of_bands(modes, [each.diagram for each in shown])
+    fit = fit_of_bands(modes, [each.diagram for each in shown])
     yield summary_section(modes, [each.diagram for each in shown], fit, band=_bands(shown), judged=judged)
-    yield from alive_section(modes, *(each.diagram for each in shown))
+    spectra = origin.spectra
+    yield from alive_section(modes, *(each.diagram for each in shown), spectra=spectra)
     yield modes_section(modes, judged)
     if len(modes):
         yield intervals_section(modes)
     if origin.certificate is not None:
         yield certificate_section(origin.certificate)
-    spectra = origin.spectra
     for each in shown:
         yield each.named(sections.stabilization_section(each.diagram, each.modes, spectra), several)
     yield from sections.mode_pictures(modes)
     for each in shown:
-        own = sections.fit_of(each.modes, each.diagram.response) if several else fit
+        own = fit_of(each.modes, each.diagram.response) if several else fit
         yield each.named(sections.responses_section(each.modes, each.diagram.response, own), several)
     if modes.reasons:
         yield sections.reasons_section(modes)
@@ -219,7 +220,8 @@ def _bands(shown: Sequence[Shown]) -> str:
 
 
 def _subtitle(response: Response) -> str:
-    counts = f"{len(response.output_dofs)} outputs, {len(response.input_dofs)} {response.column_word}s"
+    sides = ((len(response.output_dofs), "output"), (len(response.input_dofs), response.column_word))
+    counts = ", ".join(f"{count} {word}{'' if count == 1 else 's'}" for count, word in sides)
     return f"{counts}, {date.today().isoformat()}"
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from modalscope.identification.identify import Identification
 from modalscope.identification.lookup import cell_label
 from modalscope.modal.explained import explained, explains_enough
+from modalscope.plot.web.fits import fit_of
 from modalscope.reporting import record, sections
 from modalscope.reporting.figures import singular_values_svg
 from modalscope.reporting.html import Section, listing, paragraph, picture
@@ -24,7 +25,7 @@ def identification_sections(
 ) -> Iterator[Section]:
     """Give the sections on one identification in the order of reading, each drawn when it is asked for."""
     modes, response = found.modes, found.response
-    fit = sections.fit_of(modes, response) if len(modes) else None
+    fit = fit_of(modes, response) if len(modes) else None
     yield _summary(found)
     yield modes_section(modes)
     yield _model(found)

@@ -9,17 +9,14 @@ import numpy as np
 from modalscope.identification.lookup import cell_label
 from modalscope.modal.explained import explained, explains_enough
 from modalscope.model import ModalModel, StabilizationDiagram
-from modalscope.model.checks import Array
 from modalscope.model.mode_table import told
+from modalscope.plot.web.fits import Fit
 from modalscope.plot.web.poles import asked_ends
 from modalscope.reporting.grades import GRADES, Grade, alike_pairs, grades, half_widths
 from modalscope.reporting.html import Section, folded, paragraph, table
 from modalscope.reporting.numbers import decimals, frequency, percent
 
-__all__ = ["Fit", "loud", "modes_section", "summary_section"]
-
-#: Fit error in all and per channel (l, m), or None when the modes cannot be rebuilt.
-Fit = tuple[float, Array] | None
+__all__ = ["loud", "modes_section", "summary_section"]
 
 #: What the indicators say, for readers who meet them for the first time.
 _WORDS = {

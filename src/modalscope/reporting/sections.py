@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
-from modalscope.modal.rebuilt import fit_error, rebuilt
 from modalscope.model import ModalModel, StabilizationDiagram
 from modalscope.model.checks import Array
 from modalscope.model.response import Response
-from modalscope.plot.web.poles import rebuilt_lines
+from modalscope.plot.web.fits import Fit
 from modalscope.preprocess.singular_spectra import Decomposition
 from modalscope.reporting.figures import (
     fit_errors_svg,
@@ -21,12 +20,9 @@ from modalscope.reporting.figures import (
     stabilization_svg,
 )
 from modalscope.reporting.html import Section, folded, numbered, paragraph, picture, table
-from modalscope.reporting.modes import Fit
 from modalscope.reporting.numbers import frequency, heading, percent, value
 
 __all__ = [
-    "fit_of",
-    "fit_of_bands",
     "left_out_section",
     "mac_section",
     "mode_pictures",
@@ -38,20 +34,6 @@ __all__ = [
 
 #: Rows of a table that a reader still takes in.
 _ROWS = 40
-
-
-def fit_of(modes: ModalModel, response: Response) -> Fit:
-    """Return what the modes leave of the data, in all and per channel; None when they cannot be rebuilt."""
-    return None if modes.participation is None else fit_error(response.values, rebuilt(response, modes))
-
-
-def fit_of_bands(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> Fit:
-    """Return the same of all bands together, each by its own modes on its own lines."""
-    if len(diagrams) == 1 or modes.participation is None:
-        return fit_of(modes, diagrams[0].response)
-    parts = [rebuilt_lines(modes, diagram, len(diagrams))[1:] for diagram in diagrams]
-    measured, own = (np.concatenate(side) for side in zip(*parts, strict=True))
-    return fit_error(measured, own)
 
 
 def stabilization_section(

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
+import numpy as np
 import pytest
 
 import modalscope as ms
+from modalscope.modal.explained import explained
+from modalscope.modal.rebuilt import fit_error, rebuilt
 from modalscope.plot.web.alive import alive_blob, front_end
+from modalscope.preprocess.singular_spectra import decomposition
+from modalscope.systems import chain5
 from tests.plot import examples
 from tests.support import refused
 
@@ -15,12 +21,38 @@ from tests.support import refused
 def test_a_result_is_one_blob_with_its_modes_poles_and_channels() -> None:
     modes, diagram = examples.modes(), examples.diagram()
     blob = alive_blob(modes, diagram)
-    head = json.loads(blob[4 : 4 + int.from_bytes(blob[:4], "little")])
+    head = _head(blob)
     shapes = {entry["name"]: entry["shape"] for entry in head["arrays"]}
     assert [mode["frequency"] for mode in head["modes"]] == pytest.approx(list(modes.frequencies))
     assert shapes["frequency"] == [len(diagram.poles)]
     assert shapes["measured_real"][:2] == list(diagram.response.values.shape[1:])
     assert shapes["mac"] == [len(modes)] * 2
+
+
+def test_what_is_left_of_records_is_told_as_the_summary_tells_it_and_of_all_inputs_at_once() -> None:
+    record = chain5().simulate(samples=1500, sampling_rate=20.0, noise=0.03, seed=2)
+    diagram = ms.stabilize(record, orders=range(8, 15, 2))
+    modes = ms.select(diagram)
+    told = _head(alive_blob(modes, diagram))
+    whole, each = fit_error(diagram.response.values, rebuilt(diagram.response, modes))
+    assert told["explained"] == explained(whole)
+    np.testing.assert_allclose(told["fits"], np.broadcast_to(each, (4, 2)))
+
+
+def test_singular_values_of_spectra_stand_behind_the_poles_in_the_band_that_was_asked() -> None:
+    record = chain5().simulate(inputs="ambient", samples=3000, sampling_rate=20.0, seed=3)
+    result = ms.analyze(record, band=(2.0, 5.0), orders=range(2, 13, 2))
+    spectra = decomposition(record)
+    told = _head(alive_blob(result.modes, result.diagram, spectra=spectra))
+    inside = np.count_nonzero((spectra.frequencies >= 2.0) & (spectra.frequencies <= 5.0))
+    assert told["bands"] == [[2.0, 5.0]]
+    assert told["level"] == "singular values of the spectra"
+    assert next(entry["shape"] for entry in told["arrays"] if entry["name"] == "curves") == [4, inside]
+
+
+def _head(blob: bytes) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(blob[4 : 4 + int.from_bytes(blob[:4], "little")])
+    return found
 
 
 def test_a_widget_is_of_a_result_alone() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from modalscope.model import DataError
 from modalscope.model.checks import RealArray
 
-__all__ = ["Sampling", "grain_of", "roundest", "same_rate", "sampling_of"]
+__all__ = ["Sampling", "grain_of", "parts_of_epoch", "roundest", "same_rate", "sampling_of"]
 
 #: Times may lie off the even grid by this part of a step.
 _OFF = 0.02
@@ -18,6 +18,8 @@ _SAME = 1e-3
 #: A step longer than this times the usual one has a sample missing in it, unless the clock is as coarse as the steps; then such
 #: steps are frequent, and a few are gaps.
 _GAP, _FEW = 1.9, 0.01
+#: Seconds since 1970 between 1990 and 2100; nobody counts so many milliseconds, or more, from the start of a test.
+_EPOCH = (631152000.0, 4102444800.0)
 #: No clock of a sampler is better known.
 _CLOCK = 1e-6
 #: So many times at each end tell the digits; printed ones have at most so many behind the point.
@@ -62,6 +64,19 @@ def grain_of(times: RealArray) -> float:
         return 0.0
 
     return max(of(times[:_ENDS]), of(times[-_ENDS:]))
+
+
+def parts_of_epoch(times: RealArray) -> float:
+    """Return by what times that count from 1970 are finer than seconds: 1e3, 1e6 or 1e9; 1 for seconds and for all other times.
+
+    Examples
+    --------
+    >>> parts_of_epoch(np.array([1.7e12, 1.7e12 + 5])), parts_of_epoch(np.array([0.0, 5.0]))
+    (1000.0, 1.0)
+    """
+    low, high = _EPOCH
+    ends = times[[0, -1]] if times.size else np.zeros(2)
+    return next((parts for parts in (1e3, 1e6, 1e9) if np.all((low * parts < ends) & (ends < high * parts))), 1.0)
 
 
 def sampling_of(times: RealArray) -> Sampling:

@@ -7,20 +7,21 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.io.columns.axis import same_rate, sampling_of
+from modalscope.io.columns.axis import parts_of_epoch, same_rate, sampling_of
 from modalscope.io.columns.roles import Role, may_be_base
 from modalscope.io.columns.table import Column, Table, as_word
 from modalscope.io.columns.words import factor_to_base, kind_of_unit
 from modalscope.io.contents import Options
 from modalscope.model import DataError, Signals
 from modalscope.model.channels import QUANTITIES
-from modalscope.model.checks import check_positive
+from modalscope.model.checks import RealArray, check_positive
 from modalscope.model.labels import label_of
 
 __all__ = ["records", "refuse_transposed", "sampling_rate"]
 
 #: The digits of times may leave so much of their rate open: frequencies would be as wrong.
 _OPEN = 1e-3
+_PARTS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
 
 
 def records(
@@ -55,6 +56,8 @@ def records(
         )
     refuse_transposed(table.where, table.rows, len(channels), bool(options.get("transpose")))
     rate, notes = sampling_rate(table, axis, options)
+    if axis and options.get("columns") is None:
+        _refuse_two_clocks(table, axis, [column for column in columns if column.number in twice])
     forces = [column for column in channels if roles[column.number].role == "in"]
     others = [column for column in channels if roles[column.number].role != "in"]
     if not others:
@@ -92,6 +95,22 @@ def _labels(columns: Sequence[Column], notes: list[str]) -> list[str]:
     ]
 
 
+def _refuse_two_clocks(table: Table, axis: Column, others: Sequence[Column]) -> None:
+    """Raise where another column of times is as even as the first and gives another rate."""
+    first = sampling_of(seconds_of(axis))
+    for other in others:
+        try:
+            sampling = sampling_of(seconds_of(other))
+        except DataError:
+            continue
+        if not same_rate(first.rate, sampling.rate, first.doubt + sampling.doubt):
+            raise DataError(
+                f"reading {table.where} needs one column of times",
+                f"the times of {axis} say {first.rate:.6g} Hz, those of {other} {sampling.rate:.6g} Hz",
+                f"Leave out which is wrong: --ignore {as_word(axis.label)}, or --ignore {as_word(other.label)}",
+            )
+
+
 def refuse_transposed(where: str, samples: int, channels: int, transposed: bool) -> None:
     """Raise where there are more channels than samples: rows and columns were exchanged.
 
@@ -110,6 +129,13 @@ def refuse_transposed(where: str, samples: int, channels: int, transposed: bool)
             if transposed
             else "If every row is a channel, exchange rows and columns: --transpose",
         )
+
+
+def seconds_of(axis: Column) -> RealArray:
+    """Return times in seconds from the first, of a column in its unit, or without one counted from 1970 in parts of seconds."""
+    times = np.asarray(axis.values, float)
+    parts = 1.0 if axis.unit else parts_of_epoch(times)
+    return times * factor_to_base(axis.unit) if parts == 1.0 else (times - times[:1]) / parts
 
 
 def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[float, list[str]]:
@@ -133,8 +159,7 @@ def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[
                 "Give it in samples per second: --sampling-rate HZ",
             )
         return said, [] if given is not None else [f"sampling rate {said:g} Hz by {source}"]
-    scale = factor_to_base(axis.unit)
-    times = np.asarray(axis.values, float) * scale
+    times = seconds_of(axis)
     way_out = f"--ignore {as_word(axis.label)} --sampling-rate"
     try:
         sampling = sampling_of(times)
@@ -160,4 +185,6 @@ def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[
         )
     rate = sampling.rate if said is None else said
     coarse = " (rounded more coarsely than they follow each other)" if sampling.off > 0.5 else ""
-    return rate, [f"sampling rate {rate:.9g} Hz by the times of column {axis.number}{coarse}"]
+    parts = 1.0 if axis.unit else parts_of_epoch(np.asarray(axis.values, float))
+    since = "" if parts == 1.0 else f" ({_PARTS[parts]} since 1970)"
+    return rate, [f"sampling rate {rate:.9g} Hz by the times of column {axis.number}{since}{coarse}"]

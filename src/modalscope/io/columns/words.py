@@ -39,7 +39,10 @@ LONGEST = 400
 
 _BRACKETED = re.compile(r"^(?P<name>.*?)\s*[\[<{](?P<unit>[^\[\]<>{}]*)[\]>}]\s*(?P<rest>\S*)$")
 _ROUND = re.compile(r"^(?P<name>.*\S)\s*\((?P<unit>[^()]*(?:\([^()]*\)[^()]*)*)\)\s*$")
-_SLASH = re.compile(r"^(?P<name>.*\S)\s+(?:/|in|,)\s*(?P<unit>\S+)$")
+_SLASH = re.compile(r"^(?P<name>.*\S)(?:\s+(?:/|in|,)\s*|,\s+)(?P<unit>\S+)$")
+#: DIN 1313 without blanks, `F/N` or `a_1/(m/s^2)`; the names of pairs (`3Z/1Z`) have no unit behind the stroke.
+_STROKE = re.compile(r"^(?P<name>[^\s/]+)/(?:\((?P<round>[^()]+)\)|(?P<plain>[^()]+))$")
+_PART_OF = re.compile(r"^(?P<part>re|im|real|imag|abs|arg|mag|phase)\{(?P<name>[^{}]*)\}", re.IGNORECASE)
 _UNDERSCORE = re.compile(r"^(?P<name>.*[A-Za-z0-9])_(?P<unit>s|ms|us|hz|Hz|kHz|N|kN|g|deg|rad|mm|um)$")
 _WORD = re.compile(r"[A-ZÀ-Þ]?[a-zà-ÿ]+|[A-ZÀ-Þ]+(?![a-zà-ÿ])|\d+|#")
 
@@ -77,7 +80,7 @@ def factor_to_base(unit: str) -> float:
 
 
 def split_head(head: str) -> tuple[str, str]:
-    """Return name and unit of a head such as `AccA [m/s^2]`, `Force (N)`, `Time / s` or `freq_hz`.
+    """Return name and unit of a head such as `AccA [m/s^2]`, `Force (N)`, `Time / s`, `F/N` or `freq_hz`.
 
     In round brackets, behind a slash, a comma or `in` a text is a unit only where it is known as one.
 
@@ -89,10 +92,17 @@ def split_head(head: str) -> tuple[str, str]:
     ...     split_head("H (1)"),
     ...     split_head("Zeit / s"),
     ...     split_head("time_s"),
+    ...     split_head("a_1/(m/s^2)"),
+    ...     split_head("3Z/1Z"),
     ... )
-    (('AccA', 'm/s^2'), ('Force', 'N'), ('H (1)', ''), ('Zeit', 's'), ('time', 's'))
+    (('AccA', 'm/s^2'), ('Force', 'N'), ('H (1)', ''), ('Zeit', 's'), ('time', 's'), ('a_1', 'm/s^2'), ('3Z/1Z', ''))
     """
-    text = head.strip()[:LONGEST].strip("\"'").strip()
+    text = _PART_OF.sub(r"\g<part>(\g<name>)", head.strip()[:LONGEST].strip("\"'").strip())
+    found = _STROKE.match(text)
+    if found:
+        unit = (found["round"] or found["plain"]).strip()
+        whole = plain_unit(text) in _KIND or (found["name"] not in _WEAK and is_unit(text))  # m/s is no column `m` in s
+        return (found["name"], unit) if is_unit(unit) and unit not in _WEAK and not whole else (text, "")
     found = _BRACKETED.match(text)
     if found and found["name"]:
         return " ".join(f"{found['name']} {found['rest']}".split()), found["unit"].strip()

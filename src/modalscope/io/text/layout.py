@@ -23,15 +23,17 @@ _LOOSE_FACT = re.compile(r"\s*(?P<key>[A-Za-z][^\d:=]{0,59}?)\s+(?P<value>[+-]?\
 _NAME_AND_UNIT = re.compile(r"\S++(?:\s*+[\[(][^\[\]()]*+[\])])?")
 _QUANTITY = re.compile(r"\s*\"?([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s*([A-Za-z/]*)")
 _RATE = re.compile(
-    r"(?:sampl\w*|scan|acquisition|acq\.?|data|abtast)[\s_]*(?:rate|freq\w*)|\b(?:fs|f_s|rate|sr|abtastrate|abtastfrequenz)\b"
+    r"(?:sampl?\w*|scan|acquisition|acq\.?|data|abtast)[\s_]*(?:rate|freq\w*)|\b(?:fs|f_s|rate|sr|abtastrate|abtastfrequenz)\b"
     r"|fr[eé]quence d.[eé]chantillonnage|frecuencia de muestreo|samples? per sec\w*|samples/s",
     re.IGNORECASE,
 )
 _STEP = re.compile(
-    r"\bdt\b|delta[\s_]*[tx]|sampl\w*[\s_]*(?:interval|period|time)|(?:time|x)[\s_]*(?:increment|step|interval|resolution)"
+    r"\bdt\b|delta[\s_]*[tx]|sampl?\w*[\s_]*(?:interval|period|time)|(?:time|x)[\s_]*(?:increment|step|interval|resolution)"
     r"|abtastintervall|delta time",
     re.IGNORECASE,
 )
+#: How clocks are written, in a row of units.
+_CLOCK = re.compile(r"h{1,2}:m{2}(?::s{1,2}(?:[.,:][0fsm]+)?)?\Z", re.IGNORECASE)
 _WORDS_OF_RATE = {"s/s", "sps", "samples/s", "sa/s", "hz", "1/s", ""}
 #: What stands before the names of columns, or their units, in a column of its own.
 _ROW_NAMES = {
@@ -126,7 +128,7 @@ def _head(
         alone = dict(heads).get(unit_line, [""] * width)
         return ("",) * width, tuple(_bare(cell) for cell in alone), -1, unit_line
     line, cells = named[0]
-    if len(named) > 1 and _are_parts(cells):
+    if len(named) > 1 and _are_parts(cells) and len(set(named[1][1])) < width:  # a name stands over each of its parts
         cells = [f"{above} {below}".strip() for above, below in zip(named[1][1], cells, strict=True)]
     split_cells = [split_head(cell) for cell in cells]
     units = [unit for _, unit in split_cells]
@@ -148,6 +150,8 @@ def _fitted(line: str, cells: list[str], width: int, dialect: Dialect) -> list[s
             fitted = fitted[:-1]
         if len(fitted) == width - 1 and width > 2 and way is cells and not any(map(is_number, fitted)):
             fitted = ["", *fitted]
+        if "=" in fitted:  # a key and its value, parted by blanks as the rows are
+            continue
         if len(fitted) == width and (width > 1 or not _FACT.match(line)) and not all(map(is_number, fitted)):
             return fitted
     return None
@@ -165,7 +169,7 @@ def _are_units(cells: Sequence[str]) -> bool:
     """Whether a row holds units: each is known or in brackets, and one at least is there."""
     held = [cell for cell in cells if _bare(cell)]
     bracketed = [cell for cell in held if cell[0] + cell[-1] in ("[]", "()")]
-    known = [cell for cell in held if is_unit(_bare(cell)) or cell in bracketed]
+    known = [cell for cell in held if is_unit(_bare(cell)) or cell in bracketed or _CLOCK.match(_bare(cell))]
     return bool(known) and len(known) == len(held) and (len(held) > 1 or len(cells) == 1 or bool(bracketed))
 
 

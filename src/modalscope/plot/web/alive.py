@@ -10,17 +10,21 @@ import numpy as np
 
 from modalscope.identification.lookup import cell_label
 from modalscope.modal.explained import explained
-from modalscope.modal.rebuilt import fit_error
 from modalscope.model import ModalModel, StabilizationDiagram
 from modalscope.model.checks import Array, IntArray
 from modalscope.plot.web.blob import pack
+from modalscope.plot.web.fits import fit_of_bands
 from modalscope.plot.web.modes import modes_parts
-from modalscope.plot.web.poles import band_of, behind, pole_arrays, rebuilt_lines
+from modalscope.plot.web.poles import asked_ends, band_of, behind, pole_arrays, rebuilt_lines, thinned
+from modalscope.preprocess.singular_spectra import Decomposition
 
 __all__ = ["alive_blob", "front_end"]
 
 #: Numbers of channels that a blob holds at most, and lines a channel has at least and at most.
 _NUMBERS, _FEW, _MANY = 200_000, 100, 1500
+
+#: Singular values that are drawn.
+_CURVES = 4
 
 #: Points of the indicator: about twice what a wide screen has.
 _POINTS = 4000
@@ -40,50 +44,63 @@ def front_end(name: str) -> str | None:
     return path.read_text(encoding="utf-8") if path.is_file() else None
 
 
-def alive_blob(modes: ModalModel, *diagrams: StabilizationDiagram) -> bytes:
+def alive_blob(modes: ModalModel, *diagrams: StabilizationDiagram, spectra: Decomposition | None = None) -> bytes:
     """Return modes and the diagrams that they were selected from, one a band, as one blob.
 
     Parameters
     ----------
     modes : ModalModel
     *diagrams : StabilizationDiagram
+    spectra : Decomposition, optional
+        Whose singular values stand behind the poles in the place of the indicator, in the bands that were asked.
     """
     told, drawn = modes_parts(modes, {})
     first = diagrams[0]
-    lines, curves = behind(diagrams, _POINTS)
+    lines, curves = behind(diagrams, _POINTS) if spectra is None else _spectra_behind(spectra, diagrams)
     head: dict[str, Any] = {
         **told,
         "label": cell_label(first.method, first.domain),
         "orders": sorted({order for diagram in diagrams for order in diagram.orders}),
-        "bands": [list(band_of(diagram, len(diagrams))) for diagram in diagrams],
+        "bands": [list(band_of(each, len(diagrams)) if spectra is None else asked_ends(each)) for each in diagrams],
+        "level": "mode indicator" if spectra is None else "singular values of the spectra",
         "columns": list(first.response.columns),
     }
     arrays = {**drawn, **pole_arrays(diagrams), "behind": lines, "curves": curves}
-    if modes.participation is not None and len(modes):
-        channels = _channels(modes, diagrams)
-        head["explained"] = explained(channels.left)
+    fit = fit_of_bands(modes, diagrams) if len(modes) else None
+    if fit is not None:
+        channels = _channels(modes, diagrams, fit[1])
+        head["explained"] = explained(fit[0])
         if channels.arrays:
             head |= {"channels": True, "fits": channels.fits}
             arrays |= channels.arrays
     return pack(head, arrays, exact=("frequency", "behind", "response_lines"))
 
 
-class _Channels(NamedTuple):
-    """What the modes leave of all and of each channel (l, m), and what is drawn of them: nothing where there are too many."""
+def _spectra_behind(spectra: Decomposition, diagrams: Sequence[StabilizationDiagram]) -> tuple[Array, Array]:
+    """Return lines (P,) in the bands that were asked, and roots (k, P) of the largest singular values: levels of an amplitude."""
+    f = spectra.frequencies
+    kept = np.any([(low <= f) & (f <= high) for low, high in map(asked_ends, diagrams)], axis=0)
+    return thinned(f[kept], np.sqrt(spectra.singular_values[kept, :_CURVES]), _POINTS)
 
-    left: float
+
+class _Channels(NamedTuple):
+    """What the modes leave of each channel (l, m), and what is drawn of them: nothing where there are too many."""
+
     fits: Array
     arrays: dict[str, Array]
 
 
-def _channels(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> _Channels:
-    """Return measured and rebuilt values (l, m, lines) of every channel, of one band after the other."""
+def _channels(modes: ModalModel, diagrams: Sequence[StabilizationDiagram], left: Array) -> _Channels:
+    """Return measured and rebuilt values (l, m, lines) of every channel, of one band after the other.
+
+    What is left (l, m) of records is told of an output under all inputs, (l, 1).
+    """
     parts = [rebuilt_lines(modes, diagram, len(diagrams)) for diagram in diagrams]
     f, measured, own = (np.concatenate(side) for side in zip(*parts, strict=True))
-    left, fits = fit_error(measured, own)
+    fits = np.broadcast_to(left, measured.shape[1:])
     most = min(_NUMBERS // max(4 * int(np.prod(measured.shape[1:])), 1), _MANY)
     if most < _FEW:
-        return _Channels(left, fits, {})
+        return _Channels(fits, {})
     kept = _shown(f, modes, most)
     sides = {"measured": measured[kept], "rebuilt": own[kept]}
     drawn = {
@@ -91,7 +108,7 @@ def _channels(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> _C
         for name, side in sides.items()
         for part in ("real", "imag")
     }
-    return _Channels(left, fits, {"response_lines": f[kept], **drawn})
+    return _Channels(fits, {"response_lines": f[kept], **drawn})
 
 
 def _shown(f: Array, modes: ModalModel, most: int) -> IntArray:
