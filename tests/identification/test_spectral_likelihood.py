@@ -110,4 +110,17 @@ def test_what_is_out_of_reach_is_kept_and_said() -> None:
     assert np.array_equal(kept.poles, moved_away.poles)
     assert refine_setups(setups, start.take([])) is not None
     flat = [replace(part, outputs=np.asarray(part.outputs) * np.array([1, 1, 1, 0.0])) for part in BUILT.setups]
-    assert "no optimum" in str(refine_setups(ms.merge(flat), start).notes[-1])
+    assert refine_setups(ms.merge(flat), start).notes[-1].kind == "not refined"
+
+
+def test_a_machine_among_the_modes_is_no_part_of_them() -> None:
+    t = np.arange(BUILT.setups[0].samples) / BUILT.setups[0].sampling_rate
+    hum = np.sin(2 * np.pi * 1.5 * t)[:, None]
+    beside = [
+        replace(part, outputs=np.asarray(part.outputs) + 0.5 * np.std(part.outputs, axis=0) * hum)
+        for part in BUILT.setups[:2]
+    ]
+    found = refine_setups(ms.merge(beside), BUILT.modes.select(outputs=list(ms.merge(beside).output_dofs)))
+    # too few turns to be told from a mode by itself: the misfit tells it
+    assert [note.kind for note in found.notes] == ["not refined"]
+    assert np.array_equal(found.poles, BUILT.modes.poles)

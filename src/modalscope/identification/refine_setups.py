@@ -15,6 +15,8 @@ from modalscope.model.checks import BoolArray, ComplexArray, RealArray
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
 from modalscope.model.setups import Setups
+from modalscope.model.signals import Signals
+from modalscope.preprocess.harmonics import find_lines
 from modalscope.uncertainty.covariance import deviations_of_poles, pole_blocks, sandwich
 from modalscope.uncertainty.noise import KIND
 
@@ -23,11 +25,17 @@ __all__ = ["refine_setups"]
 #: The lines reach so far beyond the first and the last mode: a part of the frequency, and half bandwidths.
 _BEYOND, _HALVES = 0.15, 10.0
 
+#: Lines of machines are left out with this part of their frequency on either side, and so many of their spreads: what leaks from them.
+_HUM, _SPREADS = 0.01, 3.0
+
 #: An optimum further away than this many decay rates is another.
 _ASTRAY = 1.0
 
 #: Products of one step of all setups that are worth it, and how much larger than told residuals may be without a word.
 _PRODUCTS, _ROUGH = 2e11, 1.2
+
+#: Lines that scatter so many times as much are not those of these modes.
+_WRONG = 2.0
 
 
 @one_thread
@@ -51,7 +59,7 @@ def refine_setups(setups: Setups, modes: ModalModel, *, apart: bool = False) -> 
     -------
     ModalModel
         With deviations from the lines' own scatter and, of four groups of setups or more, repeatability. As it was, with a note that says
-        why, where that is out of reach: too many channels and modes, or an optimum that is another.
+        why, where that is out of reach: too many channels and modes, more in the lines than modes, or an optimum that is another.
     """
     if not len(modes):
         return modes
@@ -67,6 +75,11 @@ def refine_setups(setups: Setups, modes: ModalModel, *, apart: bool = False) -> 
         _means([scored([each], modes.poles) for each in cells], modes.poles) if apart else scored(cells, modes.poles)
     )
     astray = np.abs(found.poles - modes.poles) > _ASTRAY * np.abs(modes.poles.real)
+    if found.misfit > _WRONG:
+        return _kept(
+            modes,
+            f"lines scatter {found.misfit:.2g} times as much as these modes say: there is more, a machine or other modes",
+        )
     if not found.converged or np.any(astray):
         where = ", ".join(f"{f:.5g} Hz" for f in modes.frequencies[astray])
         return _kept(modes, f"the optimum lies far from {where}" if where else "no optimum was reached")
@@ -78,7 +91,17 @@ def _cells(setups: Setups, poles: ComplexArray) -> list[Cells]:
     f, half = poles.imag / (2 * np.pi), np.abs(poles.real) / (2 * np.pi)
     reach = np.maximum(_BEYOND * f, _HALVES * half)
     band = (float(np.min(f - reach)), float(min(np.max(f + reach), 0.49 * setups.sampling_rate)))
-    return [cells_of(part, poles, band) for part in setups.parts]
+    return [_without_lines(cells_of(part, poles, band), part) for part in setups.parts]
+
+
+def _without_lines(cells: Cells, record: Signals) -> Cells:
+    """Return cells without those in which a machine turns: no modes and no noise explain it."""
+    kept = np.ones(cells.frequencies.size, dtype=bool)
+    for line in find_lines(record, (float(cells.frequencies[0]), float(cells.frequencies[-1]))):
+        kept &= np.abs(cells.frequencies - line.frequency) > _HUM * line.frequency + _SPREADS * line.spread
+    if kept.all():
+        return cells
+    return replace(cells, values=cells.values[kept], frequencies=cells.frequencies[kept], counts=cells.counts[kept])
 
 
 def _means(each: Sequence[Scored], start: ComplexArray) -> Scored:

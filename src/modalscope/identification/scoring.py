@@ -14,7 +14,7 @@ from modalscope.model.checks import ComplexArray, RealArray
 __all__ = ["Scored", "covariance", "scored"]
 
 #: Steps of scoring at most, as many that a record takes by itself first, and the fall of -log p of a record below which they end.
-_STEPS, _ALONE, _DONE = 40, 6, 1e-3
+_STEPS, _ALONE, _DONE = 20, 6, 1e-3
 
 #: Damping of the first step, what a whole step and none make of it, and where no step helps any more.
 _FIRST, _EASE, _STIFFEN, _STUCK = 1e-2, 1 / 6, 8.0, 1e6
