@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from modalscope.blocks.threads import one_thread
 from modalscope.identification.completion import completed
 from modalscope.identification.prepare import measure
+from modalscope.identification.refine_setups import refine_setups
 from modalscope.identification.refined import refined
 from modalscope.identification.settling import Settled, Task, least_gain, settle, task_of
 from modalscope.model.candidates import Candidate
@@ -20,6 +21,8 @@ from modalscope.model.keywords import named
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
 from modalscope.model.response import Response, window_damping
+from modalscope.model.setups import Setups, as_test
+from modalscope.model.signals import Signals
 
 __all__ = ["refine"]
 
@@ -48,8 +51,9 @@ def refine(
 
     Parameters
     ----------
-    data : FrequencyResponse, ImpulseResponse, Signals, Records or a list of records
-        Records with inputs on their own lines, where nothing is averaged.
+    data : FrequencyResponse, ImpulseResponse, Signals, Records, Setups or a list of records
+        Records with inputs on their own lines, where nothing is averaged; records without inputs, and setups, by Whittle's likelihood of
+        their lines (`refine_setups`), whose options are none of those below.
         In the band that the modes were identified in: what no mode explains biases those that are there.
     modes : ModalModel
         Where to start. Poles that are no decaying oscillations take part as they are, and are not reported.
@@ -85,6 +89,9 @@ def refine(
     (True, True)
     """
     check_kind("modes of refine", modes, ModalModel)
+    ambient = _ambient(data)
+    if ambient is not None:
+        return refine_setups(_with_channels(ambient, modes), modes)
     response = _response(data, modes).around(modes.poles)
     chosen = check_groups(groups, *response.parts, response.groups)
     poles = modes.poles - window_damping(response)
@@ -104,6 +111,20 @@ def refine(
     return refined(task, start.take(kept), settled, chosen, lost, notes)
 
 
+def _ambient(data: Any) -> Setups | None:
+    """Return records without inputs as setups, a record alone as the only one; None of other data."""
+    test = data if isinstance(data, Setups | Signals) else as_test(data) if isinstance(data, list | tuple) else None
+    if isinstance(test, Setups):
+        return test
+    return Setups(parts=(test,), groups=None) if isinstance(test, Signals) and not test.input_dofs else None
+
+
+def _with_channels(setups: Setups, modes: ModalModel) -> Setups:
+    """Return setups of which the modes have all outputs."""
+    missing = [dof for dof in setups.output_dofs if dof not in modes.output_dofs]
+    return setups.select(exclude=missing) if missing else setups
+
+
 def _response(data: Any, modes: ModalModel) -> Response:
     """Return the response that the modes are of."""
     response = measure(data).response
@@ -111,7 +132,7 @@ def _response(data: Any, modes: ModalModel) -> Response:
         raise DataError(
             "modes of correlations were to be refined",
             "their errors are correlated from lag to lag, so that least squares is no maximum of their likelihood",
-            "Keep the values as they are; refine modes of frequency or impulse responses.",
+            "Give the records themselves: their lines have a likelihood.",
         )
     there, given = (response.values.shape[1], len(response.input_dofs)), len(modes.shapes)
     if given != there[0] or (modes.participation is not None and modes.participation.shape[1] != there[1]):

@@ -20,8 +20,11 @@ __all__ = ["CORRELATED", "beside_structure", "harmonics_of_diagram", "told_of_er
 #: The kind of the note that says that errors of a response may pass for modes.
 CORRELATED = "correlated errors"
 
-#: A pole belongs to a line within so many of its spreads, in frequency and in half bandwidth, and this part of its frequency more.
+#: A pole belongs to a line within so many of its spreads and this part of its frequency more.
 _SPREADS, _MORE = 3.0, 0.002
+
+#: Half bandwidth of a line that wanders, in its spreads: half the width of a normal distribution at half its height, sqrt(2 ln 2).
+_HALF = 1.18
 
 
 def harmonics_of_diagram(diagram: StabilizationDiagram) -> tuple[Harmonic, ...]:
@@ -66,8 +69,9 @@ def beside_structure(diagram: StabilizationDiagram, candidates: Sequence[Candida
 def _is_line(c: Candidate, line: Note) -> bool:
     """Whether poles lie on a line, and are no more damped than its wandering explains."""
     f = line.numbers["frequency_hz"]
-    near = _SPREADS * line.numbers["spread_hz"] + _MORE * f
-    return abs(c.frequency - f) < near and c.damping * c.frequency < near
+    spread = line.numbers["spread_hz"]
+    near = abs(c.frequency - f) < _SPREADS * spread + _MORE * f
+    return near and c.damping * c.frequency < max(_HALF * spread, _MORE * f)
 
 
 def told_of_errors(modes: ModalModel, diagram: StabilizationDiagram) -> ModalModel:

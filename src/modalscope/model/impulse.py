@@ -33,7 +33,10 @@ if TYPE_CHECKING:
     from modalscope.model.modes import ModalModel
     from modalscope.model.statespace import StateSpace
 
-__all__ = ["ImpulseResponse"]
+__all__ = ["HALF", "ImpulseResponse"]
+
+#: What the processing of half spectra says.
+HALF = "half spectra"
 
 #: Samples of a model that are made together at least: C is read as often as there are such steps.
 _STEP = 16
@@ -258,7 +261,9 @@ class ImpulseResponse(Response):
             added_damping=self.added_damping,
             groups=self.groups,
             **self.labelled(),
-        ).processed(f"transformed from {self.samples} samples of a {self.kind} response")
+        ).processed(
+            f"{f'{HALF}, ' if self.kind == 'correlation' else ''}transformed from {self.samples} samples of a {self.kind} response"
+        )
 
     def _transformed(self, lines: RealArray) -> ComplexArray:
         """Return sum_k values[k] exp(-2 pi j f k / fs) on any lines, a few at a time."""

@@ -46,6 +46,7 @@ KINDS = (
     "missing samples",
     "no complex values",
     "places",
+    "event",
 )
 
 #: Channels of a smaller RMS than this part of the median of all are dead: a sensor shows more noise than that.

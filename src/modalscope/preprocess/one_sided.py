@@ -7,7 +7,7 @@ from scipy import fft
 
 from modalscope.model.checks import Array, DataError, check_count, check_kind
 from modalscope.model.frequency import FrequencyResponse
-from modalscope.model.impulse import ImpulseResponse
+from modalscope.model.impulse import HALF, ImpulseResponse
 from modalscope.model.keywords import named
 from modalscope.model.sizes import check_size
 
@@ -61,4 +61,4 @@ def half_spectra(correlation: ImpulseResponse, *, lines: int | None = None) -> F
         sampling_rate=correlation.sampling_rate,
         quantity=correlation.quantity,
         **correlation.labelled(),
-    ).processed(f"half spectra on {count} lines")
+    ).processed(f"{HALF} on {count} lines")

@@ -15,6 +15,7 @@ from modalscope.model.stored import StoredSignals
 from modalscope.model.stored_response import StoredResponse
 from modalscope.preprocess.causality_checks import delayed, exchanged
 from modalscope.preprocess.driven_band import swept_lines, useful_lines
+from modalscope.preprocess.event_checks import events
 from modalscope.preprocess.excitation import find_excitation
 from modalscope.preprocess.findings import Finding, dead_channels, identical_channels, sides_of
 from modalscope.preprocess.frf import estimate_frf
@@ -45,10 +46,10 @@ def examine(data: Signals | StoredSignals | StoredResponse | Records | Setups | 
 
     Looked for are overloaded, double and clipped hits, clipped, dead, noisy, duplicate and swapped channels, converters that
     overflowed, values that hold and gaps, missing samples, spikes, outputs that come late, forces taken for responses, arrays that
-    are transposed, conjugate, without phase, or levels and angles instead of complex values, lines that stand alone, wrong
-    polarity, leakage, low coherence, responses that are not reciprocal, a quantity that cannot be right, records too short for the
-    damping in them. What of these can be seen depends on the data: polarity needs driving points, reciprocity two inputs at output
-    dofs.
+    are transposed, conjugate, without phase, or levels and angles instead of complex values, lines that stand alone, events that
+    outweigh a record without inputs, wrong polarity, leakage, low coherence, responses that are not reciprocal, a quantity that cannot
+    be right, records too short for the damping in them. What of these can be seen depends on the data: polarity needs driving points,
+    reciprocity two inputs at output dofs.
 
     Parameters
     ----------
@@ -100,7 +101,7 @@ def _examine_record(signals: Signals) -> list[Finding]:
     if not all(alive.values()):
         return found
     moving = signals.select(**{f"{side}s": kept for side, kept in alive.items()})
-    found += slips(moving, kind)
+    found += events(moving) + slips(moving, kind)
     turned = exchanged(moving) if kind != "sweep" else []
     found += turned or delayed(moving)
     forced = signals.inputs is not None and len(alive["input"]) == len(signals.input_dofs) and not turned

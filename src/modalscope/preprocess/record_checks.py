@@ -42,6 +42,9 @@ _LEFT = 0.05
 #: A random record shorter than this many times 1 / (zeta omega) tells little of the damping.
 _TIME_CONSTANTS = 4.0
 
+#: What turns fewer times in a record is drift: a resonance of 2 % has then decayed once.
+_CYCLES = 10.0
+
 
 def clipped(signals: Signals, kind: str) -> list[Finding]:
     """Find channels that stand at their extremes; a hammer's force is looked at hit by hit instead."""
@@ -265,9 +268,10 @@ def too_short(signals: Signals) -> list[Finding]:
 def _slowest(signals: Signals, power: RealArray, lines: RealArray) -> tuple[float, float] | None:
     """Return frequency (Hz) and decay time (s) of the strongest resonance where the record is short for it."""
     smooth = scipy.signal.oaconvolve(power, np.ones(17) / 17, mode="same")
-    top = int(np.argmax(smooth))
+    first = int(np.searchsorted(lines, _CYCLES / signals.duration))
+    top = first + int(np.argmax(smooth[first:]))
     f0 = float(lines[top])
-    if f0 * signals.duration < 4 or smooth[top] < 20 * float(np.median(smooth)):
+    if top == first or smooth[top] < 20 * float(np.median(smooth)):  # at the end: what is left of drift
         return None
     constant = _decay_time(signals, power, lines, f0)
     return (f0, constant) if signals.runs * signals.duration < _TIME_CONSTANTS * constant else None

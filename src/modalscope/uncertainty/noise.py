@@ -12,6 +12,7 @@ import numpy as np
 
 from modalscope.blocks.influence import Moments
 from modalscope.model.checks import Array, BoolArray, ComplexArray, DataError, RealArray
+from modalscope.model.impulse import HALF
 from modalscope.model.notes import Note
 from modalscope.model.response import Response, fading, window_damping
 from modalscope.model.signals import Signals
@@ -234,7 +235,7 @@ def noise_of(response: Response, records: Signals | StoredSignals | None = None)
     """Return what is known of the noise in a response.
 
     The variance of the estimates where the response has it; else their coherence with the number of averages; for correlations the
-    scatter of parts of the record; else the residual of whatever model is fitted.
+    scatter of parts of the record, and nothing for their half spectra; else the residual of whatever model is fitted.
 
     Parameters
     ----------
@@ -244,6 +245,10 @@ def noise_of(response: Response, records: Signals | StoredSignals | None = None)
     """
     if response.ambient:
         return _of_parts(response, records)
+    if any(HALF in step for step in response.processing):
+        return Unknown(
+            "the errors of half spectra are correlated from line to line and with each other, as those of correlations are"
+        )
     is_complex, fading = bool(np.iscomplexobj(response.values)), _fading_of(response)
     leaks = any(LEAKING in step for step in response.processing)
     given = getattr(response, "variance", None)

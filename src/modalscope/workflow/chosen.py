@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.identification.refine_setups import refine_setups
 from modalscope.judging.bands import merge_bands
 from modalscope.judging.parts import Part, joined_modes
 from modalscope.judging.select import select
@@ -39,13 +40,22 @@ def modes_chosen(data: Any, document: Analysis, looks: Sequence[Look], choose: C
     choose : callable
         `select`, or what keeps its parts from one choice to the next.
     """
-    if document.apart:
-        return merge_modes(
-            [_of_bands(document, list(apart), choose) for _, apart in groupby(looks, key=attrgetter("setup"))],
-            responses=[estimate_correlation(part) for part in setups_apart(data, document)],
-            groups=data.groups,
-        )
-    return _of_bands(document, looks, choose, between=isinstance(data, Setups))
+    if not isinstance(data, Setups):
+        return _of_bands(document, looks, choose)
+    found = _of_setups(data, replace(document, refine=False), looks, choose)
+    kept = data.select(exclude=document.exclude) if document.exclude else data
+    return refine_setups(kept, found, apart=document.apart) if document.refine else found
+
+
+def _of_setups(data: Setups, document: Analysis, looks: Sequence[Look], choose: Choose) -> ModalModel:
+    """Return the modes of setups that were identified together, or apart and put together."""
+    if not document.apart:
+        return _of_bands(document, looks, choose, between=True)
+    return merge_modes(
+        [_of_bands(document, list(apart), choose) for _, apart in groupby(looks, key=attrgetter("setup"))],
+        responses=[estimate_correlation(part) for part in setups_apart(data, document)],
+        groups=data.groups,
+    )
 
 
 def _of_bands(document: Analysis, looks: Sequence[Look], choose: Choose, *, between: bool = False) -> ModalModel:
