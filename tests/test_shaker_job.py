@@ -115,7 +115,9 @@ def left_at_the_modes(test: Shaker) -> tuple[float, bool]:
     spectra = record_spectra(as_records(test.signals))
     left = spectra.values - spectra.of_modes(modes).values
     poles = poles_from(test.frequencies, test.damping_ratios)
-    level = excess(spectra.frequencies, left[:, :, 0], spectra.values[:, :, 0], poles, 1 / spectra.durations[0])
+    level = excess(
+        spectra.frequencies, np.abs(left[:, :, 0]) ** 2, spectra.values[:, :, 0], poles, 1 / spectra.durations[0]
+    )
     return level.decibels, any(note.kind == UNMEASURED for note in diagram.notes)
 
 

@@ -10,6 +10,7 @@ from abc import abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -146,7 +147,7 @@ class RowsOnLines(DataMatrix):
         F[:, self.kept_rows] = left
         return self.full_shift.pencil(F, values, self.outputs * (self.block_rows + 1))
 
-    def right_vectors(self, factors: Factors, coefficients: Array) -> ComplexArray:
+    def right_vectors(self, factors: Factors, coefficients: Array) -> Any:
         """Return v_j over the lines (m, 2 F, k), of every input."""
         if factors.right is None:
             self._has_no("right factor over lines")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -124,8 +124,8 @@ class DataMatrix(ABC):
         """
         return self.row_shift.pencil(left, values, self.tall().shape[0])
 
-    def right_vectors(self, factors: Factors, coefficients: Array) -> ComplexArray:
-        """Return columns v_j of the matrix from their coefficients in the factors' own, Q X.
+    def right_vectors(self, factors: Factors, coefficients: Array) -> Any:
+        """Return columns v_j of the matrix from their coefficients in the factors' own, Q X: an array, or what `influence` makes one of.
 
         Parameters
         ----------
@@ -134,14 +134,14 @@ class DataMatrix(ABC):
         """
         return np.asarray(factors.Q[:, : len(coefficients)] @ coefficients)
 
-    def influence(self, left: Array, right: Array, lines: Lines | None = None) -> Influence:
+    def influence(self, left: Array, right: Any, lines: Lines | None = None) -> Influence:
         """Return the gradient of left_j dH right_j by the response: the adjoint of what makes the matrix of the response.
 
         Parameters
         ----------
         left : array, (k, rows)
             As `pencil` gives them.
-        right : array
+        right
             As `right_vectors` gives them.
         lines : Lines, optional
             Where columns are lines: those that stand for all; by default all.

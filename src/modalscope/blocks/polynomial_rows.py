@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from modalscope.blocks.influence import LineInfluence, Lines, Outer, all_lines
@@ -94,7 +96,7 @@ class PolynomialRows(RowsOnLines):
         """Return p_k(x) / p_0 at the poles."""
         return evaluate(self.recurrence, 1.0, poles)[self.block_indices(blocks)]
 
-    def influence(self, left: Array, right: Array, lines: Lines | None = None) -> LineInfluence:
+    def influence(self, left: Array, right: Any, lines: Lines | None = None) -> LineInfluence:
         """Return the gradient: q = sum_k L_k p_k(x) by output times the right vector by input, on dH; the mirror image on dH*.
 
         What is eliminated is orthogonal to the right vectors already.

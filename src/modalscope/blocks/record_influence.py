@@ -23,10 +23,13 @@ from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray, fr
 if TYPE_CHECKING:
     from modalscope.blocks.record_lines import RecordLines
 
-__all__ = ["RecordColumns", "RecordInfluence", "told_lines"]
+__all__ = ["Driven", "RecordColumns", "RecordInfluence", "told_lines"]
 
 #: Lines of long records on which the influence is kept.
 _TOLD = 8192
+
+#: Numbers of each of the arrays that are made of some poles at a time.
+_NUMBERS = 1 << 16
 
 
 def spread_over(weights: Array, few: Few) -> Array:
@@ -67,16 +70,16 @@ class RecordInfluence(LineInfluence):
     matrix : RecordLines
     left : array of complex, (k, q + 1, l)
         Coefficients of P, outputs in their own unit.
-    right : array of complex, (k, 2, F)
-        What the columns of real and of imaginary parts have on the told lines, times the weights of the lines.
+    right : Driven
+        What the columns of real and of imaginary parts have on the told lines.
     """
 
-    def __init__(self, matrix: RecordLines, left: ComplexArray, right: ComplexArray) -> None:
+    def __init__(self, matrix: RecordLines, left: ComplexArray, right: Driven) -> None:
         freeze(self, matrix=matrix, left=left, right=right)
 
     matrix: RecordLines
     left: ComplexArray
-    right: ComplexArray
+    right: Driven
 
     @property
     def lines(self) -> Lines:
@@ -96,8 +99,10 @@ class RecordInfluence(LineInfluence):
     @property
     def drives(self) -> tuple[ComplexArray, ComplexArray]:
         """U and t of every pole on the told lines, (k, F) each."""
-        real, imaginary = self.right[:, 0], self.right[:, 1]
-        return np.asarray(real - 1j * imaginary) / 2, np.asarray(real + 1j * imaginary) / 2
+        (real, beside), (imaginary, pair) = self.right.parts(slice(None)).transpose(2, 0, 1, 3)
+        weights = self.matrix.told_weights / 2
+        u, t = (real + pair) + 1j * (beside - imaginary), (real - pair) + 1j * (beside + imaginary)
+        return np.asarray(u * weights), np.asarray(t * weights)
 
     def at(self, lines: IntArray) -> tuple[ComplexArray, ComplexArray]:
         """Return P and P~ on some lines, (k, lines, l) each."""
@@ -107,23 +112,41 @@ class RecordInfluence(LineInfluence):
         """Return the moments under circular noise; of one variance an output, (l, 1), by the few points."""
         if fading is not None or variance.ndim != 2 or not isinstance(other, RecordInfluence):
             return super().joint(other, variance, fading)
+        if other is self:
+            return self._own(variance[:, 0])
         finer = max(self.matrix, other.matrix, key=lambda one: one.block_rows)
         few, (used, each) = finer.few, finer.told
         (P, M), (u, t) = self.at(used[few.place]), self.drives
-        (R, N), (v, s) = ((P, M), (u, t)) if other is self else (other.at(used[few.place]), other.drives)
+        (R, N), (v, s) = other.at(used[few.place]), other.drives
 
         def summed(one: ComplexArray, two: ComplexArray, drive: Array) -> ComplexArray:
             at = (one * two) @ variance[:, 0]
             return np.asarray(np.sum(at * spread_over(drive * each, few), axis=1))
 
-        level = (np.abs(u) ** 2, np.abs(t) ** 2) if other is self else (u * v.conj(), t * s.conj())
-        size = summed(P, R.conj(), level[0]) + summed(M, N.conj(), level[1])
-        square = summed(P, N, u * s)
-        return Moments(size, square + (square if other is self else summed(M, R, t * v)))
+        size = summed(P, R.conj(), u * v.conj()) + summed(M, N.conj(), t * s.conj())
+        return Moments(size, summed(P, N, u * s) + summed(M, R, t * v))
+
+    def _own(self, variance: RealArray) -> Moments:
+        """Return E|dp|^2 and E dp dp, some poles at a time: sums of |u|^2, |t|^2 and u t, in real numbers."""
+        P, M = self.at(self.matrix.told.used[self.matrix.few.place])
+        plain, mirrored, both = np.abs(P) ** 2 @ variance, np.abs(M) ** 2 @ variance, (P * M) @ variance
+        size, square = np.empty(len(P)), np.empty(len(P), complex)
+        spread = self.matrix.told_spread
+        step = max(_NUMBERS // len(spread), 1)
+        for start in range(0, len(P), step):
+            s = slice(start, start + step)
+            (a, d), (c, b) = self.right.parts(s).transpose(
+                0, 2, 1, 3
+            )  # u = a + b + j (c - d), t = a - b + j (c + d), over two
+            a2, b2, c2, d2 = a * a, b * b, c * c, d * d
+            sums = np.stack([a2 + b2 + c2 + d2, 2 * (a * b - c * d), a2 - b2 - c2 + d2, 2 * (a * c + b * d)]) @ spread
+            size[s] = np.sum((plain + mirrored)[s] * sums[0] + (plain - mirrored)[s] * sums[1], axis=1)
+            square[s] = np.sum(both[s] * (sums[2] + 1j * sums[3]), axis=1)
+        return Moments(size, 2 * square)
 
     def take(self, index: Array) -> RecordInfluence:
         """Return the gradients of some poles."""
-        return RecordInfluence(self.matrix, self.left[index], self.right[index])
+        return RecordInfluence(self.matrix, self.left[index], self.right.take(index))
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,3 +177,29 @@ class RecordColumns:
         kept = np.arange(len(rows)) if len(factors.P) == len(rows) else matrix.kept_rows
         rows[kept] = factors.P[:, :n] / factors.d[:n]
         return matrix.on_lines(rows)[None]
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """Columns of the matrix on the told lines, as combinations of those of the right factor: they are not kept.
+
+    Parameters
+    ----------
+    columns : array, (2 F, K)
+        Rows of Q, those of real parts above those of imaginary ones.
+    coefficients : array of complex, (n, k)
+        Of the first n of them.
+    """
+
+    columns: RealArray
+    coefficients: ComplexArray
+
+    def parts(self, some: slice) -> RealArray:
+        """Return what real and imaginary parts of coefficients give on rows of real and of imaginary parts, (2, k, 2, F), of some poles."""
+        chosen = self.coefficients[:, some]
+        both = np.hstack([chosen.real, chosen.imag]).T @ self.columns[:, : len(chosen)].T
+        return np.asarray(both.reshape(2, chosen.shape[1], 2, -1))
+
+    def take(self, index: Array) -> Driven:
+        """Return the columns of some poles."""
+        return Driven(self.columns, self.coefficients[:, index])

@@ -30,7 +30,7 @@ from modalscope.blocks.operators import LargeMatrix
 from modalscope.blocks.plane import Plane, plane_of
 from modalscope.blocks.polynomial_rows import PolynomialRows
 from modalscope.blocks.polynomials import evaluate, orthogonal_basis
-from modalscope.blocks.record_influence import RecordColumns, RecordInfluence, told_lines
+from modalscope.blocks.record_influence import Driven, RecordColumns, RecordInfluence, told_lines
 from modalscope.blocks.run_columns import RunColumns
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, check_count
@@ -217,18 +217,25 @@ class RecordLines(PolynomialRows):
         points = self.plane.point(self.response.frequencies[self.told.used])
         return few_points(points, self.block_rows, circle=self.dt is not None)
 
-    def right_vectors(self, factors: Factors, coefficients: Array) -> ComplexArray:
-        """Return v_j on the told lines (1, 2 F, k)."""
-        assert factors.right is not None
-        Q = factors.right.whole[:, :, : len(coefficients)]
-        real, imaginary = np.split(Q @ np.hstack([coefficients.real, coefficients.imag]), 2, axis=2)
-        return np.asarray(real + 1j * imaginary)
+    @cached_property
+    def told_weights(self) -> RealArray:
+        """The weights of the told lines."""
+        return np.asarray(self.line_weights[self.told.used], dtype=float)
 
-    def influence(self, left: Array, right: Array, lines: Lines | None = None) -> RecordInfluence:
+    @cached_property
+    def told_spread(self) -> RealArray:
+        """How a quarter of what the told lines stand for is spread over the few points, by the squares of the weights, (F, points)."""
+        return self.few.spread * (self.told.each * self.told_weights**2 / 4)[:, None]
+
+    def right_vectors(self, factors: Factors, coefficients: Array) -> Driven:
+        """Return v_j on the told lines, to be made of the right factor some at a time."""
+        assert factors.right is not None
+        return Driven(factors.right.whole[0], np.asarray(coefficients, dtype=complex))
+
+    def influence(self, left: Array, right: Driven, lines: Lines | None = None) -> RecordInfluence:
         """Return the gradient on the told lines, whichever are asked: what it takes does not grow with them; see `RecordInfluence`."""
         coefficients = np.asarray(left.reshape(len(left), -1, self.outputs) / self.output_scale, dtype=complex)
-        drives = right[0].T.reshape(len(left), 2, -1) * self.line_weights[self.told.used]
-        return RecordInfluence(self, coefficients, drives)
+        return RecordInfluence(self, coefficients, right)
 
     def with_columns(self, factors: Factors) -> Factors:
         """Return the factors with their rows of Q over the lines, for when they are asked."""
@@ -242,9 +249,9 @@ class RecordLines(PolynomialRows):
         return ModalFit(shapes, participation, terms, reach=basis.reach, basis=basis)
 
     def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> Iterator[tuple[Array, Array]]:
-        """Yield the records' lines and what the modes give on them, from the first states that fit best."""
-        values = self.judged.evaluated(poles, fit.shapes, fit.participation, fit.terms)
-        yield self.judged.values, values[:, :, None]
+        """Yield the records' lines and what the modes give on them, from the first states that fit best, some at a time."""
+        for s, values in self.judged.modelled(poles, fit.shapes, fit.participation, fit.terms):
+            yield self.judged.values[s], values[:, :, None]
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from modalscope.judging.evidence import Candidate, Evidence, judge, peaks
+from modalscope.judging.evidence import LEAST_ORDERS, LEAST_SHARE, Candidate, Evidence, judge, peaks
 from modalscope.judging.tracking import Poles, consensus, join_broken, merge_splits, tracks
 from modalscope.modal.indicators import mac
 from modalscope.modal.sufficient import usable_orders
@@ -19,6 +19,12 @@ __all__ = ["counted"]
 #: Two modes within a half bandwidth are one above this MAC.
 SAME_SHAPE = 0.9
 
+#: What is not among the modes is told of where its frequency is known to this part of a half bandwidth and its damping to this part.
+_TOLD = 0.3
+
+#: And at this part of all orders: poles of noise stay at fewer.
+_MOST_ORDERS = 0.5
+
 
 def counted(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> tuple[Poles, list[Candidate]]:
     """Return the groups of poles that agree over orders, splits merged, with what speaks for each and what against.
@@ -30,15 +36,40 @@ def counted(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> 
     evidence : Evidence
     """
     orders, fit = usable_orders(diagram)
-    poles = replace(poles, orders=orders).take(np.flatnonzero(poles.order <= orders[-1]))
-    poles = merge_splits(poles, _known(diagram))
+    every = merge_splits(poles, _known(diagram))
+    poles = replace(every, orders=orders).take(np.flatnonzero(every.order <= orders[-1]))
     groups = [group for group in (consensus(poles, t) for t in tracks(poles)) if group.size >= min(3, len(orders))]
     peak = peaks(diagram, poles, evidence)
     candidates = [
         judge(poles, group, peak, fit, evidence, _left_open(diagram, poles, group))
         for group in join_broken(poles, groups)
     ]
-    return poles, _none_twice(poles, candidates)
+    found = _none_twice(poles, candidates)
+    return every, found + _late(diagram, every, found, fit, evidence)
+
+
+def _late(
+    diagram: StabilizationDiagram, every: Poles, found: list[Candidate], fit: float, evidence: Evidence
+) -> list[Candidate]:
+    """Return what agrees over all orders, is known well and is not among the modes: too weak for the orders that explain the data.
+
+    Only where deviations of single poles are known: what noise makes is not told from it else.
+    """
+    if _known(diagram) is None:
+        return []
+    last, peak = usable_orders(diagram)[0][-1], peaks(diagram, every, evidence)
+    least = max(LEAST_ORDERS, _MOST_ORDERS * len(every.orders))
+    late: list[Candidate] = []
+    told = [c for c in found if not c.against or c.members.size >= LEAST_SHARE * len(every.orders)]
+    for group in sorted((consensus(every, t) for t in tracks(every)), key=lambda g: -g.size):
+        if group.size < least or not _left_open(diagram, every, group) < _TOLD:
+            continue
+        f, zeta = float(np.median(every.frequency[group])), float(np.median(every.damping[group]))
+        if any(abs(f - c.frequency) < f * zeta + c.frequency * c.damping for c in [*told, *late]):
+            continue
+        text = f"weak: {group.size} of {len(every.orders)} orders show it, and those up to {last}, which explain the data, hardly any"
+        late.append(replace(judge(every, group, peak, fit, evidence), against=(text,)))
+    return late
 
 
 def _known(diagram: StabilizationDiagram) -> RealArray | None:

@@ -157,7 +157,10 @@ def _reasons(model: ModalModel, response: Response, facts: list[dict[str, Any]])
     reasons = []
     for j, known in enumerate(facts):
         alone = replace(model.take([j]), feedthrough=None, lower_residual=None, upper_residual=None)
-        loss = np.linalg.norm(left + rebuilt(response, alone)) / size - error
+        more = rebuilt(response, alone)
+        together = np.linalg.norm(left) ** 2 + np.linalg.norm(more) ** 2 + 2 * np.vdot(left, more).real
+        del more  # of long records each is large: there are never three
+        loss = np.sqrt(max(float(together), 0.0)) / size - error
         text = known.get("text") or sentence(known, float(loss))
         reasons.append({**known, "fit_loss": float(loss), "text": text})
     return tuple(reasons)

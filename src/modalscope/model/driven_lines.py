@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,16 +59,20 @@ class DrivenLines:
         own, pair = self.pairs(poles, sides, chain)
         return np.concatenate([own + pair.conj(), -1j * (own - pair.conj())])
 
-    def evaluated(self, poles: Array, alone: Array, shapes: Array, participation: Array, direct: Array) -> ComplexArray:
-        """Return the outputs (F, l) of shapes (l, n), participation (n, m + R) and D (l, m); `alone` are the real poles, (n,)."""
-        found = np.empty((len(self.points), len(shapes)), dtype=complex)
+    def evaluated(
+        self, poles: Array, alone: Array, shapes: Array, participation: Array, direct: Array
+    ) -> Iterator[tuple[slice, ComplexArray]]:
+        """Yield some lines, and the outputs there (lines, l) of shapes (l, n), participation (n, m + R) and D (l, m).
+
+        `alone` are the real poles, (n,).
+        """
         step = max(_NUMBERS // max(len(poles), 1), 1)
-        for start in range(0, len(found), step):
+        for start in range(0, len(self.points), step):
             s = slice(start, start + step)
             own, pair = DrivenLines(self.points[s], self.drives[s], self.inputs).pairs(poles, participation)
-            found[s] = own @ shapes.T + np.where(alone, 0, pair) @ shapes.conj().T
-        found += self.drives[:, : self.inputs] @ direct.T
-        return found
+            found = own @ shapes.T + np.where(alone, 0, pair) @ shapes.conj().T
+            found += self.drives[s, : self.inputs] @ direct.T
+            yield s, found
 
     def basis(
         self, poles: Array, alone: Array, values: ComplexArray, relative: ComplexArray, powers: tuple[int, ...]

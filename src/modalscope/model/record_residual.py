@@ -51,15 +51,16 @@ class Excess(NamedTuple):
     share: float
 
 
-def excess(frequencies: RealArray, left: Array, values: Array, poles: Array, resolution: float) -> Excess:
+def excess(frequencies: RealArray, power: RealArray, values: Array, poles: Array, resolution: float) -> Excess:
     """Compare what a fit leaves near modes with what it leaves beside them.
 
     Parameters
     ----------
     frequencies : array, (F,)
         Hz.
-    left, values : array of complex, (F, l)
-        What is left of the values, and they themselves.
+    power : array, (F, l)
+        Squares of what is left of the values.
+    values : array of complex, (F, l)
     poles : array of complex, (n,)
         rad/s, as they are in the data.
     resolution : float
@@ -74,17 +75,16 @@ def excess(frequencies: RealArray, left: Array, values: Array, poles: Array, res
     away = away[np.argsort(frequencies[away], kind="stable")]
     place = np.searchsorted(frequencies[away], frequencies[near])
     beside = away[np.clip(place[:, None] + np.arange(-_BESIDE // 2, _BESIDE // 2), 0, away.size - 1)]
-    ratio, count, power, whole = 0.0, 0, 0.0, 0.0
-    for own, data in zip(left.T, values.T, strict=True):  # of long records all outputs together are large
-        level = np.abs(own) ** 2
+    ratio, count, missed, whole = 0.0, 0, 0.0, 0.0
+    for level, data in zip(power.T, values.T, strict=True):  # of long records all outputs together are large
         floor = level[beside].mean(axis=1)
         usable = floor > 0
         ratio += float(np.sum(level[near[usable]] / floor[usable]))
         count += int(np.count_nonzero(usable))
-        power += float(np.sum(level[near]))
+        missed += float(np.sum(level[near]))
         whole += float(np.sum(np.abs(data[near]) ** 2))
     decibels = 10 * np.log10(ratio / count) if count and ratio > 0 else np.nan
-    return Excess(float(decibels), float(np.sqrt(power / whole)) if whole > 0 else np.nan)
+    return Excess(float(decibels), float(np.sqrt(missed / whole)) if whole > 0 else np.nan)
 
 
 def excess_notes(found: Excess) -> tuple[Note, ...]:

@@ -10,16 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from modalscope.model import record_sums as sums
-from modalscope.model.checks import (
-    Array,
-    ComplexArray,
-    DataError,
-    IntArray,
-    RealArray,
-    check_band,
-    freeze,
-    locked,
-)
+from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, check_band, freeze, locked
 from modalscope.model.driven_basis import DrivenBasis, Run, driven_basis
 from modalscope.model.driven_lines import DrivenLines
 from modalscope.model.frequency import FrequencyResponse
@@ -42,7 +33,7 @@ _LEAST_DEGREE = 8
 
 #: Lines on which models of long records are judged, and refined, at most; numbers of the outputs on them, but so many lines at least.
 _JUDGED, _REFINED = 32_768, 131_072
-_NUMBERS, _LEAST_LINES = 1 << 20, 8192
+_NUMBERS, _LEAST_LINES = 1 << 19, 8192
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
@@ -193,9 +184,8 @@ class RecordSpectra(NoResponse):
 
     def left_of(self, poles: Array, shapes: Array, participation: Array, powers: tuple[int, ...] = (0,)) -> RealArray:
         """Return the data without what modes give; see `Response.left_of`."""
-        left = self.evaluated(poles, shapes, participation, np.zeros((1, self.values.shape[1], self.drive.shape[1])))
-        np.subtract(self.values[:, :, 0], left, out=left)
-        return np.concatenate([left.real, left.imag])[:, :, None]
+        nothing = np.zeros((1, self.values.shape[1], self.drive.shape[1]))
+        return sums.left_rows(self, self.modelled(poles, shapes, participation, nothing))
 
     @property
     def eliminated(self) -> tuple[int, int]:
@@ -230,9 +220,8 @@ class RecordSpectra(NoResponse):
         self, poles: Array, shapes: Array, participation: Array, terms: Array, trusted: Array
     ) -> tuple[Note, ...]:
         """Return what the fit of a model shows: forces that were not measured, noise on the inputs, drift, delay; see `Response.doubts`."""
-        left = self.evaluated(poles, shapes, participation, terms)
-        left -= self.values[:, :, 0]
-        found = excess(self.frequencies, left, self.values[:, :, 0], poles[trusted], 1 / max(self.durations))
+        power = sums.left_power(self, self.modelled(poles, shapes, participation, terms))
+        found = excess(self.frequencies, power, self.values[:, :, 0], poles[trusted], 1 / max(self.durations))
         return (*excess_notes(found), *pole_notes(self.in_plane(poles), self.sampling_rate, max(self.durations)))
 
     def told_of(self, participation: Array) -> ComplexArray:
@@ -289,6 +278,15 @@ class RecordSpectra(NoResponse):
 
         Ends that are not given are fitted.
         """
+        found = np.empty(self.values.shape[:2], complex)
+        for s, part in self.modelled(poles, shapes, participation, terms):
+            found[s] = part
+        return found
+
+    def modelled(
+        self, poles: Array, shapes: Array, participation: Array, terms: Array
+    ) -> Iterator[tuple[slice, ComplexArray]]:
+        """Yield some lines, and what `evaluated` returns there: of long records all outputs together are large."""
         if participation.shape[1] == self.drive.shape[1]:
             ends = self.basis(poles).fit_ends(shapes, participation, terms)
             participation = np.hstack([participation, ends])

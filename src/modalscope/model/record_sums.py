@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 __all__ = [
     "NEAR",
     "drive_of_poles",
+    "left_power",
+    "left_rows",
     "line_power",
     "rebuilt_values",
     "shortest_participation",
@@ -44,6 +46,23 @@ def line_power(lines: RecordSpectra) -> RealArray:
         some = slice(start, start + step)
         found[some] = np.abs(lines.values[some, :, 0]) ** 2 @ weight
     return np.asarray(found)
+
+
+def left_power(lines: RecordSpectra, modelled: Iterator[tuple[slice, ComplexArray]]) -> RealArray:
+    """Return the squares of what a model leaves of all outputs, (F, l), given it piece by piece."""
+    found = np.empty(lines.values.shape[:2])
+    for s, part in modelled:
+        found[s] = np.abs(lines.values[s, :, 0] - part) ** 2
+    return found
+
+
+def left_rows(lines: RecordSpectra, modelled: Iterator[tuple[slice, ComplexArray]]) -> RealArray:
+    """Return what a model leaves of all outputs, real parts above imaginary ones, (2 F, l, 1), given it piece by piece."""
+    found = np.empty((2, *lines.values.shape))
+    for s, part in modelled:
+        left = lines.values[s, :, 0] - part
+        found[0, s, :, 0], found[1, s, :, 0] = left.real, left.imag
+    return found.reshape(-1, *lines.values.shape[1:])
 
 
 def smoothed(lines: RecordSpectra) -> Iterator[tuple[RealArray, ComplexArray]]:

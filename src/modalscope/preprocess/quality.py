@@ -19,6 +19,7 @@ from modalscope.preprocess.event_checks import events
 from modalscope.preprocess.excitation import find_excitation
 from modalscope.preprocess.findings import Finding, dead_channels, identical_channels, sides_of
 from modalscope.preprocess.frf import estimate_frf
+from modalscope.preprocess.late_checks import late
 from modalscope.preprocess.lone_checks import lone_outputs
 from modalscope.preprocess.record_checks import (
     bad_hits,
@@ -103,7 +104,8 @@ def _examine_record(signals: Signals) -> list[Finding]:
     moving = signals.select(**{f"{side}s": kept for side, kept in alive.items()})
     found += events(moving) + slips(moving, kind)
     turned = exchanged(moving) if kind != "sweep" else []
-    found += turned or delayed(moving)
+    apart = [] if turned else delayed(moving)
+    found += turned or apart or (late(moving) if kind in ("random", "burst") else [])
     forced = signals.inputs is not None and len(alive["input"]) == len(signals.input_dofs) and not turned
     if kind == "impact":
         found += bad_hits(signals)

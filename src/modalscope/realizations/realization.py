@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.influence import Influence, Lines
@@ -19,7 +19,7 @@ class Sides(NamedTuple):
     """One row and one column of the data matrix for each of k poles, as its `influence` takes them."""
 
     left: ComplexArray
-    right: ComplexArray
+    right: Any
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
