@@ -133,7 +133,7 @@ def narrow_band(spectrum: _Spectrum, frequency: float, width: float) -> Narrow |
         return None
     cut = spectrum.lines[:, first : last + 1]
     flat = cut.reshape(-1, cut.shape[2])
-    strongest = np.linalg.eigh(flat.conj().T @ flat)[1][:, -1]
+    strongest = _strongest(flat)
     # a Hann window fades at both ends, and so does the envelope: the middle of the run is looked at, the window divided out
     Z = cut @ strongest
     count = Z.shape[1]
@@ -150,6 +150,14 @@ def narrow_band(spectrum: _Spectrum, frequency: float, width: float) -> Narrow |
     return Narrow(
         values, _independent(power, spectrum.step, centre, seconds), centre, spread, float(np.sum(np.abs(flat) ** 2))
     )
+
+
+def _strongest(lines: ComplexArray) -> ComplexArray:
+    """Return the combination of channels that has most power on lines (n, l): from the smaller of both Gram matrices."""
+    if lines.shape[0] < lines.shape[1]:
+        own = np.linalg.eigh(lines @ lines.conj().T)[1][:, -1] @ lines.conj()
+        return np.asarray(own / max(float(np.linalg.norm(own)), np.finfo(float).tiny))
+    return np.asarray(np.linalg.eigh(lines.conj().T @ lines)[1][:, -1])
 
 
 def _independent(power: RealArray, step: float, centre: float, seconds: float) -> float:
