@@ -232,11 +232,13 @@ class Transfer(PolynomialRows, LineMatrix):
         seen = (P.T @ g + P.conj().T @ mirrored) / 2
         whole = (squares(g) + squares(mirrored)) / 2
         left = 1 - squares(seen) / whole
-        if np.any(left < _LITTLE):
-            return super().compared_functions(poles)
         some, other = g[self.compared_lines], mirrored[self.compared_lines]
         upper, lower = (some + other) / 2, (some - other) / 2j
-        return np.vstack([upper - E[both[0]] @ seen, lower - E[both[1]] @ seen]), left > 0
+        found = np.vstack([upper - E[both[0]] @ seen, lower - E[both[1]] @ seen])
+        enough, little = left > 0, np.flatnonzero(~(left >= _LITTLE))
+        if little.size:
+            found[:, little], enough[little] = super().compared_functions(poles[little])
+        return found, enough
 
     def residue_scale(self, poles: Array) -> ComplexArray:
         """Participation in this plane for participation of the modes: (k,)."""

@@ -199,7 +199,8 @@ def projected_records(problem: Problem, order: int) -> Built:
     rows, columns = default_projection(problem.records, correlation, order, options.block_rows, options.block_columns)
     correlation, notes = _lags_read(correlation, rows + columns)
     project = _PROJECTIONS[options.weighting]
-    matrix = project(problem.records, options.references, rows, columns, correlation)
+    references = correlation.input_dofs if options.references is None else options.references
+    matrix = project(problem.records, references, rows, columns, correlation)
     return Built(matrix, replace(options, block_rows=rows, block_columns=columns, form="observable"), notes)
 
 

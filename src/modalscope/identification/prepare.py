@@ -182,7 +182,8 @@ def _(data: Records, band: tuple[float, float] | None, asked: _Asked) -> Measure
         row, domain = USUAL[route]
         notes = (*told, note)
         return Measured(response, None, "records with inputs", row, domain, own, route=route, driven=data, notes=notes)
-    return _ambient(conditioned(one_record(data, "correlations"), band), "records without inputs")
+    record = one_record(data, "correlations")
+    return _ambient(conditioned(record, band), record, "records without inputs")
 
 
 @_measured.register
@@ -191,16 +192,23 @@ def _(data: StoredSignals, band: tuple[float, float] | None, asked: _Asked) -> M
     text = f"band and noise were judged on {seen.duration:.4g} s from the middle of {data.duration:.4g} s"
     told = (Note("excerpt", {"seconds": seen.duration}, text),) if seen.samples < data.samples else ()
     inside = taken.records.settled() if isinstance(taken.records, StoredSignals) else taken.records
-    return _ambient(taken._replace(records=inside, notes=(*told, *taken.notes)), "a stored record without inputs")
+    return _ambient(taken._replace(records=inside, notes=(*told, *taken.notes)), seen, "a stored record without inputs")
 
 
-def _ambient(taken: Conditioned, given: str) -> Measured:
-    """Return the correlations of records without inputs."""
+def _ambient(taken: Conditioned, seen: Signals, given: str) -> Measured:
+    """Return the correlations of records without inputs; what was seen of them before any band tells the references, the same for all."""
     from modalscope.preprocess import estimate_correlation
+    from modalscope.preprocess.references import spanning_outputs
 
-    note = Note("estimated", {}, "correlations with all channels as references were estimated from the records")
+    labels = taken.records.output_dofs
+    references = spanning_outputs(seen)
+    which = "all channels"
+    if len(references) < len(labels):
+        which = f"{len(references)} of {len(labels)} channels, which explain most of all others,"
+    text = f"correlations with {which} as references were estimated from the records"
+    note = Note("estimated", {"references": float(len(references))}, text)
     return Measured(
-        estimate_correlation(taken.records),
+        estimate_correlation(taken.records, references=references),
         taken.records,
         given,
         "alternate",

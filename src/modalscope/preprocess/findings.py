@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from modalscope.model.checks import Array
+from modalscope.model.checks import Array, RealArray
 from modalscope.model.records import Records
 from modalscope.model.response import Response
 from modalscope.model.setups import Setups
@@ -147,29 +148,49 @@ def dead_channels(samples: Array, labels: Sequence[str]) -> list[Finding]:
 
 
 def identical_channels(samples: Array, labels: Sequence[str]) -> list[Finding]:
-    """Find pairs of channels (N, c) that are multiples of each other to 1e-6; channels at rest are passed over."""
-    x = np.concatenate([samples.real, samples.imag]) if np.iscomplexobj(samples) else samples
-    x = x - x.mean(axis=0)
-    size = np.sqrt(np.sum(np.abs(x) ** 2, axis=0))
-    alive = np.flatnonzero(size > 0)
-    if alive.size < 2:
-        return []
-    unit = x[:, alive] / size[alive]
-    likeness = unit.conj().T @ unit
+    """Find channels (N, c) that are multiples of an earlier one to 1e-6, each beside the first; channels at rest are passed over."""
+    x = np.concatenate([samples.real, samples.imag]) if np.iscomplexobj(samples) else np.array(samples, dtype=float)
+    x -= x.mean(axis=0)
+    size = np.linalg.norm(x, axis=0)
+    x /= np.where(size > 0, size, 1)
     found = []
-    for i, j in zip(*np.triu_indices(alive.size, 1), strict=True):
-        # the difference itself: 1 - |likeness|^2 would lose half of the digits
-        if abs(likeness[i, j]) > 1 - 1e-6:
-            rest = float(np.linalg.norm(unit[:, j] - likeness[i, j] * unit[:, i]))
-            if rest < _SAME:
-                a, b = labels[alive[i]], labels[alive[j]]
-                factor = float((likeness[i, j] * size[alive[j]] / size[alive[i]]).real)
-                found.append(
-                    Finding(
-                        "duplicate",
-                        (a, b),
-                        f"{b} is {factor:.6g} times {a}, to rounding",
-                        "Leave one out if a channel was recorded twice; of a symmetric structure without noise it is to be expected.",
-                    )
+    for group in _alike(x, np.flatnonzero(size > 0)):
+        i = group[0]
+        for j in group[1:]:
+            a, b, factor = labels[i], labels[j], float(x[:, i] @ x[:, j]) * size[j] / size[i]
+            found.append(
+                Finding(
+                    "duplicate",
+                    (a, b),
+                    f"{b} is {factor:.6g} times {a}, to rounding",
+                    "Leave one out if a channel was recorded twice; of a symmetric structure without noise it is to be expected.",
                 )
+            )
     return found
+
+
+def _alike(unit: RealArray, alive: Array) -> list[list[int]]:
+    """Return groups of columns of unit length that are multiples of each other to 1e-6, each by rising number.
+
+    Where u_j -+ u_i is small, |g u_i| and |g u_j| differ by no more for any row g of unit length: in their order only neighbours are
+    compared, not all pairs.
+    """
+    g = np.random.default_rng(0).standard_normal(len(unit))
+    place = np.abs(g @ unit) / np.linalg.norm(g)
+    groups: list[list[int]] = []
+    near = deque[list[int]]()
+    for j in sorted(alive.tolist(), key=lambda k: float(place[k])):
+        while near and place[near[0][0]] < place[j] - 2 * _SAME:
+            near.popleft()
+        own = next((group for group in near if _multiple(unit[:, group[0]], unit[:, j])), None)
+        if own is None:
+            near.append([j])
+            groups.append(near[-1])
+        else:
+            own.append(j)
+    return sorted(sorted(group) for group in groups if len(group) > 1)
+
+
+def _multiple(one: RealArray, other: RealArray) -> bool:
+    # the difference itself: 1 - likeness^2 would lose half of the digits
+    return bool(np.linalg.norm(other - (one @ other) * one) < _SAME)

@@ -133,7 +133,7 @@ def narrow_band(spectrum: _Spectrum, frequency: float, width: float) -> Narrow |
         return None
     cut = spectrum.lines[:, first : last + 1]
     flat = cut.reshape(-1, cut.shape[2])
-    strongest = np.linalg.eigh(flat.conj().T @ flat)[1][:, -1]
+    strongest = _strongest(flat)
     # a Hann window fades at both ends, and so does the envelope: the middle of the run is looked at, the window divided out
     Z = cut @ strongest
     count = Z.shape[1]
@@ -152,13 +152,25 @@ def narrow_band(spectrum: _Spectrum, frequency: float, width: float) -> Narrow |
     )
 
 
+def _strongest(lines: ComplexArray) -> ComplexArray:
+    """Return the combination of channels that has most power on lines (n, l): from the smaller of both Gram matrices."""
+    if lines.shape[0] < lines.shape[1]:
+        own = np.linalg.eigh(lines @ lines.conj().T)[1][:, -1] @ lines.conj()
+        return np.asarray(own / max(float(np.linalg.norm(own)), np.finfo(float).tiny))
+    return np.asarray(np.linalg.eigh(lines.conj().T @ lines)[1][:, -1])
+
+
 def _independent(power: RealArray, step: float, centre: float, seconds: float) -> float:
-    """Return T (int S)^2 / int S^2 of a spectrum that is nowhere narrower than the least damping allows."""
+    """Return T (int S)^2 / int S^2 of a spectrum that is nowhere narrower than the least damping allows.
+
+    S is the power smoothed by h / pi / (h^2 + k^2), whose transform is exp(-h |w|): the squares are summed there (Parseval).
+    """
     half = max(_LEAST_DAMPING * centre / step, 0.5)
-    k = np.arange(-len(power), len(power) + 1)
-    kernel = 1 / (1 + (k / half) ** 2)
-    smooth = scipy.signal.fftconvolve(power, kernel / kernel.sum())  # long records: bands of many lines
-    return float(seconds * step * smooth.sum() ** 2 / np.sum(smooth**2))
+    count = int(fft.next_fast_len(4 * len(power), real=True))
+    w = 2 * np.pi * np.arange(count // 2 + 1) / count
+    squares = np.abs(fft.rfft(power, count)) ** 2 * np.exp(-2 * half * w)
+    both = 2 * squares.sum() - squares[0] - (0 if count % 2 else squares[-1])
+    return float(seconds * step * squares[0] * count / both)
 
 
 def find_lines(signals: Signals, band: tuple[float, float] | None = None) -> tuple[Line, ...]:
