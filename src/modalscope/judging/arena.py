@@ -32,6 +32,8 @@ class Arena:
     coloured : bool
         Whether what is left of the data is more than noise: then nothing is looked for in it, collinear neighbours are not taken for two
         modes of which one may be noise, and the variance stays what it is.
+    recounted : bool
+        Whether of coloured data what is left says how errors are correlated, so that modes which few orders show are counted again.
     correlation : array, (F,), optional
         Of the noise on neighbouring lines, which the rows' deviations already count in full.
     whole : array, (K, q, p), optional
@@ -46,6 +48,7 @@ class Arena:
     band: tuple[float, float]
     brief: bool = False
     coloured: bool = False
+    recounted: bool = True
     correlation: RealArray | None = None
     whole: RealArray | None = None
     window: float = 0.0

@@ -99,7 +99,7 @@ def contest(arena: Arena, poles: ComplexArray, sides: ComplexArray, *, doubted: 
             return None
         state = _parted(completed)
     state = _one_or_two(state)
-    return _judged(_beside_errors(state) if arena.coloured else state)
+    return _judged(_beside_errors(state) if arena.coloured and arena.recounted else state)
 
 
 def _completed(state: State, excess: float | None) -> State | None:

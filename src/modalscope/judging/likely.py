@@ -69,6 +69,8 @@ def likely(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> t
     found = outcome(arena, floor.colour.coloured)
     if found is None and response.grid is not None:
         arena = replace(_arena(response, by_line(floor, response.count), steady), brief=True, coloured=True)
+        # half spectra err as long as their correlations last, by no rule of a + b |H|^2: there orders have to show a mode
+        arena = replace(arena, recounted=not response.of_correlations)
         arena = replace(arena, whole=_whole(arena, floor))
         found = outcome(arena, False)
         # resonances that shift come out as several poles, and merged ones stand for them

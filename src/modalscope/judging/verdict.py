@@ -85,7 +85,9 @@ class Trial:
         """
         if not len(which):
             return np.zeros(0)
-        return recount_of(self.arena, self.found.descent).standing(which)
+        return (
+            recount_of(self.arena, self.found.descent).standing(which) if self.arena.recounted else np.zeros(len(which))
+        )
 
     def hosts(self) -> IntArray:
         """Return the mode that each pole is part of, itself where it is none: the strongest of those that act as one.

@@ -27,16 +27,14 @@ from modalscope.model.modal_basis import ModalBasis, sample_basis, sample_deriva
 from modalscope.model.recursion import markov_parameters
 from modalscope.model.resolvent import HELD
 from modalscope.model.response import AsLines, AsSamples, Response
+from modalscope.model.response_facts import HALF
 
 if TYPE_CHECKING:
     from modalscope.model.frequency import FrequencyResponse
     from modalscope.model.modes import ModalModel
     from modalscope.model.statespace import StateSpace
 
-__all__ = ["HALF", "ImpulseResponse"]
-
-#: What the processing of half spectra says.
-HALF = "half spectra"
+__all__ = ["ImpulseResponse"]
 
 #: Samples of a model that are made together at least: C is read as often as there are such steps.
 _STEP = 16

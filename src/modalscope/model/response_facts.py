@@ -9,7 +9,10 @@ from modalscope.model.channels import Channels
 from modalscope.model.checks import Array, RealArray
 from modalscope.model.groups import AUTO, Groups
 
-__all__ = ["ResponseFacts"]
+__all__ = ["HALF", "ResponseFacts"]
+
+#: What the processing of half spectra says.
+HALF = "half spectra"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
@@ -44,6 +47,11 @@ class ResponseFacts(Channels):
     def ambient(self) -> bool:
         """Whether the response was estimated from outputs alone, so that its columns are references and it carries estimation errors."""
         return self.origin == "correlation"
+
+    @property
+    def of_correlations(self) -> bool:
+        """Whether lines are half spectra, whose errors are correlated from line to line, as those of correlations are."""
+        return any(HALF in step for step in self.processing)
 
     @property
     def known_variance(self) -> RealArray | None:

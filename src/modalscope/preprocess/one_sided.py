@@ -7,8 +7,9 @@ from scipy import fft
 
 from modalscope.model.checks import Array, DataError, check_count, check_kind
 from modalscope.model.frequency import FrequencyResponse
-from modalscope.model.impulse import HALF, ImpulseResponse
+from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.keywords import named
+from modalscope.model.response_facts import HALF
 from modalscope.model.sizes import check_size
 
 __all__ = ["half_spectra"]

@@ -30,8 +30,8 @@ def spanning_outputs(signals: Signals, most: int = MOST_REFERENCES) -> tuple[int
     Examples
     --------
     >>> y = np.random.default_rng(0).standard_normal((500, 2))
-    >>> spanning_outputs(Signals(outputs=y @ [[1.0, 2.0, 3.0, 0.0], [0.0, 0.1, 0.0, 1.0]], sampling_rate=1.0), 2)
-    (1, 3)
+    >>> spanning_outputs(Signals(outputs=y @ [[1.0, 2.0, 3.0, 0.0], [0.0, 0.0, 0.0, 1.0]], sampling_rate=1.0), 2)
+    (0, 3)
     """
     outputs, _ = signals.by_run()
     count = outputs.shape[2]

@@ -12,7 +12,6 @@ import numpy as np
 
 from modalscope.blocks.influence import Moments
 from modalscope.model.checks import Array, BoolArray, ComplexArray, DataError, RealArray
-from modalscope.model.impulse import HALF
 from modalscope.model.notes import Note
 from modalscope.model.response import Response, fading, window_damping
 from modalscope.model.signals import Signals
@@ -245,7 +244,7 @@ def noise_of(response: Response, records: Signals | StoredSignals | None = None)
     """
     if response.ambient:
         return _of_parts(response, records)
-    if any(HALF in step for step in response.processing):
+    if response.of_correlations:
         return Unknown(
             "the errors of half spectra are correlated from line to line and with each other, as those of correlations are"
         )
