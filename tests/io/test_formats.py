@@ -64,8 +64,8 @@ def test_truncations_and_flips_raise_nothing_but_data_errors(tmp_path, suffix):
     path, rng = tmp_path / f"a{suffix}", np.random.default_rng(7)
     mio.write(path, samples.modes() if suffix == ".json" else samples.records())
     data = path.read_bytes()
-    cuts = [data[:k] for k in rng.integers(1, len(data), 60)]
-    for place, change in zip(rng.integers(0, len(data), 60), rng.integers(1, 256, 60), strict=True):
+    cuts = [data[:k] for k in rng.integers(1, len(data), 40)]
+    for place, change in zip(rng.integers(0, len(data), 40), rng.integers(1, 256, 40), strict=True):
         cuts += [data[:place] + bytes([data[place] ^ int(change)]) + data[place + 1 :]]
     for changed in cuts:
         path.write_bytes(changed)

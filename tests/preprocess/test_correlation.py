@@ -67,13 +67,13 @@ def test_scatter_of_the_blocks_predicts_that_of_the_estimate():
 def test_windowed_segments_are_unbiased_too():
     """An AR(1) record has R(k) = a^k / (1 - a^2)."""
     a, rng = 0.8, np.random.default_rng(1)
-    y = signal.lfilter([1], [1, -a], rng.standard_normal((40, 5000)), axis=1)[:, :, None]
+    y = signal.lfilter([1], [1, -a], rng.standard_normal((20, 5000)), axis=1)[:, :, None]
     record = Signals(outputs=y, sampling_rate=1.0)
     expected = a ** np.arange(1, 21) / (1 - a**2)
     for window in ("hann", "none"):
         found = estimate_correlation(record, lags=20, window=window, segment=80)
-        # Bartlett: deviation sqrt(2 R0^2 (1 + a^2) / (1 - a^2) / N) with N = 2e5 is 1.9 %; windowed 20 % more; four deviations
-        assert np.abs(found.values[:, 0, 0] - expected).max() < 4 * 0.023 * expected[0]
+        # Bartlett: deviation sqrt(2 R0^2 (1 + a^2) / (1 - a^2) / N) with N = 1e5 is 2.7 %; windowed 20 % more; four deviations
+        assert np.abs(found.values[:, 0, 0] - expected).max() < 4 * 0.0325 * expected[0]
 
 
 def test_correlations_of_an_ambient_record_are_a_markov_sequence():
