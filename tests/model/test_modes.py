@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import modalscope as ms
 from modalscope import systems
 from modalscope.model import DataError, ModalModel
 from modalscope.model.candidates import Candidate, Harmonic
@@ -340,3 +341,14 @@ def test_intervals_that_cannot_be_told(modes: ModalModel, level: float, message:
 def test_fields_of_a_result_that_do_not_fit_are_refused(change: dict, message: str) -> None:  # type: ignore[type-arg]
     with pytest.raises(DataError, match=message):
         replace(full(), **change)
+
+
+def test_references_are_no_forces_and_give_no_modal_mass() -> None:
+    record = systems.chain5().simulate(
+        inputs="ambient", samples=4000, sampling_rate=20.0, quantity="acceleration", seed=1
+    )
+    correlation = ms.estimate_correlation(record)
+    for response in (correlation, ms.preprocess.half_spectra(correlation)):
+        modes = ms.identify(response, order=10, deviations=False).modes
+        with pytest.raises(DataError, match=r"no force was measured.*\n.*scale_by_mass"):
+            modes.normalized("mass")

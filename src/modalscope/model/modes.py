@@ -179,7 +179,7 @@ class ModalModel(Channels, HasPoles):
         Raises
         ------
         DataError
-            "mass" without participation, without a driving point, or without a known quantity.
+            "mass" without participation, without a driving point, without a known quantity, or of modes whose forces were not measured.
         """
         check_choice("scale", scale, NORMALIZATIONS)
         if scale == "none" or not len(self):

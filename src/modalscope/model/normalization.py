@@ -8,6 +8,7 @@ import numpy as np
 
 from modalscope.model.channels import derivatives_between
 from modalscope.model.checks import ComplexArray, DataError
+from modalscope.model.response_facts import CORRELATED
 
 if TYPE_CHECKING:
     from modalscope.model.modes import ModalModel
@@ -33,6 +34,12 @@ def shape_factor(modes: ModalModel, scale: str) -> tuple[ComplexArray, str]:
 def _mass_factor(modes: ModalModel) -> tuple[ComplexArray, str]:
     """Return the factor of unit modal mass, phi_d^2 = 2 j w_d R_dd at each mode's largest driving point d."""
     part = modes.known_participation("unit modal mass")
+    if any(step.startswith(CORRELATED) for step in modes.processing):
+        raise DataError(
+            "shapes of unit modal mass were asked",
+            "no force was measured: participation is the correlation of each mode with references",
+            "Measure again with known masses added, and give both to scale_by_mass.",
+        )
     common = [dof for dof in modes.output_dofs if dof in modes.input_dofs]
     if not common:
         raise DataError(

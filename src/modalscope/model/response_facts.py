@@ -9,10 +9,10 @@ from modalscope.model.channels import Channels
 from modalscope.model.checks import Array, RealArray
 from modalscope.model.groups import AUTO, Groups
 
-__all__ = ["HALF", "ResponseFacts"]
+__all__ = ["CORRELATED", "HALF", "ResponseFacts"]
 
-#: What the processing of half spectra says.
-HALF = "half spectra"
+#: What the processing of correlations says, and of half spectra.
+CORRELATED, HALF = "correlated", "half spectra"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)

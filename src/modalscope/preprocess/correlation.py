@@ -15,6 +15,7 @@ from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.keywords import named
 from modalscope.model.labels import DofLike, indices_of
 from modalscope.model.memory import allowed_memory
+from modalscope.model.response_facts import CORRELATED
 from modalscope.model.signals import Signals
 from modalscope.model.sizes import check_size
 from modalscope.model.stored import StoredSignals
@@ -227,7 +228,7 @@ def estimate_correlation(
     else:
         R, how = _windowed(signals, chosen, count, check_window(window), segment, overlap)
     names = [signals.output_dofs[i] for i in chosen]
-    note = f"correlated ({how}, mean removed, {count} lags from lag 1) with {', '.join(names)}"
+    note = f"{CORRELATED} ({how}, mean removed, {count} lags from lag 1) with {', '.join(names)}"
     return ImpulseResponse(
         values=R[1:],
         feedthrough=R[0],
