@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy import fft
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.signals import Signals
 from modalscope.preprocess.findings import Finding
+from modalscope.preprocess.references import spanning_outputs
 from modalscope.preprocess.spectra import Segments, cross_spectra, segment_starts, window_samples
 
 __all__ = ["delayed", "exchanged"]
@@ -104,10 +106,7 @@ def delayed(signals: Signals) -> list[Finding]:
     y = outputs[:, :_SAMPLES] - outputs[:, :_SAMPLES].mean(axis=1, keepdims=True)
     halves = (y[:, : y.shape[1] // 2], y[:, y.shape[1] // 2 :])
     length = min(length, halves[0].shape[1])
-    told = [_delays(half, length) for half in (y, *halves)]
-    if any(each is None for each in told):
-        return []
-    whole, first, second = (each for each in told if each is not None)
+    whole, first, second = (_delays(half, length, spanning_outputs(signals)) for half in (y, *halves))
     found = []
     for i, dof in enumerate(signals.output_dofs):
         apart = abs(first.delay[i] - second.delay[i])
@@ -133,14 +132,15 @@ class _Delays(NamedTuple):
     better: Array
 
 
-def _delays(y: RealArray, length: int) -> _Delays | None:
-    """Return the delays of records (R, N, l) from segments of a length; None where an output says nothing."""
-    w = window_samples("hann", length)
-    S = cross_spectra(y, None, 1.0, Segments(segment_starts(y.shape[1], length, 0.5), w, w), whole=True).outputs
-    power = np.maximum(np.einsum("fii->fi", S).real, 1e-300)
-    coherence = np.abs(S) ** 2 / (power[:, :, None] * power[:, None, :])
-    reference = int(np.argmax(coherence.sum(axis=(0, 2))))
-    pair, weight = S[1:, :, reference], coherence[1:, :, reference] ** 2
+def _delays(y: RealArray, length: int, candidates: Sequence[int]) -> _Delays:
+    """Return the delays of records (R, N, l) from segments of a length, against the candidate that most others agree with."""
+    w, some = window_samples("hann", length), list(candidates)
+    spectra = cross_spectra(y, y[:, :, some], 1.0, Segments(segment_starts(y.shape[1], length, 0.5), w, w))
+    S, power = spectra.cross, np.maximum(spectra.output_powers, 1e-300)
+    coherence = np.abs(S) ** 2 / (power[:, :, None] * power[:, None, some])
+    liked = int(np.argmax(coherence.sum(axis=(0, 1))))
+    reference = some[liked]
+    pair, weight = S[1:, :, liked], coherence[1:, :, liked] ** 2
     weight = weight / np.maximum(weight.sum(axis=0), 1e-300)
     omega = 2 * np.pi * np.arange(1, len(S)) / length
     mean = omega @ weight
