@@ -15,6 +15,9 @@ MOST_REFERENCES = 30
 #: A channel of which others leave less than this part says nothing that they do not.
 _LEFT = 1e-12
 
+#: Of channels that explain the same to this part the first is taken.
+_EQUAL = 1e-9
+
 
 def spanning_outputs(signals: Signals, most: int = MOST_REFERENCES) -> tuple[int, ...]:
     """Return the outputs that together explain most of all, in their own order: all of few.
@@ -42,9 +45,9 @@ def spanning_outputs(signals: Signals, most: int = MOST_REFERENCES) -> tuple[int
     for _ in range(most):
         own = np.diag(R)
         explained = np.where(own > _LEFT, np.sum(R**2, axis=0) / np.maximum(own, _LEFT), 0.0)
-        j = int(np.argmax(explained))
-        if explained[j] <= 0:
+        if explained.max() <= 0:
             break
+        j = int(np.argmax(explained >= (1 - _EQUAL) * explained.max()))
         chosen.append(j)
         R = R - np.outer(R[:, j], R[j]) / own[j]
     return tuple(sorted(chosen)) or tuple(range(most))
