@@ -135,9 +135,8 @@ class RecordInfluence(LineInfluence):
         step = max(_NUMBERS // len(spread), 1)
         for start in range(0, len(P), step):
             s = slice(start, start + step)
-            (a, d), (c, b) = self.right.parts(s).transpose(
-                0, 2, 1, 3
-            )  # u = a + b + j (c - d), t = a - b + j (c + d), over two
+            # u = a + b + j (c - d), t = a - b + j (c + d), over two
+            (a, d), (c, b) = self.right.parts(s).transpose(0, 2, 1, 3)
             a2, b2, c2, d2 = a * a, b * b, c * c, d * d
             sums = np.stack([a2 + b2 + c2 + d2, 2 * (a * b - c * d), a2 - b2 - c2 + d2, 2 * (a * c + b * d)]) @ spread
             size[s] = np.sum((plain + mirrored)[s] * sums[0] + (plain - mirrored)[s] * sums[1], axis=1)

@@ -50,9 +50,8 @@ def record_spectra(records: Records, band: tuple[float, float] | None = None) ->
             drive[first : first + f.size, own] = _lines(samples, place)[inside]
         first += f.size
     frequencies = parts[0][0] if len(parts) == 1 else np.concatenate([f for f, _ in parts])
-    kind = (
-        np.int16 if len(parts) < np.iinfo(np.int16).max else np.int32
-    )  # of long records an array of all lines is large
+    # of long records an array of all lines is large
+    kind = np.int16 if len(parts) < np.iinfo(np.int16).max else np.int32
     which: Any = np.repeat(np.arange(len(parts), dtype=kind), count)
     for array in (values, drive, frequencies, which):
         array.setflags(write=False)  # nobody else has it: it need not be copied again

@@ -106,7 +106,8 @@ def delayed(signals: Signals) -> list[Finding]:
     y = outputs[:, :_SAMPLES] - outputs[:, :_SAMPLES].mean(axis=1, keepdims=True)
     halves = (y[:, : y.shape[1] // 2], y[:, y.shape[1] // 2 :])
     length = min(length, halves[0].shape[1])
-    whole, first, second = (_delays(half, length, spanning_outputs(signals)) for half in (y, *halves))
+    candidates = spanning_outputs(signals)
+    whole, first, second = (_delays(half, length, candidates) for half in (y, *halves))
     found = []
     for i, dof in enumerate(signals.output_dofs):
         apart = abs(first.delay[i] - second.delay[i])
