@@ -299,6 +299,24 @@ def a_column_with_holes() -> str:
     return "Time,Force,AccA,AccB,Aux\n" + "".join(f"{line},{'' if k % 3 else k}\n" for k, line in enumerate(lines))
 
 
+@case(".csv", channels=CHANNELS[60:])
+def a_gap_in_all_channels() -> str:
+    lines = rows(TIMES, F, A, B).splitlines()
+    gap = [f"{line.partition(',')[0]},NaN,NaN,NaN" if 40 <= k < 60 else line for k, line in enumerate(lines)]
+    return "Time [s],Force,AccA,AccB\n" + "\n".join(gap) + "\n"
+
+
+@case(".at2", inputs=(), outputs=(1,))
+def an_accelerogram_whose_samples_run_on() -> str:
+    head = "STRONG MOTION DATABASE RECORD\nSomewhere, 5/19/1940, Station 9, 180\nACCELERATION TIME SERIES IN UNITS OF M/S/S\n"
+    cells = [f"{value:15.7E}" for value in A]
+    return (
+        head
+        + f"NPTS=  {ROWS}, DT= {1 / RATE:.10f} SEC,\n"
+        + "".join("".join(cells[k : k + 4]) + "\n" for k in range(0, ROWS, 4))
+    )
+
+
 @case(".csv")
 def a_column_that_says_overload() -> str:
     lines = rows(TIMES, F, A, B).splitlines()
@@ -512,6 +530,59 @@ def a_matlab_structure_of_lines_by_increment(path: Path) -> None:
 
 #: Three hits of fifty samples, as columns or pages.
 HITS = CHANNELS.reshape(3, 50, 3)
+
+
+def structures(**fields: list[object]) -> np.ndarray:
+    """Return an array of structures, as MATLAB keeps the runs of a test or its channels."""
+    count = len(next(iter(fields.values())))
+    array = np.empty((1, count), dtype=[(name, object) for name in fields])
+    for name, members in fields.items():
+        for k, member in enumerate(members):
+            array[0, k][name] = member
+    return array
+
+
+def cells(members: list[np.ndarray]) -> np.ndarray:
+    """Return a cell array."""
+    array = np.empty((1, len(members)), dtype=object)
+    for k, member in enumerate(members):
+        array[0, k] = member
+    return array
+
+
+@binary(".mat", kind="hits")
+def a_structure_for_each_hit(path: Path) -> None:
+    times = [TIMES[:50, None]] * 3
+    savemat(path, {"test": structures(t=times, force=list(HITS[:, :, :1]), acc=list(HITS[:, :, 1:]))})
+
+
+@binary(".mat", kind="hits")
+def cells_with_a_matrix_for_each_hit(path: Path) -> None:
+    savemat(path, {"Fs": RATE, "force": cells(list(HITS[:, :, :1])), "acc": cells(list(HITS[:, :, 1:]))})
+
+
+@binary(".mat")
+def a_structure_for_each_channel(path: Path) -> None:
+    told = {"name": ["Force", "AccA", "AccB"], "unit": ["N", "m/s^2", "m/s^2"]}
+    savemat(path, {"channel": structures(**told, data=list(CHANNELS.T[:, :, None])), "dt": 1 / RATE})
+
+
+@binary(".mat", kind="hits")
+def a_new_structure_for_each_hit(path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    fields = {"t": [TIMES[None, :50]] * 3, "force": HITS[:, :, :1], "acc": HITS[:, :, 1:]}
+    with h5py.File(path, "w", userblock_size=512) as file:
+        test = file.create_group("test")
+        test.attrs["MATLAB_class"] = np.bytes_("struct")
+        for name, members in fields.items():
+            parts = [file.create_dataset(f"#refs#/{name}{k}", data=np.atleast_2d(m.T)) for k, m in enumerate(members)]
+            for part in parts:
+                part.attrs["MATLAB_class"] = np.bytes_("double")
+            if name == "t":  # a column in MATLAB is a row in the file
+                assert parts[0].shape == (50, 1)
+            test.create_dataset(name, data=np.array([[part.ref] for part in parts], h5py.ref_dtype))
+    with path.open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\0\2IM")
 
 
 @binary(".mat", kind="hits")

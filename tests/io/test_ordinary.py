@@ -33,6 +33,7 @@ REFUSED = {
     "every row a channel with its name": "--transpose",
     "every row a channel without a name": "--transpose",
     "a column with holes": "--ignore",
+    "a gap in all channels": "--rows",
     "one array without a rate": "--sampling-rate",
     "one array with channels in rows": "--transpose",
     "an archive with channels in rows": "--transpose",

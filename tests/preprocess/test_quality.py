@@ -225,3 +225,8 @@ def test_a_hum_is_no_resonance_that_decays_slowly():
     hum = 5 * np.std(record.outputs) * np.sin(2 * np.pi * 5.0 * np.arange(40000) / 20.0)
     loud = replace(record, outputs=record.outputs + hum[:, None])
     assert [f.kind for f in examine(loud)] == [f.kind for f in examine(record)] == []
+
+
+@pytest.mark.parametrize("samples", range(2, 12))
+def test_a_record_of_a_few_samples_is_examined_without_a_fault(samples: int) -> None:
+    examine(Signals(outputs=np.sin(np.arange(samples))[:, None], sampling_rate=200.0))

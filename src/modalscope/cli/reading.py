@@ -15,7 +15,7 @@ __all__ = ["parse_orders", "read_data", "read_modes", "read_test", "reading_opti
 
 
 #: Options of reading that are handed on as they are.
-_AS_GIVEN = ("sampling_rate", "columns", "ignore", "skip", "delimiter", "decimal", "transpose", "sheet")
+_AS_GIVEN = ("sampling_rate", "columns", "ignore", "rows", "skip", "delimiter", "decimal", "transpose", "sheet")
 
 
 def read_data(options: argparse.Namespace, path: Path) -> tuple[Any, tuple[Note, ...]]:

@@ -72,6 +72,7 @@ FORMATS: dict[str, Format] = {
     ".tsv": _TEXT,
     ".dat": _TEXT,
     ".lvm": _TEXT,
+    **dict.fromkeys((".at2", ".vt2", ".dt2"), _TEXT),
     ".npy": Format(name="NumPy array", reader=npy.read, writer=None, read_options=npy.NPY_OPTIONS),
     ".parquet": Format(
         name="Parquet table", reader=recorders.read_parquet, writer=None, read_options=recorders.RECORDER_OPTIONS
@@ -121,16 +122,17 @@ def read(path: str | Path, **options: Any) -> Thing:
     ----------
     path : path
         A universal file, `.npz`, `.npy`, `.mat`, `.h5`, `.json`, a folder `.zarr`, a text table (`.csv`, `.txt`, `.asc`,
-        `.tsv`, `.dat`, `.lvm`), `.wav`, and with
-        extras `.xlsx`, `.tdms`, `.mf4`, `.nc`, `.parquet` or a mesh (`.msh`, `.vtk`, `.bdf`, `.inp` ...).
+        `.tsv`, `.dat`, `.lvm`), an accelerogram `.at2`, `.wav`, and with extras `.xlsx`, `.tdms`, `.mf4`, `.nc`, `.parquet` or a mesh
+        (`.msh`, `.vtk`, `.bdf`, `.inp` ...).
     **options
         For every format: `quantity` ("displacement", "velocity", "acceleration"), `sampling_rate`, `kind`, `output_dofs`,
         `input_dofs`, `units`, `geometry` (also a path, or paths of points and lines), `averages`, `added_damping`, `groups` override what
         the file says.
 
         For tables: `columns="time=1,in=2,out=3-9"` (the roles are time, frequency, in, out, real, imag, mag, phase, coh, ignore; columns
-        are numbers from 1, ranges or names), `ignore=[4, "Temp"]`, `units={"Force": "N"}`, `transpose=True` where rows are channels; for
-        text `skip=3` lines at the top, `delimiter=";"`, `decimal=","`; for workbooks and recorders' files `sheet="Run 2"`.
+        are numbers from 1, ranges or names), `ignore=[4, "Temp"]`, `units={"Force": "N"}`, `rows="1101-4000"` to take a part,
+        `transpose=True` where rows are channels; for text `skip=3` lines at the top, `delimiter=";"`, `decimal=","`; for workbooks and
+        recorders' files `sheet="Run 2"`.
 
         For files of named arrays (.npz, .mat, .h5): `rename={"y": "outputs", "fs": "sampling_rate"}`, name in the file ->
         name of the layout; `axes={"values": "inputs outputs lines"}`, the axes of a stored array when they stand in

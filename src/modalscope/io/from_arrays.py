@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import fields, replace
 from typing import Any
 
@@ -17,13 +17,14 @@ from modalscope.io.hints import listed, unknown_arrays
 from modalscope.io.increments import with_vectors
 from modalscope.io.limits import room
 from modalscope.io.loose import meaning_of
+from modalscope.io.members import Lists, base_of, lists_of, stacked_runs
 from modalscope.model import DataError, FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals, StateSpace
 from modalscope.model.checks import Array
 
 __all__ = ["ARRAY_OPTIONS", "FIELD_OPTIONS", "contents_from_arrays"]
 
 #: Options of the formats that hold named arrays.
-ARRAY_OPTIONS = ("rename", "axes", "ignore", "columns", "transpose")
+ARRAY_OPTIONS = ("rename", "axes", "ignore", "columns", "transpose", "rows")
 
 #: Fields of a noun that may be given, or overridden, while it is read from any format.
 FIELD_OPTIONS = (
@@ -79,25 +80,47 @@ def contents_from_arrays(where: str, arrays: Mapping[str, Array], options: Optio
         Unknown arrays, none that make a noun, text where numbers belong, or whatever the noun refuses.
     """
     rename, ignore = dict(options.get("rename") or {}), _as_names(options.get("ignore"))
-    absent = sorted((set(rename) | set(ignore)) - set(arrays))
+    absent = sorted((set(rename) | set(ignore)) - set(arrays) - {base_of(name) for name in arrays})
     if absent:
         raise DataError(
             f"rename or ignore of {', '.join(absent)} was asked",
             f"{where} holds {listed(arrays)}",
             "Name arrays that are there.",
         )
-    held = {rename.get(name, name): array for name, array in arrays.items() if name not in ignore}
+    left = {name for name in arrays if name in ignore or base_of(name) in ignore}
+    lists = lists_of(where, {name: array for name, array in arrays.items() if name not in left})
+    if lists is not None:
+        return _without_lists(where, lists, arrays, options)
+    held = {rename.get(name, name): array for name, array in arrays.items() if name not in left}
     given = _fields(options)
     noun = noun_of(held)
     known = set() if noun is None else names_of(noun)
     unknown = [name for name in held if name not in known and not _of_modes(noun, name)]
     if noun is None or unknown:
         return _by_evidence(where, held, unknown, noun, options)
+    if options.get("rows") is not None:
+        raise DataError(f"rows of {where} were asked", "it is no table", "Cut its arrays before they are saved.")
     held = _with_axes(held, noun, dict(options.get("axes") or {}))
     thing = _build(where, noun, held, given)
-    findings = [Finding(part=name, what=_what(array)) for name, array in arrays.items() if name not in ignore]
-    findings += [Finding(part=name, what=_what(arrays[name]), taken=False, reason="ignore names it") for name in ignore]
-    return Contents(thing=thing, findings=tuple(findings))
+    return Contents(thing=thing, findings=_told(arrays, left))
+
+
+def _told(arrays: Mapping[str, Array], left: Collection[str]) -> tuple[Finding, ...]:
+    """Return a finding an array; those that were ignored say so."""
+    taken = [Finding(part=name, what=_what(array)) for name, array in arrays.items() if name not in left]
+    ignored = [Finding(part=k, what=_what(arrays[k]), taken=False, reason="ignore names it") for k in sorted(left)]
+    return (*taken, *ignored)
+
+
+def _without_lists(where: str, lists: Lists, arrays: Mapping[str, Array], options: Options) -> Contents:
+    """Make what arrays are among which there were lists: one object of all, or the runs of a record, each read by itself."""
+    further = {**options, "ignore": None}
+    if not lists.runs:
+        return contents_from_arrays(where, lists.arrays, further)
+    runs = [contents_from_arrays(where, run, further) for run in lists.runs]
+    thing = stacked_runs(where, [run.thing for run in runs])
+    notes = (f"{len(runs)} runs, one a member of its lists", *(note for run in runs for note in run.notes))
+    return Contents(thing=thing, findings=_told(arrays, ()), notes=tuple(dict.fromkeys(notes)))
 
 
 def _fields(options: Options) -> dict[str, Any]:

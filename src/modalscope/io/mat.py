@@ -21,6 +21,7 @@ from modalscope.io.hdf5_guard import check_hdf5
 from modalscope.io.limits import Room, room
 from modalscope.io.marks import MARK
 from modalscope.io.mat5 import read_mat5
+from modalscope.io.members import member_name
 from modalscope.model import DataError
 from modalscope.model.checks import Array
 from modalscope.model.extras import optional_package
@@ -32,6 +33,10 @@ _VECTORS = ("frequencies", "poles", *PER_MODE)
 _THREE_AXES = ("values", "variance")
 _DESCRIPTION = 116
 _HDF5_SIGNATURE = b"MATLAB 7.3"
+#: Cells in structures in structures ...
+_DEEPEST = 16
+#: Bytes that a member takes before it is read.
+_MEMBER = 200
 
 
 def write(path: Path, thing: Plain, options: Options) -> None:
@@ -81,14 +86,18 @@ def _read_new(path: Path, space: Room) -> dict[str, Array]:
     check_hdf5(path, space)
     arrays: dict[str, Array] = {}
 
-    def take(prefix: str, group: Any) -> None:
-        for name, item in group.items():
-            if name.startswith("#"):
-                continue
-            if isinstance(item, h5py.Group):
-                take(f"{prefix}{name}.", item)
-            else:
-                arrays[prefix + name] = _of_dataset(prefix + name, item, space)
+    def take(name: str, item: Any, depth: int = 0) -> None:
+        if depth > _DEEPEST:
+            raise ValueError(f"arrays lie deeper than {_DEEPEST} in each other")
+        if isinstance(item, h5py.Group):
+            for key, part in item.items():
+                if not key.startswith("#"):
+                    take(f"{name}.{key}" if name else key, part, depth + 1)
+        elif (members := _members(name, item, space)) is not None:
+            for key, part in members:
+                take(key, part, depth + 1)
+        else:
+            arrays[name] = _of_dataset(name, item, space)
 
     try:
         with h5py.File(path, "r") as file:
@@ -102,6 +111,23 @@ def _read_new(path: Path, space: Room) -> dict[str, Array]:
             "Save it again with -v7 or -v7.3.",
         ) from None
     return arrays
+
+
+def _members(name: str, item: Any, space: Room) -> list[tuple[str, Any]] | None:
+    """Return what a dataset refers to, by its places: members of a cell, or one field of an array of structures.
+
+    None of cells of text, and where it holds values itself.
+    """
+    cell = _class_of(item) == "cell"
+    if item.attrs.get("MATLAB_empty", 0) or item.dtype.kind != "O":
+        return None
+    space.take(f"the members of {name}", _MEMBER * item.size)  # the same part may be referred to again and again
+    held = [item.file[reference] for reference in np.asarray(item[()]).ravel()]
+    if cell and all(_holds_text(part) or part.attrs.get("MATLAB_empty", 0) for part in held):
+        return None
+    of, _, field = name.rpartition(".")
+    named = [member_name(name, k) if cell else f"{member_name(of, k, '()')}.{field}" for k in range(1, len(held) + 1)]
+    return list(zip(named, held, strict=True))
 
 
 def _of_dataset(name: str, item: Any, space: Room) -> Array:

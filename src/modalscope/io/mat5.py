@@ -2,7 +2,8 @@
 
 scipy's reader trusts the sizes that a file states and can end the whole program on a damaged cell array (version 1.17 does).
 Here every size is checked before it is used, and what is packed is inflated within bounds (`limits`). Read are numeric
-arrays, text, cells of text and structures; sparse matrices, objects and functions are errors that name them.
+arrays, text, cells and structures; sparse matrices, objects and functions are errors that name them. Members of cells and of arrays of
+structures have their place in their name (`runs{2}`, `test(2).acc`); `members` says what they are together.
 
 Source: MATLAB MAT-File Format, version 5 (The MathWorks).
 """
@@ -18,6 +19,7 @@ import numpy as np
 
 from modalscope.io.arrays import joined
 from modalscope.io.limits import MOST_PARTS, Room
+from modalscope.io.members import member_name
 from modalscope.model import DataError
 from modalscope.model.checks import Array
 
@@ -55,6 +57,8 @@ class _Reading:
 
 def read_mat5(data: bytes, room: Room, ignore: Collection[str] = ()) -> dict[str, Array]:
     """Return the variables of a file; fields of structures are named with a dot, cells of text are text arrays.
+
+    Members of other cells are named `runs{1}`, those of arrays of structures `test(1).acc`.
 
     Raises
     ------
@@ -158,7 +162,7 @@ def _matrix(name: str, body: memoryview, file: _Reading, depth: int = 0) -> dict
     if kind == _CHARACTERS:
         return {name: _characters(name, parts[:1], shape, file)}
     if kind == _CELL:
-        return {name: _cell(name, parts, shape, file, depth)}
+        return _cell(name, parts, shape, file, depth)
     if kind == _STRUCTURE:
         return _structure(name, parts, shape, file, depth)
     if kind not in _CLASSES:
@@ -200,37 +204,29 @@ def _characters(name: str, parts: list[Element], shape: tuple[int, ...], file: _
     return file.room.texts(name, rows) if shape[0] > 1 else np.array(text, dtype=np.str_)
 
 
-def _cell(name: str, parts: list[Element], shape: tuple[int, ...], file: _Reading, depth: int) -> Array:
+def _cell(name: str, parts: list[Element], shape: tuple[int, ...], file: _Reading, depth: int) -> dict[str, Array]:
+    """Return a cell array: one array of texts where it holds nothing else, else its members by their places."""
     if len(parts) != _size(shape) or any(kind != _MATRIX for kind, _ in parts):
         raise _Damaged(f"a cell array of shape {shape} has {len(parts)} members")
-    texts = []
-    for _, body in parts:
-        item = _matrix(name, body, file, depth + 1).get(name)
-        if item is None or item.size > 1 or (item.size and item.dtype.kind != "U"):
-            raise DataError(
-                f"reading {name} in {file.where} was asked",
-                "it is a cell array of something other than text",
-                "Save plain arrays, and labels as cells of text.",
-            )
-        texts.append(str(item) if item.size else "")
-    return file.room.texts(name, texts)
+    members = [_matrix(member_name(name, k), body, file, depth + 1) for k, (_, body) in enumerate(parts, 1)]
+    bare = [next(iter(member.values())) if len(member) == 1 else None for member in members]
+    if all(item is not None and (not item.size or (item.dtype.kind == "U" and item.size == 1)) for item in bare):
+        return {name: file.room.texts(name, [str(item) if item is not None and item.size else "" for item in bare])}
+    return {key: array for member in members for key, array in member.items()}
 
 
 def _structure(name: str, parts: list[Element], shape: tuple[int, ...], file: _Reading, depth: int) -> dict[str, Array]:
-    if _size(shape) != 1:
-        raise DataError(
-            f"reading {name} in {file.where} was asked",
-            f"it is an array of {_size(shape)} structures",
-            "Save one structure, or plain arrays.",
-        )
     width = struct.unpack(file.order + "i", parts[0][1])[0] if parts and len(parts[0][1]) == 4 else 0
     names = bytes(parts[1][1]) if len(parts) > 1 and width > 0 else b""
     if len(names) > width * len(parts):
         raise _Damaged(f"a structure of {len(parts) - 2} values has {len(names)} bytes of names")
     fields = [names[k : k + width].split(b"\0")[0].decode("latin-1") for k in range(0, len(names), max(width, 1))]
-    if not fields or len(parts) != 2 + len(fields) or any(kind != _MATRIX for kind, _ in parts[2:]):
-        raise _Damaged(f"a structure of {len(fields)} fields has {len(parts) - 2} values")
+    count = _size(shape)
+    if not fields or len(parts) != 2 + len(fields) * count or any(kind != _MATRIX for kind, _ in parts[2:]):
+        raise _Damaged(f"{count} structures of {len(fields)} fields have {len(parts) - 2} values")
     arrays: dict[str, Array] = {}
-    for field, (_, body) in zip(fields, parts[2:], strict=True):
-        arrays |= _matrix(f"{name}.{field}", body, file, depth + 1)
+    for k, (_, body) in enumerate(parts[2:]):
+        place, field = divmod(k, len(fields))
+        owner = name if count == 1 else member_name(name, place + 1, "()")
+        arrays |= _matrix(f"{owner}.{fields[field]}", body, file, depth + 1)
     return arrays

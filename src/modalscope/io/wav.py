@@ -15,7 +15,7 @@ from modalscope.model import DataError
 
 __all__ = ["WAV_OPTIONS", "read"]
 
-WAV_OPTIONS = ("columns", "ignore")
+WAV_OPTIONS = ("columns", "ignore", "rows")
 
 #: What scipy's reader raises on damaged files; where a part is missing it stops at a name that was never set.
 _DAMAGED = (

@@ -269,6 +269,8 @@ def _slowest(signals: Signals, power: RealArray, lines: RealArray) -> tuple[floa
     """Return frequency (Hz) and decay time (s) of the strongest resonance where the record is short for it."""
     smooth = scipy.signal.oaconvolve(power, np.ones(17) / 17, mode="same")
     first = int(np.searchsorted(lines, _CYCLES / signals.duration))
+    if first >= smooth.size:  # fewer samples than any cycle takes
+        return None
     top = first + int(np.argmax(smooth[first:]))
     f0 = float(lines[top])
     if top == first or smooth[top] < 20 * float(np.median(smooth)):  # at the end: what is left of drift

@@ -13,6 +13,7 @@ from modalscope.io.columns.lines import frequency_response, parts_by_name
 from modalscope.io.columns.parts import part_of
 from modalscope.io.columns.records import records
 from modalscope.io.columns.roles import Role, ignored_columns, named_columns, role_by_words, spoken_roles
+from modalscope.io.columns.rows import check_numbers, with_rows
 from modalscope.io.columns.table import Column, Table, as_word, span
 from modalscope.io.contents import Contents, Finding, Options
 from modalscope.model import DataError, FrequencyResponse, Signals
@@ -20,7 +21,7 @@ from modalscope.model import DataError, FrequencyResponse, Signals
 __all__ = ["COLUMN_OPTIONS", "contents_from_table"]
 
 #: Options of every format that gives columns.
-COLUMN_OPTIONS = ("columns", "ignore", "transpose")
+COLUMN_OPTIONS = ("columns", "ignore", "transpose", "rows")
 
 #: A first column that rises evenly by less than this is time: nobody measures lines so near each other (s or Hz).
 _FINE = 0.02
@@ -33,7 +34,8 @@ def contents_from_table(table: Table, options: Options) -> Contents:
     ----------
     table : Table
     options : mapping
-        `columns` ("time=1,in=2,out=3-9"), `ignore` (numbers or names), `units` (number or name -> unit), `sampling_rate`.
+        `columns` ("time=1,in=2,out=3-9"), `ignore` (numbers or names), `rows` ("1101-4000"), `units` (number or name ->
+        unit), `sampling_rate`.
 
     Raises
     ------
@@ -41,7 +43,7 @@ def contents_from_table(table: Table, options: Options) -> Contents:
         Nothing to take, a time column that is not even or of another rate, an axis that is not known: the message names the option
         that says what was meant.
     """
-    table = _with_units(table, options.get("units"))
+    table = _with_units(with_rows(table, options.get("rows")), options.get("units"))
     ignored = ignored_columns(table.columns, options.get("ignore"))
     left = {column.number: "ignore names it" for column in ignored}
     columns = [column for column in table.columns if column.number not in left]
@@ -55,7 +57,7 @@ def contents_from_table(table: Table, options: Options) -> Contents:
     left |= {c.number: roles[c.number].reason for c in kept if roles[c.number].role == "index"}
     others = [column for column in kept if column is not axis and column.number not in left]
     _check_axis(table, axis, kind)
-    _check_numbers(table, others)
+    check_numbers(table, others)
     if not others:
         raise DataError(
             f"reading {table.where} needs a column of measured values",
@@ -154,19 +156,6 @@ def _check_axis(table: Table, axis: Column | None, kind: str) -> None:
             f"{axis} holds {'text' if axis.textual else 'complex values'}",
             f"Leave it out: --ignore {as_word(axis.label)}",
         )
-
-
-def _check_numbers(table: Table, columns: Sequence[Column]) -> None:
-    """Raise where cells are empty or not finite, and name the rows and the way out."""
-    for column in columns:
-        bad = ~np.isfinite(column.values)
-        if bad.any():
-            first, count = int(np.argmax(bad)) + 1, int(bad.sum())
-            raise DataError(
-                f"reading {table.where} needs a finite number in every row",
-                f"{count} of {bad.size} in {column} are empty or no numbers, the first in row {first}",
-                f"Fill or cut these rows, or leave the column out: --ignore {as_word(column.label)}",
-            )
 
 
 def _layout(table: Table) -> list[Finding]:

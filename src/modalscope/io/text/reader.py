@@ -24,6 +24,7 @@ from modalscope.io.text.dialect import DELIMITERS, dialect_of, words_of_delimite
 from modalscope.io.text.layout import Layout, layout_of, rate_of_facts
 from modalscope.io.text.source import encoding_of, lines_of
 from modalscope.io.text.stamps import seconds_of
+from modalscope.io.text.wrapped import head_of, wrapped_table
 from modalscope.model import DataError
 from modalscope.model.checks import Array, check_choice, check_count
 
@@ -86,6 +87,10 @@ def contents_of_lines(
         As `read`.
     """
     first = _first(lines, space, _SAMPLES if options.get("transpose") else _COLUMNS)
+    run_on = head_of([line for _, line in first])
+    if run_on is not None:
+        below = chain(islice(first, run_on.lines, None), lines)
+        return contents_from_table(wrapped_table(where, run_on, below, space), options)
     bare = [uncommented(line)[0] for _, line in first]
     dialect = dialect_of(where, bare, *signs)
     if options.get("transpose"):

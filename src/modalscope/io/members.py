@@ -1,0 +1,199 @@
+"""Lists of arrays: cells and arrays of structures, as MATLAB saves the runs of a test or its channels one by one.
+
+Readers name the members by their places, `runs{2}` or `test(2).acc`. What they are together:
+
+- vectors of equal length, one a member, are the columns of one array; times that are the same in all are one vector; texts and numbers one
+  a member are lists of these;
+- members that are matrices, or structures of several measured arrays, are runs: each is read by itself, as a file of its own would be.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from modalscope.model import DataError, Signals
+from modalscope.model.checks import Array
+
+__all__ = ["Lists", "base_of", "lists_of", "member_name", "stacked_runs"]
+
+_MEMBER = re.compile(r"(?P<of>[^({]*)(?:\((?P<round>\d+)\)|\{(?P<curly>\d+)\})(?P<rest>.*)\Z")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Lists:
+    """Named arrays in which lists have become arrays, or runs.
+
+    Parameters
+    ----------
+    arrays : mapping of name to array
+        Everything, where no list is of runs.
+    runs : sequence of mappings
+        The arrays of each run, those that all share among them; empty where there are none.
+    """
+
+    arrays: Mapping[str, Array] = field(default_factory=dict)
+    runs: Sequence[Mapping[str, Array]] = ()
+
+
+def member_name(of: str, place: int, brackets: str = "{}") -> str:
+    """Return the name of a member, counted from 1, as MATLAB writes it.
+
+    Examples
+    --------
+    >>> member_name("runs", 2), member_name("test", 1, "()")
+    ('runs{2}', 'test(1)')
+    """
+    return f"{of}{brackets[0]}{place}{brackets[1]}"
+
+
+def base_of(name: str) -> str:
+    """Return the name of the list that a member is of; that of any other array.
+
+    Examples
+    --------
+    >>> base_of("runs{2}"), base_of("test(1).acc"), base_of("fs")
+    ('runs', 'test', 'fs')
+    """
+    found = _MEMBER.match(name)
+    return found["of"] if found else name
+
+
+def lists_of(where: str, arrays: Mapping[str, Array]) -> Lists | None:
+    """Return named arrays without lists; None where there are none.
+
+    Parameters
+    ----------
+    where : str
+        The file, for messages.
+    arrays : mapping of name to array
+        As readers hand them on, members by their places.
+
+    Raises
+    ------
+    DataError
+        Lists in lists, or runs beside another number of members.
+
+    Examples
+    --------
+    >>> lists_of("x.mat", {"y{1}": np.arange(3.0), "y{2}": np.ones(3), "fs": np.array(9.0)}).arrays["y"].shape
+    (3, 2)
+    """
+    lists: dict[str, dict[int, dict[str, Array]]] = {}
+    shared: dict[str, Array] = {}
+    for name, array in arrays.items():
+        found = _MEMBER.match(name)
+        if found is None:
+            shared[name] = array
+            continue
+        if _MEMBER.match(found["rest"]):
+            raise DataError(
+                f"reading {where} was asked",
+                f"{found['of']} holds lists of lists ({name})",
+                f"Save its members as arrays, or leave it out: --ignore {found['of']}",
+            )
+        if array.size:
+            place = int(found["round"] or found["curly"])
+            lists.setdefault(found["of"], {}).setdefault(place, {})[found["of"] + found["rest"]] = array
+    if not lists:
+        return None
+    if not any(_are_runs(list(members.values())) for members in lists.values()):
+        for of, members in lists.items():
+            shared |= _as_columns(where, of, members)
+        return Lists(arrays=shared)
+    places = {of: sorted(members) for of, members in lists.items()}
+    if len({tuple(found) for found in places.values()}) > 1:
+        raise DataError(
+            f"reading the runs of {where} was asked",
+            f"its lists have other members: {', '.join(f'{of} {len(found)}' for of, found in places.items())}",
+            f"Leave one out: --ignore {min(places, key=lambda of: len(places[of]))}",
+        )
+    first = next(iter(places.values()))
+    return Lists(runs=[shared | {k: a for members in lists.values() for k, a in members[p].items()} for p in first])
+
+
+def _long(member: Mapping[str, Array]) -> list[Array]:
+    """Return the measured arrays of a member: numbers, more than one; a vector that rises all along is an axis."""
+    held = [array.squeeze() for array in member.values() if array.dtype.kind in "biufc" and array.size > 1]
+    return [array for array in held if array.ndim > 1 or np.iscomplexobj(array) or not np.all(np.diff(array) > 0)]
+
+
+def _are_runs(members: Sequence[Mapping[str, Array]]) -> bool:
+    """Whether each member holds more than one channel."""
+    held = [_long(member) for member in members]
+    return any(len(arrays) > 1 or any(array.ndim > 1 for array in arrays) for arrays in held)
+
+
+def _as_columns(where: str, of: str, members: Mapping[int, Mapping[str, Array]]) -> dict[str, Array]:
+    """Return every field of a list as one array; a field that not all members have is left."""
+    order = sorted(members)
+    names = [name for name in members[order[0]] if all(name in members[place] for place in order)]
+    return {name: _together(where, of, name, {place: members[place][name] for place in order}) for name in names}
+
+
+def _together(where: str, of: str, name: str, members: Mapping[int, Array]) -> Array:
+    held = [array.ravel() for array in members.values()]
+    if any(array.dtype.kind == "U" for array in held):
+        return np.array([" ".join(map(str, array)) for array in held])
+    sizes = [array.size for array in held]
+    usual = max(set(sizes), key=sizes.count)
+    odd = [place for place, array in members.items() if array.size != usual]
+    if odd:
+        curly = name == of
+        raise DataError(
+            f"reading {where} was asked",
+            f"the members of {name} have {min(sizes)} to {max(sizes)} entries, most of them {usual}",
+            "Cut them to one length, or leave out those of another: "
+            + " ".join(f"--ignore '{member_name(of, place, '{}' if curly else '()')}'" for place in odd[:6]),
+        )
+    if all(np.array_equal(array, held[0]) for array in held[1:]) and (usual == 1 or np.all(np.diff(held[0]) > 0)):
+        return held[0]
+    return np.concatenate(held) if usual == 1 else np.stack(held, axis=1)
+
+
+def stacked_runs(where: str, runs: Sequence[object]) -> Signals:
+    """Return records of one run each as runs of one record.
+
+    Parameters
+    ----------
+    where : str
+        The file, for messages.
+    runs : sequence of Signals
+
+    Raises
+    ------
+    DataError
+        Something else than records, or records of other channels, rates or lengths.
+    """
+    records = [run for run in runs if isinstance(run, Signals)]
+    first = records[0] if records else None
+    if first is None or len(records) < len(runs):
+        raise DataError(
+            f"reading the members of a list in {where} as runs was asked",
+            "not all of them are records",
+            "Save responses by themselves: lines, outputs, inputs.",
+        )
+    lengths = {record.samples for record in records}
+    if len(lengths) > 1:
+        raise DataError(
+            f"reading the {len(records)} runs of {where} was asked",
+            f"they have {min(lengths)} to {max(lengths)} samples",
+            f"Take of each what all have: --rows 1-{min(lengths)}",
+        )
+    kept = ("output_dofs", "input_dofs", "units", "sampling_rate", "quantities")
+    odd = [name for name in kept if any(getattr(record, name) != getattr(first, name) for record in records)]
+    if odd:
+        raise DataError(
+            f"reading the {len(records)} runs of {where} was asked",
+            f"they differ in {' and '.join(odd).replace('_', ' ')}",
+            "Save runs of the same channels at the same rate.",
+        )
+    inputs = [record.inputs for record in records if record.inputs is not None]
+    return Signals(
+        outputs=np.stack([record.outputs for record in records]),
+        inputs=np.stack(inputs) if inputs else None,
+        **{name: getattr(first, name) for name in kept},
+    )

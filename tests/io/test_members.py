@@ -1,0 +1,79 @@
+"""Cells and arrays of structures: what their members are together, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+import modalscope as ms
+from modalscope.io.members import lists_of
+from tests.io.ordinary import HITS, RATE, cells, structures
+
+
+def test_runs_of_other_lengths_are_cut_as_the_message_says(tmp_path: Path) -> None:
+    path = tmp_path / "runs.mat"
+    savemat(path, {"fs": RATE, "runs": cells([HITS[0], HITS[1, :40], HITS[2]])})
+    with pytest.raises(ms.DataError, match=r"(?s)40 to 50 samples.*--rows 1-40"):
+        ms.read(path)
+    assert ms.read(path, rows="1-40", columns="in=1").outputs.shape == (3, 40, 2)
+
+
+def test_one_member_may_be_left_and_a_whole_list(tmp_path: Path) -> None:
+    path = tmp_path / "runs.mat"
+    savemat(path, {"fs": RATE, "runs": cells(list(HITS)), "other": cells([HITS[0], HITS[1]])})
+    with pytest.raises(ms.DataError, match="--ignore other"):
+        ms.read(path)
+    assert ms.read(path, ignore=["other"]).runs == 3
+    assert ms.read(path, ignore=["other", "runs{2}"]).runs == 2
+
+
+def test_vectors_become_columns_and_one_of_another_length_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "channels.mat"
+    vectors = [HITS[0, :, k] for k in range(3)]
+    savemat(path, {"fs": RATE, "acc": cells(vectors)})
+    assert np.array_equal(ms.read(path).outputs, HITS[0])
+    savemat(path, {"fs": RATE, "acc": cells([*vectors, np.ones(7)])})
+    with pytest.raises(ms.DataError, match=r"(?s)7 to 50 entries, most of them 50.*--ignore 'acc\{4\}'"):
+        ms.read(path)
+    assert np.array_equal(ms.read(path, ignore="acc{4}").outputs, HITS[0])
+
+
+def test_fields_of_channels_become_lists_of_texts_and_numbers() -> None:
+    made = {
+        "a(1).name": np.array("x"),
+        "a(2).name": np.array("y"),
+        "a(1).gain": np.array(2.0),
+        "a(2).gain": np.array(3.0),
+    }
+    lists = lists_of("f.mat", made)
+    assert lists is not None
+    assert not lists.runs
+    assert lists.arrays["a.name"].tolist() == ["x", "y"]
+    assert lists.arrays["a.gain"].tolist() == [2.0, 3.0]
+    same = lists_of("f.mat", {"a(1).t": np.arange(3.0), "a(2).t": np.arange(3.0)})
+    assert same is not None
+    assert same.arrays["a.t"].shape == (3,)
+
+
+def test_runs_of_other_channels_or_rates_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "runs.mat"
+    savemat(path, {"test": structures(fs=[RATE, 2 * RATE], acc=[HITS[0], HITS[1]])})
+    with pytest.raises(ms.DataError, match="differ in sampling rate"):
+        ms.read(path)
+    savemat(path, {"fs": RATE, "runs": cells([HITS[0], HITS[1, :, :2]])})
+    with pytest.raises(ms.DataError, match="differ in output dofs"):
+        ms.read(path)
+
+
+def test_lists_of_lists_and_responses_as_runs_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "deep.mat"
+    savemat(path, {"fs": RATE, "runs": cells([cells(list(HITS)), cells(list(HITS))])})
+    with pytest.raises(ms.DataError, match=r"(?s)lists of lists.*--ignore runs"):
+        ms.read(path)
+    lines = np.ones((60, 2)) * (1 + 1j)
+    savemat(path, {"test": structures(f=[np.arange(1.0, 61.0)] * 2, H=[lines, lines])})
+    with pytest.raises(ms.DataError, match="not all of them are records"):
+        ms.read(path)
