@@ -65,6 +65,19 @@ def test_json_alone_is_on_stdout_where_that_is_asked(test_file: Path, capsys: py
     assert "zeta" in err
 
 
+@pytest.mark.parametrize("words", [["-q"], ["--verbose"], ["--config", "x.toml"], ["--config=x.toml", "-q"]])
+def test_what_every_command_takes_may_stand_before_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: list[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("x.toml").write_text("[methods]\n")
+    assert main([*words, "methods"]) == 0
+    assert "polyreference" in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        main(words)
+    assert "a command is needed" in capsys.readouterr().err
+
+
 def test_quiet_says_the_result_alone_and_verbose_what_was_chosen(
     test_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

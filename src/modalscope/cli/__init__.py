@@ -51,12 +51,12 @@ def _run(words: Sequence[str]) -> None:
     import shlex
 
     from modalscope.cli.commands import build_parser
-    from modalscope.cli.config import configured
+    from modalscope.cli.config import command_first, configured
 
     command_line = shlex.join(["modalscope", *words])
     parser = build_parser()
     try:
-        options = parser.parse_args(configured(words), argparse.Namespace(command_line=command_line))
+        options = parser.parse_args(configured(command_first(words)), argparse.Namespace(command_line=command_line))
         VOICE.quiet, VOICE.verbose = (getattr(options, how, False) for how in ("quiet", "verbose"))
         VOICE.aside = STDOUT in map(str, getattr(options, "outputs", ()))
         options.run(options)

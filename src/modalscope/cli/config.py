@@ -15,9 +15,25 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-__all__ = ["configured"]
+__all__ = ["command_first", "configured"]
 
 _OPTION = "--config"
+#: What every command takes, without a value.
+_COMMON = ("-q", "--quiet", "-v", "--verbose")
+
+
+def command_first(words: Sequence[str]) -> list[str]:
+    """Return the words of a command line with the command first: what every command takes may stand before it, too.
+
+    Examples
+    --------
+    >>> command_first(["-q", "--config", "a.toml", "identify", "a.csv"])
+    ['identify', '-q', '--config', 'a.toml', 'a.csv']
+    """
+    at = 0
+    while at < len(words) and (words[at] in _COMMON or words[at].split("=")[0] == _OPTION):
+        at += 2 if words[at] == _OPTION else 1
+    return [words[at], *words[:at], *words[at + 1 :]] if at < len(words) else []
 
 
 def configured(words: Sequence[str]) -> list[str]:
