@@ -65,5 +65,6 @@ def run(options: argparse.Namespace) -> None:
     written = write_outputs(options, found, ", ".join(map(str, options.files)), **beside)
     for note in told:
         remark(note)
-    for line in (found.table(), *written):
+    hint = () if options.verbose or options.quiet else ("\nwhat every method says of every mode: -v",)
+    for line in (found.table(each=options.verbose), *hint, *written):
         say(line)

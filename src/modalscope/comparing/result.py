@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -22,6 +22,9 @@ from modalscope.model.response import Response
 from modalscope.model.shown import Shown, cells_of, summary_of
 
 __all__ = ["Comparison"]
+
+#: Modes that stand beside each other in a table of text.
+_BESIDE = 5
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -102,9 +105,15 @@ class Comparison(Shown):
         """
         return next((r.label for r in self.results if r.name == name), name)
 
-    def table(self) -> str:
-        """Return modes, methods and verdict as text."""
-        parts = [self._modes_table(), self._methods_table(), self._each_table(), self.verdict]
+    def table(self, each: bool = True) -> str:
+        """Return modes, verdict and methods as text.
+
+        Parameters
+        ----------
+        each : bool
+            Whether what every method says of every mode follows.
+        """
+        parts = [self._modes_table(), self.verdict, self._methods_table(), *(self._each_tables() if each else ())]
         return "\n\n".join(part for part in parts if part)
 
     def _modes_table(self) -> str:
@@ -139,22 +148,26 @@ class Comparison(Shown):
             rows.append([r.label, str(len(r.modes)), f"{100 * r.fit_error:.2f}", f"{r.seconds:.1f}", note])
         return _aligned([head, *rows], "Methods", left=(0, 4))
 
-    def _each_table(self) -> str:
+    def _each_tables(self) -> list[str]:
+        """Return what every method says of every mode, as tables of a few modes: lines that wrap cannot be read."""
         names = [r.name for r in self.results if r.modes is not None]
-        if not names or not self.groups:
-            return ""
-        head = ["f [Hz] / zeta [%]", *(f"mode {k + 1}" for k in range(len(self.groups)))]
+        starts = range(0, len(self.groups), _BESIDE) if names else ()
+        return [self._each_table(names, range(first, min(first + _BESIDE, len(self.groups)))) for first in starts]
+
+    def _each_table(self, names: Sequence[str], modes: Sequence[int]) -> str:
+        head = ["f [Hz] / zeta [%]", *(f"mode {k + 1}" for k in modes)]
+        groups = [self.groups[k] for k in modes]
         rows = [
             [
                 self.label(name),
                 *(
                     f"{g.frequencies[name]:.5g} / {100 * g.damping_ratios[name]:.3g}" if name in g.members else "-"
-                    for g in self.groups
+                    for g in groups
                 ),
             ]
             for name in names
         ]
-        return _aligned([head, *rows], "Every method")
+        return _aligned([head, *rows], "Every method" if modes[0] == 0 else "Every method, further modes")
 
 
 def _aligned(rows: list[list[str]], lead: str, left: tuple[int, ...] = (0,)) -> str:
