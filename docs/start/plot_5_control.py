@@ -45,8 +45,9 @@ for name, which in (("open", model), ("closed", closed)):
 # The response of the closed loop dies away sooner:
 from matplotlib import pyplot
 
+_, axes = pyplot.subplots()
 for name, which in (("open loop", model), ("closed loop", closed)):
-    pyplot.plot(which.impulse_response(200).values[:, 0, 0], label=name)
-pyplot.xlabel("samples")
-pyplot.ylabel("velocity, first mass")
-pyplot.legend()
+    response = which.impulse_response(200)
+    axes.plot(np.arange(200) * which.dt, response.values[:200, 0, 0], label=name)
+axes.set(xlabel="time [s]", ylabel="velocity, first mass [(m/s)/N]")
+axes.legend()
