@@ -35,7 +35,27 @@ def test_calibration_of_perfect_intervals_holds_and_of_biased_ones_does_not():
 
 def test_what_is_not_known_does_not_hold():
     nothing = np.full((1, 2), np.nan)
-    assert not Calibration(nothing, nothing, nothing, nothing).holds.any()
+    assert not Calibration(nothing, nothing, nothing, nothing, nothing).holds.any()
+
+
+@pytest.mark.parametrize("count", [10, 15, 40, 200])
+def test_a_perfect_interval_is_seldom_refused_by_few_replicates(count: int) -> None:
+    # three figures, each beyond its 95 % by chance (coverage goes in steps): of the frequencies and damping ratios of 400 certificates
+    rng = np.random.default_rng(count)
+    true = np.stack([TRUTH.frequencies, TRUTH.damping_ratios])
+    held = []
+    for _ in range(400 // len(TRUTH)):
+        std = np.broadcast_to(0.01 * true, (count, 2, len(TRUTH)))
+        values = true + std * rng.standard_normal(std.shape)
+        held.append(calibration(TRUTH, np.concatenate([values, std], axis=1)).holds)
+    assert np.mean(held) > 0.8
+
+
+def test_few_replicates_still_refuse_what_is_twice_too_narrow_or_biased() -> None:
+    told = {"bias": 0.0, "ratio": 1.0, "coverage": 0.95}
+    for wrong in ({"ratio": 2.0}, {"ratio": 0.4}, {"bias": 0.9}, {"coverage": 0.7}):
+        figures = {k: np.array([[v]]) for k, v in {**told, **wrong}.items()}
+        assert not Calibration(**figures, error=np.ones((1, 1)), seen=np.full((1, 1), 15.0)).holds.any()
 
 
 def test_eras_bias_at_20_db_is_found_and_its_deviation_replaced():

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modalscope.judging.replicates import Replicates
-from modalscope.model.checks import BoolArray, IntArray, RealArray
+from modalscope.model.checks import Array, BoolArray, IntArray, RealArray
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
 from modalscope.model.shown import Shown, counted, summary_of
@@ -26,8 +26,8 @@ LARGEST_BIAS, RATIOS, LEAST_COVERAGE = 0.5, (0.8, 1.25), 0.88
 #: Replicates more, in multiples of the first, for what fails: a perfect interval of 40 replicates fails a figure by chance in 5 %.
 MORE = 4
 
-#: Normal quantile of the 95 % interval.
-_Z = 1.959964
+#: Normal quantile of the 95 % interval, and its level.
+_Z, _LEVEL = 1.959964, 0.95
 
 
 class Calibration(NamedTuple):
@@ -37,17 +37,29 @@ class Calibration(NamedTuple):
     ratio: RealArray
     coverage: RealArray
     error: RealArray
+    seen: RealArray
 
     @property
     def holds(self) -> BoolArray:
         """Whether the interval holds, (n, 2)."""
-        return _holding({"bias": self.bias, "ratio": self.ratio, "coverage": self.coverage})
+        return _holding({"bias": self.bias, "ratio": self.ratio, "coverage": self.coverage}, self.seen)
 
 
-def _holding(told: Mapping[str, RealArray]) -> BoolArray:
+def _holding(told: Mapping[str, RealArray], count: Array) -> BoolArray:
+    """Whether the figures of so many replicates are those of an interval that holds.
+
+    Of K replicates of a perfect interval the mean scatters by 1 / sqrt(K) deviations, the ratio by 1 / sqrt(2 (K - 1)) and the coverage by
+    sqrt(.95 x .05 / K). Below some forty that is more than the limits leave: they are widened to the 95 % of it.
+    """
+    K = np.maximum(count, 2)
+    bias = np.maximum(LARGEST_BIAS, _Z / np.sqrt(K))
+    scatter = _Z / np.sqrt(2 * (K - 1))
+    covered = np.minimum(LEAST_COVERAGE, _LEVEL - _Z * np.sqrt(_LEVEL * (1 - _LEVEL) / K))
     with np.errstate(invalid="ignore"):
-        right = (told["ratio"] >= RATIOS[0]) & (told["ratio"] <= RATIOS[1])
-        return np.asarray((np.abs(told["bias"]) < LARGEST_BIAS) & right & (told["coverage"] >= LEAST_COVERAGE))
+        right = (told["ratio"] >= np.minimum(RATIOS[0], 1 - scatter)) & (
+            told["ratio"] <= np.maximum(RATIOS[1], 1 + scatter)
+        )
+        return np.asarray((np.abs(told["bias"]) < bias) & right & (told["coverage"] >= covered))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
@@ -85,12 +97,12 @@ class Certificate(Shown):
     @property
     def frequency_holds(self) -> BoolArray:
         """Whether the interval of each frequency holds, (n,)."""
-        return _holding(self.frequency)
+        return _holding(self.frequency, self.found)
 
     @property
     def damping_ratio_holds(self) -> BoolArray:
         """Whether the interval of each damping ratio holds, (n,)."""
-        return _holding(self.damping_ratio)
+        return _holding(self.damping_ratio, self.found)
 
     @property
     def bias(self) -> RealArray:
@@ -136,7 +148,7 @@ def calibration(truth: ModalModel, found: RealArray) -> Calibration:
         typical = _median(std)
         inside = np.sum(np.abs(error) <= _Z * std, axis=0) / np.sum(np.isfinite(std), axis=0)
         size = np.sqrt(np.nansum(error**2, axis=0) / there)
-    return Calibration((mean / typical).T, (spread / typical).T, inside.T, size.T)
+    return Calibration((mean / typical).T, (spread / typical).T, inside.T, size.T, there.T.astype(float))
 
 
 def _median(values: RealArray) -> RealArray:
