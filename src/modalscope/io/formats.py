@@ -22,32 +22,19 @@ from modalscope.io import (
     wav,
     zarr_folders,
 )
-from modalscope.io.analysis import write_analysis
-from modalscope.io.atomic import replacing
 from modalscope.io.contents import Contents, Format, Options, Survey, Thing
 from modalscope.io.from_arrays import ARRAY_OPTIONS, FIELD_OPTIONS
 from modalscope.io.geometry_option import told_of_channels, with_geometry
 from modalscope.io.overrides import overridden
 from modalscope.io.stored import STORED_OPTIONS
-from modalscope.io.texts import check_texts
 from modalscope.model import (
     DataError,
-    FrequencyResponse,
-    Geometry,
-    ImpulseResponse,
-    ModalModel,
-    Signals,
-    StabilizationDiagram,
-    StateSpace,
 )
-from modalscope.model.analysis import Analysis
-from modalscope.model.checks import check_kind, check_path
+from modalscope.model.checks import check_path
 from modalscope.model.entries import plainly
-from modalscope.model.result import Result
 from modalscope.model.shown import summary_of
-from modalscope.model.sources import files_of
 
-__all__ = ["FORMATS", "read", "sources_of", "survey", "write"]
+__all__ = ["FORMATS", "check_options", "format_of", "read", "survey"]
 
 _UNIVERSAL = Format(
     name="universal file",
@@ -97,21 +84,6 @@ FORMATS: dict[str, Format] = {
         folder=True,
     ),
 }
-
-
-#: What can be written, and the suffixes that hold a diagram with its response.
-_WRITTEN = (
-    FrequencyResponse,
-    ImpulseResponse,
-    Signals,
-    ModalModel,
-    Geometry,
-    StateSpace,
-    StabilizationDiagram,
-    Analysis,
-    Result,
-)
-_DIAGRAMS = (".npz", ".json")
 
 
 @plainly
@@ -191,78 +163,6 @@ def survey(path: str | Path, **options: Any) -> Survey:
     )
 
 
-@plainly
-def write(path: str | Path, thing: Any, **options: Any) -> None:
-    """Write data, modes or a stabilization diagram to a file; the format by suffix.
-
-    An earlier file is replaced only when the new one is complete, and never the file that the data came from (`source_path`).
-
-    Parameters
-    ----------
-    path : path
-        `.npz`, `.h5` and `.uff` hold every data object, `.mat` all arrays; `.csv` responses, one run of records, or a table of modes;
-        `.json` modes, a result with its analysis, or an analysis; `.npz` and `.json` a stabilization diagram with its response, and a
-        state-space model, which `.mat` and `.h5` hold, too.
-    thing : FrequencyResponse, ImpulseResponse, Signals, ModalModel, Geometry, StateSpace, StabilizationDiagram, Result or Analysis
-        Of a result the modes are written, in JSON with the document of its analysis.
-    **options
-        Universal files: `text=True` (datasets 58 as text), `dataset=55 | 2414` (modes), `nodes=2411 | 15`,
-        `lines=82 | 2412`. JSON: `method`, `domain`, `orders`, `data`, written beside the modes.
-
-    Raises
-    ------
-    DataError
-        An unknown suffix or option, something that the format cannot hold, a place that cannot be written, or the file that the
-        data came from.
-    """
-    file = check_path(path)
-    check_kind("what is written", thing, _WRITTEN)
-    if isinstance(thing, Analysis):
-        _write_analysis(file, thing)
-        return
-    sources = sources_of(thing)
-    if isinstance(thing, Result):
-        options = {**options, "result": thing} if file.suffix.lower() == ".json" else options
-        thing = thing.modes
-    row = _format(file, "writing")
-    if isinstance(thing, StabilizationDiagram) and file.suffix.lower() not in _DIAGRAMS:
-        raise DataError(
-            f"writing a stabilization diagram as {file.suffix} was asked",
-            f"diagrams are written as {' or '.join(_DIAGRAMS)}",
-            "Choose one of these suffixes, or write the modes that select(diagram) gives.",
-        )
-    if row.writer is None:
-        raise DataError(f"writing {file.name} was asked", f"a {row.name} is only read", "Choose another suffix.")
-    _check_options(file, options, row.write_options, "writing")
-    check_texts(file.suffix, thing)
-    with replacing(file, sources) as temporary:
-        row.writer(temporary, thing, options)
-
-
-def sources_of(thing: Any) -> tuple[Path, ...]:
-    """Return the files that data, modes, a diagram, a result or its document came from, as far as they are known.
-
-    Parameters
-    ----------
-    thing : data object, StabilizationDiagram, Result, Analysis, or what has a response
-    """
-    document = thing if isinstance(thing, Analysis) else getattr(thing, "analysis", None)
-    held = (thing, *(getattr(thing, name, None) for name in ("data", "response")))
-    named = (file.path for file in document.files) if isinstance(document, Analysis) else ()
-    return (*(path for each in held for path in files_of(each)), *(Path(path) for path in named if path))
-
-
-def _write_analysis(file: Path, document: Analysis) -> None:
-    if file.suffix.lower() != ".json":
-        raise DataError(
-            f"writing an analysis as {file.suffix or file.name} was asked",
-            "its document is JSON",
-            "End the name in .analysis.json.",
-        )
-    with replacing(file, sources_of(document)) as temporary:
-        write_analysis(temporary, document)
-
-
 def _contents(path: Path, options: Options) -> Contents:
     try:
         return _whole_contents(path, options)
@@ -274,14 +174,14 @@ def _contents(path: Path, options: Options) -> Contents:
 def _whole_contents(path: Path, options: Options) -> Contents:
     if path.is_dir() and not (path.suffix.lower() in FORMATS and FORMATS[path.suffix.lower()].folder):
         raise DataError(f"reading {str(path)!r} was asked", "that is a folder", "Name a file in it.")
-    row = _format(path, "reading")
+    row = format_of(path, "reading")
     if not path.exists():
         raise DataError(f"reading {str(path)!r} was asked", "there is no such file", "Check the name and the folder.")
     if row.reader is None:
         raise DataError(
             f"reading {path.name} was asked", f"a {row.name} is only written", "Give the file that it was made from."
         )
-    _check_options(path, options, (*row.read_options, *FIELD_OPTIONS), "reading")
+    check_options(path, options, (*row.read_options, *FIELD_OPTIONS), "reading")
     if path.stat().st_size == 0:
         raise DataError(f"reading {path.name} was asked", "the file is empty", "Copy or write it again.")
     options, notes = with_geometry(options, _geometry_in)
@@ -296,7 +196,14 @@ def _geometry_in(path: Path) -> Thing:
     return _contents(path, {"want": "geometry"} if universal else {}).thing
 
 
-def _format(path: Path, doing: str) -> Format:
+def format_of(path: Path, doing: str) -> Format:
+    """Return the format of a suffix; `doing` it was asked.
+
+    Raises
+    ------
+    DataError
+        No suffix, or an unknown one.
+    """
     row = FORMATS.get(path.suffix.lower())
     if row is None:
         suffix = f"the suffix {path.suffix!r} is unknown" if path.suffix else "it has no suffix"
@@ -304,7 +211,8 @@ def _format(path: Path, doing: str) -> Format:
     return row
 
 
-def _check_options(path: Path, options: Options, known: tuple[str, ...], doing: str) -> None:
+def check_options(path: Path, options: Options, known: tuple[str, ...], doing: str) -> None:
+    """Raise a `DataError` for an option that a format does not know."""
     unknown = sorted(set(options) - set(known))
     if unknown:
         raise DataError(

@@ -104,11 +104,7 @@ def merge_modes(
     kept, f, zeta = [kept[k] for k in order], f[order], zeta[order]
     poles = poles_from(f, zeta)
     outputs = tuple(dict.fromkeys(dof for part in parts for dof in part.output_dofs))
-    whole = [] if given is None else [_residues(response, poles) for response in given]
-    pieces = [
-        [part.shapes[:, mode.members[j]] if given is None else whole[j][:, k] for j, part in enumerate(parts)]
-        for k, mode in enumerate(kept)
-    ]
+    pieces = _pieces(parts, kept, poles, given)
     places = [[outputs.index(dof) for dof in part.output_dofs] for part in parts]
     shapes = np.array([_glued(x, places, len(outputs)) for x in pieces], dtype=complex).reshape(-1, len(outputs)).T
     repeated = None if labels is None or len(set(labels)) < _GROUPS else labels
@@ -127,6 +123,16 @@ def merge_modes(
         scaling="as in the first setup",
         processing=(f"modes of {len(parts)} setups merged through {', '.join(common)}",),
     )
+
+
+def _pieces(
+    parts: Sequence[ModalModel], kept: Sequence[_Mode], poles: ComplexArray, responses: Sequence[Response] | None
+) -> list[list[ComplexArray]]:
+    """Return of every mode the part of its shape in each setup: of the results, or fitted to the responses with the poles of all."""
+    if responses is None:
+        return [[part.shapes[:, mode.members[j]] for j, part in enumerate(parts)] for mode in kept]
+    whole = [_residues(response, poles) for response in responses]
+    return [[shapes[:, k] for shapes in whole] for k in range(len(kept))]
 
 
 def _common(parts: Sequence[ModalModel]) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from modalscope.comparing import Comparison
 from modalscope.identification.identify import Identification
 from modalscope.identification.lookup import cell_label
 from modalscope.io.atomic import replacing
-from modalscope.io.formats import sources_of
+from modalscope.io.writing import sources_of
 from modalscope.judging.certificate import Certificate
 from modalscope.judging.select import select
 from modalscope.model import DataError, ModalModel, Signals, StabilizationDiagram
