@@ -77,11 +77,9 @@ class ChannelFits:
             return _inverse(M - left_out.T @ left_out)
         if beside is None:
             return known
-        Z, E = self._columns, self._weights[:, [channel]] * beside
-        across = known @ (Z.T @ E)
-        own = _inverse(beside.T @ E - across.T @ (Z.T @ E))
-        corner = across @ own
-        return np.block([[known + corner @ across.T, -corner], [-corner.T, own]])
+        E = self._weights[:, [channel]] * beside
+        across = self._columns.T @ E
+        return _inverse(np.block([[M, across], [across.T, beside.T @ E]]))
 
     def _normal(self, channel: int) -> tuple[RealArray, RealArray]:
         """Return M and M^-1 of a channel, held while they are few numbers."""
