@@ -99,15 +99,14 @@ def test_white_noise_and_smooth_errors_of_the_response_each_have_their_own_corre
     # what all lines have in common at a place is that of its shares, and the same matrix is applied to columns
     near = errors.common(np.array([63, 188]))  # a peak of the response, and where it is least
     assert near[:, 0] == pytest.approx([0.72 * 8 / 9, 0.01], abs=0.12)
-    unit = np.zeros((count, 1), complex)
-    unit[700] = 1
     s2 = errors.share[:, 1, 0]
-    column = errors.times((1, 0), unit)[:, 0]
-    assert column[700] == pytest.approx(1)
-    assert column[703] == pytest.approx(
-        np.sqrt(s2[700] * s2[703]) * errors.own[2]
-        + np.sqrt((1 - s2[700]) * (1 - s2[703])) * np.append(errors.even, np.zeros(3))[2]
-    )
+    for apart, correlation in ((0, 1.0), (3, errors.own[2])):
+        pair = np.zeros((1, 1, 2, count), complex)
+        pair[0, 0, [0, 1], [700, 700 + apart]] = 1
+        even = np.append(errors.even, np.zeros(3))[2] if apart else 1.0
+        own = np.sqrt(s2[700] * s2[700 + apart]) * correlation
+        rest = np.sqrt((1 - s2[700]) * (1 - s2[700 + apart])) * even
+        assert errors.covariances(slice(2, 3), pair)[0, 0, 0, 1] == pytest.approx(own + rest)
 
 
 def test_a_narrow_resonance_lasts_beyond_the_lobe_of_a_window_and_a_coherent_line_does_not() -> None:

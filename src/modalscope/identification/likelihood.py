@@ -19,15 +19,13 @@ import scipy.linalg as sla
 
 from modalscope.identification.matched import Peak, strongest_peaks
 from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
+from modalscope.model.orthogonal import spanning
 from modalscope.model.response import Response
 
 __all__ = ["Fitted", "Point", "Whitened", "across", "orthonormal", "whitened"]
 
 #: Singular values below this part of the largest are rounding: exactly repeated poles leave nothing of their own.
 _RANK = 1e-11
-
-#: Eigenvalues of products below this part of the largest are near rounding.
-_DEPENDENT = 1e-11
 
 
 #: Orthogonal columns P W as (P, W), or P alone: a step does not need their product.
@@ -83,10 +81,10 @@ class Whitened:
 
     def columns(self, poles: Array, *, slopes: bool = True) -> tuple[RealArray, RealArray]:
         """Return the functions of poles and their derivatives by Re s, divided as the data are, without the terms' part."""
-        both = self.light.basis(poles, ()).functions
-        both = (np.hstack([both, self.light.derivatives(poles)]) if slopes else both) / self.rows[:, None]
+        both = self.light.functions(poles, slopes=slopes)
+        both /= self.rows[:, None]
         if self.terms.shape[1]:
-            both -= self.terms @ (self.terms.T @ both)
+            both -= ((both.T @ self.terms) @ self.terms.T).T
         return both[:, : 2 * len(poles)], both[:, 2 * len(poles) :]
 
     def at(self, poles: ComplexArray, sides: ComplexArray, *, slopes: bool = True) -> Point:
@@ -128,16 +126,11 @@ def _by_reflections(columns: RealArray, flat: RealArray) -> tuple[_Span, RealArr
 
 
 def _by_products(columns: RealArray, flat: RealArray) -> tuple[_Span, RealArray, RealArray, RealArray]:
-    """Return the same from P'P = V L V', Q = P V L^-1/2, without directions that products cannot tell from dependent ones."""
-    gram = columns.T @ columns
-    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    values, vectors = np.linalg.eigh(gram / np.outer(size, size))
-    kept = values > _DEPENDENT * values.max(initial=0.0)
-    root, V = np.sqrt(values[kept]), vectors[:, kept]
-    W = V / root / size[:, None]
+    """Return the same from products alone; see `spanning`."""
+    W, R = spanning(columns)
     Z = W.T @ (columns.T @ flat)
     beyond = np.maximum(np.einsum("kq,kq->q", flat, flat) - np.sum(Z**2, axis=0), 0)
-    return (columns, W), (root[:, None] * V.T) * size, Z, beyond
+    return (columns, W), R, Z, beyond
 
 
 def whitened(

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.model.poles import poles_from
 from modalscope.model.response import Response
 
@@ -100,17 +101,12 @@ def amplitudes(response: Response, left: RealArray, rows: RealArray, poles: Arra
         As in `strongest_peaks`.
     poles : array of complex, (n,)
     """
-    A = np.empty((poles.size, *left.shape[1:]), dtype=complex)
-    order = np.argsort(-poles.real / np.abs(poles), kind="stable")  # neighbours of one damping side by side
-    few = min(_TOGETHER, max(1, _HELD // (2 * len(left))))
-    for first in range(0, poles.size, few):
-        some = order[first : first + few]
-        part, used = _near(response, poles[some], len(left))
-        g = part.basis(poles[some], ()).functions / rows[used, None]
-        size = np.sqrt(np.maximum(np.sum(g.reshape(len(g), -1, 2) ** 2, axis=(0, 2)) / 2, 1e-300))
-        both = (g.T @ left[used].reshape(len(g), -1)).reshape(-1, 2, *left.shape[1:])
-        A[some] = (both[:, 0] + 1j * both[:, 1]) / size[:, None, None]
-    return A
+    A = np.empty((poles.size, left[0].size), dtype=complex)
+    flat = left.reshape(len(left), -1)
+    for some, parts in _side_by_side(response, rows, poles, len(left)):
+        size = np.sum([np.sum(g**2, axis=0) for g, _ in parts], axis=0).reshape(-1, 2).sum(axis=1) / 2
+        A[some] = _sums(parts, flat) / np.sqrt(np.maximum(size, 1e-300))[:, None]
+    return A.reshape(-1, *left.shape[1:])
 
 
 def amplitudes_by_channel(
@@ -122,38 +118,50 @@ def amplitudes_by_channel(
     ----------
     response, left, rows
         As in `strongest_peaks`.
-    weights : array, (K, l, m)
-        One over the variance of every value that is left.
+    weights : array, (F, l, m)
+        One over the variance of every value that is left, of either part of a line.
     poles : array of complex, (n,)
     """
-    shape = (poles.size, *left.shape[1:])
-    residues, explained = np.empty(shape, dtype=complex), np.empty(shape)
+    shape, w = (poles.size, *left.shape[1:]), weights.reshape(len(weights), -1)
+    A, sizes = np.empty((poles.size, w.shape[1]), dtype=complex), np.empty((poles.size, w.shape[1]))
+    weighted = (weights * left.reshape(-1, *weights.shape)).reshape(len(left), -1)
+    for some, parts in _side_by_side(response, rows, poles, len(left)):
+        squares, (_, lines) = np.sum([g**2 for g, _ in parts], axis=0), parts[0]
+        sizes[some] = np.sum((squares.T @ w[lines]).reshape(-1, 2, w.shape[1]), axis=1) / 2
+        A[some] = _sums(parts, weighted)
+    sizes = np.maximum(sizes, 1e-300)
+    return (A / sizes).reshape(shape), (np.abs(A) ** 2 / sizes).reshape(shape)
+
+
+def _side_by_side(
+    response: Response, rows: RealArray, poles: Array, count: int
+) -> Iterator[tuple[IntArray, list[tuple[RealArray, slice]]]]:
+    """Yield which poles, neighbours of one damping together, with their divided functions on the rows that they show in, piece by piece."""
     order = np.argsort(-poles.real / np.abs(poles), kind="stable")
-    for first in range(0, poles.size, _TOGETHER):
-        some = order[first : first + _TOGETHER]
-        part, used = _near(response, poles[some], len(left))
-        g = part.basis(poles[some], ()).functions / rows[used, None]
-        w = weights[used].reshape(len(g), -1)
-        size = np.maximum(np.sum(((g**2).T @ w).reshape(-1, 2, w.shape[1]), axis=1) / 2, 1e-300)
-        both = (g.T @ (w * left[used].reshape(len(g), -1))).reshape(-1, 2, w.shape[1])
-        A = both[:, 0] + 1j * both[:, 1]
-        residues[some], explained[some] = (
-            (A / size).reshape(-1, *shape[1:]),
-            (np.abs(A) ** 2 / size).reshape(-1, *shape[1:]),
-        )
-    return residues, explained
+    few = min(_TOGETHER, max(1, _HELD // (2 * count)))
+    for first in range(0, poles.size, few):
+        some = order[first : first + few]
+        lines = _near(response, poles[some], count)
+        g = response.functions(poles[some], lines=lines)
+        pieces = [lines] if response.grid is None else [lines, slice(lines.start + count // 2, lines.stop + count // 2)]
+        each = np.split(g, len(pieces))
+        yield some, [(part / rows[used, None], used) for part, used in zip(each, pieces, strict=True)]
 
 
-def _near(response: Response, poles: Array, rows: int) -> tuple[Response, Array]:
-    """Return the part of a response that poles show in, and its rows: lines far off a resonance tell nothing of it."""
+def _sums(parts: list[tuple[RealArray, slice]], data: RealArray) -> ComplexArray:
+    """Return <g1, E> + j <g2, E> of all poles, (n, c), from the pieces of their functions and data (K, c)."""
+    sums = np.sum([g.T @ data[used] for g, used in parts], axis=0)
+    return np.asarray(sums[::2] + 1j * sums[1::2])
+
+
+def _near(response: Response, poles: Array, rows: int) -> slice:
+    """Return the lines that poles show in: those far off a resonance tell nothing of it; all of samples."""
     lines, f, half = response.grid, np.abs(poles.imag) / (2 * np.pi), REACH * np.max(-poles.real) / (2 * np.pi)
-    if lines is None or rows != 2 * lines.size:
-        return response, np.arange(rows)
+    if lines is None:
+        return slice(0, rows)
     half = max(half, _FEW * float(np.median(np.diff(lines)))) if lines.size > 1 else half
     low, high = np.searchsorted(lines, [f.min() - half, f.max() + half])
-    low, high = min(low, max(lines.size - _FEW, 0)), max(high, min(_FEW, lines.size))
-    part = response.in_band((float(lines[low]), float(lines[high - 1])))
-    return part, np.concatenate([np.arange(low, high), lines.size + np.arange(low, high)])
+    return slice(min(low, max(lines.size - _FEW, 0)), max(high, min(_FEW, lines.size)))
 
 
 def grid_of(response: Response) -> ComplexArray:

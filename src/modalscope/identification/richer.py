@@ -32,8 +32,8 @@ _LEFT = 8.0
 #: deviations, and lengthens the noise by this factor at most.
 _LEVELLED, _CORRELATED, _WHITE, _LONGEST = 41, 81, 2.0, 99.0
 
-#: Rounds in which the weights of a level settle.
-_LEVEL_ROUNDS = 10
+#: Rounds in which the weights of a level settle, and courses of noise and response that are one to rounding.
+_LEVEL_ROUNDS, _ONE_COURSE = 10, 1e-13
 
 #: A rate of fading counts above so many deviations, and no noise falls below this part of where it started; rounds until rows settle
 #: to this.
@@ -200,31 +200,57 @@ def level_of(power: RealArray, even: RealArray, size: RealArray) -> RealArray:
     Parameters
     ----------
     power, even, size : array, (F,)
-        As in `parts_of_level`.
+        As in `parts_of_level`, of one channel.
     """
-    noise, own = parts_of_level(power, even, size)
-    return noise + own
+    noise, own = parts_of_level(power[:, None], even, size[:, None])
+    return np.asarray(noise + own)[:, 0]
 
 
 def parts_of_level(power: RealArray, even: RealArray, size: RealArray) -> tuple[RealArray, RealArray]:
-    """Return a even and b size, power ~ a even + b size, the likeliest for squares of normal numbers.
+    """Return a even and b size of every channel, power ~ a even + b size, the likeliest for squares of normal numbers.
+
+    Two unknowns by weighted least squares, the weights from the level before; neither is negative.
 
     Parameters
     ----------
-    power, even, size : array, (F,)
-        Squares of the residual, of what is even noise, and of the data.
+    power : array, (F, c)
+        Squares of the residual.
+    even : array, (F,)
+        Of what is even noise.
+    size : array, (F, c)
+        Of the data.
     """
-    from scipy.optimize import nnls  # slow to load
-
-    least = max(1e-6 * power.mean(), 1e-300)
-    level = np.full(len(power), max(power.mean(), 1e-300))
-    columns = np.stack([each / max(each.mean(), 1e-300) for each in (even, size)], axis=1)
-    parts = columns
+    mean = power.mean(axis=0)
+    least = np.maximum(1e-6 * mean, 1e-300)
+    e, s = (each / np.maximum(each.mean(axis=0), 1e-300) for each in (even, size))
+    level = np.tile(np.maximum(mean, 1e-300), (len(power), 1))
+    a, b = np.zeros((2, len(mean)))
     for _ in range(_LEVEL_ROUNDS):
-        a, _ = nnls(columns / level[:, None], power / level)
-        parts = columns * a
-        level = np.maximum(parts.sum(axis=1), least)
-    return level - np.minimum(parts[:, 1], level), np.minimum(parts[:, 1], level)
+        weights = level**-2.0
+        weighted = weights * s
+        ee, es, ss = e**2 @ weights, e @ weighted, np.einsum("fc,fc->c", s, weighted)
+        pe, ps = e @ (weights * power), np.einsum("fc,fc->c", power, weighted)
+        a, b = _neither_negative(ee, es, ss, pe, ps)
+        level = np.maximum(a * e[:, None] + b * s, least)
+    own = np.minimum(b * s, level)
+    return level - own, own
+
+
+def _neither_negative(
+    ee: RealArray, es: RealArray, ss: RealArray, pe: RealArray, ps: RealArray
+) -> tuple[RealArray, RealArray]:
+    """Return a, b >= 0 that lower a^2 ee + 2 a b es + b^2 ss - 2 a pe - 2 b ps most, all sums of products that are not negative."""
+    alone = pe / np.maximum(ee, 1e-300), ps / np.maximum(ss, 1e-300)
+    rest = ee * ss - es**2
+    apart = rest > _ONE_COURSE * ee * ss
+    rest = np.where(apart, rest, 1.0)
+    a, b = (ss * pe - es * ps) / rest, (ee * ps - es * pe) / rest
+    first = np.where(apart, b <= 0, alone[0] * pe >= alone[1] * ps)
+    second = ~first & np.where(apart, a <= 0, True)
+    return (
+        np.where(first, alone[0], np.where(second, 0.0, a)),
+        np.where(second, alone[1], np.where(first, 0.0, b)),
+    )
 
 
 def _few(response: Response, poles: Array) -> Array:

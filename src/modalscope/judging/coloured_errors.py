@@ -62,17 +62,18 @@ class ColouredErrors:
         even, own = (np.pad(each, (0, longest - len(each))) for each in (self.even, self.own))
         return np.asarray((1 - share) * even + share * own)
 
-    def times(self, channel: tuple[int, int], columns: ComplexArray) -> ComplexArray:
-        """Return q A q + s K s times columns (F, k): the covariance of a channel's errors that are divided by their deviations.
+    def covariances(self, channels: slice, rows: ComplexArray) -> RealArray:
+        """Return Re of conj x' (q A q + s K s) y for pairs x, y of rows (c, k, 2, F): of errors divided by their deviations, (c, k, 2, 2).
 
         Parameters
         ----------
-        channel : (int, int)
-        columns : array of complex, (F, k)
+        channels : slice
+            Which c, counted over inputs first.
+        rows : array of complex, (c, k, 2, F)
         """
-        s2 = self.share[:, channel[0], channel[1]]
-        s, q = np.sqrt(s2)[:, None], np.sqrt(1 - s2)[:, None]
-        return q * _toeplitz(self.even, q * columns) + s * _toeplitz(self.own, s * columns)
+        s2 = self.share.reshape(len(self.share), -1)[:, channels].T[:, None, None]
+        even, own = np.sqrt(1 - s2) * rows, np.sqrt(s2) * rows
+        return _form(self.even, even) + _form(self.own, own)
 
 
 def errors_of(left: ComplexArray, data: ComplexArray, even: RealArray, unknown: int) -> ColouredErrors:
@@ -92,11 +93,9 @@ def errors_of(left: ComplexArray, data: ComplexArray, even: RealArray, unknown: 
         Real unknowns a channel.
     """
     power, size = np.abs(left) ** 2, np.abs(data - left) ** 2
-    variance, share = np.empty(power.shape), np.empty(power.shape)
-    for channel in np.ndindex(*power.shape[1:]):
-        noise, own = parts_of_level(power[:, *channel], even, size[:, *channel])
-        variance[:, *channel] = noise + own
-        share[:, *channel] = own / (noise + own)
+    noise, own = parts_of_level(power.reshape(len(left), -1), even, size.reshape(len(left), -1))
+    variance = (noise + own).reshape(power.shape)
+    share = own.reshape(power.shape) / variance
     variance *= smoothed(np.mean(power / variance, axis=(1, 2)), _LEVELLED)[:, None, None]
     A, K = _correlations((left / np.sqrt(variance)).reshape(len(left), -1), share.reshape(len(left), -1))
     rows = 2 * len(left)
@@ -133,13 +132,15 @@ def _at_lags(u: Array) -> RealArray:
     return np.asarray(sfft.ifft(power).real[1 : min(_LAGS, count)])
 
 
-def _toeplitz(correlation: RealArray, columns: ComplexArray) -> ComplexArray:
-    """Return the correlation matrix of lines times columns (F, k), by transforms of twice the length."""
-    count, lags = len(columns), len(correlation)
-    if not lags:
-        return columns
-    size = sfft.next_fast_len(count + lags)
-    kernel = np.zeros(size)
-    kernel[0], kernel[1 : lags + 1], kernel[size - lags :] = 1, correlation, correlation[::-1]
-    product = sfft.fft(kernel)[:, None] * sfft.fft(columns, size, axis=0)
-    return np.asarray(sfft.ifft(product, axis=0)[:count])
+def _form(correlation: RealArray, rows: ComplexArray) -> RealArray:
+    """Return Re of conj x' T y for pairs of rows (..., 2, F), T the correlation matrix of lines: by their transforms, (..., 2, 2)."""
+    count, lags = rows.shape[-1], len(correlation)
+    weighted = rows
+    if lags:
+        size = sfft.next_fast_len(count + lags)
+        kernel = np.zeros(size)
+        kernel[0], kernel[1 : lags + 1], kernel[size - lags :] = 1, correlation, correlation[::-1]
+        rows = sfft.fft(rows, size)
+        weighted = rows * (sfft.fft(kernel).real / size)
+    # Re of conj x y sums real parts' and imaginary parts' products
+    return np.asarray(rows.view(np.float64) @ np.swapaxes(weighted.view(np.float64), -1, -2))

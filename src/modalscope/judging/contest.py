@@ -18,7 +18,7 @@ from modalscope.identification.whitening import colour
 from modalscope.judging.arena import Arena
 from modalscope.judging.contenders import Optimum, State, own_variance, settled, standing
 from modalscope.judging.likeness import collinear
-from modalscope.judging.recount import recount_of
+from modalscope.judging.recount import Recount, recount_of
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.uncertainty.covariance import deviations_of_poles, pole_blocks
 
@@ -50,12 +50,15 @@ class Outcome(Optimum):
         Hz, ratio: from the information of the data.
     noise : float
         The larger variance, of the noise or of what the model leaves.
+    recount : Recount, optional
+        Of coloured data whose modes are counted again.
     """
 
     gain: RealArray
     frequency_std: RealArray
     damping_std: RealArray
     noise: float
+    recount: Recount | None = None
 
     def as_one(self, first: int, others: Array) -> tuple[float, float]:
         """Return the deviations of a pole's frequency (Hz) and damping ratio when it stands for others that act as one with it.
@@ -99,7 +102,10 @@ def contest(arena: Arena, poles: ComplexArray, sides: ComplexArray, *, doubted: 
             return None
         state = _parted(completed)
     state = _one_or_two(state)
-    return _judged(_beside_errors(state) if arena.coloured and arena.recounted else state)
+    if not (arena.coloured and arena.recounted):
+        return _judged(state)
+    state, recount = _beside_errors(state)
+    return replace(_judged(state), recount=recount)
 
 
 def _completed(state: State, excess: float | None) -> State | None:
@@ -125,25 +131,26 @@ def _completed(state: State, excess: float | None) -> State | None:
     return state if excess is None or excess <= 1 else None
 
 
-def _beside_errors(state: State) -> State:
+def _beside_errors(state: State) -> tuple[State, Recount]:
     """Take up what stands out of coloured errors, round by round, where it stays when it is refined beside the others."""
+    recount = recount_of(state.arena, state.descent)
     for _ in range(_ROUNDS):
-        poles, sides = recount_of(state.arena, state.descent).peaks(_PEAKS)
+        poles, sides = recount.peaks(_PEAKS)
         before = len(state.poles)
         more = np.append(state.poles, poles), np.vstack([state.sides, sides])
         while len(more[0]) > before:
             descent = descend(state.arena.problem, *more, tolerance=1e-5, most=8)
-            point = descent.point
+            point, again = descent.point, recount_of(state.arena, descent)
             new = np.arange(before, len(point.poles))
-            stays = staying(point.poles[new], recount_of(state.arena, descent).standing(new))
+            stays = staying(point.poles[new], again.standing(new))
             if np.all(stays):
-                state = State(descent, state.variance, state.arena)
+                state, recount = State(descent, state.variance, state.arena), again
                 break
             kept = np.append(np.arange(before), new[stays])
             more = point.poles[kept], point.sides[kept]
         if len(state.poles) == before:
             break
-    return state
+    return state, recount
 
 
 def _excess(state: State, more: ComplexArray | tuple[()] = ()) -> float:

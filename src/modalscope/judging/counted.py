@@ -35,8 +35,8 @@ def counted(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> 
     poles : Poles
     evidence : Evidence
     """
-    orders, fit = usable_orders(diagram)
-    every = merge_splits(poles, _known(diagram))
+    (orders, fit), known = usable_orders(diagram), _known(diagram)
+    every = merge_splits(poles, known)
     poles = replace(every, orders=orders).take(np.flatnonzero(every.order <= orders[-1]))
     groups = [group for group in (consensus(poles, t) for t in tracks(poles)) if group.size >= min(3, len(orders))]
     peak = peaks(diagram, poles, evidence)
@@ -45,19 +45,23 @@ def counted(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> 
         for group in join_broken(poles, groups)
     ]
     found = _none_twice(poles, candidates)
-    return every, found + _late(diagram, every, found, fit, evidence)
+    if known is None:  # what noise makes is not told from what agrees
+        return every, found
+    return every, found + _late(diagram, every, found, (orders[-1], fit), evidence)
 
 
 def _late(
-    diagram: StabilizationDiagram, every: Poles, found: list[Candidate], fit: float, evidence: Evidence
+    diagram: StabilizationDiagram,
+    every: Poles,
+    found: list[Candidate],
+    explaining: tuple[int, float],
+    evidence: Evidence,
 ) -> list[Candidate]:
     """Return what agrees over all orders, is known well and is not among the modes: too weak for the orders that explain the data.
 
-    Only where deviations of single poles are known: what noise makes is not told from it else.
+    `explaining` are the last of these orders and its fit error.
     """
-    if _known(diagram) is None:
-        return []
-    last, peak = usable_orders(diagram)[0][-1], peaks(diagram, every, evidence)
+    (last, fit), peak = explaining, peaks(diagram, every, evidence)
     least = max(LEAST_ORDERS, _MOST_ORDERS * len(every.orders))
     late: list[Candidate] = []
     told = [c for c in found if not c.against or c.members.size >= LEAST_SHARE * len(every.orders)]

@@ -6,8 +6,8 @@ small where a channel's response is, so that a mode tells more of itself there t
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.special import ndtri
@@ -16,6 +16,7 @@ from modalscope.identification.descent import Descent
 from modalscope.identification.matched import amplitudes_by_channel, apart, grid_of
 from modalscope.identification.whitening import free_bound, lag_factor
 from modalscope.judging.arena import Arena
+from modalscope.judging.channel_fits import ChannelFits
 from modalscope.judging.coloured_errors import ColouredErrors, errors_of
 from modalscope.modal.indicators import mac
 from modalscope.model.checks import Array, ComplexArray, RealArray
@@ -48,7 +49,7 @@ _THIRD = 2.165
 _DAMPED = 0.1
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False)
 class Recount:
     """The errors of all channels at the end of a contest.
 
@@ -71,52 +72,23 @@ class Recount:
         """What errors may explain with free residues, in variances, with what is not known of them."""
         return _SURE * free_bound(self.left[0].size, len(self.left))
 
-    def gains(self, which: Array) -> RealArray:
-        """Return what modes explain beside the others, in variances, (k,).
+    @cached_property
+    def fits(self) -> ChannelFits:
+        """Fits of the poles with free residues in every channel."""
+        problem = self.arena.problem
+        functions = problem.columns(self.descent.point.poles, slopes=False)[0]
+        return ChannelFits(problem.terms, functions, problem.data, self.errors)
 
-        The sum of a_j' B_jj^-1 a_j over channels, see `_residues`.
+    def gains(self, which: Array) -> RealArray:
+        """Return what modes explain beside the others, in variances, (k,): the sum of a_j' B_jj^-1 a_j over channels.
 
         Parameters
         ----------
         which : array of int, (k,)
             Modes.
         """
-        total = np.zeros(len(which))
-        for a, B in self._residues(which):
-            total += [each @ np.linalg.pinv(own, hermitian=True) @ each for each, own in zip(a, B, strict=True)]
-        return total
-
-    def _residues(
-        self, which: Array, lines: Array | None = None, beside: RealArray | None = None
-    ) -> Iterator[tuple[RealArray, RealArray]]:
-        """Return residues (k, 2) and their covariance (k, 2, 2), channel by channel.
-
-        With weighted least squares and columns X of a channel, covariance C = D T D of its errors, D their deviations and T what they have
-        in common: residues a = (X' D^-2 X)^-1 X' D^-2 y have the covariance B = M^-1 X' D^-1 T D^-1 X M^-1 / 2.
-
-        Parameters
-        ----------
-        which : array of int, (k,)
-        lines : array of bool, (F,), optional
-            Those that count; all without it.
-        beside : array, (K, 2 b), optional
-            More columns in pairs, which count as modes behind those that there are.
-        """
-        problem, poles = self.arena.problem, self.descent.point.poles
-        more = problem.terms[:, :0] if beside is None else beside
-        X = np.hstack([problem.columns(poles, slopes=False)[0], more, problem.terms])
-        own, k = (2 * np.asarray(which)[:, None] + [0, 1]).ravel(), np.arange(len(which))
-        counted = 1.0 if lines is None else np.tile(lines, 2)
-        for i, o in np.ndindex(*self.left.shape[1:]):
-            weight = counted / np.sqrt(np.tile(self.errors.variance[:, i, o], 2))
-            Z = X * weight[:, None]
-            M = Z.T @ Z
-            size = np.sqrt(np.maximum(np.diag(M), 1e-300))
-            back = np.linalg.pinv(M / np.outer(size, size), hermitian=True)[:, own] / size[:, None] / size[own]
-            from_errors = Z @ back
-            B = (_complex(from_errors).conj().T @ self.errors.times((i, o), _complex(from_errors))).real / 2
-            a = from_errors.T @ (problem.data[:, i, o] * weight)
-            yield a.reshape(-1, 2), B.reshape(len(which), 2, len(which), 2)[k, :, k]
+        a, B = self.fits.residues(which)
+        return np.asarray(np.einsum("cki,ckij,ckj->k", a, np.linalg.pinv(B, hermitian=True), a))
 
     def lasting(self, which: Array) -> Array:
         """Return which modes are as wide as they are said to be, (k,): what a coherent line is not.
@@ -135,12 +107,10 @@ class Recount:
         at = np.interp(poles.imag / (2 * np.pi), lines, np.arange(lines.size))
         told = 2 * half >= _NARROWEST
         for k in np.flatnonzero(told & (2 * half < _WIDE)):
-            beyond = np.abs(np.arange(lines.size) - at[k]) > _LOBE
-            agreed, whole = 0.0, 0.0
-            both = zip(self._residues(which[[k]]), self._residues(which[[k]], beyond), strict=True)
-            for (a, _), (r, B) in both:
-                towards = np.linalg.pinv(B[0], hermitian=True) @ a[0]
-                agreed, whole = agreed + float(towards @ r[0]), whole + float(towards @ a[0])
+            lobe = np.flatnonzero(np.abs(np.arange(lines.size) - at[k]) <= _LOBE)
+            a, (r, B) = self.fits.residues(which[[k]])[0], self.fits.residues(which[[k]], without=lobe)
+            towards = (np.linalg.pinv(B[:, 0], hermitian=True) @ a[:, 0, :, None])[..., 0]
+            agreed, whole = float(np.sum(towards * r[:, 0])), float(np.sum(towards * a[:, 0]))
             told[k] = agreed >= _AGREED * whole and agreed**2 > _SURE * ndtri(_CHANCE) ** 2 * whole
         return told
 
@@ -178,17 +148,13 @@ class Recount:
         second = (problem.columns(poles + step)[1] - problem.columns(poles - step)[1]) / np.repeat(2 * step, 2)
         count, b = len(self.descent.point.poles), len(hosts)
         which = np.array([one, *hosts, *(count + np.arange(b))])
-        gain, shifts, sizes, strength = 0.0, np.zeros(b), np.zeros(b), np.zeros(b)
-        for a, B in self._residues(which, beside=np.hstack([first, second])):
-            told = np.linalg.pinv(B, hermitian=True)
-            each = np.einsum("ki,kij,kj->k", a, told, a)
-            level = np.trace(told[1 : b + 1], axis1=1, axis2=2)
-            gain += each[0]
-            strength += each[1 : b + 1]
-            sizes += level * np.sum(a[1 : b + 1] ** 2, axis=1)
-            shifts += level * np.sum(a[b + 1 :] ** 2, axis=1)
+        a, B = self.fits.residues(which, beside=np.hstack([first, second]))
+        told = np.linalg.pinv(B, hermitian=True)
+        strength = np.einsum("cki,ckij,ckj->k", a, told, a)
+        level = np.trace(told[:, 1 : b + 1], axis1=2, axis2=3)
+        sizes, shifts = (np.sum(level * np.sum(part**2, axis=2), axis=0) for part in (a[:, 1 : b + 1], a[:, b + 1 :]))
         apart = np.sqrt(shifts / np.maximum(sizes, 1e-300)) / -poles.real
-        return float(np.sqrt(gain) - np.sum(_THIRD * apart**3 * np.sqrt(strength)))
+        return float(np.sqrt(strength[0]) - np.sum(_THIRD * apart**3 * np.sqrt(strength[1 : b + 1])))
 
     def standing(self, which: Array) -> RealArray:
         """Return the gains of modes, in deviations and relative to what errors may explain, (k,): above one they stand out.
@@ -226,8 +192,7 @@ class Recount:
         grid = grid_of(problem.light)
         grid = grid[(-grid.real < _DAMPED * np.abs(grid)) & (2 * self.arena.half_in_lines(grid) >= _PEAK)]
         grid = grid[~np.any(np.abs(grid[:, None] - known) < -known.real, axis=1)]
-        weights = np.tile(2 / self.errors.variance, (2, 1, 1))
-        residues, each = amplitudes_by_channel(problem.light, self.left, weights, problem.rows, grid)
+        residues, each = amplitudes_by_channel(problem.light, self.left, 2 / self.errors.variance, problem.rows, grid)
         lines = problem.light.grid
         assert lines is not None
         near = np.searchsorted(lines, grid.imag / (2 * np.pi)).clip(max=lines.size - 1)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -68,12 +69,12 @@ class Poles:
         if self.index is None:
             object.__setattr__(self, "index", np.arange(len(self.pole)))
 
-    @property
+    @cached_property
     def frequency(self) -> RealArray:
         """Hz."""
         return frequencies_and_damping(self.pole)[0]
 
-    @property
+    @cached_property
     def damping(self) -> RealArray:
         """Damping ratios."""
         return frequencies_and_damping(self.pole)[1]
@@ -128,14 +129,15 @@ def _likeness(poles: Poles) -> RealArray:
     if min(shapes.shape[1], parts.shape[1]) == 1:
         alike = mac(shapes.T) if shapes.shape[1] > 1 else mac(parts.T)
         return np.where(overlap, alike, 0.0)
-    alike = np.zeros(overlap.shape)
-    a, b = np.nonzero(overlap)
-    left: Array = np.asarray(np.linalg.qr(np.stack([shapes[a], shapes[b]], axis=2), mode="r"))
-    right: Array = np.asarray(np.linalg.qr(np.stack([parts[a], parts[b]], axis=2), mode="r"))
-    s = np.linalg.svd(left @ right.transpose(0, 2, 1), compute_uv=False)
-    first = np.where(s[:, 0] > 0, s[:, 0], 1.0)
-    alike[a, b] = np.where(s[:, 0] > 0, np.maximum(1 - 2.5 * (s[:, 1] / first) ** 2, 0.0), 0.0)
-    return alike
+    # squares of the singular values of two residues together: eigenvalues of a product of two Gram matrices, by trace and determinant
+    G, H = shapes.conj() @ shapes.T, parts.conj() @ parts.T
+    g, h = np.diag(G).real, np.diag(H).real
+    own = g * h
+    trace = own[:, None] + own + 2 * (G * H).real
+    determinant = np.maximum(np.outer(g, g) - np.abs(G) ** 2, 0) * np.maximum(np.outer(h, h) - np.abs(H) ** 2, 0)
+    first = (trace + np.sqrt(np.maximum(trace**2 - 4 * determinant, 0))) / 2
+    ratio = determinant / np.where(first > 0, first, 1.0) ** 2
+    return np.where(overlap & (first > 0), np.maximum(1 - 2.5 * ratio, 0.0), 0.0)
 
 
 def _told_apart(poles: Poles, deviation: RealArray) -> Array:

@@ -15,7 +15,6 @@ from modalscope.judging.arena import Arena
 from modalscope.judging.contest import Outcome, gains_beside
 from modalscope.judging.evidence import LEAST_PERSISTENCE, Candidate, Evidence, Own, judge, peaks
 from modalscope.judging.likeness import collinear
-from modalscope.judging.recount import recount_of
 from modalscope.judging.tracking import GAP, Poles
 from modalscope.modal.contribution import contributions
 from modalscope.modal.indicators import mac
@@ -83,11 +82,8 @@ class Trial:
 
         Orders have to show the others: a shift of a resonance makes shoulders, coherent lines and errors of neighbouring lines are narrow.
         """
-        if not len(which):
-            return np.zeros(0)
-        return (
-            recount_of(self.arena, self.found.descent).standing(which) if self.arena.recounted else np.zeros(len(which))
-        )
+        recount = self.found.recount
+        return np.zeros(len(which)) if recount is None or not len(which) else recount.standing(which)
 
     def hosts(self) -> IntArray:
         """Return the mode that each pole is part of, itself where it is none: the strongest of those that act as one.

@@ -25,7 +25,8 @@ from modalscope.model.groups import AUTO, Groups, check_groups, chosen_groups, i
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.line_checks import check_beside, check_lines, check_rate
 from modalscope.model.line_transforms import in_quantity, inverse_transform
-from modalscope.model.modal_basis import ModalBasis, line_basis, line_derivatives, residual_powers, scaled_terms
+from modalscope.model.modal_basis import ModalBasis, line_basis, residual_powers, scaled_terms
+from modalscope.model.pole_functions import line_functions
 from modalscope.model.response import AsLines, AsSamples, Response
 
 if TYPE_CHECKING:
@@ -171,9 +172,9 @@ class FrequencyResponse(Response):
         lower, upper = scaled_terms(terms, powers, self.frequencies)
         return {"lower_residual": lower, "upper_residual": upper}
 
-    def derivatives(self, poles: Array) -> RealArray:
-        """Return d/ds of the functions of `basis`; see `Response.derivatives`."""
-        return line_derivatives(self.frequencies, self.sampling_rate, poles)
+    def functions(self, poles: Array, *, slopes: bool = False, lines: slice = slice(None)) -> RealArray:
+        """Return the functions of `basis`, on some lines; see `Response.functions`."""
+        return line_functions(self.frequencies[lines], self.sampling_rate, poles, slopes=slopes)
 
     def spectrum(self) -> tuple[RealArray, ComplexArray]:
         """Return the lines and the values themselves."""

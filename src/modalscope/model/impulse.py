@@ -23,7 +23,8 @@ from modalscope.model.checks import (
     real_array,
 )
 from modalscope.model.groups import AUTO, Groups, check_groups, chosen_groups, input_groups
-from modalscope.model.modal_basis import ModalBasis, sample_basis, sample_derivatives
+from modalscope.model.modal_basis import ModalBasis, sample_basis
+from modalscope.model.pole_functions import sample_functions
 from modalscope.model.recursion import markov_parameters
 from modalscope.model.resolvent import HELD
 from modalscope.model.response import AsLines, AsSamples, Response
@@ -159,9 +160,9 @@ class ImpulseResponse(Response):
         """Return the known direct term; see `Response.named_terms`."""
         return {"feedthrough": self.feedthrough}
 
-    def derivatives(self, poles: Array) -> RealArray:
-        """Return d/ds of the functions of `basis`; see `Response.derivatives`."""
-        return sample_derivatives(self.sampling_rate, self.first_sample, self.samples, poles)
+    def functions(self, poles: Array, *, slopes: bool = False, lines: slice = slice(None)) -> RealArray:
+        """Return the functions of `basis` on all samples; see `Response.functions`."""
+        return sample_functions(self.sampling_rate, self.first_sample, self.samples, poles, slopes=slopes)
 
     def spectrum(self) -> tuple[RealArray, ComplexArray]:
         """Return the transform of the samples with seven times as many zeros behind them, on 0 Hz to half the sampling rate."""

@@ -17,15 +17,13 @@ import scipy.linalg as sla
 from modalscope.model.channels import QUANTITIES
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.orthogonal import less, orthogonalized
-from modalscope.model.poles import powers_of, to_discrete
+from modalscope.model.pole_functions import line_functions, sample_functions
 
 __all__ = [
     "ModalBasis",
     "line_basis",
-    "line_derivatives",
     "residual_powers",
     "sample_basis",
-    "sample_derivatives",
     "scaled_terms",
     "stacked_basis",
 ]
@@ -211,47 +209,17 @@ def line_basis(
     x is j w with poles in rad/s; for the response of a sampled system x = exp(j w dt) and the poles go along. The terms are powers
     of the relative frequency j f / f_max: only their span matters, and it is better conditioned.
     """
-    x, p, _ = _points(frequencies, rate, poles)
     relative = 1j * frequencies / (float(frequencies[-1]) or 1.0)
     terms = np.stack([relative**power for power in powers], axis=1) if powers else np.zeros((frequencies.size, 0))
-    return stacked_basis(1 / (x[:, None] - p), 1 / (x[:, None] - p.conj()), p.imag == 0, terms, values, weights)
-
-
-def line_derivatives(frequencies: RealArray, rate: float | None, poles: Array) -> RealArray:
-    """Return d/ds of the functions of `line_basis`: columns e1, e2 of every pole, (2 F, 2 n)."""
-    x, p, chain = _points(frequencies, rate, poles)
-    own, pair = chain / (x[:, None] - p) ** 2, chain.conj() / (x[:, None] - p.conj()) ** 2
-    columns = np.stack([own + pair, 1j * (own - pair)], axis=2).reshape(frequencies.size, -1)
-    return np.vstack([columns.real, columns.imag])
-
-
-def _points(
-    frequencies: RealArray, rate: float | None, poles: Array
-) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-    """Return the lines and the poles in one plane, and d pole / d s there."""
-    x, s = (np.asarray(values, dtype=complex) for values in (2j * np.pi * frequencies, poles))
-    if rate is None:
-        return x, s, np.ones(s.size, dtype=complex)
-    z = to_discrete(s, 1 / rate)
-    return np.exp(x / rate), z, np.asarray(z / rate)
+    functions = line_functions(frequencies, rate, poles)
+    if weights is not None:
+        functions *= np.tile(weights, 2)[:, None]
+    return ModalBasis(_real(terms, weights), functions, _real_data(values, weights))
 
 
 def sample_basis(rate: float, first: int, values: RealArray, poles: Array) -> ModalBasis:
     """Return the functions Re and Im of exp(s t_k) at samples, counted from the impulse."""
-    z = to_discrete(np.asarray(poles, dtype=complex), 1 / rate)
-    decay = powers_of(z, len(values), first)
-    alone = (np.asarray(poles).imag == 0) | (z.imag == 0)
-    g1 = np.where(alone, decay.real, 2 * decay.real)
-    g2 = np.where(alone, 0.0, -2 * decay.imag)
-    functions = np.stack([g1, g2], axis=2).reshape(len(values), -1)
-    return ModalBasis(np.zeros((len(values), 0)), functions, values)
-
-
-def sample_derivatives(rate: float, first: int, count: int, poles: Array) -> RealArray:
-    """Return d/ds of the functions of `sample_basis`: columns e1, e2 of every pole, (N, 2 n)."""
-    t = (np.arange(count) + first) / rate
-    grown = t[:, None] * np.exp(np.outer(t, poles))
-    return np.stack([2 * grown.real, -2 * grown.imag], axis=2).reshape(t.size, -1)
+    return ModalBasis(np.zeros((len(values), 0)), sample_functions(rate, first, len(values), poles), values)
 
 
 def stacked_basis(
@@ -269,16 +237,21 @@ def stacked_basis(
     data : array of complex, (F, l, m)
     weights : array, (F,), optional
     """
-    lines, outputs, inputs = data.shape
     g1 = np.where(alone, own, own + pair)
     g2 = np.where(alone, 0, 1j * (own - pair))
-    functions = np.stack([g1, g2], axis=2).reshape(lines, -1)
+    functions = np.stack([g1, g2], axis=2).reshape(len(data), -1)
+    return ModalBasis(_real(terms, weights), _real(functions, weights), _real_data(data, weights))
 
-    def real(array: Array) -> RealArray:
-        weighted = array if weights is None else array * np.asarray(weights)[:, None]
-        return np.concatenate([weighted.real, weighted.imag])
 
-    return ModalBasis(real(terms), real(functions), real(data.reshape(lines, -1)).reshape(2 * lines, outputs, inputs))
+def _real(columns: Array, weights: Array | None) -> RealArray:
+    """Return real parts above imaginary parts, with the weights of the lines."""
+    weighted = columns if weights is None else columns * np.asarray(weights)[:, None]
+    return np.concatenate([weighted.real, weighted.imag])
+
+
+def _real_data(values: Array, weights: Array | None) -> RealArray:
+    lines, *channels = values.shape
+    return _real(values.reshape(lines, -1), weights).reshape(2 * lines, *channels)
 
 
 def residual_powers(quantity: str | None, residuals: bool) -> tuple[int, ...]:

@@ -24,10 +24,10 @@ class NoResponse(Response):
         """Lines begin at the impulse itself: 0."""
         return 0
 
-    def derivatives(self, poles: Array) -> RealArray:
-        """Records have no derivative that is the same for all inputs."""
+    def functions(self, poles: Array, *, slopes: bool = False, lines: slice = slice(None)) -> RealArray:
+        """Records have no functions that are the same for all inputs."""
         raise DataError(
-            "derivatives of functions of poles alone were asked",
+            "functions of poles alone were asked",
             "in records every pole is driven by all inputs together",
             "Use those of a frequency response.",
         )

@@ -140,6 +140,17 @@ class Response(ResponseFacts):
         return np.asarray(participation)
 
     @abstractmethod
+    def functions(self, poles: Array, *, slopes: bool = False, lines: slice = slice(None)) -> RealArray:
+        """Return the functions of `basis` alone, (K, 2 n), with `slopes` their d/ds behind them, real columns e1, e2 of every pole.
+
+        Parameters
+        ----------
+        poles : array of complex, (n,)
+        slopes : bool
+        lines : slice
+            Lines that are wanted; of samples these are always all.
+        """
+
     def derivatives(self, poles: Array) -> RealArray:
         """Return d/ds of the functions of `basis`, real columns e1, e2 of every pole.
 
@@ -147,6 +158,7 @@ class Response(ResponseFacts):
         ----------
         poles : array of complex, (n,)
         """
+        return self.functions(poles, slopes=True)[:, 2 * len(poles) :]
 
     @abstractmethod
     def spectrum(self) -> tuple[RealArray, ComplexArray]:
