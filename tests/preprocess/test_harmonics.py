@@ -13,7 +13,7 @@ from tests.judging.ambient_records import beside_a_machine, random_structure
 @pytest.mark.parametrize("wander", [0, 0.003])
 def test_three_orders_of_a_shaft_are_found_and_nothing_else(wander: float) -> None:
     machine = beside_a_machine(102, wander)
-    notes = harmonic_notes(machine.record)
+    notes = harmonic_notes(find_lines(machine.record))
     assert {note.kind for note in notes} == {HARMONIC}
     # the mean of a wandering frequency is known to a part of its spread
     assert np.allclose([note.numbers["frequency_hz"] for note in notes], machine.lines, rtol=0.001)
@@ -46,5 +46,5 @@ def test_orders_are_multiples_of_the_lowest_line() -> None:
 def test_mains_are_named() -> None:
     t = np.arange(60_000) / 200
     y = np.random.default_rng(0).standard_normal((t.size, 1)) + np.sin(2 * np.pi * 50.02 * t)[:, None]
-    (note,) = harmonic_notes(Signals(outputs=y, sampling_rate=200.0))
+    (note,) = harmonic_notes(find_lines(Signals(outputs=y, sampling_rate=200.0)))
     assert "mains" in str(note)

@@ -7,13 +7,17 @@ them is filtered.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from modalscope.identification.routes import one_record
 from modalscope.model.notes import Note
 from modalscope.model.records import Records
 from modalscope.model.signals import Signals
 from modalscope.model.stored import StoredSignals
+
+if TYPE_CHECKING:
+    from modalscope.preprocess.harmonics import Line
 
 __all__ = ["Conditioned", "bands_of_record", "conditioned"]
 
@@ -48,7 +52,7 @@ def conditioned(record: Any, band: Band | None) -> Conditioned:
     band : (float, float), optional
         As asked, Hz.
     """
-    from modalscope.preprocess.harmonics import harmonic_notes
+    from modalscope.preprocess.harmonics import find_lines, harmonic_notes
     from modalscope.preprocess.noise_test import noise_notes
     from modalscope.preprocess.own_band import own_bands, taken_down
     from modalscope.preprocess.prominent import levels_of
@@ -58,8 +62,24 @@ def conditioned(record: Any, band: Band | None) -> Conditioned:
     own = own_bands(levels, record.sampling_rate)
     told = (own.note((own.whole,)),) if band is None and own.whole is not None else ()
     chosen = own.whole if band is None else band
-    notes = (*told, *noise_notes(levels, chosen), *harmonic_notes(seen))
-    return Conditioned(record if chosen is None else taken_down(record, chosen[1], own.drift), chosen, notes)
+    lines = find_lines(seen)
+    inside = record if chosen is None else taken_down(record, chosen[1], own.drift)
+    taken, removed = _without_lines(inside, lines)
+    return Conditioned(taken, chosen, (*told, *noise_notes(levels, chosen), *harmonic_notes(lines), *removed))
+
+
+def _without_lines(record: Signals | StoredSignals, lines: Sequence[Line]) -> tuple[Any, tuple[Note, ...]]:
+    """Return a record without lines of machines, beside which modes would be lost, and what is said of it; a stored one keeps them."""
+    from modalscope.preprocess.harmonics_removed import without_lines
+
+    if not lines:
+        return record, ()
+    if isinstance(record, StoredSignals):
+        text = "lines of machines stay in a stored record, where modes beside them may be lost; read into memory it is taken without"
+        return record, (Note("lines kept", {"lines": float(len(lines))}, text),)
+    text = "lines of machines were taken off before modes were looked for; estimate_correlation(record) keeps them"
+    clean = without_lines(record, ((line.frequency, line.spread) for line in lines))
+    return clean, () if clean is record else (Note("lines removed", {"lines": float(len(lines))}, text),)
 
 
 def bands_of_record(data: Any, exclude: Any = None) -> tuple[tuple[Band, ...], tuple[Note, ...]]:

@@ -166,8 +166,9 @@ def _between(setups: Setups, found: Scored) -> RealArray | None:
     labels = () if setups.groups is None else tuple(dict.fromkeys(setups.groups))
     if len(labels) < LEAST_GROUPS or setups.groups is None:
         return None
-    scores = np.array([found.scores[[own == label for own in setups.groups]].sum(axis=0) for label in labels])
-    return sandwich(np.linalg.pinv(found.informations.sum(axis=0), hermitian=True), scores)
+    member = np.array([[own == label for own in setups.groups] for label in labels], dtype=float)
+    each, held = (np.tensordot(member, of_setups, axes=1) for of_setups in (found.scores, found.informations))
+    return sandwich(np.linalg.pinv(found.informations.sum(axis=0), hermitian=True), each, held)
 
 
 def _kept(modes: ModalModel, why: str) -> ModalModel:

@@ -11,6 +11,7 @@ tells them apart: 2 n g is nearly chi-square with n - 1 degrees of freedom for r
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -253,16 +254,13 @@ def shaft_orders(frequencies: Array) -> list[int | None]:
     return [k if fit and sum(fits) > 1 else None for k, fit in zip(orders, fits, strict=True)]
 
 
-def harmonic_notes(signals: Signals, band: tuple[float, float] | None = None) -> tuple[Note, ...]:
-    """Return a note for every line of a turning machine in a record: frequency, spread, level and order among its numbers.
+def harmonic_notes(lines: Sequence[Line]) -> tuple[Note, ...]:
+    """Return a note for every line of a turning machine: frequency, spread, level and order among its numbers.
 
     Parameters
     ----------
-    signals : Signals
-    band : (float, float), optional
-        Hz.
+    lines : sequence of Line
     """
-    lines = find_lines(signals, band)
     orders = shaft_orders(np.array([line.frequency for line in lines]))
     return tuple(_note(line, order) for line, order in zip(lines, orders, strict=True))
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
-import scipy
 from scipy import fft
 
 from modalscope.model.checks import ComplexArray, DataError, RealArray, check_each, check_kind, check_positive
@@ -14,13 +14,19 @@ from modalscope.model.keywords import named
 from modalscope.model.signals import Signals
 from modalscope.preprocess.harmonics import find_lines
 
-__all__ = ["remove_harmonics"]
+__all__ = ["remove_harmonics", "without_lines"]
 
 #: A line's phase is read in a band of so many of its spreads on either side, of this many lines of a run at least.
 _SPREADS, _LINES = 6.0, 24
 
-#: Values of the shifted band for each of its lines; the shortest window of the phase; and what a longer one may leave beside it.
-_FINER, _SHORTEST, _LEAVES = 4, 9, 3.0
+#: Values of the shifted band for each of its lines; how often a phase is corrected by what it left, and the last correction, rad.
+_FINER, _ROUNDS, _SETTLED = 4, 3, 0.003
+
+#: A band in which noise reaches the line's size more often than this, which is expected of the whole run, is too wide.
+_SLIPS = 0.01
+
+#: A band this wide, as a part of its lowest frequency, may hold other orders of the shaft.
+_WIDEST = 0.5
 
 #: Powers of the frequency's deviation by which a line changes its size.
 _POWERS = 3
@@ -35,9 +41,8 @@ def remove_harmonics(signals: Signals, frequencies: Iterable[float] | None = Non
 
     The phase of a line is followed in a narrow band, in the combination of outputs that shows it best; of every channel
     Re((a + b d(t) + c d(t)^2) exp(j phase(t))) is taken off, with d the deviation of the frequency from its mean and complex a, b, c by
-    least squares: a line that passes over a resonance changes its size with its frequency. A resonance at the same place loses what is
-    in phase with the line. At constant speed nothing of a line stays; where the speed wanders about a tenth of it may, and is identified
-    as a lightly damped mode: leave such lines in, `analyze` names them among the harmonics.
+    least squares: a line that passes over a resonance changes its size with its frequency. Of random vibration goes what turns the
+    phase no faster than the machine does: half of one combination of outputs, in a band as wide as the line; nothing at constant speed.
 
     Parameters
     ----------
@@ -62,66 +67,200 @@ def remove_harmonics(signals: Signals, frequencies: Iterable[float] | None = Non
     """
     check_kind("remove_harmonics", signals, Signals)
     if frequencies is None:
-        lines = [(line.frequency, line.spread) for line in find_lines(signals)]
-    else:
-        given = [
-            check_positive("each of frequencies", f) for f in check_each("frequencies", frequencies, "numbers in Hz")
-        ]
-        lines = [(f, _WANDERS * f) for f in given]
-    outputs, _ = signals.by_run()
-    y = np.array(outputs)
-    for frequency, spread in lines:
-        for run in y:
-            run -= _line(run, frequency, spread, signals.sampling_rate)
-    if not lines:
-        return signals
-    note = f"harmonics at {', '.join(f'{f:.5g}' for f, _ in lines)} Hz removed"
-    return replace(signals, outputs=y.reshape(signals.outputs.shape)).processed(note)
+        return without_lines(signals, ((line.frequency, line.spread) for line in find_lines(signals)))
+    given = [check_positive("each of frequencies", f) for f in check_each("frequencies", frequencies, "numbers in Hz")]
+    for f in given:
+        if _edges(signals, f, _WANDERS * f) is None:
+            raise DataError(
+                f"a harmonic at {f:g} Hz was to be removed",
+                f"a run holds {1 / _seconds(signals):.3g} to {signals.sampling_rate / 2:g} Hz, and a band around it is needed",
+                "Leave it out.",
+            )
+    return without_lines(signals, ((f, _WANDERS * f) for f in given))
 
 
-def _line(y: RealArray, frequency: float, spread: float, rate: float) -> RealArray:
-    """Return what a line adds to one run, (N, l)."""
-    count = len(y)
-    step = rate / count
-    reach = max(_SPREADS * spread, _LINES * step)
-    first, last = int(np.ceil((frequency - reach) / step)), int((frequency + reach) / step)
-    if first < 1 or last >= count // 2:
-        raise DataError(
-            f"a harmonic at {frequency:g} Hz was to be removed",
-            f"a run holds {step:.3g} to {rate / 2:g} Hz, and a band of {2 * reach:.3g} Hz is needed",
-            "Leave it out.",
-        )
-    spectrum = fft.rfft(y - y.mean(axis=0), axis=0)[first : last + 1]
-    strongest = np.linalg.eigh(spectrum.conj().T @ spectrum)[1][:, -1]
-    z = np.asarray(fft.ifft(spectrum @ strongest, n=_FINER * len(spectrum)))  # shifted down by the first line
-    phase, drift = _followed(z)
-    coarse, fine = np.arange(z.size) / z.size, np.arange(count) / count
-    turning = 2 * np.pi * first * np.arange(count) / count + np.interp(fine, coarse, phase)
-    return _fitted(y, turning, np.interp(fine, coarse, drift))
+def without_lines(signals: Signals, lines: Iterable[tuple[float, float]]) -> Signals:
+    """Return the record without lines that are known; those that a run does not hold stay.
 
-
-def _followed(z: ComplexArray) -> tuple[RealArray, RealArray]:
-    """Return the phase of a line and how far its frequency is from the mean, as smooth as its wandering allows.
-
-    Of all windows the longest that leaves at most three times what the shortest does: that follows the noise, too.
+    Parameters
+    ----------
+    signals : Signals
+    lines : iterable of (float, float)
+        Frequency and its standard deviation, Hz.
     """
-    raw = np.unwrap(np.angle(z))
-    found = []
-    window = z.size // 2
-    while window >= _SHORTEST:
-        phase = scipy.signal.savgol_filter(raw, window | 1, 2)
-        drift = np.gradient(phase)
-        drift = (drift - drift.mean()) / max(float(drift.std()), np.finfo(float).tiny)
-        sizes = drift[:, None] ** np.arange(_POWERS) * np.exp(1j * phase)[:, None]
-        left = z - sizes @ np.linalg.lstsq(sizes, z, rcond=None)[0]
-        found.append((float(np.sum(np.abs(left) ** 2)), phase, drift))
-        window //= 2
-    bar = _LEAVES * min(power for power, _, _ in found)
-    return next((phase, drift) for power, phase, drift in found if power <= bar)
+    outputs, _ = signals.by_run()
+    y, gone = np.array(outputs), []
+    for frequency, spread in lines:
+        edges = _edges(signals, frequency, spread)
+        if edges is not None:
+            gone.append(f"{frequency:.5g}")
+            for run in y:
+                run -= _line(run, *edges)
+    if not gone:
+        return signals
+    return replace(signals, outputs=y.reshape(signals.outputs.shape)).processed(
+        f"harmonics at {', '.join(gone)} Hz removed"
+    )
 
 
-def _fitted(y: RealArray, phase: RealArray, drift: RealArray) -> RealArray:
-    """Return the part of every channel that has a phase, with sizes that vary as the frequency does."""
-    sizes = drift[:, None] ** np.arange(_POWERS) * np.exp(1j * phase)[:, None]
+def _seconds(signals: Signals) -> float:
+    return float(signals.samples / signals.sampling_rate)
+
+
+def _edges(signals: Signals, frequency: float, spread: float) -> tuple[int, int] | None:
+    """Return the first and the last line of the band of a harmonic; None where a run does not hold it."""
+    seconds = _seconds(signals)
+    reach = max(_SPREADS * spread, _LINES / seconds)
+    first, last = int(np.ceil((frequency - reach) * seconds)), int((frequency + reach) * seconds)
+    return (first, last) if first >= 1 and last < signals.samples // 2 else None
+
+
+class _Track(NamedTuple):
+    """A line over a run, t from 0 to 1: its phase a + b t and what wanders around it at even times, and noise in step with it.
+
+    The noise is that of the line's logarithm, as slow as the wandering: both have so many terms of a cosine series. Slips are how
+    often noise is expected to reach the line's size, where the phase is lost.
+    """
+
+    straight: RealArray
+    wander: RealArray
+    noise: RealArray
+    terms: int = 0
+    slips: float = 0.0
+
+    def sizes(self, times: RealArray) -> ComplexArray:
+        """Return exp(j phase) times the powers of the frequency's deviation from its mean, (n, powers)."""
+        turned = self.straight[0] + self.straight[1] * times + self._at(times, self.wander)
+        powers = self._at(times, self.drift)[:, None] ** np.arange(self.powers)
+        return np.asarray(powers * np.exp(1j * turned)[:, None])
+
+    def share(self, times: RealArray) -> RealArray:
+        """Return which part of the line is taken off, (n,): so much is put back that noise has the power it had."""
+        return np.asarray(1 - (np.sqrt(2) - 1) * self._at(times, self.noise))
+
+    @property
+    def drift(self) -> RealArray:
+        """The frequency's deviation from its mean, of standard deviation one; zeros at constant speed."""
+        drift = np.gradient(self.wander)
+        return np.asarray((drift - drift.mean()) / drift.std()) if self.wander.any() else drift
+
+    @property
+    def powers(self) -> int:
+        return _POWERS if self.wander.any() else 1
+
+    def _at(self, times: RealArray, values: RealArray) -> RealArray:
+        return np.asarray(np.interp(times, np.arange(values.size) / values.size, values))
+
+
+def _line(y: RealArray, first: int, last: int) -> RealArray:
+    """Return what a line adds to one run, (N, l).
+
+    Its band is widened while the speed changes faster than half of the band tells, and noise there does not reach the line's size.
+    """
+    transform = fft.rfft(y, axis=0)
+    line, track = _in_band(y, transform[first : last + 1], first)
+    while track.terms > (last + 1 - first) // 2:
+        half = (last + 1 - first) // 2
+        first, last = first - half, last + half
+        if last - first > _WIDEST * first or last >= len(y) // 2:
+            break
+        wider, track = _in_band(y, transform[first : last + 1], first)
+        if track.slips > _SLIPS:
+            break
+        line = wider
+    return line
+
+
+def _in_band(y: RealArray, band: ComplexArray, first: int) -> tuple[RealArray, _Track]:
+    """Return a line and its track, by a band of the transform that begins at line `first`.
+
+    It is looked at in the combination of outputs that has most power, then in the one that shows it best beside what is left.
+    """
+    times = np.arange(len(y)) / len(y)
+    down = np.exp(-2j * np.pi * first * times)
+    strongest = np.linalg.eigh(band.conj().T @ band)[1][:, -1]
+    x = (y @ strongest) * down
+    z = _slow(x, len(band))
+    nothing = np.zeros(z.size)
+    start = _straightened(_Track(np.zeros(2), np.unwrap(np.angle(z)), nothing))
+    track = _tracked(x, len(band), start._replace(wander=nothing))
+    line, sizes = _taken(y, track, times, down)
+    left = fft.rfft(y - line, axis=0)[first : first + len(band)]
+    track = _tracked((y @ _best_combination(sizes, left)) * down, len(band), track)
+    return _taken(y, track, times, down)[0], track
+
+
+def _best_combination(sizes: ComplexArray, left: ComplexArray) -> ComplexArray:
+    """Return the weights s of outputs, (l,), for which (s a)^2 over the power of s n is largest, n what is left on lines (k, l).
+
+    s = conj(S^-1 a) with the covariance S of n: what s does not see of n is then uncorrelated with what it sees. Few lines tell little of
+    S, which therefore is loaded by its mean times outputs over lines.
+    """
+    lines, outputs = left.shape
+    S = left.T @ left.conj() / lines
+    S = S + np.eye(outputs) * (np.trace(S).real / lines + np.finfo(float).tiny)
+    return np.asarray(np.linalg.solve(S, sizes).conj())
+
+
+def _taken(y: RealArray, track: _Track, times: RealArray, down: ComplexArray) -> tuple[RealArray, ComplexArray]:
+    """Return the line in every channel, (N, l), and its complex sizes at the mean frequency, (l,)."""
+    sizes = track.sizes(times) * down.conj()[:, None]
     columns = np.concatenate([sizes.real, sizes.imag], axis=1)
-    return np.asarray(columns @ np.linalg.lstsq(columns, y, rcond=None)[0])
+    found = _least_squares(columns, y)
+    return (columns * track.share(times)[:, None]) @ found, found[0] - 1j * found[track.powers]
+
+
+def _tracked(x: ComplexArray, lines: int, track: _Track) -> _Track:
+    """Return a track corrected again and again by what its line leaves of a combination, whose ends disturb less the less is left.
+
+    ln(a exp(j phase) + n) = ln a + j phase + n / a exp(-j phase): noise is as strong in the logarithm of the envelope as in the phase.
+    """
+    times, own = np.arange(len(x)) / len(x), np.arange(track.wander.size) / track.wander.size
+    for _ in range(_ROUNDS):
+        fast, slow = track.sizes(times), track.sizes(own)
+        size = _least_squares(fast, x)
+        model = slow @ size
+        beside = 1 + _slow(x - fast @ size, lines) / model
+        level = np.log(np.abs(beside * model))
+        powers = track.drift[:, None] ** np.arange(track.powers)
+        noise = level - powers @ _least_squares(powers, level)
+        moved = _straightened(track._replace(wander=track.wander + np.unwrap(np.angle(beside))))
+        before, track = track.wander, _as_slow(moved, noise)
+        if np.std(track.wander - before) < _SETTLED:
+            break
+    return track
+
+
+def _as_slow(track: _Track, noise: RealArray) -> _Track:
+    """Return a track with the part of its wandering that the machine turns, and noise as slow as it.
+
+    Of the cosine transforms w of the phase and r of the noise the first k terms are kept that lower the expected error most: w^2 - r^2 is
+    what the machine turns, r^2 the noise that comes along (an unbiased estimate of the risk).
+    """
+    w, r = fft.dct(track.wander, norm="ortho"), fft.dct(noise, norm="ortho")
+    won = np.cumsum((w**2 - 2 * r**2)[1:])
+    terms = int(np.argmax(won)) + 2 if won.max() > 0 else 0
+    w[terms:], r[terms:] = 0, 0
+    # of complex noise |n / a|^2 is exponential, and half of it is in the logarithm of the envelope
+    slips = noise.size / _FINER * float(np.exp(-0.5 / np.mean(noise**2)))
+    return track._replace(wander=fft.idct(w, norm="ortho"), noise=fft.idct(r, norm="ortho"), terms=terms, slips=slips)
+
+
+def _slow(x: ComplexArray, lines: int) -> ComplexArray:
+    """Return a series at so many of its lowest lines, sampled for them."""
+    n = _FINER * lines
+    return np.asarray(fft.ifft(fft.fft(x)[:lines], n=n) * (n / len(x)))
+
+
+def _least_squares(columns: Any, x: Any) -> Any:
+    """Return the coefficients of few columns, powers of a drift of one: products of them are safe."""
+    own = columns.conj().T
+    return np.linalg.lstsq(own @ columns, own @ x, rcond=None)[0]
+
+
+def _straightened(track: _Track) -> _Track:
+    """Return a track with the straight part of its wandering taken out, by the middle of the run: ends of a band disturb those of a run."""
+    phase, margin = track.wander, track.wander.size // 50
+    t, inside = np.arange(phase.size) / phase.size, slice(margin, phase.size - margin)
+    more = np.polynomial.Polynomial.fit(t[inside], phase[inside], 1).convert()
+    return track._replace(straight=track.straight + np.resize([*more.coef, 0.0], 2), wander=np.asarray(phase - more(t)))

