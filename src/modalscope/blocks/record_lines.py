@@ -36,7 +36,7 @@ from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, check_count
 from modalscope.model.line_choice import resonance_weights
 from modalscope.model.record_spectra import RecordSpectra
-from modalscope.model.record_sums import line_power, untold_inputs
+from modalscope.model.record_sums import line_power
 from modalscope.model.response import output_scale
 from modalscope.model.statespace import StateSpace
 from modalscope.model.triangles import stacked_factor, triangle_of
@@ -257,13 +257,7 @@ class RecordLines(PolynomialRows):
     def warnings(self) -> tuple[str, ...]:
         """Inputs that are no directions of their own."""
         short = [part.given - part.rank for part in self.parts]
-        untold = untold_inputs(self.judged)
-        told = []
-        if untold:
-            told.append(
-                f"inputs {', '.join(untold)} are zero or depend on each other: what they give together is known, "
-                "how it is shared among them is not (participation is the shortest that fits, of inputs brought to one size)"
-            )
+        told = [str(note) for note in self.judged.untold]
         if any(short):
             told.append(
                 f"{sum(short)} of {sum(part.given for part in self.parts)} rows of inputs and ends depend on the others and were left out: "
