@@ -27,6 +27,7 @@ from modalscope.blocks.factor import Factors
 from modalscope.blocks.few_points import Few, few_points
 from modalscope.blocks.influence import Lines
 from modalscope.blocks.operators import LargeMatrix
+from modalscope.blocks.output_noise import noise_beside_quietest
 from modalscope.blocks.plane import Plane, plane_of
 from modalscope.blocks.polynomial_rows import PolynomialRows
 from modalscope.blocks.polynomials import evaluate, orthogonal_basis
@@ -68,7 +69,8 @@ def record_lines(
     order : int, optional
         Largest number of states that will be asked; used to check that the lines suffice.
     equal_outputs : bool
-        Whether every output is divided by its root mean square; combinations of level outputs are level as they are.
+        Whether outputs are brought to one level: that of their noise beside their root mean squares. Combinations of level outputs are
+        level as they are.
 
     Raises
     ------
@@ -95,7 +97,7 @@ def record_lines(
             f"{response.count} lines leave {made.left} equations when inputs and ends are eliminated",
             "Measure longer, widen the band, or lower block_rows or the order.",
         )
-    return made
+    return made.by_noise() if equal_outputs else made
 
 
 class _Taken(NamedTuple):
@@ -117,6 +119,17 @@ class RecordLines(PolynomialRows):
     output_scale: RealArray
     line_weights: RealArray
     row_shifts: tuple[int, ...] | None = None
+    known: tuple[RealArray, tuple[_Taken, ...]] | None = None
+
+    def by_noise(self) -> RecordLines:
+        """Return the matrix with every output divided by its noise, the quietest as it was; the triangle is scaled in its place."""
+        triangle, parts = self._eliminated
+        noise = noise_beside_quietest(triangle, self.outputs)
+        rows = np.tile(noise, self.block_rows + 1)
+        triangle /= rows[:, None]
+        for part in parts:
+            part.taken_off[:] /= rows
+        return replace(self, output_scale=self.output_scale * noise, known=(triangle, parts))
 
     @property
     def first_value(self) -> float:
@@ -159,6 +172,8 @@ class RecordLines(PolynomialRows):
 
     @cached_property
     def _eliminated(self) -> tuple[RealArray, tuple[_Taken, ...]]:
+        if self.known is not None:
+            return self.known
         triangle, taken = np.zeros((0, self.outputs * (self.block_rows + 1))), []
         for own in self.spans:
             left, part = self._left_of(own)
