@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope import DataError, FrequencyResponse, Signals, StateSpace, identify, refine
+from modalscope import DataError, FrequencyResponse, ModalModel, Signals, StateSpace, identify, refine, systems
 from modalscope.blocks.record_lines import RecordLines, record_lines
 from modalscope.blocks.run_columns import RunColumns
 from modalscope.blocks.transfer import transfer
@@ -216,6 +216,33 @@ def test_inputs_that_are_alike_are_left_out_by_rank_with_a_note() -> None:
     # only u1 - 2 u2 was driven: what it gives is known, how it is shared is not
     both = found.state_space.markov_parameters(20) @ [[1.0], [-2.0]]
     assert relative(both, ss.markov_parameters(20)) < FITTED
+
+
+def test_driving_points_whose_inputs_are_not_told_apart_give_no_modal_mass() -> None:
+    """Shares of inputs that are alike are the shortest that fit: a mass from them would be wrong; a force of its own gives the true one."""
+    chain = systems.chain5()
+    ss, true = chain.state_space(dt=0.05), chain.modes().normalized("mass")
+    u = np.random.default_rng(0).standard_normal((1500, 2))
+    labels = {
+        "output_dofs": chain.modes().output_dofs,
+        "input_dofs": chain.modes().input_dofs,
+        "quantities": "displacement",
+    }
+
+    def modes_under(forces: np.ndarray) -> ModalModel:
+        record = Signals(outputs=ss.simulate(forces), inputs=forces, sampling_rate=20.0, **labels)
+        return identify(record, order=10, block_rows=8).modes
+
+    alike = modes_under(u[:, :1] * [1.0, 2.0])
+    with pytest.raises(DataError, match=r"2:\+X, 5:\+X are inputs whose shares.*\n.*force of its own"):
+        alike.normalized("mass")
+    with pytest.raises(DataError, match=r"5:\+X are inputs whose shares"):
+        alike.select(inputs=["5:+X"]).normalized("mass")
+    alone = modes_under(u * [1.0, 0.0]).normalized("mass")  # the other driving point is enough
+    assert alone.scaling == "unit modal mass, driving point 2:+X"
+    assert (
+        relative(np.abs(alone.shapes), np.abs(true.shapes)) < FITTED
+    )  # held forces, whose residues are dt times as large
 
 
 @pytest.mark.parametrize("third", [0.0, 3.0])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from modalscope.judging.tracking import (
+    _WIDER,
     GAP,
     SAME_BANDWIDTH,
     SAME_DAMPING,
@@ -49,6 +50,19 @@ def test_what_acts_against_each_other_is_still_merged_to_a_pole_between() -> Non
     one = merge_splits(pair)
     assert np.allclose(one.pole, -1 + 100.1j)  # energies 9 and 1
     assert np.allclose(np.outer(one.shape[0], one.participation[0]), [[2, 0, 0], [0, 0, 0]])
+
+
+@pytest.mark.parametrize("strong", [1.0, 100.0])
+def test_what_is_many_times_as_wide_goes_with_a_mode_and_says_nothing_of_its_decay(strong: float) -> None:
+    # with a hundredth of the energy a part of 20 times the width would move the damping by a fifth; residues still add up
+    for wider, kept in ((_WIDER - NUDGE, False), (_WIDER + NUDGE, True)):
+        narrow = Pole(2, s=-1 + 100j, part=(strong, 0, 0))
+        wide = Pole(2, s=complex(-wider, 101), part=(3.0, 0, 0))
+        one = merge_splits(poles_of(narrow, wide))
+        own = -1 + 100j if strong**2 > 9 / wider else complex(-wider, 101)
+        assert one.pole.size == 1
+        assert bool(abs(one.pole[0] - own) < 1e-12) is kept
+        assert np.linalg.norm(one.shape[0]) * np.linalg.norm(one.participation[0]) == pytest.approx(strong + 3)
 
 
 @pytest.mark.parametrize(("apart", "left"), [(3 - NUDGE, 1), (3.0, 2), (3 + NUDGE, 2)])

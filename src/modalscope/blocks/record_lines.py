@@ -27,6 +27,7 @@ from modalscope.blocks.factor import Factors
 from modalscope.blocks.few_points import Few, few_points
 from modalscope.blocks.influence import Lines
 from modalscope.blocks.operators import LargeMatrix
+from modalscope.blocks.output_noise import noise_beside_quietest
 from modalscope.blocks.plane import Plane, plane_of
 from modalscope.blocks.polynomial_rows import PolynomialRows
 from modalscope.blocks.polynomials import evaluate, orthogonal_basis
@@ -36,7 +37,7 @@ from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, check_count
 from modalscope.model.line_choice import resonance_weights
 from modalscope.model.record_spectra import RecordSpectra
-from modalscope.model.record_sums import line_power, untold_inputs
+from modalscope.model.record_sums import line_power
 from modalscope.model.response import output_scale
 from modalscope.model.statespace import StateSpace
 from modalscope.model.triangles import stacked_factor, triangle_of
@@ -68,7 +69,8 @@ def record_lines(
     order : int, optional
         Largest number of states that will be asked; used to check that the lines suffice.
     equal_outputs : bool
-        Whether every output is divided by its root mean square; combinations of level outputs are level as they are.
+        Whether outputs are brought to one level: that of their noise beside their root mean squares. Combinations of level outputs are
+        level as they are.
 
     Raises
     ------
@@ -95,7 +97,7 @@ def record_lines(
             f"{response.count} lines leave {made.left} equations when inputs and ends are eliminated",
             "Measure longer, widen the band, or lower block_rows or the order.",
         )
-    return made
+    return made.by_noise() if equal_outputs else made
 
 
 class _Taken(NamedTuple):
@@ -117,6 +119,17 @@ class RecordLines(PolynomialRows):
     output_scale: RealArray
     line_weights: RealArray
     row_shifts: tuple[int, ...] | None = None
+    known: tuple[RealArray, tuple[_Taken, ...]] | None = None
+
+    def by_noise(self) -> RecordLines:
+        """Return the matrix with every output divided by its noise, the quietest as it was; the triangle is scaled in its place."""
+        triangle, parts = self._eliminated
+        noise = noise_beside_quietest(triangle, self.outputs)
+        rows = np.tile(noise, self.block_rows + 1)
+        triangle /= rows[:, None]
+        for part in parts:
+            part.taken_off[:] /= rows
+        return replace(self, output_scale=self.output_scale * noise, known=(triangle, parts))
 
     @property
     def first_value(self) -> float:
@@ -159,6 +172,8 @@ class RecordLines(PolynomialRows):
 
     @cached_property
     def _eliminated(self) -> tuple[RealArray, tuple[_Taken, ...]]:
+        if self.known is not None:
+            return self.known
         triangle, taken = np.zeros((0, self.outputs * (self.block_rows + 1))), []
         for own in self.spans:
             left, part = self._left_of(own)
@@ -257,13 +272,7 @@ class RecordLines(PolynomialRows):
     def warnings(self) -> tuple[str, ...]:
         """Inputs that are no directions of their own."""
         short = [part.given - part.rank for part in self.parts]
-        untold = untold_inputs(self.judged)
-        told = []
-        if untold:
-            told.append(
-                f"inputs {', '.join(untold)} are zero or depend on each other: what they give together is known, "
-                "how it is shared among them is not (participation is the shortest that fits, of inputs brought to one size)"
-            )
+        told = [str(note) for note in self.judged.untold]
         if any(short):
             told.append(
                 f"{sum(short)} of {sum(part.given for part in self.parts)} rows of inputs and ends depend on the others and were left out: "

@@ -215,7 +215,7 @@ def assemble(
         domain=pipeline.method.domain,
         order=cut.order,
         state_space=model,
-        modes=cut.modes.take(kept),
+        modes=cut.modes.take(kept).noted(pipeline.response.untold),
         extraneous=cut.modes.take(rest),
         singular_values=pipeline.factors.spectrum,
         fit_error=error,

@@ -18,6 +18,7 @@ from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
 from modalscope.model.poles import frequencies_and_damping
 from modalscope.model.response import window_damping
+from modalscope.model.response_facts import UNTOLD
 from modalscope.uncertainty.noise import KIND
 
 __all__ = ["refined"]
@@ -63,7 +64,7 @@ def refined(
         gain=np.sqrt(settled.gain / 2),
         left_out=(*before.left_out, *lost),
         converged=settled.descent.converged,
-        notes=tuple(note for note in before.notes if note.kind != KIND),  # they told of the deviations before
+        notes=(*(note for note in before.notes if note.kind not in (KIND, UNTOLD)), *response.untold),
         **beside,
     )
     scaled = replace(model.normalized(_scale(before)), unrefined=before)

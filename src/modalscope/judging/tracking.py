@@ -24,6 +24,10 @@ SPLIT = 0.9
 #: Poles that lie further apart than so many times the sum of their deviations are no one pole.
 _APART = 3.0
 
+#: Parts of a resonance that shifts by its own width are up to three times as wide as each other. What is so many times as wide is no
+#: part of it but background of the same shape: it goes with the mode and says nothing of its decay, which it would outweigh.
+_WIDER = 5.0
+
 #: Two poles of different orders agree: frequency within this fraction, and within this share of the half bandwidth ...
 SAME_FREQUENCY, SAME_BANDWIDTH = 0.005, 0.25
 #: ... damping within this fraction, and MAC above this.
@@ -91,6 +95,8 @@ class Poles:
 def merge_splits(poles: Poles, deviation: RealArray | None = None) -> Poles:
     """Merge, within every order, neighbours that act as one mode; their value is the energy-weighted mean.
 
+    Of two that differ in width more than parts of one resonance do, it is that of the one with more energy.
+
     Data whose lines shift a little from run to run (a roving hammer, a structure that warms up) make one resonance come out
     as two or three poles within their bandwidths. They are one when their summed residue is of rank one,
     1 - 2.5 (s_2 / s_1)^2 at least .9; with a single output or input, where every residue is, when the shapes' MAC is.
@@ -152,6 +158,9 @@ def _merge_two(poles: Poles, a: int, b: int) -> Poles:
     second = np.outer(poles.shape[b], poles.participation[b])
     # energies are positive weights: the mean lies between the two and never extrapolates
     energy = [np.linalg.norm(r) ** 2 / abs(poles.pole[i].real) for r, i in ((first, a), (second, b))]
+    decay = np.abs(poles.pole.real[[a, b]])
+    if decay.max() > _WIDER * decay.min():
+        energy[int(np.argmin(energy))] = 0.0
     pole = (energy[0] * poles.pole[a] + energy[1] * poles.pole[b]) / sum(energy)
     U, s, Vt = np.linalg.svd(first + second, full_matrices=False)
     own = poles.own[a] * s[0] / np.linalg.norm(first) * np.sqrt(abs(poles.pole[a].real / pole.real))

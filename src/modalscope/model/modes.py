@@ -179,7 +179,7 @@ class ModalModel(Channels, HasPoles):
         Raises
         ------
         DataError
-            "mass" without participation, without a driving point, without a known quantity, or of modes whose forces were not measured.
+            "mass" without participation, a driving point, a known quantity, or forces that were measured and are told apart.
         """
         check_choice("scale", scale, NORMALIZATIONS)
         if scale == "none" or not len(self):

@@ -8,7 +8,7 @@ import numpy as np
 
 from modalscope.model.channels import derivatives_between
 from modalscope.model.checks import ComplexArray, DataError
-from modalscope.model.response_facts import CORRELATED
+from modalscope.model.response_facts import CORRELATED, UNTOLD
 
 if TYPE_CHECKING:
     from modalscope.model.modes import ModalModel
@@ -41,6 +41,14 @@ def _mass_factor(modes: ModalModel) -> tuple[ComplexArray, str]:
             "Measure again with known masses added, and give both to scale_by_mass.",
         )
     common = [dof for dof in modes.output_dofs if dof in modes.input_dofs]
+    untold = {dof for note in modes.notes if note.kind == UNTOLD for dof in note.numbers}
+    if common and untold.issuperset(common):
+        raise DataError(
+            "shapes of unit modal mass were asked",
+            f"the driving points {', '.join(common)} are inputs whose shares in the response the record does not tell",
+            "Drive each of them by a force of its own, or leave out what is no force of its own: exclude=[...].",
+        )
+    common = [dof for dof in common if dof not in untold]
     if not common:
         raise DataError(
             "shapes of unit modal mass were asked",
@@ -54,6 +62,8 @@ def _mass_factor(modes: ModalModel) -> tuple[ComplexArray, str]:
     best, each = np.argmax(driving, axis=0), np.arange(len(modes))
     shape, weight = modes.shapes[rows][best, each], part.T[columns][best, each]
     residue = shape * weight * modes.poles**power
+    if modes.held_input and modes.dt:  # an input held over dt gives R (exp(s dt) - 1) / s of a structure's residue R
+        residue = residue * modes.poles / np.expm1(modes.poles * modes.dt)
     target = np.sqrt(2j * np.abs(modes.poles.imag) * residue)
     # of the two roots the one that leaves the mode nearest to its own phase
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -228,6 +228,11 @@ class RecordSpectra(NoResponse):
         """Return the shortest participation of the inputs that gives the same; see `Response.told_of`."""
         return sums.shortest_participation(self, participation)
 
+    @property
+    def untold(self) -> tuple[Note, ...]:
+        """A note on inputs that are zero or depend on each other; see `ResponseFacts.untold`."""
+        return sums.untold_notes(self)
+
     def picture(self) -> FrequencyResponse:
         """Return frequency responses H1 of the lines and their neighbours, for the eye alone: nothing is judged on them."""
         return picture_of(
@@ -274,10 +279,7 @@ class RecordSpectra(NoResponse):
         return replace(self, values=values[:, :, None])
 
     def evaluated(self, poles: Array, shapes: Array, participation: Array, terms: Array) -> ComplexArray:
-        """Return the outputs (F, l) that shapes (l, n), participation (n, m) or (n, m + R), and D (1, l, m) give.
-
-        Ends that are not given are fitted.
-        """
+        """Return the outputs (F, l) of shapes (l, n), participation (n, m) or (n, m + R) and D (1, l, m); ends not given are fitted."""
         found = np.empty(self.values.shape[:2], complex)
         for s, part in self.modelled(poles, shapes, participation, terms):
             found[s] = part

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.notes import Note
 from modalscope.model.response import output_scale
+from modalscope.model.response_facts import UNTOLD
 from modalscope.model.statespace import StateSpace
 
 if TYPE_CHECKING:
@@ -23,7 +25,7 @@ __all__ = [
     "rebuilt_values",
     "shortest_participation",
     "smoothed",
-    "untold_inputs",
+    "untold_notes",
 ]
 
 #: Neighbouring lines on either side that one value of the smoothed spectrum is made of.
@@ -79,12 +81,16 @@ def smoothed(lines: RecordSpectra) -> Iterator[tuple[RealArray, ComplexArray]]:
         yield lines.frequencies[some], values.transpose(0, 2, 1)
 
 
-def untold_inputs(lines: RecordSpectra) -> tuple[str, ...]:
-    """Return the inputs that are zero or depend on the others: what they give together is known, and not how it is shared."""
+def untold_notes(lines: RecordSpectra) -> tuple[Note, ...]:
+    """Return a note on the inputs that are zero or depend on the others, its numbers their parts in what was not excited."""
     _, alone = _silent(lines)
-    return tuple(
-        dof for dof, part in zip(lines.input_dofs, alone.T, strict=True) if np.abs(part).max(initial=0) > _SHARE
+    part = dict(zip(lines.input_dofs, np.linalg.norm(alone, axis=0).tolist(), strict=True))
+    untold = {dof: size for dof, size in part.items() if size > _SHARE}
+    text = (
+        f"inputs {', '.join(untold)} are zero or depend on each other: what they give together is known, "
+        "how it is shared among them is not (participation is the shortest that fits, of inputs brought to one size)"
     )
+    return (Note(UNTOLD, untold, text),) if untold else ()
 
 
 def shortest_participation(lines: RecordSpectra, participation: Array) -> ComplexArray:

@@ -8,11 +8,15 @@ from dataclasses import dataclass
 from modalscope.model.channels import Channels
 from modalscope.model.checks import Array, RealArray
 from modalscope.model.groups import AUTO, Groups
+from modalscope.model.notes import Note
 
-__all__ = ["CORRELATED", "HALF", "ResponseFacts"]
+__all__ = ["CORRELATED", "HALF", "UNTOLD", "ResponseFacts"]
 
 #: What the processing of correlations says, and of half spectra.
 CORRELATED, HALF = "correlated", "half spectra"
+
+#: The kind of a note on inputs whose shares in what they give together are not known, by label.
+UNTOLD = "inputs not told apart"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
@@ -52,6 +56,11 @@ class ResponseFacts(Channels):
     def of_correlations(self) -> bool:
         """Whether lines are half spectra, whose errors are correlated from line to line, as those of correlations are."""
         return any(HALF in step for step in self.processing)
+
+    @property
+    def untold(self) -> tuple[Note, ...]:
+        """A note on inputs whose shares in what they give together the data do not tell; its numbers stand by their labels."""
+        return ()
 
     @property
     def known_variance(self) -> RealArray | None:
