@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.model.orthogonal import less
+from modalscope.model.orthogonal import energy_left, less
 
 
 @pytest.mark.parametrize("noise", [1e-2, 1e-9])
@@ -21,4 +21,5 @@ def test_what_is_left_is_that_of_least_squares_also_of_nearly_dependent_columns_
     kept = np.delete(columns, 1, axis=1)
     kept /= np.linalg.norm(kept, axis=0)
     exact = data - kept @ np.linalg.lstsq(kept, data, rcond=None)[0]
+    assert energy_left(data, columns) == pytest.approx(np.sum(exact**2, axis=0), rel=1e-6, abs=1e-24)
     assert less(data, columns) == pytest.approx(exact, abs=1e-9 * np.abs(exact).max() + 1e-13)

@@ -154,7 +154,7 @@ def test_student_replaces_the_normal_quantile_where_parts_are_few():
 
 def test_the_residual_gives_the_variance_of_the_noise():
     rng = np.random.default_rng(0)
-    left = rng.standard_normal((4000, 2, 1)) * [[2.0], [0.5]]
+    left = np.sum((rng.standard_normal((4000, 2, 1)) * [[2.0], [0.5]]) ** 2, axis=0)
     np.testing.assert_allclose(residual_variance(left, 4000, False), [[4.0], [0.25]], rtol=0.1)
     np.testing.assert_allclose(residual_variance(left, 2000, True), 4 * residual_variance(left, 4000, False))
     assert np.all(np.isnan(residual_variance(left, 0, False)))

@@ -21,8 +21,9 @@ from numpy.typing import ArrayLike
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.fraction_degree import half_circle
-from modalscope.blocks.fraction_influence import fraction_influence
-from modalscope.blocks.influence import LineInfluence, Lines
+from modalscope.blocks.fraction_influence import FractionInfluence, fraction_influence
+from modalscope.blocks.fraction_sums import LineSums
+from modalscope.blocks.influence import Lines
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.misfit import Misfit
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
@@ -149,9 +150,19 @@ class Fraction(DataMatrix):
         return int(self.response.values.shape[2])
 
     @cached_property
+    def angles(self) -> RealArray:
+        """Where the lines lie on the unit circle, rad."""
+        return np.asarray(2 * np.pi * (self.response.frequencies - self.base) * self.interval)
+
+    @cached_property
+    def sums(self) -> LineSums:
+        """What sums over the lines are made of where noise moves the poles."""
+        return LineSums(self)
+
+    @cached_property
     def _sums(self) -> tuple[RealArray, RealArray, RealArray]:
         """Return the Toeplitz entries of R (2p+1,), S (2p+1, l, m) and sum_o T_o (2p+1, m, m), lags -p ... p."""
-        angles = 2 * np.pi * (self.response.frequencies - self.base) * self.interval
+        angles = self.angles
         w = np.ones(angles.size) if self.weights is None else self.weights**2
         H = self.response.values / self.output_scale[:, None]
         together = np.concatenate(
@@ -222,7 +233,12 @@ class Fraction(DataMatrix):
         except sla.LinAlgError:  # singular to rounding: data without noise, more degrees than modes
             return np.asarray(np.linalg.lstsq(inner, target, rcond=inner.shape[0] * np.finfo(float).eps)[0])
 
-    def influence(self, left: Array, right: Array, lines: Lines | None = None) -> LineInfluence:
+    @property
+    def thinned(self) -> bool:
+        """No: few points of the arc stand for all lines."""
+        return False
+
+    def influence(self, left: Array, right: Array, lines: Lines | None = None) -> FractionInfluence:
         """Return the gradient of left_j dA right_j, A = [A_1; ...; A_p] of the degree that the length of the rows says.
 
         See `modalscope.blocks.fraction_influence`.
@@ -254,8 +270,11 @@ class Fraction(DataMatrix):
         powers = self.response.outside_powers
         basis = self.response.basis(self.to_s(eigen.values), powers, self.weights)
         found = basis.turned.solved(participation.T)
-        misfit = self._misfit.of_left(found.left.T) if self.weights is None else None
-        return ModalFit(found.side.T, participation, found.terms.transpose(0, 2, 1), powers, misfit=misfit)
+        shapes, terms = found.side.T, found.terms.transpose(0, 2, 1)
+        if self.weights is not None:
+            return ModalFit(shapes, participation, terms, powers)
+        misfit = self._misfit.of_left(found.left.T)
+        return ModalFit(shapes, participation, terms, powers, misfit=misfit, unexplained=found.unexplained.T)
 
     @cached_property
     def _misfit(self) -> Misfit:

@@ -11,9 +11,10 @@ from functools import cached_property
 
 import numpy as np
 
+from modalscope.blocks.convolved import ConvolvedInfluence
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.hankel import Hankel
-from modalscope.blocks.influence import Lines, SampleInfluence
+from modalscope.blocks.influence import Lines
 from modalscope.blocks.operators import DenseMatrix
 from modalscope.blocks.shift import RowShift
 from modalscope.blocks.side import Side
@@ -84,7 +85,7 @@ class GeneralHankel(Hankel):
         both = np.hstack([entries, entries + np.array([[1], [0]])])
         return _scattered(np.hstack([-np.asarray(values)[:, None] * F, F]), both, self.values.shape[1])
 
-    def influence(self, left: Array, right: Array, lines: Lines | None = None) -> SampleInfluence:
+    def influence(self, left: Array, right: Array, lines: Lines | None = None) -> ConvolvedInfluence:
         """Return the gradient; columns are taken back to whole consecutive blocks first."""
         v = _scattered(self.columns.taken_back(right.T), self.columns.entries, self.values.shape[2])
         return super().influence(left, v.T, lines)

@@ -15,10 +15,11 @@ from numpy.typing import ArrayLike
 
 from modalscope.blocks.block_hankel import BlockHankel
 from modalscope.blocks.compression import adds_channels
+from modalscope.blocks.convolved import ConvolvedInfluence, convolved
 from modalscope.blocks.costs import Cost, costs_of
 from modalscope.blocks.evolved import Evolved, ModalSide
 from modalscope.blocks.factor import Factors
-from modalscope.blocks.influence import Lines, SampleInfluence, convolved
+from modalscope.blocks.influence import Lines
 from modalscope.blocks.layout import block_shifts
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.operators import Operator
@@ -225,15 +226,12 @@ class Hankel(DataMatrix):
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(self.first_block_column(tall=tall).T @ factors.P / factors.d)
 
-    def influence(self, left: Array, right: Array, lines: Lines | None = None) -> SampleInfluence:
+    def influence(self, left: Array, right: Array, lines: Lines | None = None) -> ConvolvedInfluence:
         """Return g_j[t] = sum_(a + b = t) L_j[a] (x) v_j[b], with what was combined within blocks taken back to the channels."""
         _, rows, columns = self.values.shape
         L, v = left.reshape(len(left), -1, rows), right.T.reshape(len(left), -1, columns)
-        if self.rows.within is not None:
-            L = L @ self.rows.within
-        if self.columns.within is not None:
-            v = v @ self.columns.within
-        return SampleInfluence((convolved(L, v),))
+        T, U = self.rows.within, self.columns.within
+        return convolved(L if T is None else L @ T, v if U is None else v @ U)
 
     def to_s(self, poles: Array) -> ComplexArray:
         """Continuous poles ln(z) fs, rad/s."""

@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
-from scipy import fft
 from scipy.linalg import matmul_toeplitz
 
 from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
 
-__all__ = ["Influence", "LineInfluence", "Lines", "Moments", "Outer", "SampleInfluence", "all_lines", "convolved"]
+__all__ = ["Influence", "LineInfluence", "Lines", "Moments", "Outer", "SampleInfluence", "all_lines"]
 
 
 class Lines(NamedTuple):
@@ -113,11 +112,11 @@ class Influence(ABC):
         """Return the first-order change of the poles for changes of the response, (d, F or N, l, m) -> (d, k)."""
 
     @abstractmethod
-    def joined(self, other: Self) -> Self:
+    def joined(self, other: Self) -> Influence:
         """Return the sum of two gradients."""
 
     @abstractmethod
-    def transposed(self) -> Self:
+    def transposed(self) -> Influence:
         """Return the gradient by the transposed response."""
 
 
@@ -266,18 +265,3 @@ def _backwards(term: Outer) -> Outer:
     """Return the values at -f."""
     left, right = (np.roll(part[:, ::-1], 1, axis=1) for part in term)
     return Outer(left, right)
-
-
-def convolved(rows: ComplexArray, columns: ComplexArray, length: int | None = None) -> Outer:
-    """Return g[t] = sum_(a + b = t) rows[a] columns[b]' by its Fourier transform.
-
-    Parameters
-    ----------
-    rows : array of complex, (k, block rows, l)
-    columns : array of complex, (k, block columns, m)
-    length : int, optional
-        Samples of the transform; by default as many as block rows and columns need together.
-    """
-    if length is None:
-        length = int(fft.next_fast_len(rows.shape[1] + columns.shape[1] - 1))
-    return Outer(*(np.asarray(fft.fft(part, n=length, axis=1), dtype=complex) for part in (rows, columns)))

@@ -148,6 +148,11 @@ class DataMatrix(ABC):
         """
         self._has_no("way back to the response")
 
+    @property
+    def thinned(self) -> bool:
+        """Whether what noise does is summed line by line, so that lines far from all poles may stand for their neighbours."""
+        return True
+
     def as_measured(self, influence: Influence) -> Influence:
         """Return the gradient by the response as it was measured, from that of the matrix that was factored."""
         return influence

@@ -14,7 +14,8 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.lib.stride_tricks import sliding_window_view
 
-from modalscope.blocks.influence import Lines, SampleInfluence, convolved
+from modalscope.blocks.convolved import ConvolvedInfluence, convolved
+from modalscope.blocks.influence import Lines
 from modalscope.blocks.sample_rows import SampleRows
 from modalscope.blocks.sums import TriangleSum
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
@@ -204,14 +205,14 @@ class Projection(SampleRows):
         """L21 (l (q + 1), r p): the projection times an orthonormal matrix, its exact stand-in, from runs and times in turn."""
         return np.ascontiguousarray(self.future[:, : self.past])
 
-    def influence(self, left: Array, right: Array, lines: Lines | None = None) -> SampleInfluence:
+    def influence(self, left: Array, right: Array, lines: Lines | None = None) -> ConvolvedInfluence:
         """Return the gradient by the correlation: L21 = R L11^-T with blocks R(a + b + 1), and what L11 changes stays in the range."""
         v = sla.solve_triangular(self.past_triangle, right, lower=True, trans="T", check_finite=False).T
         L = left.reshape(len(left), -1, self.outputs)
         past = v.reshape(len(left), self.past_blocks, self.references.size)
         columns = np.zeros((*past.shape[:2], self.judged.values.shape[2]), dtype=complex)
         columns[:, :, self.references] = past
-        return SampleInfluence((convolved(L, columns),))
+        return convolved(L, columns)
 
     @property
     def dt(self) -> float:

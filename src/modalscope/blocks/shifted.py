@@ -15,7 +15,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.blocks.influence import LineInfluence, Lines, Outer, SampleInfluence, all_lines, convolved
+from modalscope.blocks.convolved import ConvolvedInfluence, convolved, transformed
+from modalscope.blocks.influence import LineInfluence, Lines, Outer, all_lines
 from modalscope.blocks.lines import LineMatrix, kept_block_rows, real_columns
 from modalscope.blocks.shift import RowShift
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
@@ -199,7 +200,7 @@ class Shifted(LineMatrix):
         """Return z^k."""
         return np.asarray(np.asarray(poles)[None, :] ** self.block_indices(blocks)[:, None], dtype=complex)
 
-    def influence(self, left: Array, right: Array, lines: Lines | None = None) -> SampleInfluence | LineInfluence:
+    def influence(self, left: Array, right: Array, lines: Lines | None = None) -> ConvolvedInfluence | LineInfluence:
         """Return the gradient: right vectors go back from lines to the window's samples, where they meet the rows as in a Hankel matrix.
 
         Where lines were measured the gradient is that by the lines, through their inverse transform.
@@ -213,13 +214,13 @@ class Shifted(LineMatrix):
         L = left.reshape(len(left), -1, self.outputs)
         if isinstance(self.response, FrequencyResponse):
             return self._by_lines(L, columns)
-        return SampleInfluence((convolved(L, columns),))
+        return convolved(L, columns)
 
     def _by_lines(self, rows: ComplexArray, columns: ComplexArray) -> LineInfluence:
         """Return the gradient by the lines: sample k is Re sum_f c_f H_f exp(j (k + 1) angle_f) / M, c = 1 at the ends and 2 between."""
         length = len(self.samples) + 1
         lines = np.arange(self.response.count)
-        g = convolved(rows, columns, length)
+        g = transformed(rows, columns, length)
         share = np.where((lines == 0) | (2 * lines == length), 1.0, 2.0) / (2 * length)
         turn = (share * np.exp(2j * np.pi * lines / length))[:, None]
         back = -lines % length

@@ -9,7 +9,7 @@ Columns are real: real and imaginary parts side by side, which is the same as us
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -254,8 +254,10 @@ class Transfer(PolynomialRows, LineMatrix):
         shapes = self.shapes(model.row_states(eigen.vectors), eigen.values)
         basis = self.response.basis(self.to_s(eigen.values), weights=self.weights)
         found = basis.solved(shapes)
-        misfit = self._misfit.of_left(found.left) if self.weights is None else None
-        return ModalFit(shapes, found.side, found.terms, reach=basis.reach, misfit=misfit)
+        fit = ModalFit(shapes, found.side, found.terms, reach=basis.reach)
+        if self.weights is not None:
+            return fit
+        return replace(fit, misfit=self._misfit.of_left(found.left), unexplained=found.unexplained)
 
     @cached_property
     def _misfit(self) -> Misfit:

@@ -55,6 +55,8 @@ class ModalFit:
         What it was fitted with, where it is dear to make and small to keep.
     misfit : float, optional
         norm(measured - rebuilt) / norm(measured) of the response that is judged, outputs brought level, where the fit knows it.
+    unexplained : array, (l, m), optional
+        Energy that no residues of these poles explain, where the fit knows it; NaN of channels where that is near rounding.
     fitted : ModalFit, optional
         The same of the combinations of outputs that it was fitted to, where these stand for many.
     """
@@ -66,6 +68,7 @@ class ModalFit:
     reach: RealArray | None = None
     basis: ModalBasis | None = None
     misfit: float | None = None
+    unexplained: RealArray | None = None
     fitted: ModalFit | None = None
 
 

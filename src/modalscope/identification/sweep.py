@@ -26,7 +26,7 @@ from modalscope.model.poles import frequencies_and_damping
 from modalscope.model.response import output_scale
 from modalscope.uncertainty.deviations import Deviations, deviations_of
 from modalscope.uncertainty.noise import Noise, Unknown, noise_of
-from modalscope.uncertainty.residual import residual_variance
+from modalscope.uncertainty.residual import residual_variance, unexplained_energy
 
 __all__ = ["Cut", "Sweep", "cut_order", "sweep"]
 
@@ -78,7 +78,7 @@ def cut_order(pipeline: Pipeline, order: int, *, deviations: bool = True) -> Cut
 
 def _cut(pipeline: Pipeline, order: int, measured: _Measured) -> Cut:
     model = pipeline.triple(order)
-    modal = eigenmodes(pipeline.matrix, model)
+    modal = measured.with_basis(eigenmodes(pipeline.matrix, model))
     kept, _ = split_extraneous(modal, model)
     f, _ = frequencies_and_damping(modal.poles)
     low, high = pipeline.reported_band
@@ -111,6 +111,14 @@ class _Measured:
         self._weighted = getattr(self._matrix, "weights", None) is not None
         self.noise = noise_of(self._response, pipeline.problem.records) if deviations else None
 
+    def with_basis(self, modes: Eigenmodes) -> Eigenmodes:
+        """Return modes with what their poles can contribute, made once, where the misfit is not known by the fit."""
+        if modes.fit.misfit is not None or modes.fit.basis is not None or self._weighted:
+            return modes
+        if self._response is not self._pipeline.response:
+            return modes
+        return replace(modes, fit=replace(modes.fit, basis=self._response.basis(modes.poles, modes.fit.powers)))
+
     def misfit(self, modes: Eigenmodes) -> float:
         """Return the norm of what modes leave of the level data over that of the data: from the fit where it knows, else rebuilt."""
         return self._misfit.of_fit(modes.poles, modes.fit) if modes.fit.misfit is None else modes.fit.misfit
@@ -124,12 +132,16 @@ class _Measured:
 
     def noise_beside(self, modal: Eigenmodes) -> Noise | None:
         """Return the noise, given what no residues at the poles of a model explain, whatever its own shapes leave."""
-        if self.noise is None:
-            return None
-        own = modal.fit.basis
-        basis = self._response.basis(modal.poles, modal.fit.powers) if own is None or self._weighted else own
-        rows = self._response.count * (1 + self._complex)  # of compressed ones there are fewer
-        return self.noise.beside(residual_variance(basis.unexplained, rows - basis.columns.shape[1], self._complex))
+        if self.noise is None or not self.noise.of_residual:
+            return self.noise
+        fit, rows = modal.fit, self._response.count * (1 + self._complex)  # of compressed ones there are fewer
+        if fit.unexplained is not None and np.all(np.isfinite(fit.unexplained)):
+            unknown = len(fit.terms) + 2 * modal.poles.size
+            return self.noise.beside(residual_variance(fit.unexplained, rows - unknown, self._complex))
+        own = None if self._weighted else fit.basis
+        basis = own or self._response.basis(modal.poles, fit.powers)
+        unknown = basis.terms.shape[1] + basis.functions.shape[1]
+        return self.noise.beside(residual_variance(unexplained_energy(basis), rows - unknown, self._complex))
 
 
 class Sweep:

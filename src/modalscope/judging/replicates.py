@@ -24,7 +24,7 @@ from modalscope.model.response import Response, window_damping
 from modalscope.model.signals import Signals
 from modalscope.uncertainty.noise import Noise, noise_of
 from modalscope.uncertainty.of_modes import SPLIT
-from modalscope.uncertainty.residual import residual_variance
+from modalscope.uncertainty.residual import residual_variance, unexplained_energy
 
 __all__ = ["Replicates", "matched", "nearest_order", "replicates_of"]
 
@@ -141,7 +141,7 @@ def _noise_beside(diagram: StabilizationDiagram, modes: ModalModel, order: int, 
     poles, shapes = (diagram.poles[own], diagram.shapes[:, own]) if own.size else (modes.poles, modes.shapes)
     basis = response.basis(poles - window_damping(response), response.outside_powers)
     free = response.count * (1 + is_complex) - basis.columns.shape[1]
-    variance = residual_variance(basis.unexplained, free, is_complex)
+    variance = residual_variance(unexplained_energy(basis), free, is_complex)
     noise = noise_of(response, records)
     if not is_complex:
         return noise.beside(variance)

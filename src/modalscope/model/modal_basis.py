@@ -16,7 +16,7 @@ import scipy.linalg as sla
 
 from modalscope.model.channels import QUANTITIES
 from modalscope.model.checks import Array, ComplexArray, RealArray
-from modalscope.model.orthogonal import less, orthogonalized
+from modalscope.model.orthogonal import orthogonalized
 from modalscope.model.pole_functions import line_functions, sample_functions
 
 __all__ = [
@@ -32,6 +32,9 @@ __all__ = [
 #: Share of an output's energy below which what is left, a difference of sums, is told from rounding by rebuilding the data.
 _ROUNDING = 1e-10
 
+#: Share of a channel's energy below which a difference of sums has fewer than eight digits of what is left.
+_TOLD = 1e-7
+
 
 class FittedSide(NamedTuple):
     """Participation fitted to shapes.
@@ -43,11 +46,14 @@ class FittedSide(NamedTuple):
         Coefficients of the constant and residual terms.
     left : array, (l, m)
         Energy that is left of every channel.
+    unexplained : array, (l, m)
+        What the best terms and residues of every channel leave; NaN where that is near rounding.
     """
 
     side: ComplexArray
     terms: RealArray
     left: RealArray
+    unexplained: RealArray
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -71,7 +77,7 @@ class ModalBasis:
     @property
     def columns(self) -> RealArray:
         """Terms and functions side by side, (K, t + 2 n): all that the poles can explain."""
-        return np.hstack([self.terms, self.functions])
+        return np.hstack([self.terms, self.functions]) if self.terms.size else self.functions
 
     @property
     def by_pole(self) -> RealArray:
@@ -84,12 +90,6 @@ class ModalBasis:
         return np.asarray(
             np.linalg.norm(self.functions.reshape(len(self.functions), self.functions.shape[1] // 2, 2), axis=(0, 2))
         )
-
-    @property
-    def unexplained(self) -> RealArray:
-        """What is left of the data by the best terms and residues of every channel, whatever their rank, (K, l, m)."""
-        flat = self.data.reshape(len(self.data), -1)
-        return np.asarray(less(flat, self.columns).reshape(self.data.shape))
 
     def compressed(self) -> ModalBasis:
         """Return the same problem on as many rows as there are columns: fits are the same, the misfit less what no column can explain."""
@@ -157,10 +157,11 @@ class ModalBasis:
         side, own = theta[::2] + 1j * theta[1::2], terms.reshape(t, outputs, inputs)
         with np.errstate(over="ignore", invalid="ignore"):
             missed, whole = np.tensordot(R[t:, t:], rest, axes=1) - coefficients[t:], _energy(self.data)
-            energy = whole - _energy(coefficients) + _energy(missed)
+            unexplained = whole - _energy(coefficients)
+            energy = unexplained + _energy(missed)
             if not np.all(energy.sum(axis=1) > _ROUNDING * whole.sum(axis=1)):
                 energy = _energy(self.data - self.rebuilt(shapes, side, own))
-        return FittedSide(side, own, energy)
+        return FittedSide(side, own, energy, np.where(unexplained > _TOLD * whole, unexplained, np.nan))
 
     def of_terms(self, coefficients: RealArray) -> RealArray:
         """Return coefficients (t, channels) of the terms as `fit_participation` gives them, (t, l, m)."""

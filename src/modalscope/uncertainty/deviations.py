@@ -63,7 +63,7 @@ def deviations_of(
     found = Deviations(*(np.full(modal.poles.size, np.nan) for _ in range(2)))
     if not index.size:
         return found
-    lines = lines_for_all(matrix.judged, modal.poles, matrix.block_rows)
+    lines = lines_for_all(matrix.judged, modal.poles, matrix.block_rows) if matrix.thinned else None
     with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
         try:
             influence = influence_on(matrix, realization, order, model, modal.eigen.take(index), lines)

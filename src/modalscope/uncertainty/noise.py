@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -38,6 +39,8 @@ _LARGEST = 100_000_000
 
 class Noise(ABC):
     """What is known of the noise."""
+
+    of_residual: ClassVar[bool] = False  # whether `beside` has any use for what a model leaves
 
     @property
     @abstractmethod
@@ -137,6 +140,7 @@ class White(Noise):
 class Residual(Noise):
     """Noise of which only what a model leaves of the data is known: taken as white, of one variance a channel."""
 
+    of_residual: ClassVar[bool] = True
     is_complex: bool = False
     fading: Array | None = None
 
@@ -252,8 +256,8 @@ def noise_of(response: Response, records: Signals | StoredSignals | None = None)
     leaks = any(LEAKING in step for step in response.processing)
     given = getattr(response, "variance", None)
     if given is not None:
-        source = "the variance of the frequency responses"
-        return White(given, source, is_complex, _resolution(response) if leaks else 0.0, fading)
+        apart = _resolution(response) if leaks else 0.0
+        return White(given, "the variance of the frequency responses", is_complex, apart, fading)
     coherence, averages = getattr(response, "coherence", None), getattr(response, "averages", None)
     if coherence is not None and averages is not None and averages > 1:
         g2 = np.clip(coherence.reshape(response.count, response.values.shape[1], -1), 1e-6, 1 - 1e-12)

@@ -1,0 +1,133 @@
+"""Gradients of poles by samples that are convolutions of a row and a column: what noise makes of them, by their correlations.
+
+    g_oi[t] = sum_(a + b = t) L_o[a] v_i[b],   sum_t g h* = sum_u P(u) Q(-u),
+
+P the correlation of the rows L with those of h over the lags u, outputs summed, and Q that of the columns. Only lags shorter than the
+shorter side are needed: rows of few blocks meet columns of many without ever being as long.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from scipy import fft
+
+from modalscope.blocks.influence import Moments, Outer, SampleInfluence
+from modalscope.model.checks import Array, ComplexArray, RealArray, freeze
+
+__all__ = ["Convolution", "ConvolvedInfluence", "convolved", "transformed"]
+
+
+class Convolution(NamedTuple):
+    """Rows and columns of k poles.
+
+    Attributes
+    ----------
+    rows : array of complex, (k, block rows, l)
+    columns : array of complex, (k, block columns, m)
+    """
+
+    rows: ComplexArray
+    columns: ComplexArray
+
+
+def transformed(rows: ComplexArray, columns: ComplexArray, length: int | None = None) -> Outer:
+    """Return g[t] = sum_(a + b = t) rows[a] columns[b]' by its Fourier transform.
+
+    Parameters
+    ----------
+    rows : array of complex, (k, block rows, l)
+    columns : array of complex, (k, block columns, m)
+    length : int, optional
+        Samples of the transform; by default as many as block rows and columns need together.
+    """
+    if length is None:
+        length = _fast(rows.shape[1] + columns.shape[1] - 1)
+    return Outer(_transform(rows, length), _transform(columns, length))
+
+
+def convolved(rows: Array, columns: Array) -> ConvolvedInfluence:
+    """Return the gradient g_j[t] = sum_(a + b = t) rows_j[a] columns_j[b]'.
+
+    Parameters
+    ----------
+    rows : array of complex, (k, block rows, l)
+    columns : array of complex, (k, block columns, m)
+    """
+    return ConvolvedInfluence((Convolution(np.asarray(rows, dtype=complex), np.asarray(columns, dtype=complex)),))
+
+
+class ConvolvedInfluence(SampleInfluence):
+    """Dp = sum_t g[t] dY(t), g a sum of convolutions; by Fourier transforms over t where more is asked than white noise.
+
+    Parameters
+    ----------
+    parts : tuple of Convolution
+    """
+
+    parts: tuple[Convolution, ...]
+
+    def __init__(self, parts: tuple[Convolution, ...]) -> None:
+        freeze(self, parts=parts)
+
+    @cached_property
+    def terms(self) -> tuple[Outer, ...]:
+        """The transforms of the parts."""
+        length = _fast(max(part.rows.shape[1] + part.columns.shape[1] - 1 for part in self.parts))
+        return tuple(transformed(part.rows, part.columns, length) for part in self.parts)
+
+    def joint(self, other: SampleInfluence, variance: RealArray, fading: Array | None = None) -> Moments:
+        """Return the moments under noise of this variance, on average over the samples."""
+        if fading is not None or variance.ndim != 2 or not isinstance(other, ConvolvedInfluence):
+            return super().joint(other, variance, fading)
+        pairs = [_moments(one, two, variance) for one in self.parts for two in other.parts]
+        return Moments(np.sum([pair.size for pair in pairs], axis=0), np.sum([pair.square for pair in pairs], axis=0))
+
+    def take(self, index: Array) -> ConvolvedInfluence:
+        """Return the gradients of some poles."""
+        return ConvolvedInfluence(tuple(Convolution(part.rows[index], part.columns[index]) for part in self.parts))
+
+    def joined(self, other: SampleInfluence) -> SampleInfluence:
+        """Return the sum of two gradients."""
+        if isinstance(other, ConvolvedInfluence):
+            return ConvolvedInfluence(self.parts + other.parts)
+        return super().joined(other)
+
+    def transposed(self) -> ConvolvedInfluence:
+        """Return the gradient by the transposed response."""
+        return ConvolvedInfluence(tuple(Convolution(part.columns, part.rows) for part in self.parts))
+
+
+def _moments(one: Convolution, two: Convolution, variance: RealArray) -> Moments:
+    """Return sum_t g h* and sum_t g h, weighted by the variance of output and input."""
+    rows, columns = (max(mine.shape[1], its.shape[1]) for mine, its in zip(one, two, strict=True))
+    lags = min(rows, columns) - 1
+    (L, v), *other = (
+        (_transform(part.rows, _fast(rows + lags)), _transform(part.columns, _fast(columns + lags)))
+        for part in ((one,) if two is one else (one, two))
+    )
+    M, w = other[0] if other else (L, v)
+    by_rows = [_lags(product @ variance, lags) for product in (L * M.conj(), L * _mirrored(M))]
+    by_columns = [_lags(product, lags)[:, ::-1] for product in (v * w.conj(), v * _mirrored(w))]
+    return Moments(*(np.einsum("kui,kui->k", P, Q) for P, Q in zip(by_rows, by_columns, strict=True)))
+
+
+def _lags(spectrum: ComplexArray, lags: int) -> ComplexArray:
+    """Return correlations at the lags -lags ... lags, (k, 2 lags + 1, c)."""
+    found = fft.ifft(spectrum, axis=1)
+    return np.concatenate([found[:, found.shape[1] - lags :], found[:, : lags + 1]], axis=1)
+
+
+def _mirrored(spectrum: ComplexArray) -> ComplexArray:
+    """Return the values at -f."""
+    return np.roll(spectrum[:, ::-1], 1, axis=1)
+
+
+def _transform(values: ComplexArray, length: int) -> ComplexArray:
+    return np.asarray(fft.fft(values, n=length, axis=1), dtype=complex)
+
+
+def _fast(length: int) -> int:
+    return int(fft.next_fast_len(length))
