@@ -158,9 +158,9 @@ def whitened_records(
         As in `likelihood.whitened`.
     """
     basis = records.whole_basis(fixed, powers)
-    terms = orthonormal(basis.columns / rows[:, None])
-    flat = basis.data[:, :, 0]
+    flat, terms = basis.data[:, :, 0], basis.columns
     del basis
+    terms = orthonormal(terms / rows[:, None])
     flat /= rows[:, None]
     flat /= outputs
     for first in range(0, flat.shape[1], _TOGETHER):  # of long records each copy is large

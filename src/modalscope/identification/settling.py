@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import singledispatch
+from typing import NamedTuple
 
 import numpy as np
 
@@ -114,6 +115,15 @@ class Settled:
         return self.descent.point.problem.scaled_back(self.descent.point, self.descent.fitted)
 
 
+class _Start(NamedTuple):
+    """Where a round begins: modes, the side with fewer channels as it is and the other to follow, and the noise of the channels."""
+
+    poles: ComplexArray
+    shapes: ComplexArray
+    participation: ComplexArray
+    levels: Levels
+
+
 def settle(
     task: Task, poles: ComplexArray, shapes: ComplexArray, participation: ComplexArray, most: int = 60
 ) -> Settled:
@@ -139,21 +149,33 @@ def settle(
         No more data than unknowns.
     """
     levels = task.known or levels_of(np.sqrt(np.mean(np.abs(task.response.values) ** 2, axis=0)))
-    for _ in range(_ROUNDS):
-        problem = _divided(task.response, task, levels)
-        _check_freedom(task, problem, len(poles))
-        start = (shapes.T if problem.turned else participation) / problem.varying
-        sides = start / np.maximum(np.linalg.norm(start, axis=1, keepdims=True), 1e-300)
-        descent = descend(problem, poles, sides, most=most, progress=task.progress)
-        point, fitted = descent.point, descent.fitted
-        unknown = problem.terms.shape[1] + 2 * len(poles)
-        seen = colour(residual(point, fitted), task.response.count, unknown)
-        left = np.sqrt(point.left_by_channel(fitted) / len(task.rows))
-        following = levels_of(left * np.outer(levels.outputs, levels.inputs))
-        if task.known or seen.coloured or not descent.converged or following.change(levels) < _SETTLED:
-            break
-        poles, levels = point.poles, following
-        shapes, participation = problem.scaled_back(point, fitted)
+    found: _Start | Settled = _Start(poles, shapes, participation, levels)
+    later = _ROUNDS
+    while not isinstance(found, Settled):
+        later -= 1
+        found = _round(task, found, most, last=not later)
+    return found
+
+
+def _round(task: Task, start: _Start, most: int, *, last: bool) -> _Start | Settled:
+    """Return the optimum under some levels where they are those that it leaves, else where to go on.
+
+    Of long records a problem is large: with this function the one before has gone when the next is made.
+    """
+    levels, poles = start.levels, start.poles
+    problem = _divided(task.response, task, levels)
+    _check_freedom(task, problem, len(poles))
+    sides = (start.shapes.T if problem.turned else start.participation) / problem.varying
+    sides = sides / np.maximum(np.linalg.norm(sides, axis=1, keepdims=True), 1e-300)
+    descent = descend(problem, poles, sides, most=most, progress=task.progress)
+    point, fitted = descent.point, descent.fitted
+    unknown = problem.terms.shape[1] + 2 * len(poles)
+    seen = colour(residual(point, fitted), task.response.count, unknown)
+    left = np.sqrt(point.left_by_channel(fitted) / len(task.rows))
+    following = levels_of(left * np.outer(levels.outputs, levels.inputs))
+    done = task.known or seen.coloured or not descent.converged or following.change(levels) < _SETTLED
+    if not (done or last):
+        return _Start(point.poles, *problem.scaled_back(point, fitted), following)
     variance = descent.cost / (problem.freedom - 2 * len(poles) * sum(task.channels))
     if (
         task.known is not None and variance <= 1
