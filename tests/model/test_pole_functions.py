@@ -1,0 +1,39 @@
+"""Functions of poles by their plain definition: what a residue gives on lines, on the circle and on samples."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from modalscope.model.pole_functions import line_functions, sample_functions
+
+POLES = np.array([-0.3 + 9.0j, -2.0 + 0j, -0.8 + 21.0j])
+RESIDUES = np.array([1.0 - 2.0j, 3.0 + 0j, -0.5 + 0.7j])
+F = np.linspace(0.3, 4.5, 40)
+
+
+@pytest.mark.parametrize("rate", [None, 20.0])
+def test_residues_times_functions_are_the_partial_fractions(rate: float | None) -> None:
+    x, p = 2j * np.pi * F, POLES
+    x, p = (x, p) if rate is None else (np.exp(x / rate), np.exp(p / rate))
+    expected = sum(
+        R / (x - s) + (np.conj(R) / (x - np.conj(s)) if s.imag else 0) for R, s in zip(RESIDUES, p, strict=True)
+    )
+    coefficients = np.stack([RESIDUES.real, RESIDUES.imag], axis=1).ravel()
+    found = line_functions(F, rate, POLES) @ coefficients
+    assert found == pytest.approx(np.concatenate([expected.real, expected.imag]), rel=1e-12, abs=1e-14)
+
+
+def test_of_samples_they_are_decaying_oscillations() -> None:
+    t = (np.arange(30) + 4) / 25.0
+    expected = sum((2 if s.imag else 1) * (R * np.exp(s * t)).real for R, s in zip(RESIDUES, POLES, strict=True))
+    coefficients = np.stack([RESIDUES.real, RESIDUES.imag], axis=1).ravel()
+    assert sample_functions(25.0, 4, 30, POLES) @ coefficients == pytest.approx(expected, rel=1e-12)
+
+
+def test_slopes_stand_behind_the_functions() -> None:
+    for made in (line_functions(F, None, POLES, slopes=True), sample_functions(25.0, 0, 30, POLES, slopes=True)):
+        assert made.shape[1] == 4 * len(POLES)
+    assert np.array_equal(line_functions(F, None, POLES, slopes=True)[:, :6], line_functions(F, None, POLES))
+    assert line_functions(F, None, POLES[:0], slopes=True).shape == (80, 0)
+    assert sample_functions(25.0, 0, 30, POLES[:0]).shape == (30, 0)
