@@ -220,21 +220,18 @@ class Transfer(PolynomialRows, LineMatrix):
     def compared_functions(self, poles: Array) -> tuple[ComplexArray, Array]:
         """Return `column_functions` on the lines that are compared, and whether rounding leaves enough of each to compare.
 
-        What is eliminated of g and of its mirror image is seen on all lines, (P'g + P* m) / 2 with P = Re E - j Im E, and taken off on
-        those alone. Where little is left of a function its difference is made on all lines.
+        What is eliminated is seen on all lines and taken off on those alone. Where little is left of a function its difference is made
+        on all lines. Of both parts (g + m) / 2 and (g - m) / 2j, m the mirror image, one quotient q = g m is what differs:
+        (Re x - s) q and -Im x q.
         """
         x = self.plane.point(self.response.frequencies)[:, None]
-        g, mirrored = 1 / (x - poles), 1 / (x.conj() - poles)
-        if self.weights is not None:
-            g, mirrored = g * self.weights[:, None], mirrored * self.weights[:, None]
-        E, both = self.eliminated, len(x) * np.arange(2)[:, None] + self.compared_lines
-        P = E[: len(x)] - 1j * E[len(x) :]
-        seen = (P.T @ g + P.conj().T @ mirrored) / 2
-        whole = (squares(g) + squares(mirrored)) / 2
-        left = 1 - squares(seen) / whole
-        some, other = g[self.compared_lines], mirrored[self.compared_lines]
-        upper, lower = (some + other) / 2, (some - other) / 2j
-        found = np.vstack([upper - E[both[0]] @ seen, lower - E[both[1]] @ seen])
+        w = 1.0 if self.weights is None else self.weights[:, None]
+        q = w / ((x - poles) * (x.conj() - poles))
+        whole = np.concatenate([(x.real - poles) * q, -x.imag * q])
+        E, both = self.eliminated, self.both_parts
+        seen = (E.T @ whole.view(float)).view(complex)
+        left = 1 - squares(seen) / squares(whole)
+        found = whole[both] - (E[both] @ seen.view(float)).view(complex)
         enough, little = left > 0, np.flatnonzero(~(left >= _LITTLE))
         if little.size:
             found[:, little], enough[little] = super().compared_functions(poles[little])

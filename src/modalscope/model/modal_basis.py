@@ -87,9 +87,8 @@ class ModalBasis:
     @property
     def reach(self) -> RealArray:
         """Norm of each pole's functions over the rows, (n,): how much of the data a pole can be seen in."""
-        return np.asarray(
-            np.linalg.norm(self.functions.reshape(len(self.functions), self.functions.shape[1] // 2, 2), axis=(0, 2))
-        )
+        squares = np.einsum("kj,kj->j", self.functions, self.functions)
+        return np.asarray(np.sqrt(squares.reshape(-1, 2).sum(axis=1)))
 
     def compressed(self) -> ModalBasis:
         """Return the same problem on as many rows as there are columns: fits are the same, the misfit less what no column can explain."""
@@ -140,7 +139,7 @@ class ModalBasis:
         rows, outputs, inputs = self.data.shape
         t, n = self.terms.shape[1], shapes.shape[1]
         columns = self.columns
-        scale = np.linalg.norm(columns, axis=0)
+        scale = np.sqrt(np.einsum("kj,kj->j", columns, columns))
         used = np.flatnonzero(scale > 0)
         Q, R = orthogonalized(columns[:, used] / scale[used])
         coefficients = (Q.T @ self.data.reshape(rows, -1)).reshape(-1, outputs, inputs)
