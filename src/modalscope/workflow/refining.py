@@ -102,7 +102,7 @@ def _unfit(diagram: StabilizationDiagram) -> str:
     """Say why the data of a diagram have no likelihood that modes alone can maximize; nothing where they have."""
     response, band = diagram.response, diagram.settings.band
     if response.ambient:
-        return "errors of correlations are correlated from lag to lag"
+        return "errors of correlations are correlated from lag to lag; refine(record, modes) takes the lines of the record itself"
     if any(note.kind == "transformed" for note in diagram.notes):
         return "the data were transformed before they were identified; choose a domain that takes them as they are"
     if any(note.kind == UNMEASURED for note in diagram.notes):
