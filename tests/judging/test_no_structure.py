@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 import modalscope as ms
 from modalscope.judging.evidence import Candidate
@@ -27,6 +28,8 @@ def test_a_harmonic_is_reported_when_it_is_asked_for() -> None:
     assert "lines removed" in [note.kind for note in taken.notes]
     kept = ms.select(ms.stabilize(ms.estimate_correlation(machine.record)), frequencies=machine.lines[1:2])
     assert np.allclose(kept.frequencies, machine.lines[1], rtol=0.001)
+    with pytest.raises(ms.DataError, match=r"line of a machine.*\n.*estimate_correlation\(record\)"):
+        ms.select(taken, take=machine.lines[1:2])
 
 
 def test_modes_beside_a_wandering_machine_are_those_of_the_structure() -> None:

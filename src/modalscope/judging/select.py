@@ -12,7 +12,7 @@ from modalscope.blocks.threads import one_thread
 from modalscope.judging.counted import counted
 from modalscope.judging.evidence import Candidate, evidence_of, oscillations
 from modalscope.judging.likely import has_likelihood, likely
-from modalscope.judging.no_structure import beside_structure, told_of_errors, told_why_none
+from modalscope.judging.no_structure import beside_structure, harmonics_of_diagram, told_of_errors, told_why_none
 from modalscope.judging.outcome import modes_of
 from modalscope.judging.reference import paired_with, told_beside
 from modalscope.judging.tracking import Poles
@@ -224,12 +224,7 @@ def _by_hand(
     for f in wanted:
         near = [c for c in candidates if abs(c.frequency - f) <= tolerance * f]
         if not near:
-            known = ", ".join(f"{c.frequency:.4g}" for c in sorted(candidates, key=lambda c: abs(c.frequency - f))[:3])
-            raise DataError(
-                f"a mode at {f:g} Hz was asked",
-                f"no pole stays within {100 * tolerance:g} % of it over the orders {diagram.orders[0]} to {diagram.orders[-1]}",
-                f"The nearest that do are at {known or 'no frequency'} Hz; ask for one of these, or try other orders or another method.",
-            )
+            raise _none_there(candidates, f, tolerance, diagram)
         best = min(near, key=lambda c: (bool(c.against), -c.members.size if len(near) > 1 else 0, abs(c.frequency - f)))
         if any(best is c for c in chosen):
             raise DataError(
@@ -239,3 +234,27 @@ def _by_hand(
             )
         chosen.append(best)
     return chosen
+
+
+def _none_there(candidates: list[Candidate], f: float, tolerance: float, diagram: StabilizationDiagram) -> DataError:
+    """Return what to say where there is no candidate: that a machine's line was taken off there, or which are the nearest."""
+    asked = f"a mode at {f:g} Hz was asked"
+    if any(abs(line.frequency - f) <= tolerance * f for line in harmonics_of_diagram(diagram)):
+        return DataError(
+            asked,
+            "a line of a machine stands there, which was taken off the record",
+            "To have it among the modes keep lines: stabilize(estimate_correlation(record)), and ask for it there.",
+        )
+    near = [f"{c.frequency:.4g}" for c in sorted(candidates, key=lambda c: abs(c.frequency - f))[:3]]
+    found = (
+        f"no pole stays within {100 * tolerance:g} % of it over the orders {diagram.orders[0]} to {diagram.orders[-1]}"
+    )
+    if not near:
+        return DataError(
+            asked, found, "No other frequency has one that is not reported: try other orders or another method."
+        )
+    return DataError(
+        asked,
+        found,
+        f"The nearest that do are at {', '.join(near)} Hz; ask for one of these, or try other orders or another method.",
+    )
