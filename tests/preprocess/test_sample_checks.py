@@ -149,3 +149,16 @@ def test_what_one_mode_and_a_level_give_between_lines_is_exact_and_three_times_t
     # of noise alone no line is named
     noise = rng.standard_normal((2000, 3)) + 1j * rng.standard_normal((2000, 3))
     assert stands_alone(noise).size == 0
+
+
+def test_lines_two_apart_and_a_pair_within_its_noise_do_not_hide_a_line_that_stands_alone() -> None:
+    rng = np.random.default_rng(3)
+    x = np.arange(80.0)
+    H = np.ones(5) + 3.0 / (1j * (x[:, None] - 40.3) + 2.0)
+    H[:, 4] *= 1e-4  # all of it noise
+    H = H + 1e-3 * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape))
+    assert stands_alone(H).size == 0
+    H[[20, 22, 60]] *= np.array([3.0, 4.0, 3.0])[:, None]
+    H[:, 4] = 1e-3 * (rng.standard_normal(80) + 1j * rng.standard_normal(80))
+    assert stands_alone(H).tolist() == [20, 22, 60]
+    assert H[22, 0] == pytest.approx(4 * H[21, 0], rel=0.2)  # what was given is left as it is

@@ -59,7 +59,7 @@ def nodes_needed(arc: Arc, degree: int) -> int:
     Examples
     --------
     >>> nodes_needed(Arc(1.0, 1.0), 100)
-    147
+    153
     """
     reach = degree * arc.half
     orders = np.arange(int(reach), int(2 * reach) + 40)

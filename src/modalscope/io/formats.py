@@ -127,6 +127,7 @@ def read(path: str | Path, **options: Any) -> Thing:
     --------
     >>> import tempfile
     >>> from modalscope.io import read, write
+    >>> from modalscope.model import Signals
     >>> path = Path(tempfile.mkdtemp()) / "decay.npz"
     >>> write(path, Signals(outputs=[[1.0], [0.5], [0.2]], sampling_rate=50.0))
     >>> read(path, quantity="acceleration").quantities

@@ -88,35 +88,58 @@ def stands_alone(H: Array) -> Array:
 
     One mode beside a level is H_c(x) = (a_c + b_c x) / (1 + g x), with x in lines and g the same in all channels, however narrow it is. The
     lines at x = -2, -1, 1, 2 determine g, by least squares over all channels, and a_c, which line 0 should be. So does a cubic, H_c(0) =
-    (-H_c(-2) + 4 H_c(-1) + 4 H_c(1) - H_c(2)) / 6. Both must be away by a factor, to the same side, in every channel, and further
-    than noise puts them.
+    (-H_c(-2) + 4 H_c(-1) + 4 H_c(1) - H_c(2)) / 6. Both must be away by a factor, to the same side, and further than noise puts them, in
+    every channel where they stand out of the noise: near an antiresonance a factor is one of noise. A line that is found spoils what is
+    expected of its neighbours: what it should be takes its place, and all are looked at again.
 
     Parameters
     ----------
     H : array of complex, (F, c)
     """
-    tiny = np.finfo(float).tiny
+    H, found = H.copy(), np.zeros(len(H), dtype=bool)
+    while True:
+        size, mode = _sizes(H)
+        # a line spoils what is expected of those beside it
+        top = [k for k in np.flatnonzero(size) if size[k] == size[max(k - 2, 0) : k + 3].max() and not found[k + 2]]
+        if not top:
+            return np.flatnonzero(found)
+        found[np.array(top) + 2] = True
+        H[np.array(top) + 2] = mode[top]
+
+
+def _sizes(H: Array) -> tuple[RealArray, Array]:
+    """Return the logarithm of the least factor by which each inner line stands alone, 0 of others, and what it should be."""
+    mode, cubic = _expected(H)
+    here, tiny = H[2:-2], np.finfo(float).tiny
+    level, given = np.log(np.maximum(np.abs(here), tiny)), np.maximum(np.abs(np.stack([mode, cubic])), tiny)
+    factors = level - np.log(given)
+    away = np.abs(here - mode)
+    noise = _UNUSUAL * _usual(away)
+    tells = given.min(axis=0) > noise
+    one_side = np.all((factors > 0) | ~tells, axis=(0, 2)) | np.all((factors < 0) | ~tells, axis=(0, 2))
+    least = np.abs(factors).min(axis=0)
+    size = np.where(tells, least, np.inf).min(axis=1)
+    # noise of one size, and noise as large as the lines are
+    far = np.all((away > noise) | ~tells, axis=1) & (
+        size > _UNUSUAL * _usual(np.median(least, axis=1, keepdims=True))[:, 0]
+    )
+    count = tells.sum(axis=1)
+    enough = (count >= min(_PAIRS, H.shape[1])) & (size > np.log(_ALONE) * np.where(count >= _PAIRS, 1, 2))
+    return np.where(one_side & far & enough, size, 0.0), mode
+
+
+def _expected(H: Array) -> tuple[Array, Array]:
+    """Return what each line should be by one mode beside a level, and by a cubic, (F - 4, c) each."""
     x = np.array([-2.0, -1.0, 1.0, 2.0])
     beside = np.stack([H[:-4], H[1:-3], H[3:-1], H[4:]])
     turned = beside * x[:, None, None]
     # orthogonal to straight lines in x
     free = np.eye(4) - 1 / 4 - np.outer(x, x) / 10
     own, other = np.tensordot(free, beside, 1), np.tensordot(free, turned, 1)
-    g = -np.sum(np.conj(other) * own, axis=(0, 2)) / np.maximum(np.sum(np.abs(other) ** 2, axis=(0, 2)), tiny)
+    size = np.maximum(np.sum(np.abs(other) ** 2, axis=(0, 2)), np.finfo(float).tiny)
+    g = -np.sum(np.conj(other) * own, axis=(0, 2)) / size
     mode = beside.mean(axis=0) + g[:, None] * turned.mean(axis=0)
-    cubic = np.tensordot(np.array([-1.0, 4.0, 4.0, -1.0]) / 6, beside, 1)
-    level = np.log(np.maximum(np.abs(H[2:-2]), tiny))
-    factors = np.stack([level - np.log(np.maximum(np.abs(given), tiny)) for given in (mode, cubic)])
-    one_side = np.all(factors > 0, axis=(0, 2)) | np.all(factors < 0, axis=(0, 2))
-    size = np.where(one_side, np.abs(factors).min(axis=(0, 2)), 0.0)
-    away = np.abs(H[2:-2] - mode)
-    # noise of one size, and noise as large as the lines are
-    usual = _usual(np.median(np.abs(factors).min(axis=0), axis=1, keepdims=True))[:, 0]
-    far = np.all(away > _UNUSUAL * _usual(away), axis=1) & (size > _UNUSUAL * usual)
-    least = np.log(_ALONE) * (1 if H.shape[1] >= _PAIRS else 2)
-    found = np.flatnonzero((size > least) & far)
-    # a line spoils what is expected of those beside it
-    return np.array([k + 2 for k in found if size[k] == size[max(k - 2, 0) : k + 3].max()], dtype=int)
+    return mode, np.tensordot(np.array([-1.0, 4.0, 4.0, -1.0]) / 6, beside, 1)
 
 
 def _usual(x: RealArray) -> RealArray:
