@@ -122,3 +122,30 @@ def test_a_dead_input_that_is_no_output_is_a_finding_and_no_failure():
     inputs[:, 0] = 0
     record = replace(record, inputs=inputs, input_dofs=("shaker 1", "shaker 2"))
     assert kinds(record) == [("dead", ("shaker 1",))]
+
+
+def scattered(response, seed, level):
+    """A response with noise of one size on all lines, and its variance."""
+    noise = np.random.default_rng(seed).standard_normal((2, *response.values.shape)) * level / np.sqrt(2)
+    values = response.values + noise[0] + 1j * noise[1]
+    return replace(response, values=values, variance=np.full(values.shape, level**2))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_turned_driving_point_is_told_from_an_exchanged_one_under_noise_too(seed):
+    exact = turned(lines(), outputs=[1])
+    level = 0.7 * np.sqrt(np.mean(np.abs(exact.values) ** 2))
+    noisy = scattered(exact, seed, level)
+    assert ("polarity", ("2:+X",)) in found(noisy)
+    assert "swapped" not in [kind for kind, _ in found(noisy)]
+
+
+def test_a_difference_on_a_line_or_two_is_leakage_and_not_a_want_of_reciprocity():
+    exact = scattered(lines(), 0, 1e-4)
+    values = np.array(exact.values)
+    top = int(np.argmax(np.abs(values[:, 0, 1])))
+    values[top - 1 : top + 2, 0, 1] *= 3.0  # most of the power, on three lines
+    assert found(replace(exact, values=values)) == []
+    everywhere = np.array(exact.values)
+    everywhere[:, 0, 1] *= 3.0
+    assert [kind for kind, _ in found(replace(exact, values=everywhere))] == ["reciprocity"]
