@@ -224,3 +224,13 @@ def test_a_level_of_noise_and_response_is_that_of_nonnegative_least_squares_in_e
         assert columns @ a == pytest.approx(level, rel=1e-3)  # the weights have settled to that
     assert noise[:, 3] + own[:, 3] == pytest.approx(even, rel=0.2)
     assert level_of(power[:, 0], even, size[:, 0]) == pytest.approx(noise[:, 0] + own[:, 0])
+
+
+def test_a_channel_without_any_error_has_finite_levels() -> None:
+    rng = np.random.default_rng(8)
+    power, size = rng.standard_normal((60, 2)) ** 2, rng.standard_normal((60, 2)) ** 2
+    power[:, 1] = size[:, 1] = 0
+    noise, own = parts_of_level(power, np.ones(60), size)
+    assert np.isfinite(noise).all()
+    assert np.isfinite(own).all()
+    assert noise[:, :1] == pytest.approx(parts_of_level(power[:, :1], np.ones(60), size[:, :1])[0], rel=1e-9)

@@ -77,3 +77,40 @@ def test_lists_of_lists_and_responses_as_runs_are_refused(tmp_path: Path) -> Non
     savemat(path, {"test": structures(f=[np.arange(1.0, 61.0)] * 2, H=[lines, lines])})
     with pytest.raises(ms.DataError, match="not all of them are records"):
         ms.read(path)
+
+
+def test_a_member_that_is_empty_or_lacks_a_field_is_named_and_may_be_left_out(tmp_path: Path) -> None:
+    path = tmp_path / "gap.mat"
+    vectors = [HITS[0, :, 0], np.zeros((0, 0)), HITS[0, :, 2]]
+    savemat(path, {"fs": RATE, "y": cells(vectors)})
+    with pytest.raises(ms.DataError, match=r"(?s)y\{2\} is empty.*--ignore 'y\{2\}'"):
+        ms.read(path)
+    assert np.array_equal(ms.read(path, ignore="y{2}").outputs, HITS[0][:, [0, 2]])
+    savemat(
+        path, {"test": structures(fs=[RATE] * 3, force=[*HITS[:2, :, :1], np.zeros((0, 0))], acc=list(HITS[:, :, 1:]))}
+    )
+    with pytest.raises(ms.DataError, match=r"(?s)test\(3\) has no test.force.*--ignore 'test\(3\)'"):
+        ms.read(path)
+    assert ms.read(path, ignore="test(3)").runs == 2
+    assert ms.read(path, ignore="test.force").inputs is None
+
+
+def test_what_was_left_of_lists_is_told_and_fields_may_be_renamed(tmp_path: Path) -> None:
+    path = tmp_path / "runs.mat"
+    savemat(path, {"fs": RATE, "junk": np.ones(3), "runs": cells(list(HITS))})
+    told = ms.io.survey(path, ignore=["runs{2}", "junk"])
+    assert {part.part for part in told.left} == {"runs{2}", "junk"}
+    savemat(path, {"test": structures(sampling_rate=[RATE] * 2, sig=[HITS[0], HITS[1]])})
+    assert ms.read(path, rename={"test.sig": "outputs", "test.sampling_rate": "sampling_rate"}).outputs.shape == (
+        2,
+        50,
+        3,
+    )
+
+
+def test_names_with_brackets_are_lists_in_files_of_matlab_alone_and_counts_are_no_axis(tmp_path: Path) -> None:
+    np.savez(tmp_path / "plain.npz", **{"sampling_rate": RATE, "acc(1)": HITS[0]})
+    assert ms.read(tmp_path / "plain.npz", rename={"acc(1)": "outputs"}).runs == 1
+    whole = np.abs(HITS[:2] * 100).astype(np.uint16)
+    savemat(tmp_path / "counts.mat", {"fs": RATE, "test": structures(a=list(whole[:, :, 0]), b=list(whole[:, :, 1]))})
+    assert ms.read(tmp_path / "counts.mat").outputs.shape == (2, 50, 2)

@@ -23,3 +23,8 @@ def test_what_is_left_is_that_of_least_squares_also_of_nearly_dependent_columns_
     exact = data - kept @ np.linalg.lstsq(kept, data, rcond=None)[0]
     assert energy_left(data, columns) == pytest.approx(np.sum(exact**2, axis=0), rel=1e-6, abs=1e-24)
     assert less(data, columns) == pytest.approx(exact, abs=1e-9 * np.abs(exact).max() + 1e-13)
+
+
+def test_a_column_of_zeros_beside_a_huge_one_takes_nothing_away() -> None:
+    column = np.random.default_rng(1).standard_normal((50, 1)) * 1e200
+    assert energy_left(column / 1e200, np.hstack([column, np.zeros((50, 1))])) == pytest.approx(0.0, abs=1e-20)

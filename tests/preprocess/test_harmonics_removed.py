@@ -79,3 +79,11 @@ def test_a_record_without_lines_is_returned_as_it_is() -> None:
 def test_a_line_that_no_run_holds_is_refused() -> None:
     record = Signals(outputs=np.random.default_rng(0).standard_normal((5000, 2)), sampling_rate=50.0)
     refused("a harmonic at 30 Hz", remove_harmonics, record, [30.0])
+
+
+def test_a_run_of_zeros_has_no_line_to_take_off() -> None:
+    t = np.arange(4000) / 100.0
+    runs = np.stack([np.sin(2 * np.pi * 12 * t) + 0.1 * np.random.default_rng(0).standard_normal(4000), np.zeros(4000)])
+    clean = remove_harmonics(Signals(outputs=runs[:, :, None], sampling_rate=100.0), frequencies=[12.0])
+    assert np.array_equal(clean.outputs[1], np.zeros((4000, 1)))
+    assert clean.outputs[0].std() < 0.2

@@ -220,20 +220,20 @@ def parts_of_level(power: RealArray, even: RealArray, size: RealArray) -> tuple[
     size : array, (F, c)
         Of the data.
     """
-    mean = power.mean(axis=0)
-    least = np.maximum(1e-6 * mean, 1e-300)
+    unit = np.maximum(power.mean(axis=0), 1e-300)  # a channel of zeros has no size
+    power = power / unit
     e, s = (each / np.maximum(each.mean(axis=0), 1e-300) for each in (even, size))
-    level = np.tile(np.maximum(mean, 1e-300), (len(power), 1))
-    a, b = np.zeros((2, len(mean)))
+    level = np.ones_like(power)
+    a, b = np.zeros((2, len(unit)))
     for _ in range(_LEVEL_ROUNDS):
         weights = level**-2.0
         weighted = weights * s
         ee, es, ss = e**2 @ weights, e @ weighted, np.einsum("fc,fc->c", s, weighted)
         pe, ps = e @ (weights * power), np.einsum("fc,fc->c", power, weighted)
         a, b = _neither_negative(ee, es, ss, pe, ps)
-        level = np.maximum(a * e[:, None] + b * s, least)
+        level = np.maximum(a * e[:, None] + b * s, 1e-6)
     own = np.minimum(b * s, level)
-    return level - own, own
+    return (level - own) * unit, own * unit
 
 
 def _neither_negative(

@@ -17,9 +17,10 @@ from modalscope.io.hints import listed, unknown_arrays
 from modalscope.io.increments import with_vectors
 from modalscope.io.limits import room
 from modalscope.io.loose import meaning_of
-from modalscope.io.members import Lists, base_of, lists_of, stacked_runs
+from modalscope.io.members import Lists, lists_of, meant_by, stacked_runs
 from modalscope.model import DataError, FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals, StateSpace
 from modalscope.model.checks import Array
+from modalscope.model.shown import counted
 
 __all__ = ["ARRAY_OPTIONS", "FIELD_OPTIONS", "contents_from_arrays"]
 
@@ -60,7 +61,9 @@ _NEEDED: dict[type[Any], set[str]] = {
 _LONGEST = 1000
 
 
-def contents_from_arrays(where: str, arrays: Mapping[str, Array], options: Options) -> Contents:
+def contents_from_arrays(
+    where: str, arrays: Mapping[str, Array], options: Options, *, members: bool = False
+) -> Contents:
     """Make the noun that named arrays describe.
 
     Parameters
@@ -73,6 +76,8 @@ def contents_from_arrays(where: str, arrays: Mapping[str, Array], options: Optio
         `rename` (name in the file -> name of the layout), `axes` (name of the layout -> the axes as they stand in the
         file, such as "inputs outputs lines"; an axis that is not named has length 1), `ignore` (names to leave), and any
         of `FIELD_OPTIONS`.
+    members : bool
+        Whether names such as `runs{2}` and `test(2).acc` are those of members of lists (`modalscope.io.members`).
 
     Raises
     ------
@@ -80,17 +85,18 @@ def contents_from_arrays(where: str, arrays: Mapping[str, Array], options: Optio
         Unknown arrays, none that make a noun, text where numbers belong, or whatever the noun refuses.
     """
     rename, ignore = dict(options.get("rename") or {}), _as_names(options.get("ignore"))
-    absent = sorted((set(rename) | set(ignore)) - set(arrays) - {base_of(name) for name in arrays})
+    known = {part for name in arrays for part in (meant_by(name) if members else (name,))}
+    absent = sorted((set(rename) | set(ignore)) - known)
     if absent:
         raise DataError(
             f"rename or ignore of {', '.join(absent)} was asked",
             f"{where} holds {listed(arrays)}",
             "Name arrays that are there.",
         )
-    left = {name for name in arrays if name in ignore or base_of(name) in ignore}
-    lists = lists_of(where, {name: array for name, array in arrays.items() if name not in left})
+    left = {name for name in arrays if name in ignore or (members and meant_by(name) & set(ignore))}
+    lists = lists_of(where, {name: array for name, array in arrays.items() if name not in left}) if members else None
     if lists is not None:
-        return _without_lists(where, lists, arrays, options)
+        return _without_lists(where, lists, arrays, left, options)
     held = {rename.get(name, name): array for name, array in arrays.items() if name not in left}
     given = _fields(options)
     noun = noun_of(held)
@@ -98,11 +104,15 @@ def contents_from_arrays(where: str, arrays: Mapping[str, Array], options: Optio
     unknown = [name for name in held if name not in known and not _of_modes(noun, name)]
     if noun is None or unknown:
         return _by_evidence(where, held, unknown, noun, options)
-    if options.get("rows") is not None:
-        raise DataError(f"rows of {where} were asked", "it is no table", "Cut its arrays before they are saved.")
+    _refuse_rows(where, options)
     held = _with_axes(held, noun, dict(options.get("axes") or {}))
     thing = _build(where, noun, held, given)
     return Contents(thing=thing, findings=_told(arrays, left))
+
+
+def _refuse_rows(where: str, options: Options) -> None:
+    if options.get("rows") is not None:
+        raise DataError(f"rows of {where} were asked", "it is no table", "Cut its arrays before they are saved.")
 
 
 def _told(arrays: Mapping[str, Array], left: Collection[str]) -> tuple[Finding, ...]:
@@ -112,15 +122,19 @@ def _told(arrays: Mapping[str, Array], left: Collection[str]) -> tuple[Finding, 
     return (*taken, *ignored)
 
 
-def _without_lists(where: str, lists: Lists, arrays: Mapping[str, Array], options: Options) -> Contents:
+def _without_lists(
+    where: str, lists: Lists, arrays: Mapping[str, Array], left: Collection[str], options: Options
+) -> Contents:
     """Make what arrays are among which there were lists: one object of all, or the runs of a record, each read by itself."""
     further = {**options, "ignore": None}
+    told = _told(arrays, left)
     if not lists.runs:
-        return contents_from_arrays(where, lists.arrays, further)
+        found = contents_from_arrays(where, lists.arrays, further)
+        return replace(found, findings=(*found.findings, *(part for part in told if not part.taken)))
     runs = [contents_from_arrays(where, run, further) for run in lists.runs]
     thing = stacked_runs(where, [run.thing for run in runs])
-    notes = (f"{len(runs)} runs, one a member of its lists", *(note for run in runs for note in run.notes))
-    return Contents(thing=thing, findings=_told(arrays, ()), notes=tuple(dict.fromkeys(notes)))
+    notes = (f"{counted(len(runs), 'run')}, one a member of its lists", *(note for run in runs for note in run.notes))
+    return Contents(thing=thing, findings=told, notes=tuple(dict.fromkeys(notes)))
 
 
 def _fields(options: Options) -> dict[str, Any]:
@@ -145,6 +159,7 @@ def _by_evidence(
     if meant.table is not None:
         found = contents_from_table(meant.table, {**options, "ignore": None})
         return replace(found, notes=(*meant.notes, *found.notes))
+    _refuse_rows(where, options)
     arrays = dict(meant.arrays or {})
     given = _fields(options)
     thing = _build(where, noun_of(arrays) or Signals, arrays, given)

@@ -21,7 +21,7 @@ from modalscope.io.hdf5_guard import check_hdf5
 from modalscope.io.limits import Room, room
 from modalscope.io.marks import MARK
 from modalscope.io.mat5 import read_mat5
-from modalscope.io.members import member_name
+from modalscope.io.members import MEMBER, member_name
 from modalscope.model import DataError
 from modalscope.model.checks import Array
 from modalscope.model.extras import optional_package
@@ -35,8 +35,6 @@ _DESCRIPTION = 116
 _HDF5_SIGNATURE = b"MATLAB 7.3"
 #: Cells in structures in structures ...
 _DEEPEST = 16
-#: Bytes that a member takes before it is read.
-_MEMBER = 200
 
 
 def write(path: Path, thing: Plain, options: Options) -> None:
@@ -69,7 +67,7 @@ def read(path: Path, options: Options) -> Contents:
         arrays = read_mat5(path.read_bytes(), space, [ignore] if isinstance(ignore, str) else list(ignore))
     names = dict(options.get("rename") or {})
     shaped = {name: _as_layout(names.get(name, name), array, options) for name, array in arrays.items()}
-    return contents_from_arrays(path.name, shaped, options)
+    return contents_from_arrays(path.name, shaped, options, members=True)
 
 
 def _as_layout(name: str, array: Array, options: Options) -> Array:
@@ -121,7 +119,7 @@ def _members(name: str, item: Any, space: Room) -> list[tuple[str, Any]] | None:
     cell = _class_of(item) == "cell"
     if item.attrs.get("MATLAB_empty", 0) or item.dtype.kind != "O":
         return None
-    space.take(f"the members of {name}", _MEMBER * item.size)  # the same part may be referred to again and again
+    space.take(f"the members of {name}", MEMBER * item.size)  # the same part may be referred to again and again
     held = [item.file[reference] for reference in np.asarray(item[()]).ravel()]
     if cell and all(_holds_text(part) or part.attrs.get("MATLAB_empty", 0) for part in held):
         return None

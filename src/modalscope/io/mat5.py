@@ -19,7 +19,7 @@ import numpy as np
 
 from modalscope.io.arrays import joined
 from modalscope.io.limits import MOST_PARTS, Room
-from modalscope.io.members import member_name
+from modalscope.io.members import MEMBER, member_name
 from modalscope.model import DataError
 from modalscope.model.checks import Array
 
@@ -208,8 +208,9 @@ def _cell(name: str, parts: list[Element], shape: tuple[int, ...], file: _Readin
     """Return a cell array: one array of texts where it holds nothing else, else its members by their places."""
     if len(parts) != _size(shape) or any(kind != _MATRIX for kind, _ in parts):
         raise _Damaged(f"a cell array of shape {shape} has {len(parts)} members")
+    file.room.take(f"the members of {name}", MEMBER * len(parts))
     members = [_matrix(member_name(name, k), body, file, depth + 1) for k, (_, body) in enumerate(parts, 1)]
-    bare = [next(iter(member.values())) if len(member) == 1 else None for member in members]
+    bare = [member.get(member_name(name, k)) if len(member) == 1 else None for k, member in enumerate(members, 1)]
     if all(item is not None and (not item.size or (item.dtype.kind == "U" and item.size == 1)) for item in bare):
         return {name: file.room.texts(name, [str(item) if item is not None and item.size else "" for item in bare])}
     return {key: array for member in members for key, array in member.items()}
@@ -224,7 +225,8 @@ def _structure(name: str, parts: list[Element], shape: tuple[int, ...], file: _R
     count = _size(shape)
     if not fields or len(parts) != 2 + len(fields) * count or any(kind != _MATRIX for kind, _ in parts[2:]):
         raise _Damaged(f"{count} structures of {len(fields)} fields have {len(parts) - 2} values")
-    arrays: dict[str, Array] = {}
+    arrays: dict[str, Array] = {} if count else {name: np.zeros((0, 0))}
+    file.room.take(f"the members of {name}", MEMBER * (len(parts) - 2))
     for k, (_, body) in enumerate(parts[2:]):
         place, field = divmod(k, len(fields))
         owner = name if count == 1 else member_name(name, place + 1, "()")

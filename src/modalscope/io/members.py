@@ -18,9 +18,12 @@ import numpy as np
 from modalscope.model import DataError, Signals
 from modalscope.model.checks import Array
 
-__all__ = ["Lists", "base_of", "lists_of", "member_name", "stacked_runs"]
+__all__ = ["MEMBER", "Lists", "lists_of", "meant_by", "member_name", "stacked_runs"]
 
-_MEMBER = re.compile(r"(?P<of>[^({]*)(?:\((?P<round>\d+)\)|\{(?P<curly>\d+)\})(?P<rest>.*)\Z")
+#: Bytes that a member takes beside its values.
+MEMBER = 300
+
+_MEMBER = re.compile(r"(?P<of>[^({]*)(?:\((?P<round>[0-9]{1,9})\)|\{(?P<curly>[0-9]{1,9})\})(?P<rest>.*)\Z")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -50,16 +53,18 @@ def member_name(of: str, place: int, brackets: str = "{}") -> str:
     return f"{of}{brackets[0]}{place}{brackets[1]}"
 
 
-def base_of(name: str) -> str:
-    """Return the name of the list that a member is of; that of any other array.
+def meant_by(name: str) -> set[str]:
+    """Return the names by which an array of a member may be asked for: its own, its list's, its field's in all members, and its member's.
 
     Examples
     --------
-    >>> base_of("runs{2}"), base_of("test(1).acc"), base_of("fs")
-    ('runs', 'test', 'fs')
+    >>> sorted(meant_by("test(1).acc")), meant_by("fs")
+    (['test', 'test(1)', 'test(1).acc', 'test.acc'], {'fs'})
     """
     found = _MEMBER.match(name)
-    return found["of"] if found else name
+    if found is None:
+        return {name}
+    return {name, found["of"], found["of"] + found["rest"], name[: len(name) - len(found["rest"])]}
 
 
 def lists_of(where: str, arrays: Mapping[str, Array]) -> Lists | None:
@@ -95,11 +100,12 @@ def lists_of(where: str, arrays: Mapping[str, Array]) -> Lists | None:
                 f"{found['of']} holds lists of lists ({name})",
                 f"Save its members as arrays, or leave it out: --ignore {found['of']}",
             )
-        if array.size:
-            place = int(found["round"] or found["curly"])
-            lists.setdefault(found["of"], {}).setdefault(place, {})[found["of"] + found["rest"]] = array
+        place = int(found["round"] or found["curly"])
+        lists.setdefault(found["of"], {}).setdefault(place, {})[found["of"] + found["rest"]] = array
     if not lists:
         return None
+    for of, members in lists.items():
+        _check_whole(where, of, members, arrays)
     if not any(_are_runs(list(members.values())) for members in lists.values()):
         for of, members in lists.items():
             shared |= _as_columns(where, of, members)
@@ -108,17 +114,38 @@ def lists_of(where: str, arrays: Mapping[str, Array]) -> Lists | None:
     if len({tuple(found) for found in places.values()}) > 1:
         raise DataError(
             f"reading the runs of {where} was asked",
-            f"its lists have other members: {', '.join(f'{of} {len(found)}' for of, found in places.items())}",
+            "its lists have members at different places: "
+            + "; ".join(f"{of} {', '.join(map(str, found[:6]))}" for of, found in places.items()),
             f"Leave one out: --ignore {min(places, key=lambda of: len(places[of]))}",
         )
     first = next(iter(places.values()))
     return Lists(runs=[shared | {k: a for members in lists.values() for k, a in members[p].items()} for p in first])
 
 
+def _check_whole(where: str, of: str, members: Mapping[int, Mapping[str, Array]], arrays: Mapping[str, Array]) -> None:
+    """Raise where a member is empty, or lacks what others have: what is left of it is for the user to say."""
+    fields = set().union(*members.values())
+    for place, member in sorted(members.items()):
+        lacking = sorted(name for name in fields if name not in member or not member[name].size)
+        if lacking:
+            name = member_name(of, place, "{}" if any(key.startswith(f"{of}{{") for key in arrays) else "()")
+            raise DataError(
+                f"reading {where} was asked",
+                f"{name} has no {', '.join(lacking[:6])}, which other members have"
+                if lacking != [of]
+                else f"{name} is empty",
+                f"Leave that member out, --ignore '{name}', or what it lacks: --ignore {lacking[0]}",
+            )
+
+
 def _long(member: Mapping[str, Array]) -> list[Array]:
     """Return the measured arrays of a member: numbers, more than one; a vector that rises all along is an axis."""
     held = [array.squeeze() for array in member.values() if array.dtype.kind in "biufc" and array.size > 1]
-    return [array for array in held if array.ndim > 1 or np.iscomplexobj(array) or not np.all(np.diff(array) > 0)]
+    return [array for array in held if array.ndim > 1 or np.iscomplexobj(array) or not _rises(array)]
+
+
+def _rises(array: Array) -> bool:
+    return bool(np.all(array[1:] > array[:-1]))
 
 
 def _are_runs(members: Sequence[Mapping[str, Array]]) -> bool:
@@ -128,10 +155,11 @@ def _are_runs(members: Sequence[Mapping[str, Array]]) -> bool:
 
 
 def _as_columns(where: str, of: str, members: Mapping[int, Mapping[str, Array]]) -> dict[str, Array]:
-    """Return every field of a list as one array; a field that not all members have is left."""
+    """Return every field of a list as one array."""
     order = sorted(members)
-    names = [name for name in members[order[0]] if all(name in members[place] for place in order)]
-    return {name: _together(where, of, name, {place: members[place][name] for place in order}) for name in names}
+    return {
+        name: _together(where, of, name, {place: members[place][name] for place in order}) for name in members[order[0]]
+    }
 
 
 def _together(where: str, of: str, name: str, members: Mapping[int, Array]) -> Array:
@@ -149,7 +177,7 @@ def _together(where: str, of: str, name: str, members: Mapping[int, Array]) -> A
             "Cut them to one length, or leave out those of another: "
             + " ".join(f"--ignore '{member_name(of, place, '{}' if curly else '()')}'" for place in odd[:6]),
         )
-    if all(np.array_equal(array, held[0]) for array in held[1:]) and (usual == 1 or np.all(np.diff(held[0]) > 0)):
+    if all(np.array_equal(array, held[0]) for array in held[1:]) and (usual == 1 or _rises(held[0])):
         return held[0]
     return np.concatenate(held) if usual == 1 else np.stack(held, axis=1)
 

@@ -239,7 +239,8 @@ def _by_hand(
 def _none_there(candidates: list[Candidate], f: float, tolerance: float, diagram: StabilizationDiagram) -> DataError:
     """Return what to say where there is no candidate: that a machine's line was taken off there, or which are the nearest."""
     asked = f"a mode at {f:g} Hz was asked"
-    if any(abs(line.frequency - f) <= tolerance * f for line in harmonics_of_diagram(diagram)):
+    removed = any(note.kind == "lines removed" for note in diagram.notes)
+    if removed and any(abs(line.frequency - f) <= tolerance * f for line in harmonics_of_diagram(diagram)):
         return DataError(
             asked,
             "a line of a machine stands there, which was taken off the record",

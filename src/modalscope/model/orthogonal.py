@@ -73,7 +73,8 @@ def _finite(columns: RealArray) -> RealArray:
     """Return columns whose squares can be summed: only what they span counts."""
     if np.isfinite(np.einsum("kc,kc->", columns, columns)):
         return columns
-    return np.asarray(columns / np.abs(columns).max(axis=0))
+    size = np.abs(columns).max(axis=0)
+    return np.asarray(columns / np.where(size > 0, size, 1.0))
 
 
 def _spanned(columns: RealArray) -> tuple[RealArray, RealArray, RealArray]:

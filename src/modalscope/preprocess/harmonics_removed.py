@@ -158,6 +158,8 @@ def _line(y: RealArray, first: int, last: int) -> RealArray:
     Its band is widened while the speed changes faster than half of the band tells, and noise there does not reach the line's size.
     """
     transform = fft.rfft(y, axis=0)
+    if not np.any(transform[first : last + 1]):  # a run of zeros
+        return np.zeros_like(y)
     line, track = _in_band(y, transform[first : last + 1], first)
     while track.terms > (last + 1 - first) // 2:
         half = (last + 1 - first) // 2

@@ -47,7 +47,12 @@ def with_rows(table: Table, asked: object) -> Table:
             f"Write the first and the last: --rows 1-{table.rows}",
         )
     columns = tuple(replace(column, values=column.values[first - 1 : last]) for column in table.columns)
-    return replace(table, columns=columns, notes=(*table.notes, f"rows {first} to {last} of {table.rows} were taken"))
+    return replace(
+        table,
+        columns=columns,
+        first_row=first,
+        notes=(*table.notes, f"rows {first} to {last} of {table.rows} were taken"),
+    )
 
 
 def check_numbers(table: Table, columns: Sequence[Column]) -> None:
@@ -68,13 +73,14 @@ def check_numbers(table: Table, columns: Sequence[Column]) -> None:
     column, bad = next(((c, hole) for c, hole in zip(columns, holes, strict=True) if hole.any()), (None, None))
     if column is None or bad is None:
         return
-    ways = [f"--ignore {as_word(column.label)}"] if len(columns) > 1 else []
+    above = table.first_row - 1
     first, last = longest_stretch(~np.any(holes, axis=0))
-    ways += [f"--rows {first}-{last}"] if last > first else []
+    ways = {"leave the column out": f"--ignore {as_word(column.label)}"} if len(columns) > 1 else {}
+    ways |= {"take the longest stretch of whole rows": f"--rows {above + first}-{above + last}"} if last > first else {}
     raise DataError(
         f"reading {table.where} needs a finite number in every row",
-        f"{int(bad.sum())} of {bad.size} in {column} are empty or no numbers, the first in row {int(np.argmax(bad)) + 1}",
-        f"Fill these rows, leave the column out, or take the longest stretch of whole rows: {', or '.join(ways)}",
+        f"{int(bad.sum())} of {bad.size} in {column} are empty or no numbers, the first in row {above + int(np.argmax(bad)) + 1}",
+        " or ".join(["Fill these rows", *ways]) + (f": {', or '.join(ways.values())}" if ways else "."),
     )
 
 

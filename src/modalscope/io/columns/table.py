@@ -66,6 +66,8 @@ class Table:
         The evidence on the layout: part, and what it is.
     roles : mapping of number to role
         What the file itself says of its columns.
+    first_row : int
+        The row of the file that is the first here, from 1 below the head.
     """
 
     where: str
@@ -75,6 +77,7 @@ class Table:
     notes: tuple[str, ...] = ()
     layout: tuple[tuple[str, str], ...] = ()
     roles: Mapping[int, str] = field(default_factory=dict)
+    first_row: int = 1
 
     @property
     def rows(self) -> int:

@@ -28,6 +28,8 @@ _OLD = re.compile(rf"^\s*(\d{{1,9}})\s+({_NUMBER})\s+NPTS\s*,\s*DT\b", re.IGNORE
 _SERIES = re.compile(
     r"\b(acceleration|velocity|displacement)\b.*\bUNITS?\s+(?:OF|=)\s*([A-Za-z/^*0-9]+)", re.IGNORECASE
 )
+#: The line below a head holds numbers alone.
+_BARE = re.compile(r"[-+.\dEeDd\s]*\d[-+.\dEeDd\s]*\Z")
 #: Units in the capitals of these files.
 _UNITS = {
     "g": "g",
@@ -70,13 +72,17 @@ def head_of(first: Sequence[str]) -> WrappedHead | None:
     for k, line in enumerate(first[:_LINES]):
         count, step, old = _COUNT.search(line), _STEP.search(line), _OLD.search(line)
         told = (count[1], step[1]) if count and step else (old[1], old[2]) if old else None
-        if told is None or float(told[1]) <= 0:
+        if told is None or _number(told[1]) <= 0 or not _BARE.match(" ".join(first[k + 1 : k + 2])):
             continue
         said = _SERIES.search(" ".join(first[: k + 1]))
         series, unit = (said[1].lower(), said[2]) if said else ("", "")
         known = _UNITS.get(unit.lower(), unit)
-        return WrappedHead(lines=k + 1, count=int(told[0]), step=float(told[1]), series=series, unit=known)
+        return WrappedHead(lines=k + 1, count=int(told[0]), step=_number(told[1]), series=series, unit=known)
     return None
+
+
+def _number(text: str) -> float:
+    return float(text.replace("D", "E").replace("d", "e"))
 
 
 def wrapped_table(where: str, head: WrappedHead, body: Iterable[Line], space: Room) -> Table:
@@ -106,7 +112,7 @@ def wrapped_table(where: str, head: WrappedHead, body: Iterable[Line], space: Ro
                 f"line {number} holds {line.strip()[:20]!r}",
                 "Correct that line.",
             )
-        values += [float(text.replace("D", "E").replace("d", "e")) for text in found]
+        values += map(_number, found)
         if len(values) > head.count:
             break
     if len(values) != head.count:
