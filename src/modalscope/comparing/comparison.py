@@ -35,7 +35,7 @@ from modalscope.model.labels import DofLike
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import notes_of
 from modalscope.model.records import Records
-from modalscope.model.response import Response, window_damping
+from modalscope.model.response import Response
 from modalscope.model.setups import Setups, as_test
 from modalscope.model.signals import Signals
 
@@ -144,7 +144,7 @@ def _judged(
         drawn = response.picture()
         shown = fitted if drawn is response else rebuilt(drawn, modes)
         findings += sign_causes(drawn)
-        findings += channel_causes(drawn, shown, modes.poles - window_damping(response), _best_fit(results))
+        findings += channel_causes(drawn, shown, modes.poles - response.added_damping, _best_fit(results))
     trust = tuple(
         judge(
             g,

@@ -36,7 +36,7 @@ from modalscope.comparing.causes import Cause, Disagreement
 from modalscope.comparing.run import MethodResult
 from modalscope.comparing.scatter import Biased, Scatter
 from modalscope.judging.evidence import LEAST_PEAK, LEAST_SIGNAL
-from modalscope.model.response import Response, window_damping
+from modalscope.model.response import Response
 
 __all__ = ["HEAVY", "disagreements", "mode_causes"]
 
@@ -82,7 +82,7 @@ def _heavy(case: _Case) -> Cause | None:
 
 def _half(case: _Case, group: Group) -> float:
     """Return the half bandwidth |Re s| / 2 pi that a mode has in the data, Hz."""
-    return group.half_bandwidth + window_damping(case.response) / (2 * np.pi)
+    return group.half_bandwidth + case.response.added_damping / (2 * np.pi)
 
 
 def _close(case: _Case) -> Cause | None:

@@ -12,7 +12,7 @@ from modalscope.judging.replicates import nearest_order
 from modalscope.model.checks import ComplexArray, DataError, IntArray, RealArray
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.modes import ModalModel
-from modalscope.model.response import Response, window_damping
+from modalscope.model.response import Response
 from modalscope.uncertainty.covariance import covariances_of_poles
 from modalscope.uncertainty.influence import PoleInfluence, influence_on
 from modalscope.uncertainty.noise import Noise
@@ -62,7 +62,7 @@ def moved_by_noise(found: Sweep, diagram: StabilizationDiagram, modes: ModalMode
     pipeline = found.pipeline
     cut = found.cut(nearest_order(diagram, modes))
     response = pipeline.matrix.judged
-    poles = cut.modal.poles + window_damping(response)
+    poles = cut.modal.poles + response.added_damping
     away = np.abs(poles[:, None] - modes.poles) / np.abs(modes.poles.real)
     nearest = np.argmin(away, axis=0)
     there = away[nearest, np.arange(len(modes))] < 1
@@ -85,7 +85,7 @@ def moved_by_noise(found: Sweep, diagram: StabilizationDiagram, modes: ModalMode
 def _lines(response: Response) -> Lines | None:
     """Return the same lines for every method on the same data; None for all."""
     every = int(np.clip(response.count // _LINES, 1, _MOST))
-    if every == 1 or response.grid is None or window_damping(response) > 0:
+    if every == 1 or response.grid is None or response.added_damping > 0:
         return None
     index = np.arange(every // 2, response.count, every)
     return Lines(index, np.full(index.size, float(every)))

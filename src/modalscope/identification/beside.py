@@ -6,7 +6,7 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope.model.checks import Array, ComplexArray, RealArray
-from modalscope.model.response import Response, output_scale, window_damping
+from modalscope.model.response import Response, output_scale
 
 __all__ = ["needed_beside"]
 
@@ -36,7 +36,7 @@ def needed_beside(response: Response, modes: Array, candidates: Array) -> Comple
     ------
     B. Laurent and P. Massart, Annals of Statistics 28, 2000, Lemma 1.
     """
-    added = window_damping(response)
+    added = response.added_damping
     far = np.abs(candidates[:, None] - modes) > _PART * np.abs(modes.real)
     poles = candidates[(candidates.real < added) & far.all(axis=1)]
     basis = response.whole_basis(np.concatenate([modes, poles]) - added, response.refined_powers)

@@ -11,7 +11,6 @@ from modalscope.identification.settling import Settled, Task, least_gain, settle
 from modalscope.model.checks import ComplexArray
 from modalscope.model.mode_fields import PER_MODE, joined
 from modalscope.model.modes import ModalModel
-from modalscope.model.response import window_damping
 
 __all__ = ["completed"]
 
@@ -36,7 +35,7 @@ def completed(task: Task, modes: ModalModel, participation: ComplexArray) -> Mod
         Of the modes.
     """
     count = len(modes)
-    found: _Found = (modes.poles - window_damping(task.response), modes.shapes, participation)
+    found: _Found = (modes.poles - task.response.added_damping, modes.shapes, participation)
     settled = settle(task, *found, most=0)
     for _ in range(_ROUNDS):
         more = _with_peak(task, settled)
@@ -83,7 +82,7 @@ def _added(task: Task, modes: ModalModel, found: tuple[Any, ...], participation:
     text = "stands out of what the other modes leave"
     columns: dict[str, Any] = {name: unknown for name in PER_MODE if getattr(modes, name) is not None}
     return ModalModel(
-        poles=poles + window_damping(task.response),
+        poles=poles + task.response.added_damping,
         shapes=shapes,
         participation=task.response.told_of(task.response.of_inputs(participation)),
         quantity=modes.quantity,

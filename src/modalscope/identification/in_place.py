@@ -11,7 +11,7 @@ from modalscope.identification.settling import settle, task_of
 from modalscope.model.checks import Array
 from modalscope.model.groups import AUTO, check_groups
 from modalscope.model.modes import ModalModel
-from modalscope.model.response import Response, window_damping
+from modalscope.model.response import Response
 
 __all__ = ["in_place"]
 
@@ -31,7 +31,7 @@ def in_place(response: Response, modes: ModalModel, fixed: Array, groups: Any = 
     groups : "auto", None or sequence of labels
         As in `refine`.
     """
-    added = window_damping(response)
+    added = response.added_damping
     task = task_of(response, np.asarray(fixed, dtype=np.complex128) - added, None, None)
     participation = modes.participation
     if participation is None or participation.shape[1] != response.drives:

@@ -20,7 +20,7 @@ from modalscope.model.groups import AUTO, check_groups
 from modalscope.model.keywords import named
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
-from modalscope.model.response import Response, window_damping
+from modalscope.model.response import Response
 from modalscope.model.setups import Setups, as_test
 from modalscope.model.signals import Signals
 
@@ -94,9 +94,9 @@ def refine(
         return refine_setups(_with_channels(ambient, modes), modes)
     response = _response(data, modes).around(modes.poles)
     chosen = check_groups(groups, *response.parts, response.groups)
-    poles = modes.poles - window_damping(response)
+    poles = modes.poles - response.added_damping
     able = (poles.real < 0) & np.array([kind == "mode" for kind in modes.kinds], dtype=bool)
-    beside = np.asarray(fixed, dtype=complex).ravel() - window_damping(response)
+    beside = np.asarray(fixed, dtype=complex).ravel() - response.added_damping
     task = task_of(
         response, np.concatenate([beside, poles[~able]]), None if weights is None else np.asarray(weights), progress
     )
@@ -148,7 +148,7 @@ def _of_their_own(task: Task, modes: ModalModel) -> tuple[Settled | None, list[i
     """Settle the modes; the weakest that explains no more than noise does goes, and the others are settled again."""
     kept = list(range(len(modes)))
     lost: list[Candidate] = []
-    poles, shapes, rows = modes.poles - window_damping(task.response), modes.shapes, _participation(task, modes)
+    poles, shapes, rows = modes.poles - task.response.added_damping, modes.shapes, _participation(task, modes)
     while kept:
         settled = settle(task, poles, shapes, rows)
         gain = settled.gain
@@ -166,7 +166,7 @@ def _participation(task: Task, modes: ModalModel) -> ComplexArray:
     given = modes.participation
     if given is not None and given.shape[1] == task.response.drives:
         return given
-    poles = modes.poles - window_damping(task.response)
+    poles = modes.poles - task.response.added_damping
     participation, _ = task.response.basis(poles, task.response.outside_powers).fit_participation(modes.shapes)
     return participation
 

@@ -17,7 +17,6 @@ from modalscope.model.mode_fields import DIRECT
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
 from modalscope.model.poles import frequencies_and_damping
-from modalscope.model.response import window_damping
 from modalscope.model.response_facts import UNTOLD
 from modalscope.uncertainty.noise import KIND
 
@@ -43,7 +42,7 @@ def refined(
     if settled is None:
         return replace(before, left_out=(*before.left_out, *lost), unrefined=before, converged=True).noted(notes)
     point, fitted = settled.descent.point, settled.descent.fitted
-    poles = point.poles + window_damping(response)
+    poles = point.poles + response.added_damping
     spread = spread_of(point, fitted, poles, settled.variance, response.count, groups, settled.colour)
     order = np.argsort(np.abs(poles), kind="stable")
     shapes, participation = settled.residues

@@ -18,7 +18,7 @@ from modalscope.identification.whitening import (
 )
 from modalscope.model.checks import Array, RealArray
 from modalscope.model.modal_basis import ModalBasis
-from modalscope.model.response import Response, fading, window_damping, window_over_lines
+from modalscope.model.response import Response, fading, window_over_lines
 
 __all__ = ["Floor", "by_line", "floor_of", "level_of", "parts_of_level"]
 
@@ -129,7 +129,7 @@ def _taken(response: Response, poles: Array, unknown: int) -> float:
     window = window_over_lines(response)
     if window <= 0:
         return unknown
-    each = 1 / told_under_window(window, -poles.real * window / window_damping(response))
+    each = 1 / told_under_window(window, -poles.real * window / response.added_damping)
     return float(unknown + 2 * np.sum(each - 1))
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from modalscope.io.columns import Column, Table
-from modalscope.io.columns.axis import sampling_of
+from modalscope.io.columns.axis import rises, sampling_of
 from modalscope.io.columns.roles import role_by_words
 from modalscope.io.columns.words import split_head
 from modalscope.io.contents import Options
@@ -136,7 +136,7 @@ def _sorted(where: str, arrays: Mapping[str, Array]) -> _Sorted:
 def _axis_kind(name: str, array: Array) -> str:
     """Return whether a vector is of times or frequencies, by its name and by rising."""
     flat = array.ravel()
-    if array.dtype.kind == "c" or not np.all(np.diff(flat) > 0):
+    if array.dtype.kind == "c" or not rises(flat):
         return ""
     bare = name.rpartition(".")[2]
     if _leaf(name) in _ANGULAR:

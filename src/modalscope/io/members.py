@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from modalscope.io.columns.axis import rises
 from modalscope.model import DataError, Signals
 from modalscope.model.checks import Array
 
@@ -141,11 +142,7 @@ def _check_whole(where: str, of: str, members: Mapping[int, Mapping[str, Array]]
 def _long(member: Mapping[str, Array]) -> list[Array]:
     """Return the measured arrays of a member: numbers, more than one; a vector that rises all along is an axis."""
     held = [array.squeeze() for array in member.values() if array.dtype.kind in "biufc" and array.size > 1]
-    return [array for array in held if array.ndim > 1 or np.iscomplexobj(array) or not _rises(array)]
-
-
-def _rises(array: Array) -> bool:
-    return bool(np.all(array[1:] > array[:-1]))
+    return [array for array in held if array.ndim > 1 or np.iscomplexobj(array) or not rises(array)]
 
 
 def _are_runs(members: Sequence[Mapping[str, Array]]) -> bool:
@@ -177,7 +174,7 @@ def _together(where: str, of: str, name: str, members: Mapping[int, Array]) -> A
             "Cut them to one length, or leave out those of another: "
             + " ".join(f"--ignore '{member_name(of, place, '{}' if curly else '()')}'" for place in odd[:6]),
         )
-    if all(np.array_equal(array, held[0]) for array in held[1:]) and (usual == 1 or _rises(held[0])):
+    if all(np.array_equal(array, held[0]) for array in held[1:]) and (usual == 1 or rises(held[0])):
         return held[0]
     return np.concatenate(held) if usual == 1 else np.stack(held, axis=1)
 

@@ -13,7 +13,7 @@ from modalscope.modal.indicators import cmif, prominence
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.poles import frequencies_and_damping, poles_from
-from modalscope.model.response import output_scale, window_damping
+from modalscope.model.response import output_scale
 
 __all__ = [
     "CERTAIN",
@@ -123,7 +123,7 @@ def evidence_of(diagram: StabilizationDiagram) -> Evidence:
     parts = [(f, cmif(H / scale), np.linalg.norm(H / scale, axis=(1, 2))) for f, H in response.spectra()]
     f, curves, level = (np.concatenate(part) for part in zip(*parts, strict=True))
     size = np.sqrt(response.count * outputs * inputs / (outputs + inputs))
-    return Evidence(f, level, np.sqrt(curves) if ambient else curves, float(size), ambient, window_damping(response))
+    return Evidence(f, level, np.sqrt(curves) if ambient else curves, float(size), ambient, response.added_damping)
 
 
 def peaks(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> RealArray:

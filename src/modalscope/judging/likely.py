@@ -21,7 +21,7 @@ from modalscope.judging.verdict import Trial, verdicts
 from modalscope.modal.indicators import mac
 from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.model.diagram import StabilizationDiagram
-from modalscope.model.response import Response, window_damping
+from modalscope.model.response import Response
 
 __all__ = ["has_likelihood", "likely"]
 
@@ -56,14 +56,14 @@ def likely(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> t
     """
     response, groups = diagram.response, _groups(poles)
     best = diagram.order_of_pole == diagram.orders[int(np.argmin(diagram.fit_errors))]
-    floor = floor_of(response, diagram.poles[best] - window_damping(response))
+    floor = floor_of(response, diagram.poles[best] - response.added_damping)
     starts = _starts(poles, groups)
     steady = diagram.poles[best & (diagram.poles.imag == 0)]
-    steady = needed_beside(response, poles.pole[starts], steady) - window_damping(response)
+    steady = needed_beside(response, poles.pole[starts], steady) - response.added_damping
 
     def outcome(arena: Arena, doubted: bool) -> Outcome | None:
         sides = (poles.shape if arena.problem.turned else poles.participation)[starts] / arena.problem.varying
-        return contest(arena, poles.pole[starts] - window_damping(response), sides, doubted=doubted)
+        return contest(arena, poles.pole[starts] - response.added_damping, sides, doubted=doubted)
 
     arena = replace(_arena(response, floor, steady), brief=floor.colour.coloured)
     found = outcome(arena, floor.colour.coloured)

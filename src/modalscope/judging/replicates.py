@@ -20,7 +20,7 @@ from modalscope.model.checks import Array, DataError, IntArray, RealArray
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.modes import ModalModel
 from modalscope.model.pairing import assign
-from modalscope.model.response import Response, window_damping
+from modalscope.model.response import Response
 from modalscope.model.signals import Signals
 from modalscope.uncertainty.noise import Noise, noise_of
 from modalscope.uncertainty.of_modes import SPLIT
@@ -139,7 +139,7 @@ def _noise_beside(diagram: StabilizationDiagram, modes: ModalModel, order: int, 
     is_complex = bool(np.iscomplexobj(response.values))
     own = np.flatnonzero((diagram.order_of_pole == order) & (diagram.poles.real < 0))
     poles, shapes = (diagram.poles[own], diagram.shapes[:, own]) if own.size else (modes.poles, modes.shapes)
-    basis = response.basis(poles - window_damping(response), response.outside_powers)
+    basis = response.basis(poles - response.added_damping, response.outside_powers)
     free = response.count * (1 + is_complex) - basis.columns.shape[1]
     variance = residual_variance(unexplained_energy(basis), free, is_complex)
     noise = noise_of(response, records)

@@ -16,7 +16,7 @@ from modalscope.model.errors import check_choice
 from modalscope.model.keywords import named
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
-from modalscope.model.response import Response, window_damping
+from modalscope.model.response import Response
 from modalscope.model.shown import Shown
 
 __all__ = ["Validation", "validate"]
@@ -157,7 +157,7 @@ def _without(response: Response, modes: ModalModel, leaving: str, k: int, count:
 def _error(response: Response, modes: ModalModel, leaving: str, k: int) -> float:
     """Return what modes leave of one input or output when that part of the residues alone is fitted."""
     part = response.select(**{leaving: [k]})
-    basis = part.whole_basis(modes.poles - window_damping(response), part.refined_powers)
+    basis = part.whole_basis(modes.poles - response.added_damping, part.refined_powers)
     shapes, participation = modes.shapes, modes.known_participation("leaving out")
     if leaving == "inputs":
         participation, terms = basis.fit_participation(shapes)
@@ -168,7 +168,7 @@ def _error(response: Response, modes: ModalModel, leaving: str, k: int) -> float
 
 def _left(response: Response, modes: ModalModel) -> Colour:
     """Judge what the modes leave of all data."""
-    basis = response.whole_basis(modes.poles - window_damping(response), response.refined_powers)
+    basis = response.whole_basis(modes.poles - response.added_damping, response.refined_powers)
     participation, terms = basis.fit_participation(modes.shapes)
     left = basis.data - basis.rebuilt(modes.shapes, participation, terms)
     return colour(left, response.count, basis.terms.shape[1] + 2 * len(modes))

@@ -22,7 +22,6 @@ from modalscope.modal.sufficient import usable_orders
 from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.poles import frequencies_and_damping, poles_from
-from modalscope.model.response import window_damping
 
 __all__ = ["Trial", "verdicts"]
 
@@ -65,7 +64,7 @@ class Trial:
     @property
     def settled(self) -> ComplexArray:
         """The refined poles as modes have them, rad/s."""
-        return self.found.poles + window_damping(self.diagram.response)
+        return self.found.poles + self.diagram.response.added_damping
 
     @property
     def bar(self) -> float:
@@ -258,7 +257,7 @@ def _left(trial: Trial, groups: list[Candidate]) -> list[Candidate]:
     if not each:
         return []
     poles = poles_from([c.frequency for c in each], [c.damping for c in each])
-    gain = np.sqrt(gains_beside(trial.arena, trial.found, poles - window_damping(trial.diagram.response)) / 2)
+    gain = np.sqrt(gains_beside(trial.arena, trial.found, poles - trial.diagram.response.added_damping) / 2)
     text = "beside the modes it explains {:.1f} standard deviations of the noise; noise alone may explain {:.1f}"
     return [
         _with_gain(trial, replace(c, against=(text.format(g, trial.bar),)), g) for c, g in zip(each, gain, strict=True)

@@ -11,7 +11,7 @@ import numpy as np
 
 from modalscope.model.checks import Array, RealArray
 from modalscope.model.diagram import StabilizationDiagram
-from modalscope.model.response import Response, output_scale, window_damping
+from modalscope.model.response import Response, output_scale
 
 __all__ = ["contributions", "of_diagram", "peak_sizes"]
 
@@ -58,7 +58,7 @@ def peak_sizes(response: Response, poles: Array, shapes: Array, participation: A
 
 def _in_the_data(response: Response, poles: Array, shapes: Array, participation: Array) -> tuple[RealArray, RealArray]:
     """Return of every pole |R exp(s t_0)|, outputs brought level, and |Re s|, s as the data have it: with a window's damping."""
-    own = poles - window_damping(response)
+    own = poles - response.added_damping
     t0 = response.steps_late / (response.sampling_rate or 1.0)
     driven = response.driven(own, participation)
     size = np.linalg.norm(shapes / output_scale(response), axis=1) * driven * np.exp(own.real * t0)

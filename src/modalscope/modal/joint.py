@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.model.checks import Array, ComplexArray
-from modalscope.model.response import Response, window_damping
+from modalscope.model.response import Response
 
 __all__ = ["joint_residues"]
 
@@ -40,7 +40,7 @@ def joint_residues(response: Response, poles: Array, shapes: Array) -> tuple[Com
         `participation` and the direct term or residuals, as a `ModalModel` has them.
     """
     powers = response.outside_powers
-    basis = response.basis(poles - window_damping(response), powers).compressed()
+    basis = response.basis(poles - response.added_damping, powers).compressed()
     participation, terms = basis.fit_participation(shapes)
     best = float(np.linalg.norm(basis.data - basis.rebuilt(shapes, participation, terms))) ** 2
     for _ in range(_ROUNDS if len(poles) else 0):

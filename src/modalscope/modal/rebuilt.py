@@ -12,7 +12,7 @@ from modalscope.blocks.matrix import DataMatrix
 from modalscope.modal.eigenmodes import Eigenmodes
 from modalscope.model.checks import Array, DataError, RealArray
 from modalscope.model.modes import ModalModel
-from modalscope.model.response import Response, window_damping
+from modalscope.model.response import Response
 
 __all__ = ["fit_error", "fit_error_of", "fit_of", "modal_model", "rebuilt"]
 
@@ -49,7 +49,7 @@ def rebuilt(response: Response, modes: ModalModel) -> Array:
     DataError
         Modes with other channels than the data, or without participation.
     """
-    added = window_damping(response)
+    added = response.added_damping
     model = replace(modes, poles=modes.poles - added) if added else modes
     values: Array = response.of_modes(model).values
     if values.shape != response.values.shape:
@@ -72,7 +72,7 @@ def modal_model(matrix: DataMatrix, modal: Eigenmodes, indicators: Mapping[str, 
     response = matrix.judged
     terms: dict[str, Any] = {"feedthrough": modal.direct, **response.named_terms(modal.fit.terms, modal.fit.powers)}
     return ModalModel(
-        poles=modal.poles + window_damping(response),
+        poles=modal.poles + response.added_damping,
         shapes=modal.shapes,
         participation=response.of_inputs(modal.participation),
         quantity=response.quantity,

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from modalscope.model.modes import ModalModel
     from modalscope.model.statespace import StateSpace
 
-__all__ = ["AsLines", "AsSamples", "Response", "fading", "output_scale", "window_damping", "window_over_lines"]
+__all__ = ["AsLines", "AsSamples", "Response", "fading", "output_scale", "window_over_lines"]
 
 #: Relative rounding of single precision, in which many responses are stored.
 _STORED = 1e-7
@@ -292,11 +292,6 @@ def _real_parts(values: Array) -> RealArray:
     return np.ascontiguousarray(values).view(np.float64).reshape(*values.shape[:2], -1)
 
 
-def window_damping(response: Response) -> float:
-    """Return the decay rate (1/s) that an exponential window added: it is in the data, but not in the modes."""
-    return response.added_damping
-
-
 def window_over_lines(response: Response) -> float:
     """Return a T, the rate of an exponential window times the length that a line's distance tells; 0 without a window, and of samples.
 
@@ -304,7 +299,7 @@ def window_over_lines(response: Response) -> float:
     """
     if response.grid is None or response.grid.size < 2:
         return 0.0
-    return window_damping(response) / float(np.median(np.diff(response.grid)))
+    return response.added_damping / float(np.median(np.diff(response.grid)))
 
 
 def fading(response: Response) -> RealArray | None:
@@ -312,7 +307,7 @@ def fading(response: Response) -> RealArray | None:
 
     No smaller than rounding of what is stored: what lies below it does not fade with the window.
     """
-    a = window_damping(response)
+    a = response.added_damping
     if a <= 0 or response.grid is not None or response.sampling_rate is None:
         return None
     return np.asarray(np.maximum(np.exp(-a / response.sampling_rate * np.arange(response.count)), _STORED))

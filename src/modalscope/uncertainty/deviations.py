@@ -11,7 +11,7 @@ from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Triple
 from modalscope.modal.eigenmodes import Eigenmodes
 from modalscope.model.checks import Array, DataError, IntArray, RealArray
-from modalscope.model.response import Response, window_damping
+from modalscope.model.response import Response
 from modalscope.realizations.realization import Realization
 from modalscope.uncertainty.covariance import deviations_of_poles
 from modalscope.uncertainty.influence import influence_on
@@ -70,7 +70,7 @@ def deviations_of(
         except DataError:  # a way of reading poles off whose first order is not known
             return found
         covariance = noise.moments(influence).covariance
-        poles = modal.poles[index] + window_damping(matrix.judged)
+        poles = modal.poles[index] + matrix.judged.added_damping
         f, zeta = deviations_of_poles(poles, covariance)
     found.frequency[index] = f
     found.damping_ratio[index] = np.where(noise.damping_is_told(poles), zeta, np.nan)
@@ -92,7 +92,7 @@ def lines_for_all(response: Response, poles: Array, degree: int) -> Lines | None
         Of the polynomials that the rows of the matrix are.
     """
     grid = response.grid
-    if grid is None or grid.size < 2 or not response.separable or window_damping(response) > 0:
+    if grid is None or grid.size < 2 or not response.separable or response.added_damping > 0:
         return (
             None  # lines of records differ with what drove them, and lines that a window correlates share their noise
         )

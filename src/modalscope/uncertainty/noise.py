@@ -14,7 +14,7 @@ import numpy as np
 from modalscope.blocks.influence import Moments
 from modalscope.model.checks import Array, BoolArray, ComplexArray, DataError, RealArray
 from modalscope.model.notes import Note
-from modalscope.model.response import Response, fading, window_damping
+from modalscope.model.response import Response, fading
 from modalscope.model.signals import Signals
 from modalscope.model.stored import StoredSignals
 from modalscope.preprocess.correlation import BLOCKS, correlation_blocks
@@ -271,7 +271,7 @@ def _fading_of(response: Response) -> Array | None:
 
     On lines df apart, those of a record of 1 / df seconds, E n_(f + k) n_f* = variance / (1 + j pi k df / a).
     """
-    a, grid = window_damping(response), response.grid
+    a, grid = response.added_damping, response.grid
     if a <= 0:
         return None
     if grid is not None:

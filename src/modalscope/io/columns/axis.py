@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from modalscope.model import DataError
-from modalscope.model.checks import RealArray
+from modalscope.model.checks import Array, RealArray
 
-__all__ = ["Sampling", "grain_of", "parts_of_epoch", "roundest", "same_rate", "sampling_of"]
+__all__ = ["Sampling", "grain_of", "parts_of_epoch", "rises", "roundest", "same_rate", "sampling_of"]
 
 #: Times may lie off the even grid by this part of a step.
 _OFF = 0.02
@@ -43,6 +43,17 @@ class Sampling:
     rate: float
     doubt: float
     off: float
+
+
+def rises(values: Array) -> bool:
+    """Whether every value is larger than the one before; differences of unsigned integers would always be.
+
+    Examples
+    --------
+    >>> rises(np.array([1, 2, 4])), rises(np.array([4, 2, 1], dtype=np.uint8))
+    (True, False)
+    """
+    return bool(np.all(values[1:] > values[:-1]))
 
 
 def grain_of(times: RealArray) -> float:
