@@ -37,8 +37,14 @@ PATIENCE = 120
 #: Files and tests that are run together without a fault; each has that patience.
 TOGETHER = 12
 
-#: One thread each: several faults are tried at a time. Pictures are drawn nowhere.
-SURROUNDINGS = {"MPLBACKEND": "Agg", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+#: One thread each: several faults are tried at a time. Pictures are drawn nowhere. Measured data lie beside the project, not beside a copy.
+SURROUNDINGS = {
+    "MPLBACKEND": "Agg",
+    "OPENBLAS_NUM_THREADS": "1",
+    "OMP_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    "MODALSCOPE_DATA": os.environ.get("MODALSCOPE_DATA") or str(ROOT.parent / "shared" / "data"),
+}
 
 #: What every run needs is loaded once; the library itself is not.
 LOADED = ["numpy", "scipy.linalg", "scipy.optimize", "scipy.signal", "matplotlib.pyplot", "pytest"]
