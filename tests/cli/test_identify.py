@@ -60,7 +60,12 @@ def test_bands_given_one_by_one_are_merged_and_no_mode_stands_twice(test_file, t
     bands = ["--band", "0.5", "4.5", "--band", "3.5", "7"]
     assert main(["identify", str(test_file), *bands, "-o", str(target)]) == 0
     assert len(ms.read(target)) == 5
-    assert "2 bands merged" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "2 bands merged" in told
+    said = [line for line in told.splitlines() if line.startswith("  ")]
+    assert sum(" Hz: " in line for line in told.splitlines()) == 2  # each band says where it lies
+    assert said
+    assert len(set(said)) == len(said)  # what both noted is said once
 
 
 def test_a_document_is_done_again(test_file, tmp_path, capsys):

@@ -10,6 +10,7 @@ from modalscope.cli.parser import Commands, add_cell, add_choices, add_files, ad
 from modalscope.cli.process import explain, remark, say
 
 if TYPE_CHECKING:
+    from modalscope.model.notes import Note
     from modalscope.model.result import Result
 
 __all__ = ["add", "run"]
@@ -118,21 +119,13 @@ def _refuse_page_of(what: str) -> None:
 
 def _print(result: Result, *, everything: bool = False) -> None:
     """Print how the modes were found, what was noted, and the modes."""
-    from modalscope.identification.lookup import cell_label
     from modalscope.modal.explained import explained
     from modalscope.modal.rebuilt import fit_of
 
     for note in result.notes:
         if note.kind in ("file", "places", "units", "units not known", "bands chosen"):
             remark(note)
-    for number, diagram in enumerate(result.diagrams, 1):
-        which = f"setup {number}: " if result.analysis.apart else ""
-        remark(
-            f"{which}{cell_label(diagram.method, diagram.domain)}, orders {diagram.orders[0]} to {diagram.orders[-1]}"
-        )
-        for note in () if which and number > 1 else diagram.notes:
-            remark(f"  {note}")
-        explain("  " + ", ".join(f"{name}={value!r}" for name, value in diagram.settings.items()))
+    _print_diagrams(result)
     if result.findings:
         remark("quality:")
         for finding in result.findings:
@@ -154,6 +147,26 @@ def _print(result: Result, *, everything: bool = False) -> None:
     _print_left_out(result, everything)
     for index, reasons in enumerate(result.modes.reasons):
         explain(f"mode {index + 1}: {reasons}")
+
+
+def _print_diagrams(result: Result) -> None:
+    """Print how each band or setup was identified; what an earlier one noted, too, is not said again."""
+    from modalscope.identification.lookup import cell_label
+    from modalscope.reporting.banded import bands_of
+
+    apart, shown = result.analysis.apart, bands_of(result.modes, result.diagrams)
+    told: set[Note] = set()
+    for each in shown:
+        diagram = each.diagram
+        which = f"setup {each.number}: " if apart else f"{each.words}: " if len(shown) > 1 else ""
+        remark(
+            f"{which}{cell_label(diagram.method, diagram.domain)}, orders {diagram.orders[0]} to {diagram.orders[-1]}"
+        )
+        for note in diagram.notes if not (apart and told) else ():
+            if note not in told:
+                remark(f"  {note}")
+        told |= set(diagram.notes)
+        explain("  " + ", ".join(f"{name}={value!r}" for name, value in diagram.settings.items()))
 
 
 def _print_left_out(result: Result, everything: bool) -> None:
