@@ -29,8 +29,10 @@ def responses(outputs: int, inputs: int, *, noise: float, weak: float = 1.0, lin
     return FrequencyResponse(values=H + error[0] + 1j * error[1], frequencies=f, quantity="displacement")
 
 
+@pytest.mark.parametrize("few", [-1, 1000])  # sums over pairs of functions, and over the rows themselves
 @pytest.mark.parametrize("weighted", [False, True])
-def test_products_are_those_of_the_array(weighted: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_products_are_those_of_the_array(weighted: bool, few: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(line_products, "_FEW", few)
     monkeypatch.setattr(line_products, "_AT_A_TIME", 1000)
     response = responses(9, 2, noise=0.1, lines=120)
     w = np.linspace(0.5, 2, 120) if weighted else None

@@ -1,11 +1,18 @@
-"""Block sizes where none are given: three times as many rows as states, and what samples, lines and channels allow."""
+"""Block sizes where none are given: a part of the samples or lines, what states need, and what channels allow."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from modalscope.identification.sizes import default_blocks, default_degree, default_projection, default_shifts
+from modalscope.identification.sizes import (
+    companion_windows,
+    default_blocks,
+    default_degree,
+    default_projection,
+    default_shifts,
+    default_windows,
+)
 from modalscope.model import FrequencyResponse, ImpulseResponse, Signals
 
 
@@ -88,32 +95,93 @@ def test_of_a_projection_each_side_can_be_given() -> None:
 
 
 @pytest.mark.parametrize(
-    ("count", "order", "expected"), [(1000, 20, 30), (1000, 21, 32), (1000, 2, 10), (60, 20, 20), (2, 20, 1)]
+    ("count", "outputs", "inputs", "order", "expected"),
+    [
+        (1200, 2, 3, 20, (200, 1000)),  # a sixth, and the rest
+        (120, 2, 3, 20, (30, 90)),  # three times the states
+        (12_000, 4, 1, 20, (1000, 11_000)),  # 4000 rows in all
+        (12_000, 4, 3, 1000, (1000, 11_000)),
+        (240_000, 4, 2, 20, (1000, 50_000)),  # 100 000 columns in all
+        (600, 500, 1, 60, (40, 560)),  # 100 combinations of 500 outputs
+        (40, 2, 3, 20, (20, 20)),  # half of the samples
+        (2, 2, 3, 20, (1, 1)),
+    ],
 )
-def test_shifts_of_samples_are_three_times_the_states_up_to_a_third_of_the_samples(
-    count: int, order: int, expected: int
+def test_truncations_read_all_samples_and_a_sixth_of_them_as_rows(
+    count: int, outputs: int, inputs: int, order: int, expected: tuple[int, int]
 ) -> None:
-    assert default_shifts(samples(count), order) == expected
+    assert default_windows(samples(count, outputs, inputs), order, None, None) == expected
+
+
+def test_what_is_given_of_a_truncation_is_kept_and_the_other_reads_the_rest() -> None:
+    assert default_windows(samples(1000), 20, 7, None) == (7, 993)
+    assert default_windows(samples(1000), 20, None, 990) == (10, 990)
+    assert default_windows(samples(1000), 20, 8, 9) == (8, 9)
+
+
+def test_truncations_of_correlations_keep_their_own_sizes() -> None:
+    assert default_windows(samples(1000, kind="correlation"), 20, None, None) == (30, 120)
+
+
+@pytest.mark.parametrize(("order", "expected"), [(20, (120, 1080)), (100, (150, 1050))])
+def test_companion_forms_have_240_states_or_three_times_the_order(order: int, expected: tuple[int, int]) -> None:
+    assert companion_windows(samples(1200), order, None, None) == expected
+
+
+@pytest.mark.parametrize(("parts", "factor"), [(3, 1.125), (6, 1.44), (30, 5.35)])
+def test_two_means_have_the_variance_that_the_choice_of_a_sixth_rests_on(parts: int, factor: float) -> None:
+    """The pole of one mode that does not fade, to first order: (mean of the last s samples - mean of the first s) / r, r + s = N."""
+    N = 3000
+    r = N // parts
+    s = N - r
+    weights = (np.arange(N) >= r) / (r * s) - (np.arange(N) < s) / (r * s)
+    time = np.arange(N) - (N - 1) / 2
+    least = 1 / np.sum(time**2)  # of the slope of a phase
+    assert weights @ time == pytest.approx(1)
+    assert weights @ weights / least == pytest.approx(factor, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("count", "order", "truncates", "expected"),
+    [
+        (1000, 20, True, 166),  # a sixth
+        (6000, 20, True, 300),  # 600 rows in all
+        (6000, 20, False, 120),  # 240 states
+        (6000, 220, True, 330),  # three times the states
+        (60, 2, True, 10),
+        (60, 20, True, 20),  # a third of the samples
+        (2, 20, True, 1),
+    ],
+)
+def test_shifts_of_samples_are_a_sixth_of_them(count: int, order: int, truncates: bool, expected: int) -> None:
+    assert default_shifts(samples(count), order, truncates=truncates) == expected
 
 
 def test_shifts_of_lines_count_the_lines_of_both_signs() -> None:
     # 2 x 24 - 3 = 45 lines besides those at the ends, a third of which is 15
     assert default_shifts(lines(24), 20) == 15
-    assert default_shifts(lines(500), 20) == 30
+    assert default_shifts(lines(500), 20) == (2 * 500 - 3) // 6
 
 
 @pytest.mark.parametrize(
     ("count", "outputs", "inputs", "order", "expected"),
     [
-        (1000, 2, 3, 20, 48),
+        (1000, 2, 3, 20, 166),  # a sixth of the lines
+        (4000, 2, 3, 20, 204),  # 2 x 4000 x 3 x 408^2 products
+        (4000, 7, 6, 20, 48),
         (100, 2, 3, 20, 25),  # a quarter of the lines
         (1000, 20, 3, 20, 30),  # 600 rows in all
         (1000, 200, 3, 20, 8),  # at least eight
-        (1000, 2, 3, 120, 61),  # as many block rows as the order needs, and one more
-        (1000, 2, 3, 121, 62),
+        (200, 2, 3, 120, 61),  # as many block rows as the order needs, and one more
+        (200, 2, 3, 121, 62),
         (10, 2, 3, 50, 2),  # no more than 2 x 10 - 50 / 3 (rounded up) - 1 carry
         (10, 1, 1, 18, 1),
     ],
 )
 def test_the_degree_of_lines(count: int, outputs: int, inputs: int, order: int, expected: int) -> None:
     assert default_degree(lines(count, outputs, inputs), order) == expected
+
+
+def test_the_degree_of_lines_that_are_all_states() -> None:
+    assert default_degree(lines(1000), 20, truncates=False) == 120  # 240 states
+    assert default_degree(lines(1000, 10), 20, truncates=False) == 48

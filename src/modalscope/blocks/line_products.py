@@ -22,6 +22,9 @@ __all__ = ["LineProducts"]
 #: Numbers in an array in between: lines are taken so many at a time.
 _AT_A_TIME = 2_000_000
 
+#: Further inputs times outputs squared up to which sums over rows are cheaper than over pairs of functions, which move more memory.
+_FEW = 100
+
 #: Share of the rows' energy that the elimination must leave for the difference of two Gram matrices to be told from rounding.
 _LEFT = 1e-6
 
@@ -133,9 +136,27 @@ class LineProducts:
             part = LineProducts(self.functions, self.values[:, :, i : i + 1], self.eliminated)
             yield part.transposed_times(np.eye(self.shape[0]))
 
+    @property
+    def _few(self) -> bool:
+        """Whether the rows themselves, input by input, are cheaper than all pairs of functions."""
+        _, outputs, inputs = self.values.shape
+        return bool((inputs - 1) * outputs**2 <= _FEW)
+
+    def _rows(self) -> Iterator[tuple[int, slice, RealArray]]:
+        """Yield an input, some of the lines and all rows there, transposed: real parts above imaginary ones, (2 F', l r)."""
+        _, outputs, inputs = self.values.shape
+        r = self.functions.shape[1]
+        for s in self._pieces(2 * r):
+            phi = self.functions[s][:, :, None]
+            for i in range(inputs):
+                rows = (phi * self.values[s, None, :, i]).reshape(-1, r * outputs)
+                yield i, s, np.concatenate([rows.real, rows.imag])
+
     def _whole_gram(self) -> RealArray:
         _, outputs, _ = self.values.shape
         r = self.functions.shape[1]
+        if self._few:
+            return np.asarray(sum(rows.T @ rows for _, _, rows in self._rows()))
         first, second = np.triu_indices(r)
         pairs = np.zeros((first.size, outputs**2))
         for s in self._pieces(max(outputs, first.size // outputs)):
@@ -153,6 +174,12 @@ class LineProducts:
         """What the eliminated columns see of the rows, (l r, e m)."""
         lines, outputs, inputs = self.values.shape
         e, r = self.eliminated.shape[1], self.functions.shape[1]
+        if self._few:
+            found = np.zeros((r * outputs, e, inputs))
+            for i, s, rows in self._rows():
+                both = np.concatenate([self.eliminated[:lines][s], self.eliminated[lines:][s]])
+                found[:, :, i] += rows.T @ both
+            return found.reshape(r * outputs, e * inputs)
         known = (self.eliminated[:lines] - 1j * self.eliminated[lines:])[:, :, None]
         seen = np.zeros((e * r, outputs * inputs))
         for s in self._pieces(max(e * r // outputs, 1)):

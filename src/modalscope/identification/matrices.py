@@ -24,12 +24,14 @@ from modalscope.blocks.turned import TurnedHankel
 from modalscope.identification.method import Built, Problem
 from modalscope.identification.options import DrivenOptions, HankelOptions, LineOptions, SpectraOptions
 from modalscope.identification.sizes import (
+    companion_windows,
     default_blocks,
     default_degree,
     default_driven,
     default_projection,
     default_record_degree,
     default_shifts,
+    default_windows,
 )
 from modalscope.model.checks import DataError
 from modalscope.model.frequency import FrequencyResponse
@@ -78,11 +80,15 @@ def fraction_factors(matrix: Fraction, order: int, route: str) -> Factors:
 
 
 # ------------------------------------------------------------------------------------------------------------ samples
+#: Block rows and columns of a response for a largest order, where either is not given.
+_Sizes = Callable[[ImpulseResponse, int, int | None, int | None], tuple[int, int]]
+
+
 def plain_hankel(problem: Problem, order: int) -> Built:
     """Return the Hankel matrix of samples, observable unless asked otherwise."""
     options: HankelOptions = problem.options
     turned = options.form == "controllable" or (options.form == "smaller" and _fewer_inputs(problem, options))
-    rows, columns = default_blocks(_samples(problem), order, *options.spans)
+    rows, columns = default_windows(_samples(problem), order, *options.spans)
     return _hankel(problem, turned, rows, columns, order)
 
 
@@ -90,7 +96,7 @@ def canonical_hankel(problem: Problem, order: int) -> Built:
     """Return the Hankel matrix whose companion form has fewer states, unless asked otherwise; its side is the short one."""
     options: HankelOptions = problem.options
     turned = options.form == "controllable" or (options.form != "observable" and _fewer_inputs(problem, options))
-    rows, columns = _canonical_sizes(_samples(problem), order, turned, *options.spans)
+    rows, columns = _canonical_sizes(companion_windows, _samples(problem), order, turned, *options.spans)
     return _hankel(problem, turned, rows, columns, order)
 
 
@@ -105,16 +111,16 @@ def complete_hankel(problem: Problem, order: int) -> Built:
         columns = columns or -(-order // inputs)
     else:
         rows = rows or -(-order // outputs)
-    return _hankel(problem, turned, *_canonical_sizes(response, order, turned, rows, columns), order)
+    return _hankel(problem, turned, *_canonical_sizes(default_blocks, response, order, turned, rows, columns), order)
 
 
 def _canonical_sizes(
-    response: ImpulseResponse, order: int, turned: bool, rows: int | None, columns: int | None
+    sizes: _Sizes, response: ImpulseResponse, order: int, turned: bool, rows: int | None, columns: int | None
 ) -> tuple[int, int]:
     """Return block rows and columns of a companion form: the side of its states is the one that the order counts."""
     if not turned:
-        return default_blocks(response, order, rows, columns)
-    first, second = default_blocks(_transposed(response), order, columns, rows)
+        return sizes(response, order, rows, columns)
+    first, second = sizes(_transposed(response), order, columns, rows)
     return second, first
 
 
@@ -255,13 +261,14 @@ def transfer_of_response(problem: Problem, order: int) -> Built:
 
 def _of_window(problem: Problem, order: int) -> Built:
     options: LineOptions = problem.options
+    shifts = options.block_rows or default_shifts(problem.response, order, truncates=problem.method.orders.truncates)
     _refuse(
         "shifted transfer functions of samples have no initial terms to eliminate", options, "initial_values", "basis"
     )
     _refuse("samples are transformed to lines of their own, which it could not name", options, "weights")
     matrix = shifted(
         problem.response,
-        block_rows=options.block_rows or default_shifts(problem.response, order),
+        block_rows=shifts,
         block_columns=options.block_columns,
         band=options.band,
         row_shifts=options.row_shifts,
@@ -287,10 +294,11 @@ def transfer_of_lines(problem: Problem, order: int) -> Built:
     _refuse("the columns of a frequency-domain matrix are lines", options, "block_columns")
     few = _fewer_outputs(response, order, options, options.initial_values)
     taken: Any = response if few is None else few.response
+    degree = options.block_rows or default_degree(response, order, truncates=problem.method.orders.truncates)
     matrix: DataMatrix = transfer(
         taken,
         domain=problem.method.domain,
-        block_rows=options.block_rows or default_degree(response, order),
+        block_rows=degree,
         order=order,
         weights=line_weights(response, options.weights),
         equal_outputs=few is None,

@@ -14,7 +14,7 @@ from modalscope.identification.method import Problem
 from modalscope.identification.options import HankelOptions, LineOptions
 from modalscope.identification.orders import checked_orders
 from modalscope.identification.prepare import prepare
-from modalscope.identification.sizes import default_blocks, default_degree
+from modalscope.identification.sizes import default_degree, default_windows
 from modalscope.model.memory import allowed_memory, in_words
 from modalscope.model.response import Response
 
@@ -166,7 +166,7 @@ def _sizes(response: Any, largest: int, options: Any) -> dict[str, int] | None:
         )
     if not isinstance(options, HankelOptions):
         return None
-    rows, columns = default_blocks(response, largest, *options.spans)
+    rows, columns = default_windows(response, largest, *options.spans)
     return {"block_rows": rows, "block_columns": columns}
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from modalscope.blocks.combinations import enough
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.record_spectra import RecordSpectra
@@ -13,14 +14,34 @@ from modalscope.model.signals import Signals
 
 __all__ = [
     "SETUP_ROWS",
+    "companion_windows",
     "default_blocks",
     "default_degree",
     "default_driven",
     "default_projection",
     "default_record_degree",
     "default_shifts",
+    "default_windows",
     "setup_blocks",
 ]
+
+#: Parts of the samples that block rows span: a sixth, see `default_windows`.
+_PARTS = 6
+
+#: Rows in all, and columns in all, of a Hankel matrix of samples: what directions cost grows with both.
+_ROWS, _COLUMNS = 4000, 100_000
+
+#: Rows in all of shifted transfer functions, whose triangular factor is whole.
+_WINDOW_ROWS = 600
+
+#: Degree on lines, with so many rows in all.
+_USUAL_DEGREE, _LINE_ROWS = 48, 600
+
+#: Rows in all to which few outputs, inputs and lines get a higher degree, as far as 2 F m rows^2 products stay below a quarter of a second.
+_LONG_ROWS, _LINE_PRODUCTS = 900, 4e9
+
+#: States of a companion form, whose eigenvalues cost their cube.
+_COMPANION = 240
 
 #: Rows of the past over times: what the past predicts by chance lowers damping (by 3 % at this share, by 12 % at 8 %).
 _PAST_SHARE = 0.02
@@ -48,14 +69,53 @@ _PERIODS, _FEWEST_LAGS = 6.0, 40
 _DRIVEN_PAST, _DRIVEN_FUTURE = 120, 800
 
 
+def default_windows(
+    response: ImpulseResponse, order: int, block_rows: int | None, block_columns: int | None, most: int = _ROWS
+) -> tuple[int, int]:
+    """Return block sizes of a truncation: a sixth of the samples as rows, all the rest as columns.
+
+    With r block rows and s columns, r <= s, the pole of a mode that does not fade is the difference of two means over s samples that lie
+    r apart: its variance is N^3 / (6 r s^2) times the least that N samples allow. That is 1.125 at a third, 1.44 at a sixth (deviations
+    1.2 times the least) and 5.4 at a thirtieth of the samples; samples that are not read cost the power of three. Where a mode fades the
+    vectors on both sides fade with it, so that rows and columns beyond its life add no noise of first order, and the bound itself is
+    reached. Never fewer rows than three times as many as states; no more than 4000 in all, nor 100 000 columns.
+    Correlations have errors that do not fade; see `default_blocks`.
+
+    Parameters
+    ----------
+    response : ImpulseResponse
+    order : int
+    block_rows, block_columns : int, optional
+        As given.
+    most : int
+        Rows in all.
+    """
+    if response.ambient:
+        return default_blocks(response, order, block_rows, block_columns)
+    samples, channels, inputs = response.values.shape
+    outputs = enough(channels, order) or channels
+    least = min(max(-(-3 * order // outputs), 10), max(samples // 2, 1))
+    room = samples if block_columns is None else max(samples - block_columns, 1)
+    rows = block_rows or min(max(min(samples // _PARTS, most // outputs), least), room)
+    columns = block_columns or max(min(samples - rows, max(_COLUMNS // inputs, rows)), 1)
+    return rows, columns
+
+
+def companion_windows(
+    response: ImpulseResponse, order: int, block_rows: int | None, block_columns: int | None
+) -> tuple[int, int]:
+    """Return those of a truncation whose block rows are all states, 240 of them at most, or three times the order."""
+    return default_windows(response, order, block_rows, block_columns, _COMPANION)
+
+
 def default_blocks(
     response: ImpulseResponse, order: int, block_rows: int | None, block_columns: int | None
 ) -> tuple[int, int]:
-    """Return block sizes: three times as many rows as states, and the rest of the samples, up to twenty times, as columns.
+    """Return block sizes of correlations, and of regressions without truncation, into which noise comes in squares.
 
-    More rows than that mostly add noise; more columns average it. Both are at least ten blocks where the samples allow it.
-    Correlations get four times as many columns as rows and at least eighty: their errors do not fade with the lag as
-    the modes do, so that long ones harm.
+    Three times as many rows as states, and the rest of the samples, up to twenty times, as columns. Both are at least ten blocks where
+    the samples allow it. Correlations get four times as many columns as rows and at least eighty: their errors do not fade with the lag
+    as the modes do, so that long ones harm.
     """
     samples, outputs, inputs = response.values.shape
     room = samples if block_columns is None else max(samples - block_columns, 1)
@@ -101,19 +161,27 @@ def default_projection(
     return block_rows or alike, block_columns or alike
 
 
-def default_shifts(response: Response, order: int) -> int:
-    """Return three times as many rows as states, at least ten blocks, at most a third of the samples."""
-    wanted = max(-(-3 * order // response.values.shape[1]), 10)
-    return int(max(min(wanted, response.as_samples().response.samples // 3), 1))
+def default_shifts(response: Response, order: int, *, truncates: bool = True) -> int:
+    """Return a sixth of the samples (see `default_windows`), 600 rows in all at most, 240 where all rows are states.
+
+    But three times as many rows as states and ten blocks at least, and never more than a third of the samples.
+    """
+    outputs, samples = response.values.shape[1], response.as_samples().response.samples
+    most = _WINDOW_ROWS if truncates else _COMPANION
+    wanted = max(-(-3 * order // outputs), 10, min(samples // _PARTS, most // outputs))
+    return int(max(min(wanted, samples // 3), 1))
 
 
-def default_degree(response: FrequencyResponse, order: int) -> int:
-    """Return the degree q: up to 48, fewer with many outputs (600 rows in all) or few lines, at least 8 and what the order needs.
+def default_degree(response: FrequencyResponse, order: int, *, truncates: bool = True) -> int:
+    """Return the degree q: 48, or more, up to a sixth of the lines, as far as that costs little: few outputs, inputs and lines.
 
-    A high degree steadies the damping of modes near the edge of the band; the triangular factor has outputs x (q + 1) rows.
+    Rows to degree q tell modes as q block rows of 2 F samples do, see `default_windows`. Fewer with many outputs (600 rows in all) or few
+    lines; at least 8 and what the order needs. Where all rows are states no more than 240 of them, beyond a degree of 48.
     """
     lines, outputs, inputs = response.values.shape
-    wanted = max(min(48, lines // 4, 600 // outputs), 8, -(-order // outputs) + 1)
+    most = min(_LONG_ROWS, int(np.sqrt(_LINE_PRODUCTS / (2 * lines * inputs)))) if truncates else _COMPANION
+    long = max(_USUAL_DEGREE, min(lines // _PARTS, most // outputs))
+    wanted = max(min(long, lines // 4, _LINE_ROWS // outputs), 8, -(-order // outputs) + 1)
     carried = (2 * lines * inputs - order) // inputs - 1
     return int(max(min(wanted, carried), 1))
 
