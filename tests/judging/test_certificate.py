@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from modalscope.judging import certificate
 from modalscope.judging.certificate import Calibration, calibration
+from modalscope.judging.replicates import replicates_of
 from modalscope.systems import chain5
 from modalscope.uncertainty.drawn import coloured
 from tests.support import refused
@@ -141,6 +143,28 @@ def test_an_ambient_record_is_certified_through_its_correlations():
     assert np.all((found.frequency["ratio"][strong] > 0.5) & (found.frequency["ratio"][strong] < 2))
 
 
+def test_a_reported_deviation_that_is_wrong_by_two_does_not_hold() -> None:
+    # replicates' own deviations are right: it is the reported ones that are judged where they are unlike these
+    result = ms.analyze(chain5().impulse_response(300, noise=0.01, seed=0), orders=range(2, 17, 2))
+    modes, made, rng = result.modes, replicates_of(result.diagram, result.modes), np.random.default_rng(0)
+    found = np.stack([made.one(rng) for _ in range(20)])
+    assert modes.frequencies_std is not None
+    assert modes.damping_ratios_std is not None
+    for by in (1.0, 0.5, 2.0):
+        std = by * modes.frequencies_std, by * modes.damping_ratios_std
+        told = calibration(replace(modes, frequencies_std=std[0], damping_ratios_std=std[1]), found)
+        # 20 replicates know a ratio to 16 %: three times that
+        np.testing.assert_allclose(told.ratio, 1 / by, rtol=0.5)
+        assert by == 1 or not told.holds.any()
+
+
+def test_few_replicates_say_how_little_they_tell() -> None:
+    # 1.96 / sqrt(5), 1 + 1.96 / sqrt(8)
+    (note,) = certificate.told_of_few(5)
+    assert "biased by 0.9 deviations, or 1.7 times too narrow" in str(note)
+    assert not certificate.told_of_few(20)
+
+
 def test_what_cannot_be_certified_is_refused():
     past = chain5().simulate(inputs="ambient", samples=3000, sampling_rate=20, noise=0.01)
     refused(
@@ -148,5 +172,19 @@ def test_what_cannot_be_certified_is_refused():
     )
     record = chain5().simulate(inputs="ambient", samples=5000)
     result = ms.analyze(ms.estimate_correlation(record, lags=80), orders=range(2, 17, 2))
-    refused("noise like that of the data", ms.certify, result, replicates=2)
+    refused(
+        "(?s)nothing is known of the noise: the errors of a correlation.*Give the record",
+        ms.certify,
+        result,
+        replicates=2,
+    )
     refused("certify: expected Result", ms.certify, 3)
+    refused("analyse the data: ms.analyze", ms.certify, record)
+    spectra = ms.stabilize(past, method="lscf", orders=range(2, 17, 2))
+    halves = replace(result, diagrams=(spectra,), modes=ms.select(spectra), data=past)
+    refused("(?s)half spectra.*domain='time'", ms.certify, halves, replicates=2)
+
+
+def test_modes_without_their_data_are_refused(tmp_path):
+    ms.write(tmp_path / "modes.json", TRUTH)
+    refused("does not say how it was found", ms.certify, tmp_path / "modes.json")

@@ -66,8 +66,11 @@ def strongest_peaks(
     """
     grid = grid_of(response)
     A = amplitudes(response, left, rows, grid)
-    gain = np.linalg.norm(A, ord=2, axis=(1, 2)) ** 2
-    gain[np.any(np.abs(grid[:, None] - known) < -0.5 * known.real, axis=1)] = 0
+    new = ~np.any(np.abs(grid[:, None] - known) < -0.5 * known.real, axis=1)
+    # no singular value exceeds the norm, which costs nothing
+    may = np.flatnonzero(new & (np.sum(np.abs(A) ** 2, axis=(1, 2)) >= least))
+    gain = np.zeros(grid.size)
+    gain[may] = np.linalg.norm(A[may], ord=2, axis=(1, 2)) ** 2
     found: list[Peak] = []
     for best in apart(grid, gain, least, most):
         U, _, Vh = np.linalg.svd(A[best])

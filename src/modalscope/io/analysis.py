@@ -53,7 +53,9 @@ def read_analysis(path: Path) -> Analysis:
     found = document.get("analysis") if isinstance(document, Mapping) else None
     if not isinstance(found, Mapping):
         raise DataError(
-            f"the analysis in {path.name} was asked", 'it has no "analysis"', "Name an .analysis.json, or a result."
+            f"the analysis in {path.name} was asked",
+            'it has no "analysis": what it holds does not say how it was found',
+            "Name the data, an .analysis.json, or a result that `modalscope identify` wrote.",
         )
     return analysis_from(found)
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.special import stdtrit
 
 from modalscope.judging.replicates import Replicates
 from modalscope.model.checks import Array, BoolArray, IntArray, RealArray
@@ -18,13 +19,19 @@ from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
 from modalscope.model.shown import Shown, counted, summary_of
 
-__all__ = ["Calibration", "Certificate", "calibration", "certified"]
+__all__ = ["Calibration", "Certificate", "calibration", "certified", "told_of_few"]
 
 #: Limits of an interval that holds: |bias| in deviations, deviation found over predicted, coverage of the 95 % interval.
 LARGEST_BIAS, RATIOS, LEAST_COVERAGE = 0.5, (0.8, 1.25), 0.88
 
 #: Replicates more, in multiples of the first, for what fails: a perfect interval of 40 replicates fails a figure by chance in 5 %.
 MORE = 4
+
+#: A reported deviation that replicates' own leave beyond this part of what may come, to either side, is unlike them.
+_UNLIKE = 0.9985
+
+#: Below so many replicates it is said how little they tell.
+_FEW = 20
 
 #: Normal quantile of the 95 % interval, and its level.
 _Z, _LEVEL = 1.959964, 0.95
@@ -52,14 +59,20 @@ def _holding(told: Mapping[str, RealArray], count: Array) -> BoolArray:
     sqrt(.95 x .05 / K). Below some forty that is more than the limits leave: they are widened to the 95 % of it.
     """
     K = np.maximum(count, 2)
-    bias = np.maximum(LARGEST_BIAS, _Z / np.sqrt(K))
-    scatter = _Z / np.sqrt(2 * (K - 1))
+    bias, scatter = _by_chance(K)
     covered = np.minimum(LEAST_COVERAGE, _LEVEL - _Z * np.sqrt(_LEVEL * (1 - _LEVEL) / K))
     with np.errstate(invalid="ignore"):
         right = (told["ratio"] >= np.minimum(RATIOS[0], 1 - scatter)) & (
             told["ratio"] <= np.maximum(RATIOS[1], 1 + scatter)
         )
-        return np.asarray((np.abs(told["bias"]) < bias) & right & (told["coverage"] >= covered))
+        return np.asarray(
+            (np.abs(told["bias"]) < np.maximum(LARGEST_BIAS, bias)) & right & (told["coverage"] >= covered)
+        )
+
+
+def _by_chance(K: Array) -> tuple[RealArray, RealArray]:
+    """Return the bias, in deviations, and the error of the ratio that K replicates of a perfect interval stay within, in 95 %."""
+    return np.asarray(_Z / np.sqrt(K)), np.asarray(_Z / np.sqrt(2 * (K - 1)))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
@@ -82,7 +95,7 @@ class Certificate(Shown):
     order : int
         The order that was replayed.
     notes : tuple of Note
-        What does not hold, and why.
+        What does not hold, and why; how little few replicates tell.
     """
 
     modes: ModalModel
@@ -137,9 +150,9 @@ class Certificate(Shown):
 
 
 def calibration(truth: ModalModel, found: RealArray) -> Calibration:
-    """Return what replicates (K, 4, n) say of the deviations."""
+    """Return what replicates (K, 4, n) say of their own deviations, and of those reported where these are unlike them."""
     true = np.stack([truth.frequencies, truth.damping_ratios])
-    values, std = found[:, :2], found[:, 2:]
+    values, std = found[:, :2], _judged(truth, found[:, 2:])
     error = values - true
     with np.errstate(invalid="ignore", divide="ignore"):
         there = np.sum(np.isfinite(values), axis=0)
@@ -149,6 +162,24 @@ def calibration(truth: ModalModel, found: RealArray) -> Calibration:
         inside = np.sum(np.abs(error) <= _Z * std, axis=0) / np.sum(np.isfinite(std), axis=0)
         size = np.sqrt(np.nansum(error**2, axis=0) / there)
     return Calibration((mean / typical).T, (spread / typical).T, inside.T, size.T, there.T.astype(float))
+
+
+def _judged(truth: ModalModel, own: RealArray) -> RealArray:
+    """Return the deviations that are judged, (K, 2, n): the replicates' own, or the reported one where it is not of their kind.
+
+    The logarithms of the replicates' own scatter as they may; a reported deviation further off than one more of them would lie (Student's
+    quantile), and by more than an interval that holds may be wrong, is not what this case gives.
+    """
+    told = (truth.frequencies_std, truth.damping_ratios_std)
+    stated = np.stack([np.full(len(truth), np.nan) if std is None else std for std in told])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        log = np.where(own > 0, np.log(own), np.nan)
+        count = np.sum(np.isfinite(log), axis=0)
+        away = np.abs(np.log(stated) - np.log(_median(own)))
+        mean = np.nansum(log, axis=0) / count
+        scatter = np.sqrt(np.nansum((log - mean) ** 2, axis=0) / (count - 1) * (1 + 1 / count))
+        unlike = away > np.maximum(np.log(RATIOS[1]), stdtrit(count - 1.0, _UNLIKE) * scatter)
+    return np.where(unlike & (count > 1), np.broadcast_to(stated, own.shape), own)
 
 
 def _median(values: RealArray) -> RealArray:
@@ -195,8 +226,25 @@ def certified(
         found=seen,
         replicates=judged,
         order=made.order,
-        notes=notes,
+        notes=(*notes, *told_of_few(count)),
     )
+
+
+def told_of_few(count: int) -> list[Note]:
+    """Return how wrong an interval may be that so few replicates pass; nothing of as many as tell.
+
+    Parameters
+    ----------
+    count : int
+    """
+    if count >= _FEW:
+        return []
+    bias, scatter = (float(v) for v in _by_chance(np.array(count)))
+    text = (
+        f"{count} replicates tell little: an interval may pass that is biased by {bias:.1f} deviations, or {1 + scatter:.1f} times "
+        f"too narrow (40 replicates: {LARGEST_BIAS:g}, {RATIOS[1]:g})"
+    )
+    return [Note("few replicates", {"replicates": float(count)}, text)]
 
 
 def _one(made: Replicates, rng: np.random.Generator, done: int, count: int, progress: Any) -> RealArray:

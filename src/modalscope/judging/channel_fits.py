@@ -7,6 +7,7 @@ a = (X' D^-2 X)^-1 X' D^-2 y have the covariance B = M^-1 X' D^-1 T D^-1 X M^-1 
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg.lapack import dpotrf, dtrtri
 
 from modalscope.judging.coloured_errors import ColouredErrors
 from modalscope.model.checks import Array, RealArray
@@ -15,6 +16,9 @@ __all__ = ["ChannelFits"]
 
 #: Numbers in the matrices M of channels that are held, and in columns of channels that are made at a time.
 _HELD, _TOGETHER = 1 << 23, 1 << 21
+
+#: Columns of length one that stand so far out of the span of those before them have an inverse by Cholesky's factor.
+_WELL_APART = 1e-5
 
 
 class ChannelFits:
@@ -70,7 +74,7 @@ class ChannelFits:
         return a, B
 
     def _inverse(self, channel: int, without: Array | None, beside: RealArray | None) -> RealArray:
-        """Return M^-1 of a channel."""
+        """Return M^-1 of a channel; with more columns from the one without, by Schur's complement."""
         M, known = self._normal(channel)
         if without is not None:
             left_out = self._weighted(self._columns, channel, np.append(without, without + len(self._columns) // 2))
@@ -79,7 +83,10 @@ class ChannelFits:
             return known
         E = self._weights[:, [channel]] * beside
         across = self._columns.T @ E
-        return _inverse(np.block([[M, across], [across.T, beside.T @ E]]))
+        explained = known @ across
+        own = _inverse(beside.T @ E - across.T @ explained)
+        told = explained @ own
+        return np.block([[known + told @ explained.T, -told], [-told.T, own]])
 
     def _normal(self, channel: int) -> tuple[RealArray, RealArray]:
         """Return M and M^-1 of a channel, held while they are few numbers."""
@@ -97,7 +104,12 @@ class ChannelFits:
 
 
 def _inverse(M: RealArray) -> RealArray:
-    """Return the inverse, columns brought to one level first."""
+    """Return the inverse, columns brought to one level first; where they lie near each other's span, of what stands out of rounding."""
     size = np.sqrt(np.maximum(np.diag(M), 1e-300))
     scale = np.outer(size, size)
-    return np.asarray(np.linalg.pinv(M / scale, hermitian=True) / scale)
+    even = M / scale
+    L, failed = dpotrf(even, lower=True)
+    if not failed and np.diag(L).min() > _WELL_APART:
+        root = dtrtri(L, lower=True)[0]
+        return np.asarray(root.T @ root / scale)
+    return np.asarray(np.linalg.pinv(even, hermitian=True) / scale)

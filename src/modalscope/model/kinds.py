@@ -49,6 +49,11 @@ _MADE: dict[tuple[str, str], str] = {
     ("StabilizationDiagram", "Identification"): "that is one order; ms.stabilize(data) tries all",
     ("StateSpace", "Identification"): "give its model: result.state_space",
     ("StateSpace", "Structure"): "compute it: structure.state_space()",
+    ("Result", "Comparison"): "ask for it there: ms.compare(data, replicates=40)",
+    **{
+        ("Result", kind): "analyse the data: ms.analyze(data)"
+        for kind in (*_MEASURED, "ModalModel", "StabilizationDiagram")
+    },
     **{("ModalModel", kind): "identify them first: ms.select(ms.stabilize(data))" for kind in _MEASURED},
     **{("StabilizationDiagram", kind): "make it first: ms.stabilize(data)" for kind in _MEASURED},
     **{("StateSpace", kind): "identify it first: ms.realize(data, order=...)" for kind in _MEASURED},

@@ -9,25 +9,46 @@ from modalscope.model.poles import powers_of, to_discrete
 
 __all__ = ["line_functions", "sample_functions"]
 
+#: Real and imaginary part.
+_Parts = tuple[RealArray, RealArray]
+
 
 def line_functions(frequencies: RealArray, rate: float | None, poles: Array, *, slopes: bool = False) -> RealArray:
     """Return the functions 1 / (x - pole) and conjugates on lines, (2 F, 2 n); with `slopes` their d/ds behind them, e1, e2 of every pole.
 
-    The transposed matrix is made row by row: each function lies in one piece.
+    The transposed matrix is made row by row: each function lies in one piece. Real and imaginary parts apart take a third of the time that
+    complex numbers do.
     """
     x, p, chain = _points(frequencies, rate, poles)
-    own, pair = 1 / (x - p[:, None]), 1 / (x - p.conj()[:, None])
-    pairs = [(own, np.where((p.imag == 0)[:, None], 0, pair))]
+    own, pair = _inverse(x, p), _inverse(x, p.conj())
+    pairs = [(own, tuple(np.where((p.imag == 0)[:, None], 0, part) for part in pair) if np.any(p.imag == 0) else pair)]
     if slopes:
-        pairs.append((chain[:, None] * own**2, chain.conj()[:, None] * pair**2))
+        pairs.append((_squared(own, chain), _squared(pair, chain.conj())))
     found = np.empty((len(pairs), p.size, 2, 2, x.size))
-    for to, (g, h) in zip(found, pairs, strict=True):
-        np.add(g.real, h.real, out=to[:, 0, 0])
-        np.add(g.imag, h.imag, out=to[:, 0, 1])
-        np.subtract(h.imag, g.imag, out=to[:, 1, 0])
-        np.subtract(g.real, h.real, out=to[:, 1, 1])
+    for to, ((g, g_imag), (h, h_imag)) in zip(found, pairs, strict=True):
+        np.add(g, h, out=to[:, 0, 0])
+        np.add(g_imag, h_imag, out=to[:, 0, 1])
+        np.subtract(h_imag, g_imag, out=to[:, 1, 0])
+        np.subtract(g, h, out=to[:, 1, 1])
     found[0, p.imag == 0, 1] = 0
     return found.reshape(-1, 2 * x.size).T
+
+
+def _inverse(x: ComplexArray, p: ComplexArray) -> _Parts:
+    """Return 1 / (x - p) by its parts, (n, F) each."""
+    u, v = x.real - p.real[:, None], x.imag - p.imag[:, None]
+    size = u * u + v * v
+    return u / size, -v / size
+
+
+def _squared(values: _Parts, factors: ComplexArray) -> _Parts:
+    """Return the squares times a factor a row (n,) by their parts."""
+    real, imag = values
+    squares, products = real * real - imag * imag, 2 * real * imag
+    if not np.any(factors.imag):
+        return factors.real[:, None] * squares, factors.real[:, None] * products
+    a, b = factors.real[:, None], factors.imag[:, None]
+    return a * squares - b * products, a * products + b * squares
 
 
 def _points(

@@ -52,9 +52,8 @@ def certificate_section(found: Certificate) -> Section:
     )
     caption = "Bias and scatter in predicted deviations; coverage of the 95 % interval; in how many simulations the mode was found"
     told = "".join(paragraph(str(note)) for note in found.notes)
-    told += (
-        paragraph("What does not hold has the deviation that the simulations show in its place.") if found.notes else ""
-    )
+    if good < count:
+        told += paragraph("What does not hold has the deviation that the simulations show in its place.")
     body = f'{paragraph(lead)}<div class="pair">{pictures}</div>{table(*_of_certificate(found), words=[9], caption=caption)}{told}'
     return Section("certificate", "Do the intervals hold", body)
 

@@ -210,9 +210,10 @@ class Parts(Noise):
 
 @dataclass(frozen=True, eq=False)
 class Unknown(Noise):
-    """Noise of which nothing is known: every deviation is withheld."""
+    """Noise of which nothing is known: every deviation is withheld, and `cure` says what would give some."""
 
     why: str
+    cure: str = "Give other data, or another method."
     numbers: dict[str, float] = field(default_factory=dict)
 
     @property
@@ -227,11 +228,7 @@ class Unknown(Noise):
 
     def drawn(self, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
         """Raise: nothing is known of it."""
-        raise DataError(
-            "noise like that of the data was asked",
-            f"nothing is known of it: {self.why}",
-            "Give the records themselves.",
-        )
+        raise DataError("a certificate was asked", f"nothing is known of the noise: {self.why}", self.cure)
 
 
 def noise_of(response: Response, records: Signals | StoredSignals | None = None) -> Noise:
@@ -250,7 +247,8 @@ def noise_of(response: Response, records: Signals | StoredSignals | None = None)
         return _of_parts(response, records)
     if response.of_correlations:
         return Unknown(
-            "the errors of half spectra are correlated from line to line and with each other, as those of correlations are"
+            "the errors of half spectra are correlated from line to line and with each other, as those of correlations are",
+            "Take a method of samples on the record, such as method='alternate', domain='time'.",
         )
     is_complex, fading = bool(np.iscomplexobj(response.values)), _fading_of(response)
     leaks = any(LEAKING in step for step in response.processing)
@@ -290,14 +288,17 @@ def _resolution(response: Response) -> float:
 def _of_parts(response: Response, records: Signals | StoredSignals | None) -> Noise:
     """Return D_k = (R_k - R) pairs_k / sum pairs sqrt(K / (K - 1)) over the lags of the correlation."""
     if records is None:
-        return Unknown("the errors of a correlation are themselves correlated, and its records are not there")
+        why = "the errors of a correlation are themselves correlated, and its records are not there"
+        return Unknown(why, "Give the record that it was made from.")
     lags = response.count
     size = BLOCKS * response.values[0].size * (lags + 1)
     if size > _LARGEST:
-        return Unknown(f"{BLOCKS} parts of the record would take {size} numbers", {"numbers": float(size)})
+        why = f"{BLOCKS} parts of the record would take {size} numbers"
+        return Unknown(why, "Take fewer channels or references.", {"numbers": float(size)})
     most = records.runs * (records.samples // (lags + 2))
     if most < _FEWEST:
-        return Unknown(f"the record has {most} parts as long as the {lags} lags used, and {_FEWEST} are needed")
+        why = f"the record has {most} parts as long as the {lags} lags used, and {_FEWEST} are needed"
+        return Unknown(why, "Give a longer record.")
     blocks = correlation_blocks(records, references=response.input_dofs, lags=lags, blocks=min(BLOCKS, most))
     count = len(blocks.sums)
     weights = (blocks.pairs / blocks.pairs.sum(axis=0))[:, 1:, None, None]
