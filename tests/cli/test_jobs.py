@@ -65,7 +65,9 @@ def test_json_alone_is_on_stdout_where_that_is_asked(test_file: Path, capsys: py
     assert "zeta" in err
 
 
-@pytest.mark.parametrize("words", [["-q"], ["--verbose"], ["--config", "x.toml"], ["--config=x.toml", "-q"]])
+@pytest.mark.parametrize(
+    "words", [["-q"], ["-vq"], ["-qq"], ["--verbose"], ["--config", "x.toml"], ["--config=x.toml", "-q"]]
+)
 def test_what_every_command_takes_may_stand_before_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: list[str]
 ) -> None:

@@ -348,6 +348,15 @@ def _(file: h5py.File) -> None:
     cell.attrs["MATLAB_class"] = np.bytes_("cell")
 
 
+@hdf5("cells of the same cell, eleven deep (7.3)", ".mat")
+def _(file: h5py.File) -> None:
+    inner = file.create_dataset("#refs#/0", data=np.arange(3.0))
+    for k in range(1, 12):
+        name = "y" if k == 11 else f"#refs#/{k}"
+        inner = file.create_dataset(name, data=np.array([inner.ref] * 8, h5py.ref_dtype))
+        inner.attrs["MATLAB_class"] = np.bytes_("cell")
+
+
 @hdf5("a text of a hundred megabytes (7.3)", ".mat")
 def _(file: h5py.File) -> None:
     item = file.create_dataset("quantity", (50 * MB,), "u2", chunks=(MB,))

@@ -5,6 +5,7 @@ import pytest
 
 import modalscope.io as mio
 from tests.io import samples
+from tests.io.bombs import BOMBS
 from tests.support import refused
 
 h5py = pytest.importorskip("h5py")
@@ -67,3 +68,33 @@ def test_characters_outside_of_two_bytes_come_back(tmp_path):
 
     matlab_7_3(tmp_path / "a.mat", fill)
     assert mio.read(tmp_path / "a.mat").output_dofs == ("m\N{GREEK SMALL LETTER MU}\U0001d4cd",)
+
+
+def test_texts_that_are_no_references_lead_to_no_other_array(tmp_path):
+    """A text is a path in h5py's eyes."""
+
+    def fill(file):
+        file["fs"], file["y"] = [[50.0]], np.random.default_rng(0).standard_normal((3, 40))
+        file.create_dataset("s", data=np.array(["y"], object), dtype=h5py.string_dtype())
+
+    matlab_7_3(tmp_path / "a.mat", fill)
+    refused(r"(?s)s in .*holds what MATLAB does not write.*--ignore 's'", mio.read, tmp_path / "a.mat")
+    assert mio.read(tmp_path / "a.mat", ignore="s").outputs.shape == (40, 3)
+
+
+def test_references_without_a_class_are_a_list_under_their_name(tmp_path):
+    def fill(file):
+        file["fs"] = [[50.0]]
+        parts = [file.create_dataset(f"#refs#/{k}", data=np.arange(40.0)[None] % (k + 3)) for k in range(2)]
+        file.create_dataset("y", data=np.array([part.ref for part in parts], h5py.ref_dtype))
+
+    matlab_7_3(tmp_path / "a.mat", fill)
+    assert mio.read(tmp_path / "a.mat").outputs.shape == (40, 2)
+    assert mio.read(tmp_path / "a.mat", ignore="y{2}").outputs.shape == (40, 1)
+    refused("the arrays fs are unknown", mio.read, tmp_path / "a.mat", ignore="y")
+
+
+def test_a_cell_that_stands_in_others_again_and_again_is_refused_at_once(tmp_path):
+    path = tmp_path / "a.mat"
+    BOMBS["cells of the same cell, eleven deep (7.3).mat"](path)
+    refused("stands in several places", mio.read, path)

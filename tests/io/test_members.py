@@ -114,3 +114,42 @@ def test_names_with_brackets_are_lists_in_files_of_matlab_alone_and_counts_are_n
     whole = np.abs(HITS[:2] * 100).astype(np.uint16)
     savemat(tmp_path / "counts.mat", {"fs": RATE, "test": structures(a=list(whole[:, :, 0]), b=list(whole[:, :, 1]))})
     assert ms.read(tmp_path / "counts.mat").outputs.shape == (2, 50, 2)
+
+
+def test_names_and_units_of_channels_beside_runs_are_those_of_all(tmp_path: Path) -> None:
+    path = tmp_path / "runs.mat"
+    channels = structures(name=["Force", "A", "B"], unit=["N", "g", "g"])
+    for count in (2, 3):  # three runs of three channels are no names one a run
+        savemat(path, {"fs": RATE, "runs": cells(list(HITS[:count])), "channels": channels})
+        record = ms.read(path)
+        assert (record.runs, record.output_dofs, record.input_dofs) == (count, ("A", "B"), ("Force",))
+        assert record.units == (("g", "g"), ("N",))
+
+
+def test_what_is_measured_for_each_run_goes_with_it(tmp_path: Path) -> None:
+    path = tmp_path / "runs.mat"
+    forces = cells(list(HITS[:, :, 0]))
+    savemat(path, {"fs": cells([RATE] * 3), "force": forces, "acc": cells(list(HITS[:, :, 1:]))})
+    record = ms.read(path)
+    assert (record.runs, record.sampling_rate) == (3, RATE)
+    assert np.array_equal(record.inputs[:, :, 0], HITS[:, :, 0])
+    savemat(path, {"fs": RATE, "force": forces, "acc": cells(list(HITS[:2, :, 1:]))})
+    with pytest.raises(ms.DataError, match=r"(?s)force 1, 2, 3; acc 1, 2.*--ignore force"):
+        ms.read(path)
+
+
+def test_channels_of_other_times_or_rates_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "channels.mat"
+    vectors, times = cells([HITS[0, :, 0], HITS[0, :, 1]]), np.arange(50) / RATE
+    savemat(path, {"t": cells([times, times + 1.5]), "y": vectors})
+    with pytest.raises(ms.DataError, match=r"(?s)times differ: t begins with 0, 1\.5.*--ignore t --sampling-rate HZ"):
+        ms.read(path)
+    assert ms.read(path, ignore="t", sampling_rate=RATE).outputs.shape == (50, 2)
+    savemat(path, {"fs": cells([RATE, 2 * RATE]), "y": vectors})
+    with pytest.raises(ms.DataError, match=r"(?s)rates differ: fs is .*--ignore fs --sampling-rate HZ"):
+        ms.read(path)
+    assert ms.read(path, ignore="fs", sampling_rate=RATE).outputs.shape == (50, 2)
+    lines = [np.ones(50) * (1 + 1j), np.ones(50) * (2 + 1j)]
+    savemat(path, {"f": cells([np.arange(1.0, 51), np.arange(2.0, 52)]), "H": cells(lines)})
+    with pytest.raises(ms.DataError, match="frequencies differ: f begins with 1, 2, and ends with 50, 51"):
+        ms.read(path)

@@ -8,6 +8,7 @@ import pytest
 from modalscope.model import Signals
 from modalscope.preprocess import remove_harmonics
 from modalscope.preprocess.harmonics import find_lines
+from modalscope.preprocess.harmonics_removed import _Track
 from tests.judging.ambient_records import beside_a_machine
 from tests.support import refused, relative
 
@@ -40,6 +41,14 @@ def test_noise_in_step_with_a_wandering_line_is_put_back() -> None:
     before, after = (np.sum(np.abs(np.fft.rfft(y[:, 0])[near]) ** 2) for y in (noise, cleaned.outputs))
     # 120 lines, half of whose power is taken twice: a deviation of .09; .5 without
     assert after == pytest.approx(before, rel=0.2)
+
+
+def test_no_more_is_taken_off_than_an_envelope_of_zero_says_and_no_line_is_added() -> None:
+    """The logarithm of a weak line's envelope has no bounds; between them what is taken off is linear in the noise."""
+    noise = np.array([-9.0, -0.5, 0.0, 0.5, 9.0])
+    share = _Track(np.zeros(2), np.zeros(5), noise).share(np.arange(5) / 5)
+    put_back = (np.sqrt(2) - 1) / 2
+    assert share == pytest.approx([np.sqrt(2), 1 + put_back, 1, 1 - put_back, 0], abs=1e-15)
 
 
 def test_at_constant_speed_nothing_of_a_line_stays() -> None:

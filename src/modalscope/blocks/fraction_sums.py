@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy.linalg as sla
@@ -104,17 +104,25 @@ class LineSums:
 
     def _by_lines(self, variance: RealArray, own: RealArray, count: int) -> Weights:
         """Return the weights under noise that differs from line to line: moments of that noise, which all degrees share."""
-        if self._kept.get("variance") is not variance:
+        kept = self._kept[0] if self._kept else None
+        if kept is None or kept.variance is not variance:
             one, H, squared = self._lines
             total = np.einsum("foqp,foi->fqpi", squared, own)
-            self._kept["moments"] = self._moments(one[:, :, None] * own, H[..., None] * own[:, :, None, :], total)
-            self._kept["variance"] = variance
-        one, H, squared = (_at(found[:count]) for found in self._kept["moments"])
+            kept = _Kept(variance, self._moments(one[:, :, None] * own, H[..., None] * own[:, :, None, :], total))
+            self._kept[:] = [kept]
+        one, H, squared = (_at(found[:count]) for found in kept.moments)
         return Weights(one, H, squared)
 
     @cached_property
-    def _kept(self) -> dict[str, Any]:
-        return {}
+    def _kept(self) -> list[_Kept]:
+        return []
+
+
+class _Kept(NamedTuple):
+    """Noise that differs from line to line, and its moments, stored at once: threads find both or neither."""
+
+    variance: RealArray
+    moments: tuple[Array, ...]
 
 
 def _real(values: Array) -> RealArray:

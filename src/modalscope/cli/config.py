@@ -11,6 +11,7 @@ option several times. What stands on the command line counts more.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,8 +19,8 @@ from typing import Any
 __all__ = ["command_first", "configured"]
 
 _OPTION = "--config"
-#: What every command takes, without a value.
-_COMMON = ("-q", "--quiet", "-v", "--verbose")
+#: What every command takes, without a value; short ones may stand together.
+_COMMON, _TOGETHER = ("--quiet", "--verbose"), re.compile(r"-[qv]+\Z")
 
 
 def command_first(words: Sequence[str]) -> list[str]:
@@ -29,9 +30,13 @@ def command_first(words: Sequence[str]) -> list[str]:
     --------
     >>> command_first(["-q", "--config", "a.toml", "identify", "a.csv"])
     ['identify', '-q', '--config', 'a.toml', 'a.csv']
+    >>> command_first(["-vq", "identify", "a.csv"])
+    ['identify', '-vq', 'a.csv']
     """
     at = 0
-    while at < len(words) and (words[at] in _COMMON or words[at].split("=")[0] == _OPTION):
+    while at < len(words) and (
+        words[at] in _COMMON or _TOGETHER.match(words[at]) or words[at].split("=")[0] == _OPTION
+    ):
         at += 2 if words[at] == _OPTION else 1
     return [words[at], *words[:at], *words[at + 1 :]] if at < len(words) else []
 

@@ -83,9 +83,8 @@ def _terms(task: Task, poles: ComplexArray, shapes: ComplexArray, participation:
     powers = task.response.outside_powers
     beside = task.response.whole_basis(task.fixed, powers)
     columns, count = beside.columns / task.rows[:, None], beside.terms.shape[1]
-    beside = replace(
-        beside, data=beside.data[:0].copy()
-    )  # of long records it is as large as what is left: only its shape is asked
+    # of long records the data are as large as what is left: only their shape is asked
+    beside = replace(beside, data=beside.data[:0].copy())
     size = np.where((norm := np.linalg.norm(columns, axis=0)) > 0, norm, 1)
     left = task.response.left_of(poles, shapes, participation, powers)
     flat = left.reshape(len(left), -1)

@@ -20,33 +20,14 @@ from modalscope.io.contents import Options
 from modalscope.model import DataError
 from modalscope.model.checks import Array
 
-__all__ = ["Meant", "meaning_of"]
+__all__ = ["Meant", "axis_kind", "is_rate", "meaning_of"]
 
 _RATES = {
-    "fs",
-    "f_s",
-    "fsamp",
-    "fsampling",
-    "samplingrate",
-    "samplerate",
-    "sr",
-    "srate",
-    "rate",
-    "samplingfrequency",
-    "samplefrequency",
-}
+    "fs", "f_s", "fsamp", "fsampling", "samplingrate", "samplerate", "sr", "srate", "rate", "samplingfrequency", "samplefrequency",
+}  # fmt: skip
 _STEPS = {
-    "dt",
-    "ts",
-    "t_s",
-    "deltat",
-    "delta_t",
-    "timestep",
-    "samplingperiod",
-    "sampleperiod",
-    "sampleinterval",
-    "samplinginterval",
-}
+    "dt", "ts", "t_s", "deltat", "delta_t", "timestep", "samplingperiod", "sampleperiod", "sampleinterval", "samplinginterval",
+}  # fmt: skip
 _NAMES = {"names", "labels", "channels", "channelnames", "channel", "name", "label", "dofs", "sensors"}
 _UNITS = {"units", "unit"}
 _INPUTS = {"u", "force", "forces", "input", "inputs", "in", "hammer", "exc", "excitation", "shaker"}
@@ -108,6 +89,17 @@ def _leaf(name: str) -> str:
     return re.sub(r"[\s_-]", "", name.rpartition(".")[2]).lower()
 
 
+def is_rate(name: str) -> bool:
+    """Whether an array of this name holds a sampling rate, or the step between samples.
+
+    Examples
+    --------
+    >>> is_rate("test.Fs"), is_rate("dt"), is_rate("acc")
+    (True, True, False)
+    """
+    return _leaf(name) in _RATES | _STEPS
+
+
 def _sorted(where: str, arrays: Mapping[str, Array]) -> _Sorted:
     found = _Sorted(where)
     data, rest = {}, []
@@ -121,9 +113,7 @@ def _sorted(where: str, arrays: Mapping[str, Array]) -> _Sorted:
         elif array.dtype.kind in "US" and leaf in _NAMES | _UNITS:
             texts = tuple(str(text) for text in np.atleast_1d(array).ravel())
             found.names, found.units = (texts, found.units) if leaf in _NAMES else (found.names, texts)
-        elif (
-            numeric and found.axis is None and 1 < array.size == max(array.shape) and (kind := _axis_kind(name, array))
-        ):
+        elif numeric and found.axis is None and 1 < array.size == max(array.shape) and (kind := axis_kind(name, array)):
             found.axis = (name, kind, array.ravel())
         elif numeric and array.size > 1:
             data[name] = array
@@ -133,8 +123,14 @@ def _sorted(where: str, arrays: Mapping[str, Array]) -> _Sorted:
     return found
 
 
-def _axis_kind(name: str, array: Array) -> str:
-    """Return whether a vector is of times or frequencies, by its name and by rising."""
+def axis_kind(name: str, array: Array) -> str:
+    """Return whether a vector is of "time" or "frequency", by its name and by rising; nothing where it is of neither.
+
+    Parameters
+    ----------
+    name : str
+    array : array
+    """
     flat = array.ravel()
     if array.dtype.kind == "c" or not rises(flat):
         return ""

@@ -7,6 +7,7 @@ shape (1, n): both are put right for arrays whose number of axes the layout fixe
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -60,11 +61,9 @@ def read(path: Path, options: Options) -> Contents:
     space = room(path.name, path.stat().st_size)
     with path.open("rb") as file:
         new = file.read(len(_HDF5_SIGNATURE)) == _HDF5_SIGNATURE
-    if new:
-        arrays = _read_new(path, space)
-    else:
-        ignore = options.get("ignore") or ()
-        arrays = read_mat5(path.read_bytes(), space, [ignore] if isinstance(ignore, str) else list(ignore))
+    ignore = options.get("ignore") or ()
+    ignored = [ignore] if isinstance(ignore, str) else list(ignore)
+    arrays = _read_new(path, space, ignored) if new else read_mat5(path.read_bytes(), space, ignored)
     names = dict(options.get("rename") or {})
     shaped = {name: _as_layout(names.get(name, name), array, options) for name, array in arrays.items()}
     return contents_from_arrays(path.name, shaped, options, members=True)
@@ -79,19 +78,22 @@ def _as_layout(name: str, array: Array, options: Options) -> Array:
     return array[..., None] if name in _THREE_AXES and array.ndim == 2 else array
 
 
-def _read_new(path: Path, space: Room) -> dict[str, Array]:
+def _read_new(path: Path, space: Room, ignore: Collection[str]) -> dict[str, Array]:
     h5py = optional_package("reading a MATLAB 7.3 file", "h5py", "mat")
     check_hdf5(path, space)
     arrays: dict[str, Array] = {}
+    seen: set[int] = set()
 
     def take(name: str, item: Any, depth: int = 0) -> None:
         if depth > _DEEPEST:
             raise ValueError(f"arrays lie deeper than {_DEEPEST} in each other")
-        if isinstance(item, h5py.Group):
+        if name in ignore:
+            arrays[name] = np.array("not read")
+        elif isinstance(item, h5py.Group):
             for key, part in item.items():
                 if not key.startswith("#"):
                     take(f"{name}.{key}" if name else key, part, depth + 1)
-        elif (members := _members(name, item, space)) is not None:
+        elif (members := _members(name, item, space, seen)) is not None:
             for key, part in members:
                 take(key, part, depth + 1)
         else:
@@ -111,20 +113,30 @@ def _read_new(path: Path, space: Room) -> dict[str, Array]:
     return arrays
 
 
-def _members(name: str, item: Any, space: Room) -> list[tuple[str, Any]] | None:
+def _members(name: str, item: Any, space: Room, seen: set[int]) -> list[tuple[str, Any]] | None:
     """Return what a dataset refers to, by its places: members of a cell, or one field of an array of structures.
 
-    None of cells of text, and where it holds values itself.
+    None of cells of text, and where it holds values itself. Each is `seen` once: cells that stand in each other again and again are more
+    than the file holds.
     """
-    cell = _class_of(item) == "cell"
-    if item.attrs.get("MATLAB_empty", 0) or item.dtype.kind != "O":
+    import h5py
+
+    if item.attrs.get("MATLAB_empty", 0) or h5py.check_ref_dtype(item.dtype) is not h5py.Reference:
         return None
+    place = h5py.h5o.get_info(item.id).addr
+    if place in seen:
+        raise ValueError(f"{name} stands in several places")
+    seen.add(place)
     space.take(f"the members of {name}", MEMBER * item.size)  # the same part may be referred to again and again
     held = [item.file[reference] for reference in np.asarray(item[()]).ravel()]
+    of, _, field = name.rpartition(".")
+    cell = _class_of(item) == "cell"
     if cell and all(_holds_text(part) or part.attrs.get("MATLAB_empty", 0) for part in held):
         return None
-    of, _, field = name.rpartition(".")
-    named = [member_name(name, k) if cell else f"{member_name(of, k, '()')}.{field}" for k in range(1, len(held) + 1)]
+    named = [
+        member_name(name, k) if cell or not of else f"{member_name(of, k, '()')}.{field}"
+        for k in range(1, len(held) + 1)
+    ]
     return list(zip(named, held, strict=True))
 
 
@@ -143,10 +155,13 @@ def _of_dataset(name: str, item: Any, space: Room) -> Array:
     if values.dtype.names == ("real", "imag"):
         values = joined(values["real"], values["imag"])
     if values.dtype.kind not in "biufc":
+        found = (
+            f"it is of MATLAB's class {kind}" if "MATLAB_class" in item.attrs else "it holds what MATLAB does not write"
+        )
         raise DataError(
             f"reading {name} in {space.where} was asked",
-            f"it is of MATLAB's class {kind}",
-            "Save plain arrays, and labels as cells of text.",
+            found,
+            f"Save plain arrays, and labels as cells of text, or leave it out: --ignore '{name}'",
         )
     return values.T  # MATLAB stores columns first
 

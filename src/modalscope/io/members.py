@@ -4,7 +4,8 @@ Readers name the members by their places, `runs{2}` or `test(2).acc`. What they 
 
 - vectors of equal length, one a member, are the columns of one array; times that are the same in all are one vector; texts and numbers one
   a member are lists of these;
-- members that are matrices, or structures of several measured arrays, are runs: each is read by itself, as a file of its own would be.
+- members that are matrices, or structures of several measured arrays, are runs: each is read by itself, as a file of its own would be;
+  what other lists hold for each run goes with it, and what they hold for each channel, as names and units, with all.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from modalscope.io.columns.axis import rises
+from modalscope.io.loose import axis_kind, is_rate
 from modalscope.model import DataError, Signals
 from modalscope.model.checks import Array
 
@@ -23,6 +25,8 @@ __all__ = ["MEMBER", "Lists", "lists_of", "meant_by", "member_name", "stacked_ru
 
 #: Bytes that a member takes beside its values.
 MEMBER = 300
+#: Members that a message names.
+_TOLD = 6
 
 _MEMBER = re.compile(r"(?P<of>[^({]*)(?:\((?P<round>[0-9]{1,9})\)|\{(?P<curly>[0-9]{1,9})\})(?P<rest>.*)\Z")
 
@@ -107,20 +111,40 @@ def lists_of(where: str, arrays: Mapping[str, Array]) -> Lists | None:
         return None
     for of, members in lists.items():
         _check_whole(where, of, members, arrays)
-    if not any(_are_runs(list(members.values())) for members in lists.values()):
-        for of, members in lists.items():
+    runs = _of_runs(lists)
+    for of, members in lists.items():
+        if of not in runs:
             shared |= _as_columns(where, of, members)
+    if not runs:
         return Lists(arrays=shared)
-    places = {of: sorted(members) for of, members in lists.items()}
+    places = {of: sorted(lists[of]) for of in runs}
     if len({tuple(found) for found in places.values()}) > 1:
+        told = "; ".join(f"{of} {', '.join(map(str, found[:6]))}" for of, found in places.items())
+        # what is no run by itself goes before what is
+        odd = min(runs, key=lambda of: (_are_runs(list(lists[of].values())), len(places[of])))
         raise DataError(
             f"reading the runs of {where} was asked",
-            "its lists have members at different places: "
-            + "; ".join(f"{of} {', '.join(map(str, found[:6]))}" for of, found in places.items()),
-            f"Leave one out: --ignore {min(places, key=lambda of: len(places[of]))}",
+            f"its lists have members at different places: {told}",
+            f"Leave one out: --ignore {odd}",
         )
     first = next(iter(places.values()))
-    return Lists(runs=[shared | {k: a for members in lists.values() for k, a in members[p].items()} for p in first])
+    return Lists(runs=[shared | {k: a for of in runs for k, a in lists[of][p].items()} for p in first])
+
+
+def _of_runs(lists: Mapping[str, Mapping[int, Mapping[str, Array]]]) -> list[str]:
+    """Return the lists that hold something of each run; the others, as the names and units of channels, are of all runs.
+
+    Besides runs themselves these are measured vectors (a force for each run), and numbers without text of as many members.
+    """
+    runs = [of for of, members in lists.items() if _are_runs(list(members.values()))]
+    places = {tuple(sorted(lists[of])) for of in runs}
+
+    def beside(members: Mapping[int, Mapping[str, Array]]) -> bool:
+        texts = any(array.dtype.kind == "U" for member in members.values() for array in member.values())
+        measured = any(_long(member) for member in members.values())
+        return measured or (not texts and tuple(sorted(members)) in places)
+
+    return [of for of, members in lists.items() if of in runs or beside(members)] if runs else []
 
 
 def _check_whole(where: str, of: str, members: Mapping[int, Mapping[str, Array]], arrays: Mapping[str, Array]) -> None:
@@ -176,7 +200,35 @@ def _together(where: str, of: str, name: str, members: Mapping[int, Array]) -> A
         )
     if all(np.array_equal(array, held[0]) for array in held[1:]) and (usual == 1 or rises(held[0])):
         return held[0]
+    _refuse_clocks(where, name, held)
     return np.concatenate(held) if usual == 1 else np.stack(held, axis=1)
+
+
+def _refuse_clocks(where: str, name: str, held: Sequence[Array]) -> None:
+    """Raise where members of their own times, frequencies or rates were to be the columns of one array."""
+    asked, without = (
+        f"reading the members of lists in {where} as channels was asked",
+        f"--ignore {name} --sampling-rate HZ",
+    )
+    kinds = {axis_kind(name, array) for array in held} if held[0].size > 1 else {""}
+    ends = f"{name} begins with {_apart(held, 0)}, and ends with {_apart(held, -1)}"
+    if kinds == {"time"}:
+        raise DataError(
+            asked, f"their times differ: {ends}", f"If the channels were measured at once, leave these out: {without}"
+        )
+    if kinds == {"frequency"}:
+        raise DataError(asked, f"their frequencies differ: {ends}", "Save them at the same frequencies.")
+    if held[0].size == 1 and is_rate(name):
+        raise DataError(
+            asked,
+            f"their rates differ: {name} is {_apart(held, 0)}",
+            f"Resample them to one rate; if the numbers are wrong, leave them out: {without}",
+        )
+
+
+def _apart(held: Sequence[Array], place: int) -> str:
+    """Return the entries of members at one place, each once, in words."""
+    return ", ".join(dict.fromkeys(f"{array[place]:.6g}" for array in held[:_TOLD]))
 
 
 def stacked_runs(where: str, runs: Sequence[object]) -> Signals:

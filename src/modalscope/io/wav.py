@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 import warnings
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
 
@@ -31,6 +32,8 @@ _DAMAGED = (
 )
 #: Bytes of a sample that becomes a number of eight.
 _LEAST = 1
+#: Filters of warnings are those of the whole process: one file at a time changes them and puts them back.
+_ALONE = Lock()
 
 
 def read(path: Path, options: Options) -> Contents:
@@ -46,7 +49,7 @@ def read(path: Path, options: Options) -> Contents:
     space = room(path.name, path.stat().st_size)
     space.take("its samples", 8 * space.size // (2 * _LEAST))
     try:
-        with warnings.catch_warnings():
+        with _ALONE, warnings.catch_warnings():
             warnings.simplefilter("error", wavfile.WavFileWarning)
             warnings.filterwarnings("ignore", "Chunk .*not understood", wavfile.WavFileWarning)
             rate, values = wavfile.read(path)

@@ -62,9 +62,8 @@ class ChannelFits:
             weights = self._weights[:, some].T.copy()
             if without is not None:
                 weights[:, np.append(without, without + len(columns) // 2)] = 0
-            back = np.array(
-                [self._inverse(c, without, beside)[own] for c in range(channels)[some]]
-            )  # rows are those of a symmetric matrix
+            # rows are those of a symmetric matrix
+            back = np.array([self._inverse(c, without, beside)[own] for c in range(channels)[some]])
             from_errors = (back.reshape(-1, columns.shape[1]) @ columns.T).reshape(len(back), own.size, -1)
             from_errors *= np.sqrt(weights)[:, None]
             target = self._data[:, some].T * np.sqrt(weights)

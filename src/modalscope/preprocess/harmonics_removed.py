@@ -135,8 +135,12 @@ class _Track(NamedTuple):
         return np.asarray(powers * np.exp(1j * turned)[:, None])
 
     def share(self, times: RealArray) -> RealArray:
-        """Return which part of the line is taken off, (n,): so much is put back that noise has the power it had."""
-        return np.asarray(1 - (np.sqrt(2) - 1) * self._at(times, self.noise))
+        """Return which part of the line is taken off, (n,): so much is put back that noise has the power it had.
+
+        With e the noise in step, 1 + e of the line are there, and sqrt(2) e stay: 1 - (sqrt(2) - 1) e are taken off. An envelope is not
+        negative, e >= -1, though the logarithm that stands for e is not bounded; and no line is added: 0 to sqrt(2).
+        """
+        return np.asarray(np.clip(1 - (np.sqrt(2) - 1) * self._at(times, self.noise), 0.0, np.sqrt(2)))
 
     @property
     def drift(self) -> RealArray:

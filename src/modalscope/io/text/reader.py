@@ -24,9 +24,9 @@ from modalscope.io.text.dialect import DELIMITERS, dialect_of, words_of_delimite
 from modalscope.io.text.layout import Layout, layout_of, rate_of_facts
 from modalscope.io.text.source import encoding_of, lines_of
 from modalscope.io.text.stamps import seconds_of
-from modalscope.io.text.wrapped import head_of, wrapped_table
+from modalscope.io.text.wrapped import gathered, head_of, runs_on, wrapped_contents
 from modalscope.model import DataError
-from modalscope.model.checks import Array, check_choice, check_count
+from modalscope.model.checks import Array, check_choice, check_count, check_positive
 
 __all__ = ["TEXT_OPTIONS", "contents_of_lines", "read"]
 
@@ -87,11 +87,16 @@ def contents_of_lines(
         As `read`.
     """
     first = _first(lines, space, _SAMPLES if options.get("transpose") else _COLUMNS)
-    run_on = head_of([line for _, line in first])
-    if run_on is not None:
-        below = chain(islice(first, run_on.lines, None), lines)
-        return contents_from_table(wrapped_table(where, run_on, below, space), options)
     bare = [uncommented(line)[0] for _, line in first]
+    head = head_of(bare)
+    if head is not None:
+        below = gathered(head, chain(islice(first, head.lines, None), lines), len(first), space)
+        if runs_on(head, below, _given_rate(options)):
+            found = wrapped_contents(where, head, chain(below, lines), space, options)
+            _refuse_cells(where, options, signs[0])
+            return replace(found, notes=(*found.notes, *notes))
+        lines = chain(below[len(first) - head.lines :], lines)
+        bare[head.first : head.lines] = [""] * (head.lines - head.first)  # no names of columns
     dialect = dialect_of(where, bare, *signs)
     if options.get("transpose"):
         bare, dialect = _transposed(chain(first, lines), dialect, space)
@@ -99,8 +104,31 @@ def contents_of_lines(
     layout = layout_of(bare, dialect)
     if layout is None:
         raise _no_body(where, bare, options)
+    if head is not None and head.step is not None and not options.get("transpose"):
+        layout = replace(layout, facts=(*layout.facts, (head.first, "DT", head.said)))
     table = _table(where, first, bare, lines, dialect, layout, space, options)
     return contents_from_table(replace(table, notes=(*table.notes, *notes)), options)
+
+
+def _given_rate(options: Options) -> float | None:
+    given = options.get("sampling_rate")
+    return None if given is None else check_positive("sampling_rate", given)
+
+
+def _refuse_cells(where: str, options: Options, delimiter: str | None) -> None:
+    """Raise where options ask for cells or rows of what has none: samples that run on over the lines."""
+    meant = {
+        "transpose": bool(options.get("transpose")),
+        "delimiter": options.get("delimiter") is not None and delimiter != "",
+        "decimal": options.get("decimal") == ",",
+    }
+    asked = [name for name, said in meant.items() if said]
+    if asked:
+        raise DataError(
+            f"{' and '.join(asked)} of {where} were asked" if len(asked) > 1 else f"{asked[0]} of {where} was asked",
+            "it is one channel whose samples run on over the lines, parted by blanks, as its head counts them (NPTS)",
+            f"Leave {' and '.join(asked)} out.",
+        )
 
 
 def _signs(options: Options) -> tuple[str | None, str | None]:

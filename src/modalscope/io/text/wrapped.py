@@ -7,15 +7,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import islice, takewhile
+from math import isfinite
 
 import numpy as np
 
-from modalscope.io.columns import Column, Table
+from modalscope.io.columns import Column, Table, contents_from_table
+from modalscope.io.contents import Contents, Options
 from modalscope.io.limits import Room
-from modalscope.model import DataError
+from modalscope.model import DataError, Signals
+from modalscope.model.shown import counted
+from modalscope.model.units import in_si
 
-__all__ = ["WrappedHead", "head_of", "wrapped_table"]
+__all__ = ["WrappedHead", "gathered", "head_of", "runs_on", "wrapped_contents"]
 
 Line = tuple[int, str]
 
@@ -30,28 +35,37 @@ _SERIES = re.compile(
 )
 #: The line below a head holds numbers alone.
 _BARE = re.compile(r"[-+.\dEeDd\s]*\d[-+.\dEeDd\s]*\Z")
-#: Units in the capitals of these files.
-_UNITS = {
-    "g": "g",
-    "m/s/s": "m/s^2",
-    "cm/s": "cm/s",
-    "cm/sec": "cm/s",
-    "cm": "cm",
-    "cm/s/s": "cm/s^2",
-    "cm/s^2": "cm/s^2",
-    "gal": "cm/s^2",
-}
-#: Bytes that the samples take while they are texts.
-_CELL = 70
+#: How squares of seconds are written.
+_SQUARED = re.compile(r"/s(?:/s|(?:\*\*|\^)?2)\Z")
+#: Bytes that a sample takes while it is a text, and a line beside its text.
+_CELL, _LINE = 70, 60
+#: So many rows at least tell that a column rises; times lie off their grid by this part of a step.
+_ROWS, _OFF = 3, 0.5
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class WrappedHead:
-    """The head of such a file: where it ends, how many samples follow, their step in s, and what they are of in which unit."""
+    """The head of such a file.
 
+    Parameters
+    ----------
+    first, lines : int
+        The line that counts the samples, from 0, and how many lines the head has.
+    count : int
+        Of the samples that follow.
+    step : float, optional
+        s; None where the head says none that can be.
+    said : str
+        What stands for the step.
+    series, unit : str
+        What they are of, and in which unit.
+    """
+
+    first: int
     lines: int
     count: int
-    step: float
+    step: float | None = None
+    said: str = ""
     series: str = ""
     unit: str = ""
 
@@ -66,27 +80,106 @@ def head_of(first: Sequence[str]) -> WrappedHead | None:
 
     Examples
     --------
-    >>> head_of(["ACCELERATION TIME SERIES IN UNITS OF G", "NPTS=  4000, DT=   .0100 SEC", ".1 .2 .3"])
-    WrappedHead(lines=2, count=4000, step=0.01, series='acceleration', unit='g')
+    >>> head = head_of(["ACCELERATION TIME SERIES IN UNITS OF CM/SEC/SEC", "NPTS=  4000, DT=   .0100 SEC", ".1 .2 .3"])
+    >>> head.lines, head.count, head.step, head.series, head.unit
+    (2, 4000, 0.01, 'acceleration', 'cm/s^2')
     """
     for k, line in enumerate(first[:_LINES]):
-        count, step, old = _COUNT.search(line), _STEP.search(line), _OLD.search(line)
-        told = (count[1], step[1]) if count and step else (old[1], old[2]) if old else None
-        if told is None or _number(told[1]) <= 0 or not _BARE.match(" ".join(first[k + 1 : k + 2])):
+        count, old = _COUNT.search(line), _OLD.search(line)
+        if not (count or old):
             continue
-        said = _SERIES.search(" ".join(first[: k + 1]))
-        series, unit = (said[1].lower(), said[2]) if said else ("", "")
-        known = _UNITS.get(unit.lower(), unit)
-        return WrappedHead(lines=k + 1, count=int(told[0]), step=_number(told[1]), series=series, unit=known)
+        steps = {
+            place: found
+            for place in (k, k + 1, k - 1)
+            if 0 <= place < len(first) and (found := _STEP.search(first[place]))
+        }
+        end = k + 2 if k + 1 in steps else k + 1
+        if not _BARE.match(" ".join(first[end : end + 1])):
+            continue
+        step = old[2] if old else next((found[1] for found in steps.values()), "")
+        said = _SERIES.search(" ".join(first[:end]))
+        series, unit = (said[1].lower(), _plain(said[2])) if said else ("", "")
+        number = int(old[1] if old else count[1] if count else 0)
+        return WrappedHead(first=k, lines=end, count=number, step=_step(step), said=step, series=series, unit=unit)
     return None
+
+
+def _step(text: str) -> float | None:
+    """Return a step in s; None where it is none: zero, or beyond what numbers hold."""
+    step = _number(text) if text else 0.0
+    return step if step > 0 and isfinite(step) and isfinite(1 / step) else None
+
+
+def _plain(unit: str) -> str:
+    """Return a unit in the capitals of these files as others write it, where that is known.
+
+    Examples
+    --------
+    >>> [_plain(unit) for unit in ("CM/SEC/SEC", "CM/S**2", "G", "MM/SEC", "FURLONG")]
+    ['cm/s^2', 'cm/s^2', 'g', 'mm/s', 'FURLONG']
+    """
+    small = _SQUARED.sub("/s^2", unit.lower().replace("sec", "s"))
+    return small if in_si(small) is not None else unit
 
 
 def _number(text: str) -> float:
     return float(text.replace("D", "E").replace("d", "e"))
 
 
-def wrapped_table(where: str, head: WrappedHead, body: Iterable[Line], space: Room) -> Table:
-    """Return the samples below a head as a table of one column.
+def _numbers(line: str) -> list[str] | None:
+    """Return the numbers of a line, which may follow each other without a blank; None where anything else stands there."""
+    found = re.findall(_NUMBER, line)
+    return found if "".join(found) == "".join(line.split()) else None
+
+
+def gathered(head: WrappedHead, lines: Iterable[Line], least: int, space: Room) -> list[Line]:
+    """Return the lines below a head, one more than it counts samples: as many as tell what they are.
+
+    Parameters
+    ----------
+    head : WrappedHead
+    lines : iterable of (int, str)
+        Those below it.
+    least : int
+        Lines that are wanted in any case.
+    space : Room
+    """
+    found = []
+    for line in islice(lines, max(head.count + 1, least)):
+        space.take("its lines", _LINE + len(line[1]))
+        found.append(line)
+    return found
+
+
+def runs_on(head: WrappedHead, body: Sequence[Line], rate: float | None) -> bool:
+    """Whether samples run on over the lines below a head; else they are the rows of a table.
+
+    They are rows where each has as many numbers, more than one, and either the first column counts the time, or there are as many
+    rows as the head counts samples, or each row has so many.
+
+    Parameters
+    ----------
+    head : WrappedHead
+    body : sequence of (int, str)
+        The lines below it.
+    rate : float, optional
+        Samples per second, where they were given.
+    """
+    rows = list(takewhile(bool, (_numbers(line) for _, line in body)))
+    widths = {len(row) for row in rows if row}
+    if len(widths) != 1 or widths == {1}:
+        return True
+    if len(rows) == head.count or (len(rows) > 1 and widths == {head.count}):
+        return False
+    step = 1 / rate if rate else head.step
+    if step is None or len(rows) < _ROWS:
+        return True
+    times = np.array([_number(row[0]) for row in rows if row])
+    return not bool(np.all(np.abs(times - times[0] - step * np.arange(times.size)) <= _OFF * step))
+
+
+def wrapped_contents(where: str, head: WrappedHead, body: Iterable[Line], space: Room, options: Options) -> Contents:
+    """Return the samples below a head as a record of one channel.
 
     Parameters
     ----------
@@ -96,37 +189,53 @@ def wrapped_table(where: str, head: WrappedHead, body: Iterable[Line], space: Ro
     body : iterable of (int, str)
         The lines below it.
     space : Room
+    options : mapping
 
     Raises
     ------
     DataError
-        Another number of samples than the head says, or something that is no number.
+        Another number of samples than the head says, no step, or something that is no number.
     """
-    space.take("its samples", _CELL * head.count)
+    values = _values(where, head, body, space)
+    if head.step is None and options.get("sampling_rate") is None:
+        raise DataError(
+            f"reading {where} needs a sampling rate",
+            f"the head that counts {head.count} samples (NPTS) "
+            + (f"says DT= {head.said}, which is no step" if head.said else "says no step (DT)"),
+            "Give it in samples per second: --sampling-rate HZ",
+        )
+    table = Table(
+        where=where,
+        columns=(Column(number=1, name=head.series, unit=head.unit, values=np.array(values)),),
+        rate=None if head.step is None else float(f"{1 / head.step:.12g}"),
+        rate_from="DT in its head",
+        layout=(("head", f"{counted(head.lines, 'line')}, {head.count} samples run on over the lines below"),),
+    )
+    found = contents_from_table(table, options)
+    if isinstance(found.thing, Signals) and found.thing.quantities == (None,) and head.series:
+        return replace(found, thing=replace(found.thing, quantities=(head.series,)))
+    return found
+
+
+def _values(where: str, head: WrappedHead, body: Iterable[Line], space: Room) -> list[float]:
+    """Return the samples, as many as the head counts."""
     values: list[float] = []
+    above = lines = 0
     for number, line in body:
-        found = re.findall(_NUMBER, line)
-        if "".join(found) != "".join(line.split()):
+        found = _numbers(line)
+        if found is None:
             raise DataError(
                 f"reading {where} needs nothing but numbers below its head",
                 f"line {number} holds {line.strip()[:20]!r}",
                 "Correct that line.",
             )
+        space.take("its samples", _CELL * len(found))
         values += map(_number, found)
-        if len(values) > head.count:
-            break
-    if len(values) != head.count:
-        held = f"more than {head.count}" if len(values) > head.count else f"{len(values)}"
+        above, lines = above if lines else number - 1, lines + 1
+    if len(values) != head.count or not values:
         raise DataError(
             f"reading {where} needs the {head.count} samples that its head counts (NPTS)",
-            f"{held} stand below it",
-            "Copy the file again, or correct the number.",
+            f"{len(values)} stand in the {lines} lines below it",
+            f"Correct the number, or copy the file again; if they are rows of a table, leave the head out: --skip {above}",
         )
-    column = Column(number=1, name=head.series, unit=head.unit, values=np.array(values))
-    return Table(
-        where=where,
-        columns=(column,),
-        rate=round(1 / head.step, 9),
-        rate_from="DT in its head",
-        layout=(("head", f"{head.lines} lines, {head.count} samples run on over the lines below"),),
-    )
+    return values
