@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import modalscope as ms
-from modalscope.identification.conditioned import bands_of_record
-from modalscope.preprocess import decimate
+from modalscope.identification.conditioned import bands_of_record, looked_through
+from modalscope.preprocess import decimate, harmonics
+from modalscope.preprocess.harmonics import find_lines
 from tests.judging.ambient_records import random_structure
 from tests.support import refused
 
@@ -51,3 +53,18 @@ def test_powers_that_lines_cannot_tell_apart_are_refused_in_words():
 
 def test_data_that_are_no_ambient_records_have_no_bands() -> None:
     assert bands_of_record(ms.estimate_correlation(RECORD)) == ((), ())
+
+
+def test_a_record_is_looked_through_once_for_all_bands(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same numbers to the last bit as from the record itself, without one of its channels, too."""
+    looked = []
+    monkeypatch.setattr(harmonics, "find_lines", lambda seen: looked.append(seen) or find_lines(seen))
+    bands = ((0.5, 2.0), (2.0, 4.0))
+    result = ms.analyze(RECORD, band=bands, exclude=[0])
+    assert len(looked) == 1
+    seen = looked_through(RECORD, [0])
+    for band, diagram in zip(bands, result.diagrams, strict=True):
+        alone = ms.stabilize(RECORD, band=band, exclude=[0])
+        assert np.array_equal(alone.poles, ms.stabilize(seen, band=band, exclude=[0]).poles)
+        assert np.array_equal(alone.poles, diagram.poles)
+        assert [str(note) for note in alone.notes] == [str(note) for note in diagram.notes]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.model.orthogonal import energy_left, less
+from modalscope.model.orthogonal import energy_left, less, resolved
 
 
 @pytest.mark.parametrize("noise", [1e-2, 1e-9])
@@ -28,3 +28,19 @@ def test_what_is_left_is_that_of_least_squares_also_of_nearly_dependent_columns_
 def test_a_column_of_zeros_beside_a_huge_one_takes_nothing_away() -> None:
     column = np.random.default_rng(1).standard_normal((50, 1)) * 1e200
     assert energy_left(column / 1e200, np.hstack([column, np.zeros((50, 1))])) == pytest.approx(0.0, abs=1e-20)
+
+
+@pytest.mark.parametrize("apart", [1.0, 1e-3, 1e-7], ids=["orthogonal", "near", "by reflections"])
+@pytest.mark.parametrize("rows", [200, 5000])
+def test_what_columns_see_of_data_is_what_an_orthogonal_basis_sees(rows: int, apart: float) -> None:
+    """Q'D and R, columns in other units, against reflections: the sign of a row of both is free."""
+    rng = np.random.default_rng(0)
+    X, D = rng.standard_normal((rows, 6)), rng.standard_normal((rows, 4))
+    X[:, 5] = X[:, 4] + apart * X[:, 5]
+    X *= [1, 1e3, 1e-6, 1, 1, 1]
+    seen, R = resolved(X, D)
+    Q, S = np.linalg.qr(X)
+    sign = np.sign(np.diag(S) * np.diag(R))[:, None]
+    error = 1e-14 * rows / apart  # rounding of the sums times the condition
+    np.testing.assert_allclose(seen * sign, Q.T @ D, atol=error)
+    np.testing.assert_allclose(R * sign / np.abs(S).max(axis=0), S / np.abs(S).max(axis=0), atol=error)

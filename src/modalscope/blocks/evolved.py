@@ -15,8 +15,8 @@ __all__ = ["Agreement", "Compared", "Evolved", "ModalSide", "OnLines", "compared
 #: Numbers compared at a time: the arrays in between stay in the cache.
 _AT_A_TIME = 16_000
 
-#: Agreement (c, k) of what was identified (c, k) with what was expected (c, k).
-Agreement = Callable[[Array, Array], RealArray]
+#: Agreement (c, k) of amplitudes a that were identified with those that were expected, e, from a conj(e), |a|^2 and |e|^2, (c, k) each.
+Agreement = Callable[[ComplexArray, RealArray, RealArray], RealArray]
 
 
 class Compared(NamedTuple):
@@ -80,9 +80,10 @@ def compared(
     agreement : callable
     """
     expected = first * evolution[chosen, np.arange(len(chosen))]
-    weight = np.abs(first) ** 2
+    weight = _squared(first)
     total = np.sum(weight, axis=0)
-    mean = _share(np.sum(weight * agreement(at, expected), axis=0), total)
+    agreed = agreement(at * expected.conj(), _squared(at), _squared(expected))
+    mean = _share(np.sum(weight * agreed, axis=0), total)
     return Compared(inner, identified, total * squares(evolution), mean)
 
 
@@ -160,32 +161,38 @@ class OnLines:
         """Compare line by line; see `ModalSide`."""
         k = self.states.shape[1]
         inner, size, weighted, total = np.zeros(k, dtype=complex), np.zeros(k), np.zeros(k), np.zeros(k)
-        for found, expected in self._pairs():
-            inner += np.einsum("fj,fj->j", found.conj(), expected)
-            size += squares(found)
-            weight = expected.real**2 + expected.imag**2
-            total += np.sum(weight, axis=0)
-            weighted += np.einsum("fj,fj->j", weight, agreement(found, expected))
+        participation = self.participation[:, None]
+        strength = _squared(participation)
+        for found, function in self._pieces():
+            product = found * (function.conj() * participation.conj())
+            identified, expected = _squared(found), _squared(function) * strength
+            inner += product.sum(axis=(0, 1)).conj()
+            size += identified.sum(axis=(0, 1))
+            total += expected.sum(axis=(0, 1))
+            weighted += np.einsum("ifj,ifj->j", expected, agreement(product, identified, expected))
         return Compared(inner, size, total, _share(weighted, total), self.seen)
 
-    def _pairs(self) -> Iterator[tuple[ComplexArray, ComplexArray]]:
-        """Yield what was identified and what is expected on some lines of one input, (lines, k) each."""
-        lines, k = len(self.functions) // 2, self.states.shape[1]
+    def _pieces(self) -> Iterator[tuple[ComplexArray, ComplexArray]]:
+        """Yield what was identified on some lines, of every input (m, lines, k), and the functions there (lines, k)."""
+        lines, k, inputs = len(self.functions) // 2, self.states.shape[1], len(self.factor)
         columns = np.ascontiguousarray(self.states).view(np.float64)
-        most = max(_AT_A_TIME // max(k, 1), 1)
+        most = max(_AT_A_TIME // max(k * inputs, 1), 1)
         for start in range(0, lines, most):
             s = slice(start, start + most)
-            upper, lower = _both_signs(self.functions[:lines][s], self.functions[lines:][s])
-            for rows, l in zip(self.factor, self.participation, strict=True):
-                real, imaginary = ((part[s] @ columns).view(np.complex128) for part in (rows[:lines], rows[lines:]))
-                above, below = _both_signs(real, imaginary)
-                yield above, upper * l
-                yield below, lower * l
+            real, imaginary = (
+                (part[:, s] @ columns).view(np.complex128) for part in (self.factor[:, :lines], self.factor[:, lines:])
+            )
+            sides = _both_signs(real, imaginary), _both_signs(self.functions[:lines][s], self.functions[lines:][s])
+            yield from zip(*sides, strict=True)
 
 
 def squares(values: Array) -> RealArray:
     """Return the sums of |v|^2 of columns (rows, k)."""
     return np.asarray(np.einsum("ij,ij->j", values.real, values.real) + np.einsum("ij,ij->j", values.imag, values.imag))
+
+
+def _squared(values: Array) -> RealArray:
+    return np.asarray(values.real**2 + values.imag**2)
 
 
 def _both_signs(real: ComplexArray, imaginary: ComplexArray) -> tuple[ComplexArray, ComplexArray]:

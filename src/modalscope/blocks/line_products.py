@@ -4,11 +4,14 @@ Nothing of the size of the matrix exists. Its Gram matrix of rows needs the resp
 pairs of functions, so that it costs as much as for one input, whatever their number:
 
     (phi_r H_o)' (phi_s H_p) = Re sum_x conj(phi_r) phi_s sum_i conj(H_oi) H_pi.
+
+What the eliminated columns see of the rows is such a sum, too, with H in place of S; where they are the polynomials that the rows begin
+with, or the other way round, one pass over the pairs of functions gives both.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,11 +22,11 @@ from modalscope.model.checks import Array, ComplexArray, RealArray
 
 __all__ = ["LineProducts"]
 
-#: Numbers in an array in between: lines are taken so many at a time.
-_AT_A_TIME = 2_000_000
+#: Numbers in an array in between, and the most lines taken at a time: what lies between two products stays in the cache.
+_AT_A_TIME, _LINES = 2_000_000, 128
 
-#: Further inputs times outputs squared up to which sums over rows are cheaper than over pairs of functions, which move more memory.
-_FEW = 100
+#: Inputs times outputs squared up to which sums over rows are cheaper than over pairs of functions, which move more memory.
+_FEW = 25
 
 #: Share of the rows' energy that the elimination must leave for the difference of two Gram matrices to be told from rounding.
 _LEFT = 1e-6
@@ -83,32 +86,32 @@ class LineProducts:
         return self.transposed_times(np.eye(self.shape[0])).T
 
     def times(self, right: Array) -> RealArray:
-        """H X = Re sum_x phi_r(x) sum_i H_oi(x) conj(X_i(x))."""
+        """H X = Re sum_x phi_r(x) sum_i H_oi(x) conj(X_i(x)), less what the eliminated columns see of both."""
         lines, outputs, inputs = self.values.shape
         k = right.shape[1]
-        X = self._projected(np.array(right, dtype=float).reshape(inputs, 2 * lines, k))
+        X = np.asarray(right, dtype=float).reshape(inputs, 2, lines, k)
         product = np.zeros((self.functions.shape[1], outputs * k))
         for s in self._pieces(k):
-            conjugate = (X[:, :lines][:, s] - 1j * X[:, lines:][:, s]).transpose(1, 0, 2)
-            Y = (self.values[s] @ conjugate).reshape(-1, outputs * k)
-            phi = self.functions[s]
-            product += phi.real.T @ np.ascontiguousarray(Y.real) - phi.imag.T @ np.ascontiguousarray(Y.imag)
-        return product.reshape(-1, k)
+            columns = np.ascontiguousarray(X[:, :, s].transpose(2, 1, 0, 3)).reshape(-1, 2 * inputs, k)
+            Y = self._blocks(s) @ columns
+            product += _parts(self.functions[s]).T @ Y.reshape(-1, outputs * k)
+        seen = self.eliminated.T @ X.reshape(inputs, 2 * lines, k)
+        return np.asarray(product.reshape(-1, k) - self._explained_rows @ seen.transpose(1, 0, 2).reshape(-1, k))
 
     def transposed_times(self, left: Array) -> RealArray:
         """H' Z: the functions with their coefficients first, then the responses of all outputs together."""
         lines, outputs, inputs = self.values.shape
         k = left.shape[1]
-        Z = np.asarray(left, dtype=float).reshape(self.functions.shape[1], outputs * k)
-        columns = np.empty((inputs, 2 * lines, k))
+        Z = np.ascontiguousarray(left, dtype=float)
+        columns = np.empty((inputs, 2, lines, k))
         for s in self._pieces(k):
-            phi = self.functions[s]
-            G = np.empty((len(phi), outputs * k), dtype=complex)
-            G.real, G.imag = np.ascontiguousarray(phi.real) @ Z, np.ascontiguousarray(phi.imag) @ Z
-            product = self.values[s].transpose(0, 2, 1) @ G.reshape(-1, outputs, k)
-            columns[:, :lines][:, s] = product.real.transpose(1, 0, 2)
-            columns[:, lines:][:, s] = product.imag.transpose(1, 0, 2)
-        return self._projected(columns).reshape(-1, k)
+            G = _parts(self.functions[s]) @ Z.reshape(-1, outputs * k)
+            product = self._blocks(s).transpose(0, 2, 1) @ G.reshape(-1, 2 * outputs, k)
+            columns[:, :, s] = product.reshape(-1, 2, inputs, k).transpose(2, 1, 0, 3)
+        seen = (self._explained_rows.T @ Z).reshape(-1, inputs, k)
+        for i, own in enumerate(columns.reshape(inputs, 2 * lines, k)):  # input by input, in place: the whole is large
+            own -= self.eliminated @ np.ascontiguousarray(seen[:, i])
+        return columns.reshape(-1, k)
 
     def gram(self) -> None:
         """None: the columns are many, and have no structure."""
@@ -140,7 +143,7 @@ class LineProducts:
     def _few(self) -> bool:
         """Whether the rows themselves, input by input, are cheaper than all pairs of functions."""
         _, outputs, inputs = self.values.shape
-        return bool((inputs - 1) * outputs**2 <= _FEW)
+        return bool(inputs * outputs**2 <= _FEW)
 
     def _rows(self) -> Iterator[tuple[int, slice, RealArray]]:
         """Yield an input, some of the lines and all rows there, transposed: real parts above imaginary ones, (2 F', l r)."""
@@ -153,53 +156,118 @@ class LineProducts:
                 yield i, s, np.concatenate([rows.real, rows.imag])
 
     def _whole_gram(self) -> RealArray:
-        _, outputs, _ = self.values.shape
-        r = self.functions.shape[1]
         if self._few:
             return np.asarray(sum(rows.T @ rows for _, _, rows in self._rows()))
-        first, second = np.triu_indices(r)
-        pairs = np.zeros((first.size, outputs**2))
-        for s in self._pieces(max(outputs, first.size // outputs)):
-            S = (self.values[s].conj() @ self.values[s].transpose(0, 2, 1)).reshape(-1, outputs**2)
-            product = self.functions[s][:, first].conj() * self.functions[s][:, second]
-            pairs += np.ascontiguousarray(product.real).T @ np.ascontiguousarray(S.real)
-            pairs -= np.ascontiguousarray(product.imag).T @ np.ascontiguousarray(S.imag)
-        gram = np.empty((r, outputs, r, outputs))
-        blocks = pairs.reshape(-1, outputs, outputs)
-        gram[first, :, second], gram[second, :, first] = blocks, blocks.transpose(0, 2, 1)
-        return gram.reshape(r * outputs, r * outputs)
+        if self._shared is not None:
+            return self._shared[0]
+        return self._gram_of(*self._pairs(self.functions, self._spectra))
 
     @cached_property
     def _explained_rows(self) -> RealArray:
         """What the eliminated columns see of the rows, (l r, e m)."""
-        lines, outputs, inputs = self.values.shape
-        e, r = self.eliminated.shape[1], self.functions.shape[1]
+        lines, e, r = len(self.functions), self.eliminated.shape[1], self.functions.shape[1]
         if self._few:
-            found = np.zeros((r * outputs, e, inputs))
+            found = np.zeros((r * self.values.shape[1], e, self.values.shape[2]))
             for i, s, rows in self._rows():
                 both = np.concatenate([self.eliminated[:lines][s], self.eliminated[lines:][s]])
                 found[:, :, i] += rows.T @ both
-            return found.reshape(r * outputs, e * inputs)
-        known = (self.eliminated[:lines] - 1j * self.eliminated[lines:])[:, :, None]
-        seen = np.zeros((e * r, outputs * inputs))
-        for s in self._pieces(max(e * r // outputs, 1)):
-            product = (known[s] * self.functions[s][:, None]).reshape(-1, e * r)
-            flat = self.values[s].reshape(-1, outputs * inputs)
+            return found.reshape(len(found), -1)
+        if self._shared is not None:
+            return self._shared[1]
+        known = self.eliminated[:lines] + 1j * self.eliminated[lines:]
+        seen = np.zeros((e * r, self.values[0].size))
+        for s in self._pieces(max(e * r // self.values.shape[1], 1)):
+            product = (known[s].conj()[:, :, None] * self.functions[s][:, None]).reshape(-1, e * r)
+            flat = self._responses(s)
             seen += np.ascontiguousarray(product.real).T @ np.ascontiguousarray(flat.real)
             seen -= np.ascontiguousarray(product.imag).T @ np.ascontiguousarray(flat.imag)
+        return self._rows_of(seen.reshape(e, r, -1))
+
+    @cached_property
+    def _shared(self) -> tuple[RealArray, RealArray] | None:
+        """Gram matrix and explained rows by one pass over pairs; None where these would be more, or eliminated columns are others."""
+        lines, e, r = len(self.functions), self.eliminated.shape[1], self.functions.shape[1]
+        known, few, most = self.eliminated[:lines] + 1j * self.eliminated[lines:], min(e, r), max(e, r)
+        if most * (most + 1) > r * (r + 1 + 2 * e) or not np.array_equal(known[:, :few], self.functions[:, :few]):
+            return None
+        both = self._pairs(
+            self.functions if r >= e else known, lambda s: np.hstack([self._spectra(s), self._responses(s)])
+        )
+        split = both[0].shape[2] - self.values[0].size
+        gram = self._gram_of(*(part[:r, :r, :split] for part in both))
+        return gram, self._rows_of(_both_halves(*(part[:, :, split:] for part in both))[:e, :r])
+
+    def _pairs(self, functions: ComplexArray, what: Callable[[slice], ComplexArray]) -> tuple[RealArray, RealArray]:
+        """Return Re sum_x conj(f_r) f_s v and Re sum_x f_r conj(f_s) v for r <= s, (n, n, c) each: the rest is zero.
+
+        Parameters
+        ----------
+        functions : array of complex, (F, n)
+        what : callable
+            Some lines -> v on them, (lines, c).
+        """
+        n = functions.shape[1]
+        first, second = np.triu_indices(n)
+        rows = np.ascontiguousarray(functions.T)
+        real = imaginary = np.zeros((first.size, what(slice(0, 1)).shape[1]))
+        for s in self._pieces(max(self.values.shape[1], first.size // self.values.shape[1])):
+            product, v = rows[first, s].conj() * rows[second, s], what(s)
+            real = real + np.ascontiguousarray(product.real) @ np.ascontiguousarray(v.real)
+            imaginary = imaginary + np.ascontiguousarray(product.imag) @ np.ascontiguousarray(v.imag)
+        found = np.zeros((2, n, n, real.shape[1]))
+        found[0, first, second], found[1, first, second] = real - imaginary, real + imaginary
+        return found[0], found[1]
+
+    def _spectra(self, s: slice) -> ComplexArray:
+        """S on and above its diagonal on some lines, (lines, l (l + 1) / 2)."""
+        first, second = np.triu_indices(self.values.shape[1])
+        return (self.values[s].conj() @ self.values[s].transpose(0, 2, 1))[:, first, second]
+
+    def _responses(self, s: slice) -> ComplexArray:
+        """H on some lines, (lines, l m)."""
+        return self.values[s].reshape(-1, self.values[0].size)
+
+    def _gram_of(self, ahead: RealArray, behind: RealArray) -> RealArray:
+        """Return the Gram matrix of the whole rows from the sums of pairs with S, which is its own conjugate transpose."""
+        r, outputs = len(ahead), self.values.shape[1]
+        first, second = np.triu_indices(outputs)
+        blocks = np.empty((r, outputs, r, outputs))
+        blocks[:, second, :, first] = behind.transpose(2, 0, 1)
+        blocks[:, first, :, second] = ahead.transpose(2, 0, 1)
+        i, j = np.triu_indices(r)
+        blocks[j, :, i, :] = blocks[i, :, j, :].transpose(0, 2, 1)
+        return blocks.reshape(r * outputs, r * outputs)
+
+    def _rows_of(self, seen: RealArray) -> RealArray:
+        """Return the explained rows (l r, e m) from sums by eliminated column and function, (e, r, l m)."""
+        e, r, _ = seen.shape
+        _, outputs, inputs = self.values.shape
         return seen.reshape(e, r, outputs, inputs).transpose(1, 2, 0, 3).reshape(r * outputs, e * inputs)
+
+    def _blocks(self, s: slice) -> RealArray:
+        """Return on some lines what takes real and imaginary parts of the inputs' columns to those of the outputs', (lines, 2 l, 2 m)."""
+        H = self.values[s]
+        return np.concatenate(
+            [np.concatenate([H.real, H.imag], axis=2), np.concatenate([-H.imag, H.real], axis=2)], axis=1
+        )
 
     def _pieces(self, columns: int) -> Iterator[slice]:
         """Yield stretches of lines such that an array of an output and so many columns a line stays small."""
         lines, outputs, _ = self.values.shape
-        most = max(_AT_A_TIME // max(outputs * columns, 1), 1)
+        most = min(max(_AT_A_TIME // max(outputs * columns, 1), 1), _LINES)
         for start in range(0, lines, most):
             yield slice(start, min(start + most, lines))
 
-    def _projected(self, columns: RealArray) -> RealArray:
-        """Take the eliminated columns off, (m, 2 F, k), twice: what is left is orthogonal to rounding."""
-        E = self.eliminated
-        for own in columns:  # input by input, in place: the whole is large
-            for _ in range(2):
-                own -= E @ (E.T @ own)
-        return columns
+
+def _parts(functions: ComplexArray) -> RealArray:
+    """Return functions (lines, r) as real rows, real and imaginary part of every line, (2 lines, r)."""
+    lines, r = functions.shape
+    return np.stack([functions.real, functions.imag], axis=1).reshape(2 * lines, r)
+
+
+def _both_halves(ahead: RealArray, behind: RealArray) -> RealArray:
+    """Return sums of all pairs (n, n, c): below the diagonal functions have changed places, and their product is the conjugate."""
+    found = behind.transpose(1, 0, 2).copy()
+    first, second = np.triu_indices(len(ahead))
+    found[first, second] = ahead[first, second]
+    return found

@@ -26,13 +26,13 @@ from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, real_array
 from modalscope.model.frequency import FrequencyResponse
 
-__all__ = ["LineMatrix", "RowsOnLines", "kept_block_rows", "line_weights", "real_columns"]
+__all__ = ["SEEN", "LineMatrix", "RowsOnLines", "kept_block_rows", "line_weights", "real_columns"]
 
 #: So many lines of each input are compared for the indicators of the columns.
 _COMPARED = 1000
 
 #: Below this share the elimination takes a mode for a polynomial, to rounding: its columns say nothing.
-_SEEN = 1e-8
+SEEN = 1e-8
 
 
 def line_weights(response: FrequencyResponse, weights: str | ArrayLike | None) -> RealArray | None:
@@ -225,14 +225,14 @@ class LineMatrix(RowsOnLines):
             return None
         n = model.rank
         states = model.factors.d[:n, None] ** (1 - model.power) * eigen.left.T
-        functions, seen = self.compared_functions(eigen.values)
+        functions, seen = self.compared_functions(eigen.values, fit)
         participation = self.residue_scale(eigen.values) * fit.participation.T
         return OnLines(model.factors.right.blocks[:, :, :n], states, functions, participation, seen)
 
-    def compared_functions(self, poles: Array) -> tuple[ComplexArray, Array]:
+    def compared_functions(self, poles: Array, fit: ModalFit) -> tuple[ComplexArray, Array]:
         """Return `column_functions` on the lines that are compared, and whether rounding leaves enough of each to compare."""
         functions, share = self.column_functions(poles)
-        return functions[self.both_parts], share > _SEEN
+        return functions[self.both_parts], share > SEEN
 
     @cached_property
     def both_parts(self) -> IntArray:

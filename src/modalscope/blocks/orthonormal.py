@@ -9,15 +9,16 @@ from modalscope.model.checks import RealArray
 
 __all__ = ["orthonormal"]
 
-#: Distance of the first pass from orthonormal columns within which the second reaches rounding.
+#: Distance from orthonormal columns within which a pass reaches rounding: the condition is then below (1 + .1) / (1 - .1).
 _NEAR = 0.1
 
 
 def orthonormal(columns: RealArray) -> RealArray:
-    """Return orthonormal columns of the same span, (K, k): two passes X R^-1 with R'R = X'X, which are matrix products, or Householder's.
+    """Return orthonormal columns of the same span, (K, k): one or two passes X R^-1 with R'R = X'X, which are products, or Householder's.
 
-    The first pass leaves about eps times the square of the condition, columns brought to one length; where that is small beside one the
-    second leaves rounding. What comes out of a Gram matrix' eigenvectors is such; other columns cost a tenth more for the trial.
+    The first pass leaves about eps times the square of the condition, columns brought to one length: rounding where they are nearly
+    orthogonal, as what comes out of a Gram matrix' eigenvectors is. Where it is small beside one the second pass leaves rounding; other
+    columns cost a tenth more for the trial.
 
     Parameters
     ----------
@@ -41,13 +42,14 @@ def orthonormal(columns: RealArray) -> RealArray:
     found = columns
     for scale in (size, np.ones_like(size)):
         gram = found.T @ found / np.outer(scale, scale)
-        if found is not columns and np.linalg.norm(gram - np.eye(len(size))) > _NEAR:
+        near = np.linalg.norm(gram - np.eye(len(size))) <= _NEAR
+        if found is not columns and not near:
             break
         try:
             inverse = sla.lapack.dtrtri(sla.cholesky(gram, check_finite=False))[0]
         except sla.LinAlgError:
             break
         found = found @ (inverse / scale[:, None])
-    else:
-        return np.asarray(found)
+        if near:
+            return np.asarray(found)
     return np.asarray(np.linalg.qr(columns)[0])

@@ -77,10 +77,11 @@ class RowSums:
         _, outputs, inputs = self.matrix.values.shape
         X = self.right.reshape(-1, inputs, self.right.shape[1])
         length = blocks + len(X) - 1
+        whole = fft.next_fast_len(length)  # the sum of two numbers of blocks is often prime
         spectrum = (
-            fft.fft(weights, n=length, axis=0).reshape(length, 1, -1, X.shape[2])
-            * fft.fft(X, n=length, axis=0)[:, :, None]
+            fft.fft(weights, n=whole, axis=0).reshape(whole, 1, -1, X.shape[2])
+            * fft.fft(X, n=whole, axis=0)[:, :, None]
         )
-        filters = np.ascontiguousarray(fft.ifft(spectrum, axis=0)).reshape(length * inputs, count)
+        filters = np.ascontiguousarray(fft.ifft(spectrum, axis=0)[:length]).reshape(length * inputs, count)
         product = self.matrix.samples_times(filters.view(np.float64))
         return np.asarray(np.ascontiguousarray(product).view(np.complex128).reshape(outputs, count))

@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.blocks.costs import Cost, costs_of
-from modalscope.blocks.evolved import squares
 from modalscope.blocks.initial_terms import initial_terms
 from modalscope.blocks.line_products import LineProducts
-from modalscope.blocks.lines import LineMatrix, kept_block_rows, real_columns
+from modalscope.blocks.lines import SEEN, LineMatrix, kept_block_rows, real_columns
 from modalscope.blocks.misfit import Misfit
 from modalscope.blocks.operators import Operator
 from modalscope.blocks.plane import Plane, plane_of
@@ -28,12 +27,17 @@ from modalscope.blocks.polynomials import basis_on, remainders
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_count
 from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.line_data import LineData, line_data
+from modalscope.model.modal_basis import line_basis
 from modalscope.model.response import output_scale
 
 __all__ = ["Transfer", "transfer"]
 
 #: From this many rows on products are cheaper than the triangular factor; fewer are also few beside the orders that are asked.
 _MANY_ROWS = 200
+
+#: Share of a function's energy below which what is left of it is not told by a difference of sums.
+_LITTLE = 1e-4
 
 
 def transfer(
@@ -116,10 +120,6 @@ def transfer(
         row_shifts=rows,
         orthogonal=basis == "orthogonal",
     )
-
-
-#: Share of a function's energy below which what is left of it is not told by a difference of sums.
-_LITTLE = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,25 +217,27 @@ class Transfer(PolynomialRows, LineMatrix):
         left = self._project(whole)
         return left, np.asarray(np.linalg.norm(left, axis=0) / np.linalg.norm(whole, axis=0))
 
-    def compared_functions(self, poles: Array) -> tuple[ComplexArray, Array]:
+    def compared_functions(self, poles: Array, fit: ModalFit) -> tuple[ComplexArray, Array]:
         """Return `column_functions` on the lines that are compared, and whether rounding leaves enough of each to compare.
 
-        What is eliminated is seen on all lines and taken off on those alone. Where little is left of a function its difference is made
-        on all lines. Of both parts (g + m) / 2 and (g - m) / 2j, m the mirror image, one quotient q = g m is what differs:
-        (Re x - s) q and -Im x q.
+        But for a factor they are the functions g1 - j g2 of the fit, except under the bilinear map. What is eliminated is seen on all
+        lines and taken off on those alone; where little is left of a function the difference is made on all lines.
         """
-        x = self.plane.point(self.response.frequencies)[:, None]
-        w = 1.0 if self.weights is None else self.weights[:, None]
-        q = w / ((x - poles) * (x.conj() - poles))
-        whole = np.concatenate([(x.real - poles) * q, -x.imag * q])
-        E, both = self.eliminated, self.both_parts
-        seen = (E.T @ whole.view(float)).view(complex)
-        left = 1 - squares(seen) / squares(whole)
-        found = whole[both] - (E[both] @ seen.view(float)).view(complex)
-        enough, little = left > 0, np.flatnonzero(~(left >= _LITTLE))
+        if fit.basis is None or self.plane.scale is None:
+            return super().compared_functions(poles, fit)
+        functions = fit.basis.functions
+        seen, both = self.eliminated.T @ functions, self.both_parts
+        own = _squares(functions)
+        energy = own.sum(axis=1)
+        left = 1 - _squares(seen).sum(axis=1) / energy
+        found = functions[both] - self.eliminated[both] @ seen
+        little = np.flatnonzero(~(left >= _LITTLE))
         if little.size:
-            found[:, little], enough[little] = super().compared_functions(poles[little])
-        return found, enough
+            columns = (2 * little[:, None] + [0, 1]).ravel()
+            projected = self._project(np.ascontiguousarray(functions[:, columns]))
+            found[:, columns], left[little] = projected[both], _squares(projected).sum(axis=1) / energy[little]
+        size = np.where(own[:, 1] > 0, 2, 1) / self.plane.scale  # of a real pole there is g1 alone
+        return np.asarray(found.view(complex).conj() / size, dtype=complex), np.sqrt(np.maximum(left, 0)) > SEEN
 
     def residue_scale(self, poles: Array) -> ComplexArray:
         """Participation in this plane for participation of the modes: (k,)."""
@@ -249,12 +251,17 @@ class Transfer(PolynomialRows, LineMatrix):
     def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
         """Return shapes from all block rows; participation and direct term by least squares over the lines."""
         shapes = self.shapes(model.row_states(eigen.vectors), eigen.values)
-        basis = self.response.basis(self.to_s(eigen.values), weights=self.weights)
+        lines, poles = self.response, self.to_s(eigen.values)
+        basis = line_basis(lines.frequencies, lines.sampling_rate, self._line_data, poles, (0,), self.weights)
         found = basis.solved(shapes)
-        fit = ModalFit(shapes, found.side, found.terms, reach=basis.reach)
+        fit = ModalFit(shapes, found.side, found.terms, reach=basis.reach, basis=basis)
         if self.weights is not None:
             return fit
         return replace(fit, misfit=self._misfit.of_left(found.left), unexplained=found.unexplained)
+
+    @cached_property
+    def _line_data(self) -> LineData:
+        return line_data(self.response.values, self.weights)
 
     @cached_property
     def _misfit(self) -> Misfit:
@@ -273,3 +280,8 @@ class Transfer(PolynomialRows, LineMatrix):
         if self.weights is not None:
             said.append("weighted lines")
         return "; ".join(said)
+
+
+def _squares(functions: RealArray) -> RealArray:
+    """Return the energy of g1 and of g2 of every pole, (n, 2), of columns (K, 2 n)."""
+    return np.asarray(np.einsum("kj,kj->j", functions, functions).reshape(-1, 2))

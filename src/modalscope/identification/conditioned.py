@@ -8,18 +8,22 @@ them is filtered.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from modalscope.identification.routes import one_record
 from modalscope.model.notes import Note
-from modalscope.model.records import Records
+from modalscope.model.records import Records, as_records
 from modalscope.model.signals import Signals
+from modalscope.model.sizes import check_size
 from modalscope.model.stored import StoredSignals
 
 if TYPE_CHECKING:
     from modalscope.preprocess.harmonics import Line
+    from modalscope.preprocess.own_band import OwnBands
+    from modalscope.preprocess.prominent import Levels
 
-__all__ = ["Conditioned", "bands_of_record", "conditioned"]
+__all__ = ["Conditioned", "SeenRecord", "bands_of_record", "conditioned", "looked_through", "seen_record"]
 
 Band = tuple[float, float]
 
@@ -42,30 +46,85 @@ class Conditioned(NamedTuple):
     notes: tuple[Note, ...]
 
 
-def conditioned(record: Any, band: Band | None) -> Conditioned:
-    """Return a record without inputs in a band, or in its own.
+@dataclass(frozen=True, eq=False, slots=True)
+class SeenRecord:
+    """A record without inputs with what is seen in it before any band: looked for once, and the same for all bands and ladders of orders.
+
+    Wherever data are identified it stands for its record.
+
+    Parameters
+    ----------
+    record : Signals or StoredSignals
+    excerpt : Signals
+        What was looked at: all of a record in memory.
+    levels : Levels
+    own : OwnBands
+    lines : tuple of Line
+        Of machines.
+    """
+
+    record: Signals | StoredSignals
+    excerpt: Signals
+    levels: Levels
+    own: OwnBands
+    lines: tuple[Line, ...]
+
+
+def seen_record(record: Signals | StoredSignals) -> SeenRecord:
+    """Look through a record without inputs.
 
     Parameters
     ----------
     record : Signals or StoredSignals
         Of a stored record an excerpt is looked at.
+    """
+    from modalscope.preprocess.harmonics import find_lines
+    from modalscope.preprocess.own_band import own_bands
+    from modalscope.preprocess.prominent import levels_of
+
+    excerpt = record.excerpt()
+    levels = levels_of(excerpt)
+    return SeenRecord(record, excerpt, levels, own_bands(levels, record.sampling_rate), find_lines(excerpt))
+
+
+def looked_through(data: Any, exclude: Any = None) -> Any:
+    """Return a record without inputs looked through, without the channels left out; all other data as they are.
+
+    Parameters
+    ----------
+    data : object
+    exclude : labels, optional
+    """
+    if not isinstance(data, Signals | StoredSignals | Records) or data.input_dofs:
+        return data
+    thing = data if exclude is None else data.select(exclude=exclude)
+    if isinstance(thing, StoredSignals):
+        return seen_record(thing)
+    records = as_records(thing)
+    check_size(records)
+    return seen_record(one_record(records, "correlations"))
+
+
+def conditioned(seen: SeenRecord, band: Band | None) -> Conditioned:
+    """Return a record without inputs in a band, or in its own.
+
+    Parameters
+    ----------
+    seen : SeenRecord
     band : (float, float), optional
         As asked, Hz.
     """
-    from modalscope.preprocess.harmonics import find_lines, harmonic_notes
+    from modalscope.preprocess.harmonics import harmonic_notes
     from modalscope.preprocess.noise_test import noise_notes
-    from modalscope.preprocess.own_band import own_bands, taken_down
-    from modalscope.preprocess.prominent import levels_of
+    from modalscope.preprocess.own_band import taken_down
 
-    seen = record.excerpt()
-    levels = levels_of(seen)
-    own = own_bands(levels, record.sampling_rate)
+    record: Any = seen.record
+    own, lines = seen.own, seen.lines
     told = (own.note((own.whole,)),) if band is None and own.whole is not None else ()
     chosen = own.whole if band is None else band
-    lines = find_lines(seen)
     inside = record if chosen is None else taken_down(record, chosen[1], own.drift)
     taken, removed = _without_lines(inside, lines)
-    return Conditioned(taken, chosen, (*told, *noise_notes(levels, chosen), *harmonic_notes(lines), *removed))
+    return Conditioned(taken, chosen, (*told, *noise_notes(seen.levels, chosen), *harmonic_notes(lines), *removed))
 
 
 def _without_lines(record: Signals | StoredSignals, lines: Sequence[Line]) -> tuple[Any, tuple[Note, ...]]:
@@ -82,21 +141,15 @@ def _without_lines(record: Signals | StoredSignals, lines: Sequence[Line]) -> tu
     return clean, () if clean is record else (Note("lines removed", {"lines": float(len(lines))}, text),)
 
 
-def bands_of_record(data: Any, exclude: Any = None) -> tuple[tuple[Band, ...], tuple[Note, ...]]:
+def bands_of_record(data: Any) -> tuple[tuple[Band, ...], tuple[Note, ...]]:
     """Return the bands that a record without inputs falls into, and what is said about them; none of all other data.
 
     Parameters
     ----------
     data : object
-    exclude : labels, optional
-        Channels left out.
+        As `looked_through` gives it.
     """
-    from modalscope.preprocess.own_band import own_bands
-    from modalscope.preprocess.prominent import levels_of
-
-    if not isinstance(data, Signals | StoredSignals | Records) or data.input_dofs:
+    if not isinstance(data, SeenRecord):
         return (), ()
-    thing = data if exclude is None else data.select(exclude=exclude)
-    record = one_record(thing, "correlations") if isinstance(thing, Records) else thing.excerpt()
-    own = own_bands(levels_of(record), record.sampling_rate)
+    own = data.own
     return (own.parts, (own.note(own.parts),)) if len(own.parts) > 1 else ((), ())

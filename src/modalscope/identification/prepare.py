@@ -8,7 +8,7 @@ from functools import singledispatch
 from typing import Any, NamedTuple
 
 from modalscope.blocks.stored_combinations import combined
-from modalscope.identification.conditioned import Conditioned, conditioned
+from modalscope.identification.conditioned import Conditioned, SeenRecord, conditioned, seen_record
 from modalscope.identification.conditioned_setups import conditioned_setups
 from modalscope.identification.lookup import find_method
 from modalscope.identification.method import Method, Problem
@@ -182,15 +182,21 @@ def _(data: Records, band: tuple[float, float] | None, asked: _Asked) -> Measure
         row, domain = USUAL[route]
         notes = (*told, note)
         return Measured(response, None, "records with inputs", row, domain, own, route=route, driven=data, notes=notes)
-    record = one_record(data, "correlations")
-    return _ambient(conditioned(record, band), record, "records without inputs")
+    return _measured(seen_record(one_record(data, "correlations")), band, asked)
 
 
 @_measured.register
 def _(data: StoredSignals, band: tuple[float, float] | None, asked: _Asked) -> Measured:
-    seen, taken = data.excerpt(), conditioned(data, band)
-    text = f"band and noise were judged on {seen.duration:.4g} s from the middle of {data.duration:.4g} s"
-    told = (Note("excerpt", {"seconds": seen.duration}, text),) if seen.samples < data.samples else ()
+    return _measured(seen_record(data), band, asked)
+
+
+@_measured.register
+def _(data: SeenRecord, band: tuple[float, float] | None, asked: _Asked) -> Measured:
+    taken, seen = conditioned(data, band), data.excerpt
+    if not isinstance(data.record, StoredSignals):
+        return _ambient(taken, seen, "records without inputs")
+    text = f"band and noise were judged on {seen.duration:.4g} s from the middle of {data.record.duration:.4g} s"
+    told = (Note("excerpt", {"seconds": seen.duration}, text),) if seen.samples < data.record.samples else ()
     inside = taken.records.settled() if isinstance(taken.records, StoredSignals) else taken.records
     return _ambient(taken._replace(records=inside, notes=(*told, *taken.notes)), seen, "a stored record without inputs")
 

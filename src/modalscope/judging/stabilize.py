@@ -10,6 +10,7 @@ from typing import Any, Unpack
 import numpy as np
 
 from modalscope.blocks.threads import one_thread
+from modalscope.identification.conditioned import looked_through
 from modalscope.identification.method import Problem
 from modalscope.identification.options import AllOptions
 from modalscope.identification.orders import checked_orders
@@ -95,7 +96,7 @@ def stabilize(
     """
 
     def diagram(asked: Iterable[int] | None = orders, **way: Any) -> StabilizationDiagram:
-        problem = prepare(data, method, domain, **{**options, **way})
+        problem = prepare(seen, method, domain, **{**options, **way})
         given = problem.method.orders.ladder(problem.measured) if asked is None else checked_orders(asked)
         shown: dict[str, Any] = {"progress": progress, "watch": watch}
         found = stabilized(
@@ -106,6 +107,7 @@ def stabilize(
         return grown(found, lambda more: diagram(more, **way))
 
     with working(client):
+        seen = looked_through(data, options.get("exclude"))
         found = diagram()
         left_open = method is None and domain is None and options.get("route") in (None, "auto")
         return found if not left_open else by_instruments(found, diagram)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from modalscope.blocks.evolved import ModalSide
-from modalscope.modal.indicators import coherence, decay_step, emac_channels
+from modalscope.modal.indicators import agreement, coherence, decay_step
 from modalscope.model.checks import RealArray
 
 __all__ = ["followed"]
@@ -20,7 +20,7 @@ def followed(side: ModalSide) -> tuple[RealArray, RealArray]:
     ----------
     side : ModalSide
     """
-    found = side.compare(emac_channels, decay_step)
+    found = side.compare(agreement, decay_step)
     values = coherence(found.inner, found.identified, found.expected), found.agreement
     if found.seen is None:
         return values

@@ -241,10 +241,13 @@ def emac_channels(identified: Array, expected: Array) -> RealArray:
         Amplitudes a of c channels in n modes, and what the modes' evolution predicts for them, e.
     """
     check_axes(identified=(identified, 2), expected=(expected, 2))
-    product = identified * np.conj(expected)  # its modulus is |a| |e|, its angle the phase between both
-    smaller = np.minimum(_squared(identified), _squared(expected))
+    return agreement(identified * np.conj(expected), _squared(identified), _squared(expected))
+
+
+def agreement(product: Array, identified: Array, expected: Array) -> RealArray:
+    """Return `emac_channels` from a conj(e), |a|^2 and |e|^2: the product's modulus is |a| |e|, its angle the phase between both."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore", under="ignore"):
-        ratio = smaller / np.abs(product)
+        ratio = np.sqrt(np.minimum(identified, expected) / np.maximum(identified, expected))
     value = ratio * np.maximum(1 - 4 / np.pi * np.arctan2(np.abs(product.imag), product.real), 0)
     return np.asarray(np.where(np.isfinite(value), value, 0.0))
 

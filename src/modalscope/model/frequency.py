@@ -24,6 +24,7 @@ from modalscope.model.checks import (
 from modalscope.model.groups import AUTO, Groups, check_groups, chosen_groups, input_groups
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.line_checks import check_beside, check_lines, check_rate
+from modalscope.model.line_data import line_data
 from modalscope.model.line_transforms import in_quantity, inverse_transform
 from modalscope.model.modal_basis import ModalBasis, line_basis, residual_powers, scaled_terms
 from modalscope.model.pole_functions import line_functions
@@ -157,7 +158,8 @@ class FrequencyResponse(Response):
                 f"the {self.quantity or 'response'} has a line at 0 Hz, where they are infinite",
                 "Leave that line out with band(), or ask for residuals=False.",
             )
-        return line_basis(self.frequencies, self.sampling_rate, self.values, poles, powers, weights)
+        data = line_data(self.values, weights)
+        return line_basis(self.frequencies, self.sampling_rate, data, poles, powers, weights)
 
     @property
     def outside_powers(self) -> tuple[int, ...]:

@@ -16,7 +16,8 @@ import scipy.linalg as sla
 
 from modalscope.model.channels import QUANTITIES
 from modalscope.model.checks import Array, ComplexArray, RealArray
-from modalscope.model.orthogonal import orthogonalized
+from modalscope.model.line_data import LineData, energy_of, real_data, real_rows
+from modalscope.model.orthogonal import resolved
 from modalscope.model.pole_functions import line_functions, sample_functions
 
 __all__ = [
@@ -68,16 +69,23 @@ class ModalBasis:
         g1 and g2 of every pole; for a real pole g2 is zero.
     data : array, (K, l, m)
         The response on the same rows.
+    whole : array, (l, m), optional
+        Energy of the data of every channel, where it is known.
     """
 
     terms: RealArray
     functions: RealArray
     data: RealArray
+    whole: RealArray | None = None
 
     @property
     def columns(self) -> RealArray:
         """Terms and functions side by side, (K, t + 2 n): all that the poles can explain."""
-        return np.hstack([self.terms, self.functions]) if self.terms.size else self.functions
+        if not self.terms.size:
+            return self.functions
+        if self.functions.flags.f_contiguous:  # functions that lie in one piece each stay so
+            return np.concatenate([self.terms.T, self.functions.T]).T
+        return np.hstack([self.terms, self.functions])
 
     @property
     def by_pole(self) -> RealArray:
@@ -139,27 +147,26 @@ class ModalBasis:
         rows, outputs, inputs = self.data.shape
         t, n = self.terms.shape[1], shapes.shape[1]
         columns = self.columns
-        scale = np.sqrt(np.einsum("kj,kj->j", columns, columns))
-        used = np.flatnonzero(scale > 0)
-        Q, R = orthogonalized(columns[:, used] / scale[used])
-        coefficients = (Q.T @ self.data.reshape(rows, -1)).reshape(-1, outputs, inputs)
-        R = R * scale[used]
-        spread = _spread(shapes)
+        used = np.flatnonzero(np.any(columns, axis=0))
+        seen, R = resolved(columns if used.size == t + 2 * n else columns[:, used], self.data.reshape(rows, -1))
+        coefficients = seen.reshape(-1, outputs, inputs)
         kept = used[t:] - t
-        known = np.einsum("kj,ojp->okp", R[t:, t:], spread[:, kept])[:, :, kept]
+        known = _with_shapes(R[t:, t:], kept, shapes)
         theta = np.zeros((2 * n, inputs))
         target = coefficients[t:].transpose(1, 0, 2)
         theta[kept] = _solve(known.reshape(outputs * (len(R) - t), kept.size), target.reshape(-1, inputs))
-        rest = (spread[:, kept] @ theta).transpose(1, 0, 2)
+        side = theta[::2] + 1j * theta[1::2]
+        rest = _residues(shapes, side)[kept]
         left = coefficients[:t] - np.tensordot(R[:t, t:], rest, axes=1)
         terms = sla.solve_triangular(R[:t, :t], left.reshape(t, outputs * inputs)) if t else left
-        side, own = theta[::2] + 1j * theta[1::2], terms.reshape(t, outputs, inputs)
+        own = terms.reshape(t, outputs, inputs)
         with np.errstate(over="ignore", invalid="ignore"):
-            missed, whole = np.tensordot(R[t:, t:], rest, axes=1) - coefficients[t:], _energy(self.data)
-            unexplained = whole - _energy(coefficients)
-            energy = unexplained + _energy(missed)
+            missed = np.tensordot(R[t:, t:], rest, axes=1) - coefficients[t:]
+            whole = energy_of(self.data) if self.whole is None else self.whole
+            unexplained = whole - energy_of(coefficients)
+            energy = unexplained + energy_of(missed)
             if not np.all(energy.sum(axis=1) > _ROUNDING * whole.sum(axis=1)):
-                energy = _energy(self.data - self.rebuilt(shapes, side, own))
+                energy = energy_of(self.data - self.rebuilt(shapes, side, own))
         return FittedSide(side, own, energy, np.where(unexplained > _TOLD * whole, unexplained, np.nan))
 
     def of_terms(self, coefficients: RealArray) -> RealArray:
@@ -168,25 +175,32 @@ class ModalBasis:
 
     def rebuilt(self, shapes: Array, participation: Array, terms: Array) -> RealArray:
         """Return what modes and terms give on the rows, (K, l, m): the counterpart of `fit_participation`."""
-        residues = shapes.T[:, :, None] * participation[:, None, :]
-        coefficients = np.stack([residues.real, residues.imag], axis=1).reshape(2 * len(residues), self.data[0].size)
+        coefficients = _residues(shapes, participation).reshape(-1, self.data[0].size)
         flat = self.functions @ coefficients + self.terms @ terms.reshape(len(terms), coefficients.shape[1])
         return np.asarray(flat.reshape(self.data.shape))
 
 
-def _energy(values: RealArray) -> RealArray:
-    """Return sum over the rows of |v|^2 of every channel, (l, m)."""
-    return np.asarray(np.einsum("klm,klm->lm", values, values))
+def _residues(shapes: Array, participation: Array) -> RealArray:
+    """Return the residues c_j l_j as the functions take them, (2 n, l, m): real and imaginary part of every pole."""
+    residues = shapes.T[:, :, None] * participation[:, None, :]
+    return np.stack([residues.real, residues.imag], axis=1).reshape(2 * len(residues), *residues.shape[1:])
 
 
-def _spread(shapes: Array) -> RealArray:
-    """Return for every output what takes (Re l_1, Im l_1, ...) to (a, b): a = Re c Re l - Im c Im l, b = Im c Re l + Re c Im l."""
-    outputs, n = shapes.shape
-    spread = np.zeros((outputs, 2 * n, 2 * n))
-    j = 2 * np.arange(n)
-    spread[:, j, j] = spread[:, j + 1, j + 1] = shapes.real
-    spread[:, j, j + 1], spread[:, j + 1, j] = -shapes.imag, shapes.imag
-    return spread
+def _with_shapes(functions: RealArray, kept: Array, shapes: Array) -> RealArray:
+    """Return what (Re l_1, Im l_1, ...) give in the rows of every output, (l, K, kept): g1 a + g2 b with a + j b = c l.
+
+    Parameters
+    ----------
+    functions : array, (K, kept)
+        g1 and g2 of every pole, but for some that are zero.
+    kept : array of int
+        Which of all 2 n they are.
+    shapes : array of complex, (l, n)
+    """
+    whole = np.zeros((len(functions), 2 * shapes.shape[1]))
+    whole[:, kept] = functions
+    product = (whole[:, ::2] - 1j * whole[:, 1::2]) * shapes[:, None]
+    return np.stack([product.real, -product.imag], axis=3).reshape(len(shapes), *whole.shape)[:, :, kept]
 
 
 def _solve(known: RealArray, target: RealArray) -> RealArray:
@@ -199,7 +213,7 @@ def _solve(known: RealArray, target: RealArray) -> RealArray:
 def line_basis(
     frequencies: RealArray,
     rate: float | None,
-    values: ComplexArray,
+    data: LineData,
     poles: Array,
     powers: tuple[int, ...],
     weights: Array | None,
@@ -207,14 +221,15 @@ def line_basis(
     """Return the functions 1 / (x - pole) and conjugates on lines, real and imaginary parts stacked.
 
     x is j w with poles in rad/s; for the response of a sampled system x = exp(j w dt) and the poles go along. The terms are powers
-    of the relative frequency j f / f_max: only their span matters, and it is better conditioned.
+    of the relative frequency j f / f_max: only their span matters, and it is better conditioned. The data have the
+    weights already.
     """
     relative = 1j * frequencies / (float(frequencies[-1]) or 1.0)
     terms = np.stack([relative**power for power in powers], axis=1) if powers else np.zeros((frequencies.size, 0))
     functions = line_functions(frequencies, rate, poles)
     if weights is not None:
         functions *= np.tile(weights, 2)[:, None]
-    return ModalBasis(_real(terms, weights), functions, _real_data(values, weights))
+    return ModalBasis(real_rows(terms, weights), functions, data.values, data.energy)
 
 
 def sample_basis(rate: float, first: int, values: RealArray, poles: Array) -> ModalBasis:
@@ -240,18 +255,7 @@ def stacked_basis(
     g1 = np.where(alone, own, own + pair)
     g2 = np.where(alone, 0, 1j * (own - pair))
     functions = np.stack([g1, g2], axis=2).reshape(len(data), -1)
-    return ModalBasis(_real(terms, weights), _real(functions, weights), _real_data(data, weights))
-
-
-def _real(columns: Array, weights: Array | None) -> RealArray:
-    """Return real parts above imaginary parts, with the weights of the lines."""
-    weighted = columns if weights is None else columns * np.asarray(weights)[:, None]
-    return np.concatenate([weighted.real, weighted.imag])
-
-
-def _real_data(values: Array, weights: Array | None) -> RealArray:
-    lines, *channels = values.shape
-    return _real(values.reshape(lines, -1), weights).reshape(2 * lines, *channels)
+    return ModalBasis(real_rows(terms, weights), real_rows(functions, weights), real_data(data, weights))
 
 
 def residual_powers(quantity: str | None, residuals: bool) -> tuple[int, ...]:

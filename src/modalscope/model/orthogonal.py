@@ -7,10 +7,13 @@ import scipy.linalg as sla
 
 from modalscope.model.checks import RealArray
 
-__all__ = ["energy_left", "less", "orthogonalized", "spanning"]
+__all__ = ["energy_left", "less", "resolved", "spanning"]
 
 #: From so many rows on reflections take longer than two Cholesky factors; they serve while columns stand so far out of each other's span.
 _MANY_ROWS, _WELL_APART = 3000, 1e-4
+
+#: Rows that two products take at a time: what lies between them stays in the cache.
+_AT_A_TIME = 256
 
 #: Eigenvalues of a Gram matrix below this part of the largest are near rounding; what is left below that part of the data is, too.
 _DEPENDENT, _LEAST = 1e-11, 1e-8
@@ -19,19 +22,37 @@ _DEPENDENT, _LEAST = 1e-11, 1e-8
 _EXACT = 1e-7
 
 
-def orthogonalized(X: RealArray) -> tuple[RealArray, RealArray]:
-    """Return Q R = X: of many rows by two Cholesky factors of the Gram matrix, as exact as reflections up to a condition of 1e4.
+def resolved(X: RealArray, data: RealArray) -> tuple[RealArray, RealArray]:
+    """Return Q'D and R of Q R = X: of many rows by two Cholesky factors of Gram matrices, as exact as reflections up to a condition of 1e4.
 
+    Columns are brought to one length for that. The second factor is applied to what the first basis sees of the data: Q is never made.
+
+    Parameters
+    ----------
+    X : array, (K, k)
+        Columns that are not zero.
+    data : array, (K, q)
+
+    References
+    ----------
     Yamamoto et al., "Roundoff error analysis of the CholeskyQR2 algorithm", Electronic Transactions on Numerical Analysis 44 (2015).
     """
-    first = _triangle(X) if len(X) > _MANY_ROWS else None
+    gram = X.T @ X
+    scale = np.sqrt(np.diag(gram))
+    first = _triangle(gram / np.outer(scale, scale)) if len(X) > _MANY_ROWS else None
     if first is not None:
-        Q = X @ np.linalg.inv(first)
-        second = _triangle(Q)
+        to_near, near = np.linalg.inv(first) / scale[:, None], np.zeros_like(gram)
+        seen = np.zeros((len(scale), data.shape[1]))
+        for start in range(0, len(X), _AT_A_TIME):
+            rows = X[start : start + _AT_A_TIME] @ to_near
+            near += rows.T @ rows
+            seen += rows.T @ data[start : start + _AT_A_TIME]
+        second = _triangle(near)
         if second is not None:
-            return Q @ np.linalg.inv(second), second @ first
-    factors = sla.qr(X, mode="economic", check_finite=False)
-    return np.asarray(factors[0], dtype=float), np.asarray(factors[1], dtype=float)
+            found = sla.solve_triangular(second, seen, trans=1, check_finite=False)
+            return np.asarray(found), np.asarray(second @ first * scale)
+    Q, R = sla.qr(X / scale, mode="economic", check_finite=False)
+    return np.asarray(Q.T @ data, dtype=float), np.asarray(R * scale, dtype=float)
 
 
 def spanning(columns: RealArray) -> tuple[RealArray, RealArray]:
@@ -100,10 +121,10 @@ def _less(data: RealArray, columns: RealArray, W: RealArray) -> RealArray:
     return np.asarray(left)
 
 
-def _triangle(X: RealArray) -> RealArray | None:
-    """Return R with R'R = X'X; None where columns lie so near each other's span that it has few digits."""
+def _triangle(gram: RealArray) -> RealArray | None:
+    """Return R with R'R the Gram matrix; None where columns lie so near each other's span that it has few digits."""
     try:
-        R = np.linalg.cholesky(X.T @ X).T
+        R = np.linalg.cholesky(gram).T
     except np.linalg.LinAlgError:
         return None
     diagonal = np.diag(R)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from modalscope.identification.conditioned import bands_of_record
+from modalscope.identification.conditioned import bands_of_record, looked_through
 from modalscope.identification.conditioned_setups import bands_of_setups
 from modalscope.judging.parts import Part, cut_of, holds_too_little, joined_diagram
 from modalscope.judging.select import select
@@ -86,9 +86,11 @@ def looked_at(
             for look in looked_at(part, alone, progress, watch, choose)
         ]
 
+    seen = looked_through(data, document.exclude or None)
+
     def sweep(band: Band) -> StabilizationDiagram:
         return stabilize(
-            data,
+            seen,
             method=document.method,
             domain=document.domain,
             orders=document.orders,
@@ -103,7 +105,7 @@ def looked_at(
     bands: tuple[tuple[float, float], ...] = document.bands
     told: tuple[Note, ...] = ()
     if not bands and document.orders is None:
-        bands, told = _own_bands(data, document.exclude or None)
+        bands, told = _own_bands(seen, document.exclude or None)
     if len(bands) > 1 or document.orders is not None or document.frequencies is not None:
         return [Look(sweep(band), band, notes=told) for band in bands or (None,)]
     band = bands[0] if bands else None
@@ -117,7 +119,7 @@ def _own_bands(data: Any, exclude: Any) -> tuple[tuple[tuple[float, float], ...]
     """Return the bands that ambient records fall into by themselves, and what is said about them."""
     if isinstance(data, Setups):
         return bands_of_setups(data if exclude is None else data.select(exclude=exclude))
-    return bands_of_record(data, exclude)
+    return bands_of_record(data)
 
 
 def setups_apart(data: Any, document: Analysis) -> tuple[Signals, ...]:
