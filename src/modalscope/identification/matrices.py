@@ -294,11 +294,10 @@ def transfer_of_lines(problem: Problem, order: int) -> Built:
     _refuse("the columns of a frequency-domain matrix are lines", options, "block_columns")
     few = _fewer_outputs(response, order, options, options.initial_values)
     taken: Any = response if few is None else few.response
-    degree = options.block_rows or default_degree(response, order, truncates=problem.method.orders.truncates)
     matrix: DataMatrix = transfer(
         taken,
         domain=problem.method.domain,
-        block_rows=degree,
+        block_rows=options.block_rows or default_degree(response, order),
         order=order,
         weights=line_weights(response, options.weights),
         equal_outputs=few is None,

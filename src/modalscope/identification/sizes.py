@@ -34,12 +34,6 @@ _ROWS, _COLUMNS = 4000, 100_000
 #: Rows in all of shifted transfer functions, whose triangular factor is whole.
 _WINDOW_ROWS = 600
 
-#: Degree on lines, with so many rows in all.
-_USUAL_DEGREE, _LINE_ROWS = 48, 600
-
-#: Rows in all to which few outputs, inputs and lines get a higher degree, as far as 2 F m rows^2 products stay below a quarter of a second.
-_LONG_ROWS, _LINE_PRODUCTS = 900, 4e9
-
 #: States of a companion form, whose eigenvalues cost their cube.
 _COMPANION = 240
 
@@ -172,16 +166,13 @@ def default_shifts(response: Response, order: int, *, truncates: bool = True) ->
     return int(max(min(wanted, samples // 3), 1))
 
 
-def default_degree(response: FrequencyResponse, order: int, *, truncates: bool = True) -> int:
-    """Return the degree q: 48, or more, up to a sixth of the lines, as far as that costs little: few outputs, inputs and lines.
+def default_degree(response: FrequencyResponse, order: int) -> int:
+    """Return the degree q: up to 48, fewer with many outputs (600 rows in all) or few lines, at least 8 and what the order needs.
 
-    Rows to degree q tell modes as q block rows of 2 F samples do, see `default_windows`. Fewer with many outputs (600 rows in all) or few
-    lines; at least 8 and what the order needs. Where all rows are states no more than 240 of them, beyond a degree of 48.
+    A high degree steadies the damping of modes near the edge of the band; the triangular factor has outputs x (q + 1) rows.
     """
     lines, outputs, inputs = response.values.shape
-    most = min(_LONG_ROWS, int(np.sqrt(_LINE_PRODUCTS / (2 * lines * inputs)))) if truncates else _COMPANION
-    long = max(_USUAL_DEGREE, min(lines // _PARTS, most // outputs))
-    wanted = max(min(long, lines // 4, _LINE_ROWS // outputs), 8, -(-order // outputs) + 1)
+    wanted = max(min(48, lines // 4, 600 // outputs), 8, -(-order // outputs) + 1)
     carried = (2 * lines * inputs - order) // inputs - 1
     return int(max(min(wanted, carried), 1))
 
