@@ -111,6 +111,18 @@ def test_a_group_that_no_mode_answers_to_is_told_with_what_it_would_explain() ->
     )
 
 
+def test_what_exceeds_white_noise_and_not_the_errors_of_the_data_is_told_so() -> None:
+    # a coherent line under Hann's window, beside coloured errors
+    known = data()
+    values = known.values.copy()
+    values[199:202] += 0.02 * np.array([0.5, 1.0, 0.5])[:, None, None]
+    line = [Pole(n, f=float(F[200]), zeta=0.003, shape=(1, 1, 1), part=(1, 1)) for n in ORDERS[:3]]
+    found = told(*ALL, *line, response=replace(known, values=values), coloured=True)
+    left = next(c for c in found if abs(c.frequency - F[200]) < 0.01)
+    assert left.gain > left.facts["noise_gain"]
+    assert "does not stand out of the errors of these data" in left.against[0]
+
+
 def test_what_data_leave_open_is_no_mode() -> None:
     weak = data(noise=NOISE)
     x = 2j * np.pi * F[:, None, None]

@@ -11,21 +11,39 @@ import numpy as np
 from modalscope.identification.likelihood import Fitted, Point
 from modalscope.model.checks import Array, ComplexArray, RealArray
 
-__all__ = ["inverse", "normal", "residual", "scores", "scores_of_rows"]
+__all__ = ["covariance_of_scores", "inverse", "normal", "residual", "scores", "scores_of_rows"]
 
 
 def normal(point: Point, fitted: Fitted) -> tuple[RealArray, RealArray]:
     """Return the information J'J (2 n p, 2 n p) and J'r (2 n p,), real and imaginary part of every unknown side by side."""
     W, c = _free(point, fitted), _coefficients(point, fitted)
     V = W.view(np.float64)  # real and imaginary parts side by side
-    G, slope = V.T @ V, V.T @ fitted.left
+    slope = V.T @ fitted.left
+    return _over_channels(V.T @ V, c), _interleaved(np.einsum("oa,ao->a", c, slope[::2] + 1j * slope[1::2]))
+
+
+def covariance_of_scores(point: Point, fitted: Fitted, noise: RealArray) -> RealArray:
+    """Return the covariance of J'e (2 n p, 2 n p), e of the covariance `noise` (4 n, 4 n) between compressed rows, alike in all channels.
+
+    Parameters
+    ----------
+    point, fitted
+    noise : array, (4 n, 4 n)
+    """
+    V = _free(point, fitted).view(np.float64)
+    coloured = (noise @ V.reshape(len(noise), -1)).reshape(V.shape)
+    return _over_channels(V.T @ coloured, _coefficients(point, fitted))
+
+
+def _over_channels(G: RealArray, c: ComplexArray) -> RealArray:
+    """Return sum_o of products of Re(c_oa W_a) and Re(j c_oa W_a) from those of real and imaginary parts of W, side by side."""
     RR, RI, II = G[::2, ::2], G[::2, 1::2], G[1::2, 1::2]
     H = (RR + II + 1j * (RI - RI.T)) * (c.conj().T @ c)
     S = (RR - II + 1j * (RI + RI.T)) * (c.T @ c)
     J = np.empty((2 * len(H), 2 * len(H)))
     J[::2, ::2], J[1::2, 1::2] = (H + S).real / 2, (H - S).real / 2
     J[::2, 1::2], J[1::2, ::2] = -(H + S).imag / 2, (H - S).imag / 2
-    return J, _interleaved(np.einsum("oa,ao->a", c, slope[::2] + 1j * slope[1::2]))
+    return J
 
 
 def scores(point: Point, fitted: Fitted) -> RealArray:

@@ -43,7 +43,7 @@ def refined(
         return replace(before, left_out=(*before.left_out, *lost), unrefined=before, converged=True).noted(notes)
     point, fitted = settled.descent.point, settled.descent.fitted
     poles = point.poles + response.added_damping
-    spread = spread_of(point, fitted, poles, settled.variance, response.count, groups, settled.colour)
+    spread = spread_of(point, fitted, poles, settled.variance, response, groups, settled.colour)
     order = np.argsort(np.abs(poles), kind="stable")
     shapes, participation = settled.residues
     dt = 1 / response.sampling_rate if response.held_input and response.sampling_rate else before.dt

@@ -13,6 +13,7 @@ from modalscope.identification.descent import Descent, descend
 from modalscope.identification.driven import whitened_records
 from modalscope.identification.information import residual
 from modalscope.identification.likelihood import Whitened, whitened
+from modalscope.identification.under_window import window_noise
 from modalscope.identification.whitening import (
     Colour,
     Levels,
@@ -21,10 +22,11 @@ from modalscope.identification.whitening import (
     levels_of,
     row_deviations,
     search_bound,
+    told_under_window,
 )
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
 from modalscope.model.record_spectra import RecordSpectra
-from modalscope.model.response import Response
+from modalscope.model.response import Response, fading, window_over_lines
 
 __all__ = ["Settled", "Task", "least_gain", "settle", "task_of"]
 
@@ -66,7 +68,7 @@ class Task:
 def task_of(
     response: Response, fixed: ComplexArray, weights: Array | None, progress: Callable[[int, int], None] | None
 ) -> Task:
-    """Return the task of a response: noise from its variance where it carries one and no weights are given.
+    """Return the task of a response: noise from its variance where it carries one and no weights are given, faded as a window made it.
 
     Parameters
     ----------
@@ -81,7 +83,8 @@ def task_of(
     if weights is None and variance is not None:
         by_row, known = from_variance(variance, rows, scattered=response.scattered_variance)
         return Task(response, fixed, powers, by_row, known, progress)
-    return Task(response, fixed, powers, row_deviations(rows, weights), None, progress)
+    faded = fading(response) if weights is None else None
+    return Task(response, fixed, powers, row_deviations(rows, weights) if faded is None else faded, None, progress)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -97,17 +100,20 @@ class Settled:
         Unknowns a channel.
     colour : Colour
         Of the residual.
+    worth : array, (n,)
+        What a gain in variances counts beside one in white noise; see `told_under_window`.
     """
 
     descent: Descent
     variance: float
     unknown: int
     colour: Colour
+    worth: RealArray
 
     @property
     def gain(self) -> RealArray:
         """Rise of the squared misfit without each mode, in variances, (n,)."""
-        return self.descent.fitted.gain / self.variance
+        return self.descent.fitted.gain / self.variance * self.worth
 
     @property
     def residues(self) -> tuple[ComplexArray, ComplexArray]:
@@ -170,18 +176,29 @@ def _round(task: Task, start: _Start, most: int, *, last: bool) -> _Start | Sett
     descent = descend(problem, poles, sides, most=most, progress=task.progress)
     point, fitted = descent.point, descent.fitted
     unknown = problem.terms.shape[1] + 2 * len(poles)
-    seen = colour(residual(point, fitted), task.response.count, unknown)
+    window = window_over_lines(task.response)
+    seen = colour(residual(point, fitted), task.response.count, unknown, window=window)
     left = np.sqrt(point.left_by_channel(fitted) / len(task.rows))
     following = levels_of(left * np.outer(levels.outputs, levels.inputs))
     done = task.known or seen.coloured or not descent.converged or following.change(levels) < _SETTLED
     if not (done or last):
         return _Start(point.poles, *problem.scaled_back(point, fitted), following)
-    variance = descent.cost / (problem.freedom - 2 * len(poles) * sum(task.channels))
+    noise = window_noise(point, fitted, task.response)
+    free = problem.freedom - 2 * len(poles) * sum(task.channels) if noise is None else noise.free
+    variance = descent.cost / free
     if (
         task.known is not None and variance <= 1
     ):  # what is left is no more than the noise that is known: its colour is none of a model's
-        return Settled(descent, 1.0, unknown, replace(seen, excess=0.0))
-    return Settled(descent, variance, unknown, seen)
+        variance, seen = 1.0, replace(seen, excess=0.0)
+    return Settled(descent, variance, unknown, seen, _worth(task.response, point.poles))
+
+
+def _worth(response: Response, poles: ComplexArray) -> RealArray:
+    """Return what gains of poles count beside those in white noise, (n,)."""
+    window = window_over_lines(response)
+    if window <= 0:
+        return np.ones(len(poles))
+    return told_under_window(window, -poles.real * window / response.added_damping)
 
 
 @singledispatch

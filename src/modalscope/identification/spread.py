@@ -9,9 +9,11 @@ import numpy as np
 
 from modalscope.identification.information import inverse, normal, scores, scores_of_rows
 from modalscope.identification.likelihood import Fitted, Point, across
+from modalscope.identification.under_window import window_noise
 from modalscope.identification.whitening import Colour, blocks_of
 from modalscope.model.checks import ComplexArray, RealArray
 from modalscope.model.groups import Groups
+from modalscope.model.response import Response
 from modalscope.uncertainty.covariance import deviations_of_poles, pole_blocks, sandwich, shape_deviations
 
 __all__ = ["LEAST_GROUPS", "Spread", "spread_of"]
@@ -42,7 +44,7 @@ class Spread:
 
 
 def spread_of(
-    point: Point, fitted: Fitted, poles: ComplexArray, variance: float, count: int, groups: Groups, seen: Colour
+    point: Point, fitted: Fitted, poles: ComplexArray, variance: float, response: Response, groups: Groups, seen: Colour
 ) -> Spread:
     """Return the deviations at an optimum.
 
@@ -53,8 +55,8 @@ def spread_of(
         rad/s, as the modes are to have them.
     variance : float
         Of a row of the whitened noise.
-    count : int
-        Lines or samples.
+    response : Response
+        That was refined.
     groups : tuple of str or None
         One label an input, or a run.
     seen : Colour
@@ -62,10 +64,11 @@ def spread_of(
     """
     information = inverse(normal(point, fitted)[0])
     between = _between(point, fitted, information, groups)
-    candidates = [(variance * information, 1.0)]
+    noise = window_noise(point, fitted, response)
+    candidates = [(variance * (information if noise is None else noise.covariance), 1.0)]
     if seen.coloured:
         longer = (1 + max(seen.correlation, 0)) / max(1 - max(seen.correlation, 0), 0.01)
-        parts = [scores_of_rows(point, fitted, blocks_of(len(point.problem.rows), count, seen.correlation))]
+        parts = [scores_of_rows(point, fitted, blocks_of(len(point.problem.rows), response.count, seen.correlation))]
         parts += [] if between is not None else _by_channels(point, fitted)
         candidates += [(sandwich(information, part), longer) for part in parts if len(part) >= LEAST_GROUPS]
     found = [_of_poles(poles, covariance, point) for covariance, _ in candidates]

@@ -258,7 +258,12 @@ def _left(trial: Trial, groups: list[Candidate]) -> list[Candidate]:
         return []
     poles = poles_from([c.frequency for c in each], [c.damping for c in each])
     gain = np.sqrt(gains_beside(trial.arena, trial.found, poles - trial.diagram.response.added_damping) / 2)
-    text = "beside the modes it explains {:.1f} standard deviations of the noise; noise alone may explain {:.1f}"
-    return [
-        _with_gain(trial, replace(c, against=(text.format(g, trial.bar),)), g) for c, g in zip(each, gain, strict=True)
-    ]
+    return [_with_gain(trial, replace(c, against=(_too_little(trial, g),)), g) for c, g in zip(each, gain, strict=True)]
+
+
+def _too_little(trial: Trial, gain: float) -> str:
+    """Return why what a group explains makes no mode: noise may explain it, or errors that are no white noise."""
+    text = f"beside the modes it explains {gain:.1f} standard deviations of the noise; noise alone may explain {trial.bar:.1f}"
+    if gain > trial.bar and trial.found.recount is not None:
+        text += ", and more than that is needed here: it does not stand out of the errors of these data, which are no white noise"
+    return text
