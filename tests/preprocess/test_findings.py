@@ -1,4 +1,4 @@
-"""Channels that are multiples of each other: found in the order of one projection, and by comparing all pairs."""
+"""Channels that never change; and those that are multiples of each other: in the order of one projection, and by comparing all pairs."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from modalscope.preprocess.findings import identical_channels
+from modalscope.preprocess.findings import dead_channels, identical_channels
 
 
 def _by_all_pairs(x: np.ndarray) -> set[str]:
@@ -36,3 +36,12 @@ def test_of_three_copies_two_are_named_beside_the_first() -> None:
     x[:, 3], x[:, 1] = 2 * x[:, 0], -x[:, 0]
     assert [f.channels for f in identical_channels(x, "abcd")] == [("a", "b"), ("a", "d")]
     assert "d is 2 times a" in identical_channels(x, "abcd")[1].reason
+
+
+def test_dead_is_what_never_changes_but_for_rounding_and_not_what_others_exceed():
+    rng = np.random.default_rng(0)
+    moving = rng.standard_normal(1000)
+    one = np.full(1000, 0.1)
+    last_bit = one * (1 + np.finfo(float).eps * (rng.random(1000) < 0.5))
+    columns = np.column_stack([moving, 1e-15 * moving, 0 * moving, one, last_bit, 1 + 1e-12 * moving])
+    assert [finding.channels for finding in dead_channels(columns, list("abcdef"))] == [("c",), ("d",), ("e",)]

@@ -48,7 +48,7 @@ def told_lines(matrix: RecordLines) -> Lines:
     matrix : RecordLines
     """
     judged, every = matrix.judged, matrix.response
-    if judged is every and every.count <= _TOLD:
+    if judged.count == every.count <= _TOLD:
         return Lines(np.arange(every.count), np.ones(every.count))
     thin = np.arange(0, judged.count, -(-judged.count // _TOLD))
     used, each = [], []

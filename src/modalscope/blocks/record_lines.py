@@ -142,8 +142,9 @@ class RecordLines(PolynomialRows):
 
     @cached_property
     def judged(self) -> RecordSpectra:
-        """The records' own lines; of long records those that tell."""
-        return self.response.judging()
+        """The records' own lines, of long records those that tell; outputs that were levelled by their noise are judged by it, too."""
+        found = self.response.judging()
+        return found if self.known is None else replace(found, level=self.output_scale)
 
     @property
     def outputs(self) -> int:
@@ -260,7 +261,7 @@ class RecordLines(PolynomialRows):
         """Return shapes from all block rows; participation of inputs and ends, and D, by least squares over the records' lines."""
         shapes = self.shapes(model.row_states(eigen.vectors), eigen.values)
         basis = self.judged.basis(self.to_s(eigen.values))
-        participation, terms = basis.fit_participation(shapes)
+        participation, terms = basis.fit_participation(shapes, self.output_scale)
         return ModalFit(shapes, participation, terms, reach=basis.reach, basis=basis)
 
     def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> Iterator[tuple[Array, Array]]:

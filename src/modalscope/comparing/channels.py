@@ -1,8 +1,7 @@
 """Rules about channels: dead, turned in sign, or bad. Each names its evidence.
 
 dead channel
-    It never changes, or is a million times weaker than the others (`modalscope.preprocess.findings`); it is left out before anything
-    is identified.
+    It never changes, but for rounding (`modalscope.preprocess.findings`); it is left out before anything is identified.
 swapped sign
     By driving points and reciprocity (`modalscope.preprocess.polarity`). A single response is turned
     when more than 2 % of the residues is beyond rank one (a shape times a participation), and less than a third of that with

@@ -1,8 +1,8 @@
 """What is made of a record without inputs before anything is identified: its band, its rate, and what in it is no structure.
 
 This is the only place where a record is filtered and decimated without being asked. The band that was chosen is the `band` of the settings:
-the same band, asked for, gives the same numbers to the last bit. Hits have their band by `modalscope.preprocess.driven_band`; nothing of
-them is filtered.
+the same band, asked for, gives the same numbers to the last bit. Hits have their band by `modalscope.preprocess.driven_band`, other
+records with inputs by `modalscope.preprocess.resonant_band`; nothing of them is filtered.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from modalscope.identification.conditioned_setups import conditioned_setups
 from modalscope.identification.lookup import find_method
 from modalscope.identification.method import Method, Problem
 from modalscope.identification.options import ROUTES
-from modalscope.identification.routes import USUAL, band_of_route, by_route, chosen_route, one_record
+from modalscope.identification.routes import USUAL, by_route, chosen_route, one_record
 from modalscope.identification.row_options import check_form, options_of
 from modalscope.identification.sizes import setup_blocks
 from modalscope.identification.takes import Takes
@@ -177,11 +177,9 @@ def _(data: Records, band: tuple[float, float] | None, asked: _Asked) -> Measure
     check_size(data)
     if data.input_dofs:
         route = chosen_route(data, asked.method, asked.domain, asked.route)
-        own, told = band_of_route(data, route) if band is None else (band, ())
-        response, note = by_route(data, route, own)
-        row, domain = USUAL[route]
-        notes = (*told, note)
-        return Measured(response, None, "records with inputs", row, domain, own, route=route, driven=data, notes=notes)
+        way, (row, domain) = by_route(data, route, band), USUAL[route]
+        given = "records with inputs"
+        return Measured(way.response, None, given, row, domain, way.band, route=route, driven=data, notes=way.notes)
     return _measured(seen_record(one_record(data, "correlations")), band, asked)
 
 

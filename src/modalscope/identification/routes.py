@@ -26,7 +26,7 @@ from modalscope.model.record_transform import record_spectra
 from modalscope.model.records import Records
 from modalscope.model.signals import Signals
 
-__all__ = ["USUAL", "Way", "band_of_route", "by_route", "chosen_route", "one_record", "usual_route"]
+__all__ = ["USUAL", "Way", "by_route", "chosen_route", "one_record", "usual_route"]
 
 #: The row and the domain of each way where none is asked.
 USUAL = {
@@ -44,10 +44,11 @@ _PERIODS, _SETTLED = 2, 0.99
 
 
 class Way(NamedTuple):
-    """A response made of records, and what was done."""
+    """A response made of records, its band (Hz, as asked or as chosen; None stands for all there is), and what was done."""
 
     response: RecordSpectra | FrequencyResponse | ImpulseResponse
-    note: Note
+    band: tuple[float, float] | None
+    notes: tuple[Note, ...]
 
 
 def usual_route(records: Records) -> str:
@@ -98,17 +99,13 @@ def by_route(records: Records, route: str, band: tuple[float, float] | None) -> 
     band : (float, float) or None
         Hz.
     """
-    from modalscope.preprocess import estimate_markov
-    from modalscope.preprocess.joined_responses import joined_frf
-
     if route == "frf":
-        period = _periodic(records)
-        kind = "auto" if period is None else "periodic"
-        note = Note("estimated", {}, "frequency responses were estimated from the records (H1)")
-        return Way(joined_frf(records.stacked(), excitation=kind, period=period).in_band(band), note)
+        return _averaged(records, band)
     if route == "markov":
+        from modalscope.preprocess import estimate_markov
+
         note = Note("estimated", {}, "Markov parameters were estimated from the records by an observer (OKID)")
-        return Way(estimate_markov(one_record(records, "Markov parameters")), note)
+        return Way(estimate_markov(one_record(records, "Markov parameters")), band, (note,))
     low, high = (0.0, np.inf) if band is None else band
     rate, samples = records.sampling_rate, sum(records.samples)
     lines = int(samples * (min(high, rate / 2) - low) / rate) if low < rate / 2 else 0
@@ -116,20 +113,31 @@ def by_route(records: Records, route: str, band: tuple[float, float] | None) -> 
     runs = len(records.runs)
     of = "the record" if runs == 1 else f"{runs} runs"
     note = Note("records on lines", {"runs": runs}, f"{of} on lines, nothing estimated: inputs and ends are eliminated")
-    return Way(record_spectra(records, band), note)
+    spectra = record_spectra(records, band)
+    if band is not None or route != "records":
+        return Way(spectra, band, (note,))
+    own, told = _resonant(spectra)
+    return Way(spectra.in_band(own), own, (*told, note))
 
 
-def band_of_route(records: Records, route: str) -> tuple[tuple[float, float] | None, tuple[Note, ...]]:
-    """Return the band of records with inputs where none is asked, and what is said of it; None stands for all there is.
-
-    Parameters
-    ----------
-    records : Records
-    route : str
-    """
+def _averaged(records: Records, band: tuple[float, float] | None) -> Way:
+    """Return frequency responses in a band; of hits, where none is asked, in that into which they put force."""
     from modalscope.preprocess.driven_band import struck_band
+    from modalscope.preprocess.joined_responses import joined_frf
 
-    found = struck_band(records.stacked()) if route == "frf" else None
+    stacked, period = records.stacked(), _periodic(records)
+    own, told = (struck_band(stacked) or (None, None)) if band is None else (band, None)
+    kind = "auto" if period is None else "periodic"
+    note = Note("estimated", {}, "frequency responses were estimated from the records (H1)")
+    response = joined_frf(stacked, excitation=kind, period=period).in_band(own)
+    return Way(response, own, (note,) if told is None else (told, note))
+
+
+def _resonant(spectra: RecordSpectra) -> tuple[tuple[float, float] | None, tuple[Note, ...]]:
+    """Return the band that holds the resonances of records that are sampled far beyond them, and what is said of it."""
+    from modalscope.preprocess.resonant_band import resonant_band
+
+    found = resonant_band(spectra)
     return (None, ()) if found is None else (found[0], (found[1],))
 
 

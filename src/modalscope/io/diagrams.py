@@ -172,6 +172,7 @@ def _records_of(where: str, arrays: dict[str, Array]) -> RecordSpectra:
         durations=tuple(arrays["durations"].tolist()),
         sampling_rate=rate,
         quantity=str(arrays["quantity"]) if "quantity" in arrays else None,
+        level=arrays.get("level"),
         **signals.labelled(),
     )
 

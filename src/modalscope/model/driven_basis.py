@@ -85,12 +85,14 @@ class DrivenBasis(ModalBasis):
         """Return the basis itself: it is compressed already."""
         return self
 
-    def fit_participation(self, shapes: Array) -> tuple[ComplexArray, RealArray]:
+    def fit_participation(self, shapes: Array, level: Array | float = 1.0) -> tuple[ComplexArray, RealArray]:
         """Fit what drives each pole to known shapes, with D of every output, by least squares over all rows.
 
         Parameters
         ----------
         shapes : array of complex, (l, n)
+        level : array, (l,), optional
+            What every output counts in parts of: its noise.
 
         Returns
         -------
@@ -104,15 +106,17 @@ class DrivenBasis(ModalBasis):
         R = R if _is_triangle(R) else stacked_factor(np.zeros((0, 0)), R)
         each = R[:, t:width].reshape(len(R), self.drives, -1, 2)
         w = np.asarray((each[..., 0] - 1j * each[..., 1]).reshape(len(R), -1))
-        c = np.asarray(np.tile(np.asarray(shapes, dtype=complex), self.drives))
-        found = _tied_fit(w[t:], c, R[t:, width:])
+        unit = np.broadcast_to(np.asarray(level, dtype=float), (len(shapes),))
+        level_shapes, data = np.asarray(shapes, dtype=complex) / unit[:, None], R[:, width:] / unit
+        c = np.asarray(np.tile(level_shapes, self.drives))
+        found = _tied_fit(w[t:], c, data[t:])
         if found is None:
             lower = R[t:, t:width].reshape(len(R) - t, self.drives, -1)
-            known = np.concatenate([_tied(lower, shape) for shape in shapes])
-            theta = _least(known, R[t:, width:].T.reshape(-1, 1))[:, 0]
+            known = np.concatenate([_tied(lower, shape) for shape in level_shapes])
+            theta = _least(known, data[t:].T.reshape(-1, 1))[:, 0]
             found = theta[::2] + 1j * theta[1::2]
         rest = (w[:t] @ (found * c).T).real
-        direct = np.linalg.lstsq(R[:t, :t], R[:t, width:] - rest, rcond=None)[0]
+        direct = np.linalg.lstsq(R[:t, :t], data[:t] - rest, rcond=None)[0] * unit
         participation = np.ascontiguousarray(found.reshape(self.drives, -1).T)
         return participation, np.asarray(direct.T[None], dtype=np.float64)
 

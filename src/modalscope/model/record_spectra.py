@@ -60,6 +60,8 @@ class RecordSpectra(NoResponse):
         All lines, where these are some of them.
     groups : sequence of labels, "auto" or None
         One label a run: what disagrees between groups is repeatability. By default every run of several is one.
+    level : array, (l,), optional
+        What every output is divided by to be level with the others by its noise, where that was seen.
     """
 
     frequencies: RealArray
@@ -67,12 +69,11 @@ class RecordSpectra(NoResponse):
     run: IntArray
     durations: tuple[float, ...]
     source: RecordSpectra | None = None
+    level: RealArray | None = None
 
     def __post_init__(self) -> None:
-        freeze(
-            self,
-            **{name: locked(np.asarray(getattr(self, name))) for name in ("values", "frequencies", "drive", "run")},
-        )
+        arrays = ("values", "frequencies", "drive", "run", *(() if self.level is None else ("level",)))
+        freeze(self, **{name: locked(np.asarray(getattr(self, name))) for name in arrays})
         runs = len(self.durations)
         freeze(self, groups=check_groups(self.groups, runs, "a run", run_groups(runs)))
         self._label(self.values.shape[1], self.drive.shape[1])
@@ -296,4 +297,5 @@ class RecordSpectra(NoResponse):
         return self.lines.evaluated(self.in_plane(poles), alone, shapes, participation, terms[0])
 
     def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
-        return {"values": self.values[:, outputs], "drive": self.drive[:, inputs], "source": None}
+        own = {} if self.level is None else {"level": self.level[outputs]}
+        return {"values": self.values[:, outputs], "drive": self.drive[:, inputs], "source": None, **own}

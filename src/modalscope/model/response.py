@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from modalscope.model.modes import ModalModel
     from modalscope.model.statespace import StateSpace
 
-__all__ = ["AsLines", "AsSamples", "Response", "fading", "output_scale", "window_over_lines"]
+__all__ = ["AsLines", "AsSamples", "Response", "fading", "output_scale", "root_mean_squares", "window_over_lines"]
 
 #: Relative rounding of single precision, in which many responses are stored.
 _STORED = 1e-7
@@ -282,7 +282,12 @@ class Response(ResponseFacts):
 
 
 def output_scale(response: Response) -> RealArray:
-    """Return the root mean square of every output, (l,), by which quiet outputs are brought level with loud ones."""
+    """Return what brings outputs to one level, (l,): their noise where it is known, as least squares ask, else their root mean squares."""
+    return root_mean_squares(response) if response.known_level is None else response.known_level
+
+
+def root_mean_squares(response: Response) -> RealArray:
+    """Return the root mean square of every output over lines or samples and inputs, (l,)."""
     parts = _real_parts(response.values)
     return np.asarray(np.sqrt(np.einsum("klp,klp->l", parts, parts) / (response.count * response.values.shape[2])))
 

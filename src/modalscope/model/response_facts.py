@@ -68,6 +68,11 @@ class ResponseFacts(Channels):
         return getattr(self, "variance", None)
 
     @property
+    def known_level(self) -> RealArray | None:
+        """What every output is divided by to be level with the others by its noise, (l,), where that is known."""
+        return getattr(self, "level", None)
+
+    @property
     def scattered_variance(self) -> bool:
         """Whether that variance is itself an estimate from a number of averages, line by line."""
         return getattr(self, "averages", None) is not None

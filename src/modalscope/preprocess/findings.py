@@ -50,8 +50,9 @@ KINDS = (
     "event",
 )
 
-#: Channels of a smaller RMS than this part of the median of all are dead: a sensor shows more noise than that.
-_DEAD = 1e-6
+#: Channels whose RMS about their mean is so many times the rounding of their largest value are dead; how large others are says nothing:
+#: their unit may be another.
+_DEAD = 32 * float(np.finfo(float).eps)
 
 #: Channels are the same when what one has beside a multiple of the other is below this part of it.
 _SAME = 1e-6
@@ -130,20 +131,14 @@ def _sides_of_runs(records: Records) -> list[Side]:
 
 
 def dead_channels(samples: Array, labels: Sequence[str]) -> list[Finding]:
-    """Find channels (N, c) that are constant, or a million times weaker than the median of all."""
-    rms = np.sqrt(np.mean(np.abs(samples - samples.mean(axis=0)) ** 2, axis=0))
-    usual = float(np.median(rms))
+    """Find channels (N, c) that are constant, but for the rounding of their values."""
     found = []
-    for label, size in zip(labels, rms, strict=True):
-        if size == 0 or size < _DEAD * usual:
-            what = (
-                "it never changes"
-                if size == 0
-                else f"its RMS, {size:.3g}, is {usual / size:.1g} times below the others'"
-            )
-            found.append(
-                Finding("dead", (label,), what, f"Check cable and sensor, or leave it out: exclude={[label]!r}.")
-            )
+    for label, x in zip(labels, samples.T, strict=True):
+        largest = float(np.max(np.abs(x), initial=0.0))
+        # from the first on, so that a sum of many rounds nothing, and over the largest, so that squares of any size are numbers
+        if largest == 0 or float(np.std((x - x[0]) / largest)) < _DEAD:
+            change = f"Check cable and sensor, or leave it out: exclude={[label]!r}."
+            found.append(Finding("dead", (label,), "it never changes", change))
     return found
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from modalscope.identification.lookup import cell_label
 from modalscope.model import FrequencyResponse, ImpulseResponse, Records, Signals, StabilizationDiagram
 from modalscope.model.checks import Array
-from modalscope.model.response import Response, output_scale
+from modalscope.model.response import Response, root_mean_squares
 from modalscope.model.settings import Settings
 from modalscope.model.version import VERSION
 from modalscope.preprocess import Finding, examine
@@ -104,7 +104,7 @@ def _extent(response: Response) -> dict[str, str]:
 
 def _channels(response: Response) -> str:
     """List the outputs: root mean square over lines and inputs, relative level, coherence."""
-    rms = output_scale(response)
+    rms = root_mean_squares(response)
     level = np.full(rms.size, -np.inf)
     np.log10(rms / (rms.max() or 1.0), out=level, where=rms > 0)
     columns = {
