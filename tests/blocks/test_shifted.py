@@ -213,7 +213,7 @@ def test_elimination_is_steadier_in_noise_than_periodised_samples() -> None:
         )
         for source in ("samples", "elimination")
     }
-    assert errors["elimination"] < 0.5 * errors["samples"]
+    assert errors["elimination"] < 0.8 * errors["samples"]
 
 
 def test_every_source_says_what_it_is() -> None:

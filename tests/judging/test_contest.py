@@ -11,7 +11,7 @@ from modalscope.identification.descent import descend
 from modalscope.identification.likelihood import Whitened, whitened
 from modalscope.identification.whitening import search_bound
 from modalscope.judging.arena import Arena
-from modalscope.judging.contenders import standing
+from modalscope.judging.contenders import State, noise_beneath, standing
 from modalscope.judging.contest import contest, gains_beside, staying
 from modalscope.judging.likeness import ONE_SHAPE, collinear
 from modalscope.model import FrequencyResponse
@@ -68,6 +68,33 @@ def test_what_noise_explains_at_its_best_place_stays_below_the_bound() -> None:
     for seed in range(5):
         arena = arena_of(data((), seed=seed))
         assert ends(arena, []).size == 0
+
+
+def test_noise_of_one_channel_that_is_louder_than_its_levels_makes_no_mode(monkeypatch: pytest.MonkeyPatch) -> None:
+    arenas = []
+    for seed in range(3):
+        response, loud = data((), seed=seed), data((), noise=3 * NOISE, seed=seed + 50)
+        values = response.values.copy()
+        values[:, 1, 0] = loud.values[:, 1, 0]
+        arenas.append(arena_of(replace(response, values=values)))
+    assert [ends(arena, []).size for arena in arenas] == [0, 0, 0]
+    monkeypatch.setattr("modalscope.judging.contest.noise_beneath", lambda state: np.ones(len(state.poles)))
+    assert all(ends(arena, []).size for arena in arenas)
+
+
+def test_the_noise_beneath_a_mode_is_that_of_the_channels_it_rests_on() -> None:
+    response = data(noise=0)
+    own = np.random.default_rng(1)
+    size = NOISE * np.array([[1.0, 1.0], [1.0, 6.0], [1.0, 1.0]])
+    H = response.values + size * (
+        own.standard_normal(response.values.shape) + 1j * own.standard_normal(response.values.shape)
+    )
+    arena = arena_of(replace(response, values=H), variance=float(np.mean((size / NOISE) ** 2)))
+    state = State(descend(arena.problem, POLES, PARTS.astype(complex)), arena.variance, arena)
+    left = (size / NOISE) ** 2 / arena.variance
+    R = np.abs(np.einsum("oj,ji->joi", SHAPES, PARTS)) ** 2
+    expected = np.sum(R * left, axis=(1, 2)) / np.sum(R, axis=(1, 2))
+    assert noise_beneath(state) == pytest.approx(np.maximum(expected, 1), rel=0.1)
 
 
 def test_a_mode_that_no_candidate_shows_is_found_in_what_the_others_leave() -> None:

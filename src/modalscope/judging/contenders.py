@@ -12,7 +12,7 @@ from modalscope.judging.arena import Arena
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.poles import frequencies_and_damping
 
-__all__ = ["Optimum", "State", "own_variance", "settled", "standing"]
+__all__ = ["Optimum", "State", "noise_beneath", "own_variance", "settled", "standing"]
 
 #: No pole so far outside the band (part of its edge) or so much damped is a mode: it makes up for something else.
 _OUTSIDE, _DAMPED = 0.1, 0.9
@@ -77,6 +77,21 @@ def own_variance(arena: Arena, descent: Descent) -> float:
     """Return what the model itself leaves of a row: less than the richer model does where that lacked a mode."""
     q, p = arena.problem.data.shape[1:]
     return descent.cost / max(arena.problem.freedom - 2 * len(descent.point.poles) * int(q + p), 1)
+
+
+def noise_beneath(state: State) -> RealArray:
+    """Return the noise in the channels that each pole rests on, over that by which they were divided, no less than one, (n,).
+
+    Data are divided by an output's and an input's part of the noise. Where that of a channel is no such product the amplitude u* A v of a
+    pole, A that of all channels, u and v the directions of its shape and participation, has the variance sum |u_o|^2 |v_i|^2 s_oi, s what
+    is left of each channel in variances.
+    """
+    point, fitted = state.descent.point, state.descent.fitted
+    left = point.left_by_channel(fitted)
+    by_channel = (left.T if point.problem.turned else left) * left.size / (state.arena.problem.freedom * state.variance)
+    u, v = np.abs(fitted.linear) ** 2, np.abs(point.sides) ** 2
+    seen = np.einsum("qn,np,qp->n", u, v, by_channel) / np.maximum(u.sum(axis=0) * v.sum(axis=1), 1e-300)
+    return np.asarray(np.maximum(seen, 1.0))
 
 
 def _possible(arena: Arena, poles: ComplexArray) -> Array:

@@ -16,7 +16,7 @@ from modalscope.identification.likelihood import Point
 from modalscope.identification.matched import amplitudes, strongest_peaks
 from modalscope.identification.whitening import colour
 from modalscope.judging.arena import Arena
-from modalscope.judging.contenders import Optimum, State, own_variance, settled, standing
+from modalscope.judging.contenders import Optimum, State, noise_beneath, own_variance, settled, standing
 from modalscope.judging.likeness import collinear
 from modalscope.judging.recount import Recount, recount_of
 from modalscope.model.checks import Array, ComplexArray, RealArray
@@ -102,6 +102,8 @@ def contest(arena: Arena, poles: ComplexArray, sides: ComplexArray, *, doubted: 
             return None
         state = _parted(completed)
     state = _one_or_two(state)
+    if not arena.coloured:
+        state = _above_own_noise(state)
     if not (arena.coloured and arena.recounted):
         return _judged(state)
     state, recount = _beside_errors(state)
@@ -239,6 +241,15 @@ def _one_or_two(state: State) -> State:
             state = settled(state.arena, state.variance, other.point.poles, other.point.sides)
         else:
             cleared.add(complex(state.poles[j]))
+
+
+def _above_own_noise(state: State) -> State:
+    """Take out what rests on channels whose noise is louder than the product of their levels, and would be noise there."""
+    while True:
+        above = state.gain >= state.arena.bar * noise_beneath(state)
+        if np.all(above):
+            return state
+        state = settled(state.arena, state.variance, state.poles[above], state.sides[above])
 
 
 def _doubtful(state: State) -> list[int]:

@@ -115,7 +115,7 @@ class Trial:
         both = float(self.found.frequency_std[j]), float(self.found.damping_std[j])
         if parts.size:
             both = self.found.as_one(j, parts)
-        return both[0] / (f * zeta), both[1] / zeta
+        return (both[0] / (f * zeta), both[1] / zeta) if zeta > 0 else (np.inf, np.inf)
 
 
 def verdicts(trial: Trial, groups: list[Array]) -> list[Candidate]:

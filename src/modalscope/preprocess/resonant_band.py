@@ -106,9 +106,9 @@ def resonant_band(spectra: RecordSpectra) -> tuple[tuple[float, float], Note] | 
     >>> from modalscope.model import Records
     >>> from modalscope.model.record_transform import record_spectra
     >>> from modalscope.systems import chain5
-    >>> run = chain5().simulate(inputs="white", samples=12_000, sampling_rate=20.0, noise=0.01, seed=0)
+    >>> run = chain5().simulate(inputs="white", samples=12_000, sampling_rate=100.0, noise=0.01, seed=0)
     >>> band, note = resonant_band(record_spectra(Records(runs=(run,))))
-    >>> bool(chain5().modes().frequencies.max() < band[1] < 5)
+    >>> bool(chain5().modes().frequencies.max() < band[1] < 12)
     True
     """
     if spectra.sampling_rate is None:
