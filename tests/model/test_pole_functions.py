@@ -37,3 +37,11 @@ def test_slopes_stand_behind_the_functions() -> None:
     assert np.array_equal(line_functions(F, None, POLES, slopes=True)[:, :6], line_functions(F, None, POLES))
     assert line_functions(F, None, POLES[:0], slopes=True).shape == (80, 0)
     assert sample_functions(25.0, 0, 30, POLES[:0]).shape == (30, 0)
+
+
+def test_a_pole_that_grows_beyond_all_numbers_has_functions_that_are_numbers() -> None:
+    found = sample_functions(10.0, 0, 4000, np.array([5 + 3j, 1e5 + 0j, -0.1 + 4j]), slopes=True)
+    assert np.all(np.isfinite(found))
+    assert np.all(np.isfinite(found.T @ found))
+    alone = sample_functions(10.0, 0, 4000, np.array([-0.1 + 4j]), slopes=True)
+    np.testing.assert_array_equal(found[:, [4, 5, 10, 11]], alone)

@@ -109,6 +109,10 @@ def hankel(
     return GeneralHankel(response, rows, columns)
 
 
+#: Growth over all blocks, in exponents of e, whose square is a number with room for sums.
+_GROWN = 300.0
+
+
 @dataclass(frozen=True, eq=False)
 class Hankel(DataMatrix):
     """A block Hankel matrix of whole consecutive blocks (made by `hankel`).
@@ -247,8 +251,9 @@ class Hankel(DataMatrix):
         return 1 / self.response.sampling_rate
 
     def evolution(self, poles: Array, blocks: int) -> ComplexArray:
-        """Return z^k for blocks k = 0, 1, ...: how a mode runs down the rows."""
-        return powers_of(poles, blocks)
+        """Return z^k for blocks k = 0, 1, ...: how a mode runs down the rows; what outgrows all numbers is held below them."""
+        most = np.exp(_GROWN / max(blocks, 1))
+        return powers_of(np.asarray(poles) * (most / np.maximum(np.abs(poles), most)), blocks)
 
     def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
         """Return shapes C X and participation X^-1 B, referred to the impulse (Eqs. 15-16)."""

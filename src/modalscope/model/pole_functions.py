@@ -13,6 +13,10 @@ __all__ = ["line_functions", "sample_functions"]
 _Parts = tuple[RealArray, RealArray]
 
 
+#: A pole that grows by more than exp of this over the samples is no mode: it is taken as one that grows so much, whose squares are numbers.
+_GROWN = 300.0
+
+
 def line_functions(frequencies: RealArray, rate: float | None, poles: Array, *, slopes: bool = False) -> RealArray:
     """Return the functions 1 / (x - pole) and conjugates on lines, (2 F, 2 n); with `slopes` their d/ds behind them, e1, e2 of every pole.
 
@@ -65,6 +69,7 @@ def _points(
 def sample_functions(rate: float, first: int, count: int, poles: Array, *, slopes: bool = False) -> RealArray:
     """Return Re and Im of exp(s t_k), (N, 2 n), with `slopes` their d/ds behind them, columns e1, e2 of every pole."""
     s = np.asarray(poles, dtype=complex)
+    s = np.minimum(s.real, _GROWN * rate / max(first + count, 1)) + 1j * s.imag
     z = to_discrete(s, 1 / rate)
     decay = powers_of(z, count, first)
     alone = (s.imag == 0) | (z.imag == 0)
