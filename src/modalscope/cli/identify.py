@@ -120,6 +120,7 @@ def _refuse_page_of(what: str) -> None:
 def _print(result: Result, *, everything: bool = False) -> None:
     """Print how the modes were found, what was noted, and the modes."""
     from modalscope.modal.explained import explained
+    from modalscope.modal.heard import of_noise
     from modalscope.modal.rebuilt import fit_of
 
     for note in result.notes:
@@ -144,6 +145,8 @@ def _print(result: Result, *, everything: bool = False) -> None:
             remark(f"  {note}")
     if len(result.diagrams) == 1:
         say(f"\n{explained(fit_of(result.modes, result.diagram.response))}")
+        for note in of_noise(result.diagram.response):
+            remark(f"  {note}")
     _print_left_out(result, everything)
     for index, reasons in enumerate(result.modes.reasons):
         explain(f"mode {index + 1}: {reasons}")

@@ -26,7 +26,7 @@ from modalscope.identification.options import AllOptions
 from modalscope.identification.prepare import Data
 from modalscope.modal.explained import explained, explains_enough
 from modalscope.modal.joint import joint_residues
-from modalscope.modal.rebuilt import fit_error, rebuilt
+from modalscope.modal.rebuilt import fit_error_heard, rebuilt
 from modalscope.model.checks import check_count, check_kind
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
@@ -138,7 +138,7 @@ def _judged(
     scatter = stated(groups, results)
     modes = _consensus(response, groups, scatter)
     fitted = rebuilt(response, modes) if groups else 0 * response.values
-    left = fit_error(response.values, fitted)[0]
+    left = fit_error_heard(response, fitted)[0]
     if groups:
         # channels are looked at one by one: of records that is their picture
         drawn = response.picture()

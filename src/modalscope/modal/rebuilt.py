@@ -10,11 +10,12 @@ import numpy as np
 
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.modal.eigenmodes import Eigenmodes
+from modalscope.modal.heard import heard_lines
 from modalscope.model.checks import Array, DataError, RealArray
 from modalscope.model.modes import ModalModel
 from modalscope.model.response import Response
 
-__all__ = ["fit_error", "fit_error_of", "fit_of", "modal_model", "rebuilt"]
+__all__ = ["fit_error", "fit_error_heard", "fit_error_of", "fit_of", "modal_model", "rebuilt"]
 
 
 def fit_error(measured: Array, rebuilt: Array) -> tuple[float, RealArray]:
@@ -63,8 +64,16 @@ def rebuilt(response: Response, modes: ModalModel) -> Array:
 
 
 def fit_of(modes: ModalModel, response: Response) -> float:
-    """Return norm(measured - rebuilt from the modes) / norm(measured) over all channels."""
-    return fit_error(response.values, rebuilt(response, modes))[0]
+    """Return norm(measured - rebuilt from the modes) / norm(measured) over all channels; lines of noise alone count not (`heard_lines`)."""
+    return fit_error_heard(response, rebuilt(response, modes))[0]
+
+
+def fit_error_heard(response: Response, fitted: Array) -> tuple[float, RealArray]:
+    """Return the fit error of rebuilt values, in all and per channel (l, m), over the lines that hold more than noise."""
+    heard = heard_lines(response)
+    if heard.all():
+        return fit_error(response.values, fitted)
+    return fit_error(response.values[heard], fitted[heard])
 
 
 def modal_model(matrix: DataMatrix, modal: Eigenmodes, indicators: Mapping[str, Array]) -> ModalModel:

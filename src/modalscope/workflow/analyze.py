@@ -11,6 +11,7 @@ from modalscope.blocks.threads import one_thread
 from modalscope.identification.options import AllOptions, labels_of
 from modalscope.judging.select import select
 from modalscope.modal.explained import explained, explains_enough, share_explained
+from modalscope.modal.heard import of_noise
 from modalscope.modal.rebuilt import fit_of
 from modalscope.model.analysis import Analysis
 from modalscope.model.checks import check_each
@@ -195,13 +196,16 @@ def _leaking(data: Any, modes: ModalModel, diagrams: Sequence[StabilizationDiagr
 
 
 def _loud(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> tuple[Note, ...]:
-    """Return a warning where the modes explain little of what was measured, of one band."""
+    """Return a warning where the modes explain little of what was measured, of one band, and what is not counted there."""
     if len(diagrams) != 1 or not len(modes):
         return ()
-    left = fit_of(modes, diagrams[0].response)
+    left, unheard = fit_of(modes, diagrams[0].response), of_noise(diagrams[0].response)
     if explains_enough(left):
-        return ()
-    return (Note("little explained", {"share": share_explained(left), "fit_error": left}, explained(left)),)
+        return unheard
+    return (
+        *unheard,
+        Note("little explained", {"share": share_explained(left), "fit_error": left}, explained(left)),
+    )
 
 
 def _each_once(*notes: Note) -> tuple[Note, ...]:
