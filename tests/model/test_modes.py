@@ -166,6 +166,14 @@ def test_the_table_shows_what_is_known() -> None:
     assert list(frame.columns) == ["frequency_hz", "damping_ratio", "kind"]
 
 
+def test_what_is_not_known_of_one_mode_is_a_dash() -> None:
+    modes = FIVE["chain5"]().modes()
+    known = np.arange(len(modes)) > 0
+    values = np.where(known, 0.5, np.nan)
+    rows = replace(modes, indicators={"mpc": values}, gain=100 * values).table().splitlines()[1:]
+    assert [row.split()[-2:] for row in rows] == [["50.0", "0.500"] if each else ["-", "-"] for each in known]
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -61,9 +61,9 @@ def cells_of_modes(modes: ModalModel) -> list[list[str]]:
         if damping_ratios is not None:
             columns[f"zeta {word}"] = [told(100 * v) for v in damping_ratios]
     if modes.gain is not None:
-        columns["gain"] = [f"{v:.1f}" for v in modes.gain]
+        columns["gain"] = [_fixed(v, 1) for v in modes.gain]
     for name, values in modes.indicators.items():
-        columns[name] = [f"{v:.3f}" for v in values]
+        columns[name] = [_fixed(v, 3) for v in values]
     return [list(columns), *map(list, zip(*columns.values(), strict=True))]
 
 
@@ -76,6 +76,11 @@ def told(deviation: float) -> str:
     ('0.012', '-')
     """
     return f"{deviation:.2g}" if deviation == deviation else "-"
+
+
+def _fixed(value: float, decimals: int) -> str:
+    """Return a number with that many decimals; a dash where there is none, as of modes that no order of the diagram shows."""
+    return f"{value:.{decimals}f}" if value == value else "-"
 
 
 def as_dataframe(modes: ModalModel) -> Any:
