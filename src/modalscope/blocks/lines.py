@@ -227,12 +227,13 @@ class LineMatrix(RowsOnLines):
         states = model.factors.d[:n, None] ** (1 - model.power) * eigen.left.T
         functions, seen = self.compared_functions(eigen.values, fit)
         participation = self.residue_scale(eigen.values) * fit.participation.T
-        return OnLines(model.factors.right.blocks[:, :, :n], states, functions, participation, seen)
+        return OnLines(model.factors.right.blocks[:, :n], states, functions, participation, seen)
 
     def compared_functions(self, poles: Array, fit: ModalFit) -> tuple[ComplexArray, Array]:
-        """Return `column_functions` on the lines that are compared, and whether rounding leaves enough of each to compare."""
+        """Return `column_functions` on the lines that are compared, (2, k, F') at +w and at -w, and of which enough is left to compare."""
         functions, share = self.column_functions(poles)
-        return functions[self.both_parts], share > SEEN
+        real, imaginary = np.split(functions[self.both_parts].T, 2, axis=1)
+        return np.stack([real + 1j * imaginary, real - 1j * imaginary]), share > SEEN
 
     @cached_property
     def both_parts(self) -> IntArray:
@@ -256,8 +257,8 @@ class LineColumns:
 
     @cached_property
     def blocks(self) -> RealArray:
-        """Rows of Q (m, 2 F', k) of every input, on the lines that are compared."""
-        return self.whole[:, self.matrix.both_parts]
+        """Q' (m, k, 2 F') of every input, on the lines that are compared."""
+        return np.ascontiguousarray(self.whole[:, self.matrix.both_parts].transpose(0, 2, 1))
 
     @cached_property
     def whole(self) -> RealArray:
