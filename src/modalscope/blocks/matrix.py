@@ -89,6 +89,11 @@ class DataMatrix(ABC):
         """The first block row of H(k), times X, in outputs: C = first_rows(Q d^-1/2), C A = first_rows(Q d^-1/2, 1)."""
         self._has_no("first block row")
 
+    def first_of_states(self, factors: Factors) -> RealArray:
+        """C of all kept directions, the first block row of H(0) Q d^-1/2, which is that of P d^1/2."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return self.first_rows(factors.Q / np.sqrt(factors.d))
+
     def first_block(self, shapes: Array) -> Array:
         """What the first block row of the factor V holds for given shapes (l, n): T_0 C, or C p_0 on polynomials."""
         return np.asarray(shapes)

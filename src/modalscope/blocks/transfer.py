@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.blocks.costs import Cost, costs_of
+from modalscope.blocks.factor import Factors
 from modalscope.blocks.initial_terms import initial_terms
 from modalscope.blocks.leftover import Leftover, energy, leftover
 from modalscope.blocks.line_products import LineProducts
@@ -184,6 +185,13 @@ class Transfer(PolynomialRows, LineMatrix):
         head = self._operator(functions).times(right)
         return np.asarray(self.output_scale[:, None] * head / self.first_value)
 
+    def first_of_states(self, factors: Factors) -> RealArray:
+        """Return C, of products from the left factor, which begins with the first block row of H(0)."""
+        if not self.products:
+            return super().first_of_states(factors)
+        head = factors.P[: self.outputs] * np.sqrt(factors.d)
+        return np.asarray(self.output_scale[:, None] * head / self.first_value)
+
     def columns_array(self, i: int) -> RealArray:
         """Return all block rows of input i without the initial terms, transposed: (2 F, l (q + 1)).
 
@@ -223,12 +231,12 @@ class Transfer(PolynomialRows, LineMatrix):
         """
         if fit.basis is None or self.plane.scale is None or self.known is not None or not self.orthogonal:
             return super().compared_functions(poles, fit)
-        left, functions = self._left, fit.basis.functions
+        left, reach = self._left, fit.basis.reach if fit.reach is None else fit.reach
         size = np.where(poles.imag == 0, 1, 2) / self.plane.scale
-        own, other = np.moveaxis(left.sums(functions).reshape(2, -1, 2), 2, 0)
+        own, other = np.moveaxis(left.sums(fit.basis.functions).reshape(2, -1, 2), 2, 0)
         sums = np.asarray((own - 1j * other) / size, dtype=complex)
         found = left.of_poles(poles, sums, self.compared_lines)
-        whole = 2 * _energy(functions) / size**2
+        whole = 2 * (reach / size) ** 2
         seen = energy(found) > SEEN**2 * whole
         little = np.flatnonzero(~seen)
         if little.size:
@@ -280,8 +288,3 @@ class Transfer(PolynomialRows, LineMatrix):
         if self.weights is not None:
             said.append("weighted lines")
         return "; ".join(said)
-
-
-def _energy(functions: RealArray) -> RealArray:
-    """Return the energy of g1 and g2 of every pole, (n,), of columns (K, 2 n)."""
-    return np.asarray(np.einsum("kj,kj->j", functions, functions).reshape(-1, 2).sum(axis=1))

@@ -17,11 +17,8 @@ __all__ = ["Balanced", "balanced", "first_blocks", "projected_general"]
 
 def first_blocks(matrix: DataMatrix, factors: Factors) -> tuple[RealArray, RealArray | None]:
     """Return C = E_l' H(0) Q d^-1/2 and B = d^1/2 Q' E_m for all kept directions (Eq. 28; 37 and 39 after compression)."""
-    root = np.sqrt(factors.d)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        C = matrix.first_rows(factors.Q / root)
-    first = matrix.first_columns(factors)
-    return C, None if first is None else np.ascontiguousarray((first * root).T)
+    C, first = matrix.first_of_states(factors), matrix.first_columns(factors)
+    return C, None if first is None else np.ascontiguousarray((first * np.sqrt(factors.d)).T)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
