@@ -8,6 +8,7 @@ import numpy as np
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
+from modalscope.blocks.real_products import times_real
 from modalscope.blocks.triple import Eigen, Triple
 from modalscope.model.checks import Array, RealArray
 from modalscope.realizations.realization import Realization, Sides
@@ -44,7 +45,7 @@ class Balanced(Realization):
     def sides(self, n: int, eigen: Eigen) -> tuple[Sides, ...]:
         """Return F = y d^-1/2 P' and v = Q d^-1/2 x."""
         root = np.sqrt(self.factors.d[:n])
-        left = (eigen.left / root) @ self.factors.P[:, :n].T
+        left = times_real(eigen.left / root, self.factors.P[:, :n].T)
         return (
             Sides(
                 self.matrix.pencil(left, eigen.values, tall=False),
