@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from modalscope.blocks import convolved as convolved_module
 from modalscope.blocks.convolved import ConvolvedInfluence, convolved
 from modalscope.blocks.influence import SampleInfluence
 from tests.support import relative
@@ -36,3 +37,12 @@ def test_transposed_and_by_transforms() -> None:
     for same in (turned.joint(turned, variance.T), SampleInfluence(one.terms).joint(one, variance)):
         assert relative(same.size, found.size) < 1e-12
         assert relative(same.square, found.square) < 1e-12
+
+
+def test_poles_some_at_a_time_have_the_moments_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    one, variance = gradient(6, 40, 0), np.random.default_rng(3).uniform(1, 2, (3, 2))
+    whole = one.joint(one, variance)
+    monkeypatch.setattr(convolved_module, "_AT_A_TIME", 400)
+    assert all(np.allclose(*both, rtol=1e-13, atol=0) for both in zip(one.joint(one, variance), whole, strict=True))
+    nothing = one.take(np.arange(0))
+    assert nothing.joint(nothing, variance).size.shape == (0,)

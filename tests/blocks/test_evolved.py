@@ -37,17 +37,15 @@ def test_blocks_in_pieces_give_what_whole_arrays_do(is_complex: bool) -> None:
 def test_lines_in_pieces_give_what_both_signs_of_all_lines_do() -> None:
     rng = np.random.default_rng(1)
     factor, states = rng.standard_normal((2, 50, 6)), noisy(rng, 6, 4)
-    functions, participation = noisy(rng, 50, 4), noisy(rng, 2, 4)
+    functions, participation = noisy(rng, 2, 4, 25), noisy(rng, 2, 4)
     seen = np.array([True, True, False, True])
 
-    def signs(columns: np.ndarray) -> np.ndarray:
-        real, imaginary = np.split(columns, 2, axis=1)
-        return np.concatenate([real + 1j * imaginary, real - 1j * imaginary], axis=1).reshape(-1, 4)
-
-    found, expected = signs(factor @ states), signs(functions * participation[:, None])
+    real, imaginary = np.split(factor @ states, 2, axis=1)
+    found = np.stack([real + 1j * imaginary, real - 1j * imaginary], axis=1).reshape(-1, 4)
+    expected = (functions.transpose(0, 2, 1) * participation[:, None, None]).reshape(-1, 4)
     coherence = amplitude_coherence(found[None], expected, np.ones((1, 4)))
     emac = weighted_mean(emac_channels(found, expected), expected)
-    ours = followed(OnLines(factor, states, functions, participation, seen))
+    ours = followed(OnLines(factor.transpose(0, 2, 1), states, functions, participation, seen))
     np.testing.assert_allclose([v[seen] for v in ours], [coherence[seen], emac[seen]], rtol=1e-12)
     assert all(np.isnan(v[2]) for v in ours)
 

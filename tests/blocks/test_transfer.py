@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from modalscope import DataError, FrequencyResponse, identify
+from modalscope.blocks.factor import factorize
 from modalscope.blocks.lines import line_weights
 from modalscope.blocks.plane import plane_of
 from modalscope.blocks.polynomials import evaluate, orthogonal_basis, remainders
@@ -244,7 +245,21 @@ def test_functions_that_are_compared_are_those_of_the_columns(domain: str, sampl
     basis = response.basis(s, (0,), matrix.weights)
     fit = ModalFit(np.ones((2, 4), complex), np.ones((4, 1), complex), np.zeros((1, 2, 1)), basis=basis)
     found, enough = matrix.compared_functions(matrix.from_s(s), fit)
-    expected, share = matrix.column_functions(matrix.from_s(s))
-    size = np.linalg.norm(expected, axis=0) / share
+    columns, share = matrix.column_functions(matrix.from_s(s))
+    size = np.linalg.norm(columns, axis=0) / share
+    real, imaginary = np.split(columns[matrix.both_parts].T, 2, axis=1)
     assert np.array_equal(enough, share > 1e-8)
-    np.testing.assert_allclose(found / size, expected[matrix.both_parts] / size, atol=1e-12)
+    expected = np.stack([real + 1j * imaginary, real - 1j * imaginary])
+    np.testing.assert_allclose(found / size[:, None], expected / size[:, None], atol=1e-12)
+
+
+def test_the_output_matrix_is_the_head_of_the_left_factor() -> None:
+    """H(0) Q = P d: nothing of the lines' size is needed for C, which is what the products give."""
+    rng = np.random.default_rng(1)
+    values = rng.standard_normal((150, 30, 2)) + 1j * rng.standard_normal((150, 30, 2))
+    response = FrequencyResponse(values=values * np.linspace(1, 9, 30)[:, None], frequencies=np.linspace(20, 100, 150))
+    matrix = transfer(response, domain="s", block_rows=8)
+    factors = factorize(matrix.tall(), 12)
+    assert matrix.products
+    C = matrix.first_rows(factors.Q / np.sqrt(factors.d))
+    np.testing.assert_allclose(matrix.first_of_states(factors), C, atol=1e-11 * np.abs(C).max())

@@ -43,7 +43,7 @@ def test_the_right_factor_is_brought_back_to_the_lines() -> None:
     frf = add_noise(FIVE["chain5"]().frequency_response(np.linspace(0.3, 8, 100)))
     matrix = transfer(frf, domain="s", block_rows=6)
     factors = factorize(matrix.tall(), 10)
-    Q = matrix.with_columns(factors).right.blocks.reshape(-1, 10)
+    Q = matrix.with_columns(factors).right.whole.reshape(-1, 10)
     assert relative(Q.T @ Q, np.eye(10)) < 1e-10
     whole = np.vstack([matrix.columns_array(i) for i in range(2)]).T
     assert relative(factors.P.T @ whole, factors.d[:, None] * Q.T) < 1e-10

@@ -30,7 +30,7 @@ def test_a_column_of_zeros_beside_a_huge_one_takes_nothing_away() -> None:
     assert energy_left(column / 1e200, np.hstack([column, np.zeros((50, 1))])) == pytest.approx(0.0, abs=1e-20)
 
 
-@pytest.mark.parametrize("apart", [1.0, 1e-3, 1e-7], ids=["orthogonal", "near", "by reflections"])
+@pytest.mark.parametrize("apart", [1.0, 1e-3, 1e-5, 1e-8], ids=["orthogonal", "near", "nearer", "by reflections"])
 @pytest.mark.parametrize("rows", [200, 5000])
 def test_what_columns_see_of_data_is_what_an_orthogonal_basis_sees(rows: int, apart: float) -> None:
     """Q'D and R, columns in other units, against reflections: the sign of a row of both is free."""

@@ -20,6 +20,10 @@ from modalscope.model.checks import Array, ComplexArray, RealArray, freeze
 __all__ = ["Convolution", "ConvolvedInfluence", "convolved", "transformed"]
 
 
+#: Numbers of rows and columns that are transformed at a time.
+_AT_A_TIME = 100_000
+
+
 class Convolution(NamedTuple):
     """Rows and columns of k poles.
 
@@ -101,7 +105,17 @@ class ConvolvedInfluence(SampleInfluence):
 
 
 def _moments(one: Convolution, two: Convolution, variance: RealArray) -> Moments:
-    """Return sum_t g h* and sum_t g h, weighted by the variance of output and input."""
+    """Return sum_t g h* and sum_t g h, weighted by the variance of output and input: of so many poles at a time as stay in the cache."""
+    each = sum(part.shape[1] * part.shape[2] for part in (*one, *two))
+    most = max(_AT_A_TIME // each, 1)
+    found = []
+    for start in range(0, max(len(one.rows), 1), most):
+        mine, its = (Convolution(*(part[start : start + most] for part in whole)) for whole in (one, two))
+        found.append(_of_some(mine, mine if two is one else its, variance))
+    return Moments(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+
+
+def _of_some(one: Convolution, two: Convolution, variance: RealArray) -> Moments:
     rows, columns = (max(mine.shape[1], its.shape[1]) for mine, its in zip(one, two, strict=True))
     lags = min(rows, columns) - 1
     (L, v), *other = (
@@ -122,7 +136,7 @@ def _lags(spectrum: ComplexArray, lags: int) -> ComplexArray:
 
 def _mirrored(spectrum: ComplexArray) -> ComplexArray:
     """Return the values at -f."""
-    return np.roll(spectrum[:, ::-1], 1, axis=1)
+    return np.concatenate([spectrum[:, :1], spectrum[:, :0:-1]], axis=1)
 
 
 def _transform(values: ComplexArray, length: int) -> ComplexArray:

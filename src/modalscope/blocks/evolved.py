@@ -15,8 +15,11 @@ __all__ = ["Agreement", "Compared", "Evolved", "ModalSide", "OnLines", "compared
 #: Numbers compared at a time: the arrays in between stay in the cache.
 _AT_A_TIME = 16_000
 
-#: Agreement (c, k) of amplitudes a that were identified with those that were expected, e, from a conj(e), |a|^2 and |e|^2, (c, k) each.
-Agreement = Callable[[ComplexArray, RealArray, RealArray], RealArray]
+#: Agreement of amplitudes a that were identified with those expected, e, from Re and Im of a conj(e), |a|^2 and |e|^2, of one shape.
+Agreement = Callable[[RealArray, RealArray, RealArray, RealArray], RealArray]
+
+#: Share of a mode's largest participation from which on an input counts: what is less is not seen beside it, whatever it gives.
+_COUNTS = 1e-100
 
 
 class Compared(NamedTuple):
@@ -84,7 +87,8 @@ def compared(
     # over many blocks a real pole that is no mode grows beyond all numbers: nothing agrees with that
     with np.errstate(over="ignore", invalid="ignore"):
         expected = first * evolution[chosen, np.arange(len(chosen))]
-        agreed = agreement(at * expected.conj(), _squared(at), _squared(expected))
+        product = at * expected.conj()
+        agreed = agreement(product.real, product.imag, _squared(at), _squared(expected))
     mean = _share(np.sum(weight * agreed, axis=0), total)
     return Compared(inner, identified, total * squares(evolution), mean)
 
@@ -143,11 +147,11 @@ class OnLines:
 
     Parameters
     ----------
-    factor : array, (m, 2 F, N)
-        Rows of the factor, real parts above imaginary ones, of every input.
+    factor : array, (m, N, 2 F)
+        The factor of every input, real parts of the lines before imaginary ones.
     states : array of complex, (N, k)
-    functions : array of complex, (2 F, k)
-        What runs along the lines for a mode of unit participation.
+    functions : array of complex, (2, k, F)
+        What runs along the lines for a mode of unit participation, at +w and at -w.
     participation : array of complex, (m, k)
     seen : array of bool, (k,)
         Modes of which something is left to compare.
@@ -160,32 +164,47 @@ class OnLines:
     seen: Array
 
     def compare(self, agreement: Agreement, step: Callable[[Array], Array]) -> Compared:
-        """Compare line by line; see `ModalSide`."""
-        k = self.states.shape[1]
-        inner, size, weighted, total = np.zeros(k, dtype=complex), np.zeros(k), np.zeros(k), np.zeros(k)
-        participation = self.participation[:, None]
-        strength = _squared(participation)
-        for found, function in self._pieces():
-            product = found * (function.conj() * participation.conj())
-            identified, expected = _squared(found), _squared(function) * strength
-            inner += product.sum(axis=(0, 1)).conj()
-            size += identified.sum(axis=(0, 1))
-            total += expected.sum(axis=(0, 1))
-            weighted += np.einsum("ifj,ifj->j", expected, agreement(product, identified, expected))
-        return Compared(inner, size, total, _share(weighted, total), self.seen)
+        """Compare line by line; see `ModalSide`.
 
-    def _pieces(self) -> Iterator[tuple[ComplexArray, ComplexArray]]:
-        """Yield what was identified on some lines, of every input (m, lines, k), and the functions there (lines, k)."""
-        lines, k, inputs = len(self.functions) // 2, self.states.shape[1], len(self.factor)
-        columns = np.ascontiguousarray(self.states).view(np.float64)
-        most = max(_AT_A_TIME // max(k * inputs, 1), 1)
-        for start in range(0, lines, most):
-            s = slice(start, start + most)
-            real, imaginary = (
-                (part[:, s] @ columns).view(np.complex128) for part in (self.factor[:, :lines], self.factor[:, lines:])
-            )
-            sides = _both_signs(real, imaginary), _both_signs(self.functions[:lines][s], self.functions[lines:][s])
-            yield from zip(*sides, strict=True)
+        Of every input what was identified is divided by its participation, so that all of them are compared with the same functions: the
+        sums over its lines come back by |participation|^2.
+        """
+        strength = _squared(self.participation)
+        counts = strength > _COUNTS**2 * strength.max(axis=0, initial=0.0)
+        divided = np.where(counts, self.participation, 1)
+        shape = len(self.factor), self.states.shape[1]
+        real, imaginary, size, weighted = (np.zeros(shape) for _ in range(4))
+        for inputs, a, b, u, v in self._pieces(self.states / divided[:, None]):
+            along, across, identified, expected = a * u + b * v, b * u - a * v, a * a + b * b, u * u + v * v
+            real[inputs] += _summed(along)
+            imaginary[inputs] += _summed(across)
+            size[inputs] += _summed(identified)
+            weighted[inputs] += np.einsum("sikf,sjkf->ik", agreement(along, across, identified, expected), expected)
+        strength = np.where(counts, strength, 0)
+        inner = np.sum((real - 1j * imaginary) * strength, axis=0)
+        total = np.sum(_squared(self.functions), axis=(0, 2)) * np.sum(strength, axis=0)
+        identified = np.sum(size * _squared(divided), axis=0)
+        return Compared(inner, identified, total, _share(np.sum(weighted * strength, axis=0), total), self.seen)
+
+    def _pieces(self, states: ComplexArray) -> Iterator[tuple[slice, RealArray, RealArray, RealArray, RealArray]]:
+        """Yield some inputs; on some lines real and imaginary part of what was identified, (2, inputs, k, lines), and of the functions.
+
+        Parameters
+        ----------
+        states : array of complex, (m, N, k)
+        """
+        count, _, k = states.shape
+        lines = self.functions.shape[2]
+        rows = np.ascontiguousarray(np.concatenate([states.real, states.imag], axis=2).transpose(0, 2, 1))
+        upper, lower = self.factor[:, :, :lines], self.factor[:, :, lines:]
+        long = min(max(_AT_A_TIME // max(2 * k, 1), 1), lines)
+        most = max(_AT_A_TIME // max(2 * k * long, 1), 1)
+        for start in range(0, lines, long):
+            s = slice(start, start + long)
+            u, v = (np.ascontiguousarray(part[:, None, :, s]) for part in (self.functions.real, self.functions.imag))
+            for first in range(0, count, most):
+                inputs = slice(first, first + most)
+                yield inputs, *_both_signs(rows[inputs] @ upper[inputs, :, s], rows[inputs] @ lower[inputs, :, s]), u, v
 
 
 def squares(values: Array) -> RealArray:
@@ -197,10 +216,20 @@ def _squared(values: Array) -> RealArray:
     return np.asarray(values.real**2 + values.imag**2)
 
 
-def _both_signs(real: ComplexArray, imaginary: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-    """Return the values at +w and at -w of columns in real and imaginary parts."""
-    turned = 1j * imaginary
-    return real + turned, real - turned
+def _both_signs(real: RealArray, imaginary: RealArray) -> tuple[RealArray, RealArray]:
+    """Return the parts at +w and at -w, (2, m, k, F) each, of columns whose real and imaginary rows have those of k modes, (m, 2 k, F)."""
+    k = real.shape[1] // 2
+    a, b = np.empty((2, 2, len(real), k, real.shape[2]))
+    np.subtract(real[:, :k], imaginary[:, k:], out=a[0])
+    np.add(real[:, :k], imaginary[:, k:], out=a[1])
+    np.add(real[:, k:], imaginary[:, :k], out=b[0])
+    np.subtract(real[:, k:], imaginary[:, :k], out=b[1])
+    return a, b
+
+
+def _summed(values: RealArray) -> RealArray:
+    """Return the sums over both signs and the lines, (2, m, k, F) -> (m, k)."""
+    return np.asarray(values.sum(axis=3).sum(axis=0))
 
 
 def _share(part: RealArray, whole: RealArray) -> RealArray:

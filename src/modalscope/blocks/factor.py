@@ -17,7 +17,7 @@ import scipy.linalg as sla
 
 from modalscope.blocks.costs import EXTRA, Cost, costs_of
 from modalscope.blocks.operators import Operator, Product
-from modalscope.blocks.orthonormal import orthonormal
+from modalscope.blocks.orthonormal import orthonormal_by
 from modalscope.blocks.randomized import Triplets, by_lanczos, by_range
 from modalscope.blocks.sums import TriangleSum
 from modalscope.model.checks import DataError, RealArray, check_choice
@@ -279,8 +279,10 @@ def _by_gram(matrix: Operator, gram: RealArray, wanted: int) -> Factors:
         P = Product(matrix, np.ascontiguousarray(Q[:, :wanted]) / d[:wanted])
         how = f"structured Gram matrix of {size}"
         return _finish(P, d[:wanted], Q[:, :wanted], d, columns * eps, how, gram)
-    left = orthonormal(matrix.times(np.ascontiguousarray(Q)))
-    U, d, Vt = np.linalg.svd(matrix.transposed_times(left).T, full_matrices=False)
+    left, by = orthonormal_by(matrix.times(np.ascontiguousarray(Q)))
+    seen = matrix.transposed_times(left)
+    U, d, Vt = np.linalg.svd((seen if by is None else seen @ by).T, full_matrices=False)
+    turn = U[:, :wanted] if by is None else by @ U[:, :wanted]
     how = f"structured Gram matrix of {size} with a refinement pass"
     # directions below the Gram matrix' resolution are not separated by it: what the pass finds there is not rank
-    return _finish(left @ U[:, :wanted], d[:wanted], Vt[:wanted].T, d, max(matrix.shape) * eps, how, gram)
+    return _finish(left @ turn, d[:wanted], Vt[:wanted].T, d, max(matrix.shape) * eps, how, gram)

@@ -10,7 +10,7 @@ from abc import abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,13 +20,14 @@ from modalscope.blocks.evolved import ModalSide, OnLines
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.operators import DenseMatrix, Operator
+from modalscope.blocks.real_products import real_times
 from modalscope.blocks.shift import RowShift
 from modalscope.blocks.sums import TriangleSum
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, real_array
 from modalscope.model.frequency import FrequencyResponse
 
-__all__ = ["SEEN", "LineMatrix", "RowsOnLines", "kept_block_rows", "line_weights", "real_columns"]
+__all__ = ["SEEN", "LineMatrix", "RowsOnLines", "VectorsOnLines", "kept_block_rows", "line_weights", "real_columns"]
 
 #: So many lines of each input are compared for the indicators of the columns.
 _COMPARED = 1000
@@ -93,6 +94,27 @@ def real_columns(columns: ComplexArray, weights: Array | None) -> RealArray:
     return np.vstack([weighted.real, weighted.imag])
 
 
+class VectorsOnLines(NamedTuple):
+    """Right vectors over the lines by their coefficients: few lines stand for all where noise is summed, and only those are made.
+
+    Parameters
+    ----------
+    whole : array, (m, 2 F, n)
+        The right factor of every input, real parts above imaginary ones.
+    coefficients : array, (n, k)
+    """
+
+    whole: RealArray
+    coefficients: Array
+
+    def parts(self, lines: slice | IntArray = slice(None)) -> tuple[Array, Array]:
+        """Return real and imaginary rows on some lines, (k, lines, m) each."""
+        count = self.whole.shape[1] // 2
+        halves = self.whole[:, :count], self.whole[:, count:]
+        real, imaginary = (real_times(half[:, lines], self.coefficients).transpose(2, 1, 0) for half in halves)
+        return real, imaginary
+
+
 class RowsOnLines(DataMatrix):
     """A block matrix that stands for many columns on lines: its rows through one exact triangular factor.
 
@@ -148,10 +170,10 @@ class RowsOnLines(DataMatrix):
         return self.full_shift.pencil(F, values, self.outputs * (self.block_rows + 1))
 
     def right_vectors(self, factors: Factors, coefficients: Array) -> Any:
-        """Return v_j over the lines (m, 2 F, k), of every input."""
+        """Return v_j over the lines, made where they are asked."""
         if factors.right is None:
             self._has_no("right factor over lines")
-        return np.asarray(factors.right.whole[:, :, : len(coefficients)] @ coefficients)
+        return VectorsOnLines(factors.right.whole[:, :, : len(coefficients)], np.asarray(coefficients))
 
     def row_blocks(self, P: Array) -> RealArray | None:
         """Return a left factor (rows, k) by block rows, (blocks, l, k); None where it is that of fewer rows than H(0) has."""
@@ -227,12 +249,13 @@ class LineMatrix(RowsOnLines):
         states = model.factors.d[:n, None] ** (1 - model.power) * eigen.left.T
         functions, seen = self.compared_functions(eigen.values, fit)
         participation = self.residue_scale(eigen.values) * fit.participation.T
-        return OnLines(model.factors.right.blocks[:, :, :n], states, functions, participation, seen)
+        return OnLines(model.factors.right.blocks[:, :n], states, functions, participation, seen)
 
     def compared_functions(self, poles: Array, fit: ModalFit) -> tuple[ComplexArray, Array]:
-        """Return `column_functions` on the lines that are compared, and whether rounding leaves enough of each to compare."""
+        """Return `column_functions` on the lines that are compared, (2, k, F') at +w and at -w, and of which enough is left to compare."""
         functions, share = self.column_functions(poles)
-        return functions[self.both_parts], share > SEEN
+        real, imaginary = np.split(functions[self.both_parts].T, 2, axis=1)
+        return np.stack([real + 1j * imaginary, real - 1j * imaginary]), share > SEEN
 
     @cached_property
     def both_parts(self) -> IntArray:
@@ -256,8 +279,8 @@ class LineColumns:
 
     @cached_property
     def blocks(self) -> RealArray:
-        """Rows of Q (m, 2 F', k) of every input, on the lines that are compared."""
-        return self.whole[:, self.matrix.both_parts]
+        """Q' (m, k, 2 F') of every input, on the lines that are compared."""
+        return np.ascontiguousarray(self.whole[:, self.matrix.both_parts].transpose(0, 2, 1))
 
     @cached_property
     def whole(self) -> RealArray:

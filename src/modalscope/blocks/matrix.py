@@ -13,6 +13,7 @@ from modalscope.blocks.evolved import Evolved, ModalSide
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.influence import Influence, Lines
 from modalscope.blocks.operators import Operator
+from modalscope.blocks.real_products import real_times
 from modalscope.blocks.shift import RowShift
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
@@ -89,6 +90,11 @@ class DataMatrix(ABC):
         """The first block row of H(k), times X, in outputs: C = first_rows(Q d^-1/2), C A = first_rows(Q d^-1/2, 1)."""
         self._has_no("first block row")
 
+    def first_of_states(self, factors: Factors) -> RealArray:
+        """C of all kept directions, the first block row of H(0) Q d^-1/2, which is that of P d^1/2."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return self.first_rows(factors.Q / np.sqrt(factors.d))
+
     def first_block(self, shapes: Array) -> Array:
         """What the first block row of the factor V holds for given shapes (l, n): T_0 C, or C p_0 on polynomials."""
         return np.asarray(shapes)
@@ -132,7 +138,7 @@ class DataMatrix(ABC):
         factors : Factors
         coefficients : array, (n, k)
         """
-        return np.asarray(factors.Q[:, : len(coefficients)] @ coefficients)
+        return np.asarray(real_times(factors.Q[:, : len(coefficients)], coefficients))
 
     def influence(self, left: Array, right: Any, lines: Lines | None = None) -> Influence:
         """Return the gradient of left_j dH right_j by the response: the adjoint of what makes the matrix of the response.

@@ -7,7 +7,7 @@ import scipy.linalg as sla
 
 from modalscope.model.checks import RealArray
 
-__all__ = ["orthonormal"]
+__all__ = ["orthonormal", "orthonormal_by"]
 
 #: Distance from orthonormal columns within which a pass reaches rounding: the condition is then below (1 + .1) / (1 - .1).
 _NEAR = 0.1
@@ -36,9 +36,15 @@ def orthonormal(columns: RealArray) -> RealArray:
     >>> bool(np.allclose(Q.T @ Q, np.eye(3), atol=1e-14)), bool(np.allclose(Q @ (Q.T @ X), X, rtol=1e-12))
     (True, True)
     """
+    base, by = orthonormal_by(columns)
+    return base if by is None else np.asarray(base @ by)
+
+
+def orthonormal_by(columns: RealArray) -> tuple[RealArray, RealArray | None]:
+    """Return X (K, k) and T (k, k) of which X T is what `orthonormal` gives, for products that take T last; T is None where X is that."""
     size = np.sqrt(np.einsum("kj,kj->j", columns, columns))
     if not np.all(size > 0) or not np.all(np.isfinite(size)):
-        return np.asarray(np.linalg.qr(columns)[0])
+        return np.asarray(np.linalg.qr(columns)[0]), None
     found = columns
     for scale in (size, np.ones_like(size)):
         gram = found.T @ found / np.outer(scale, scale)
@@ -49,7 +55,8 @@ def orthonormal(columns: RealArray) -> RealArray:
             inverse = sla.lapack.dtrtri(sla.cholesky(gram, check_finite=False))[0]
         except sla.LinAlgError:
             break
-        found = found @ (inverse / scale[:, None])
+        by = np.asarray(inverse / scale[:, None])
         if near:
-            return np.asarray(found)
-    return np.asarray(np.linalg.qr(columns)[0])
+            return found, by
+        found = np.asarray(found @ by)
+    return np.asarray(np.linalg.qr(columns)[0]), None

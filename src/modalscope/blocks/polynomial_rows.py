@@ -106,8 +106,7 @@ class PolynomialRows(RowsOnLines):
         L = left.reshape(len(left), -1, self.outputs)
         at, mirrored = both_sums(self.polynomials(index), np.asarray(L / self.output_scale, dtype=complex))
         w = 0.5 if self.weights is None else self.weights[index] / 2
-        parts = np.split(right, 2, axis=1)
-        real, imaginary = (part[:, index].transpose(2, 1, 0) for part in parts)
+        real, imaginary = right.parts(index)
         upper, lower = (real - 1j * imaginary), (real + 1j * imaginary)
         half = np.broadcast_to(w, index.shape)[:, None]
         return LineInfluence((Outer(at, upper * half),), (Outer(mirrored, lower * half),), kept)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_choice
 
-__all__ = ["basis_on", "both_sums", "evaluate", "orthogonal_basis", "remainders"]
+__all__ = ["basis_on", "both_sums", "evaluate", "following", "orthogonal_basis", "remainders"]
 
 
 def orthogonal_basis(
@@ -55,17 +55,23 @@ def orthogonal_basis(
         )
     basis = np.zeros((x.size, degree + 1), dtype=complex)
     h = np.zeros((degree + 1, degree))
-    w2 = w**2
-    basis[:, 0] = 1 / np.sqrt(w2.sum())
+    basis[:, 0] = 1 / np.sqrt(np.sum(w**2))
     for k in range(degree):
-        v = x * basis[:, k]
-        for _ in range(2):  # a second orthogonalization makes the basis orthogonal to rounding
-            c = (basis[:, : k + 1].conj().T @ (w2 * v)).real
-            h[: k + 1, k] += c
-            v -= basis[:, : k + 1] @ c
-        h[k + 1, k] = np.sqrt(np.sum(w2 * np.abs(v) ** 2))
+        v, h[: k + 1, k] = following(basis[:, : k + 1], x, w)
+        h[k + 1, k] = np.sqrt(np.sum(w**2 * np.abs(v) ** 2))
         basis[:, k + 1] = v / h[k + 1, k]
     return basis, h
+
+
+def following(basis: ComplexArray, points: ComplexArray, weights: RealArray) -> tuple[ComplexArray, RealArray]:
+    """Return x p_k less what p_0 ... p_k have of it, and that, (F,) and (k + 1,): h p_(k+1), of which h is the length."""
+    v, w2 = points * basis[:, -1], weights**2
+    taken = np.zeros(basis.shape[1])
+    for _ in range(2):  # a second orthogonalization makes the basis orthogonal to rounding
+        c = (basis.conj().T @ (w2 * v)).real
+        taken += c
+        v = v - basis @ c
+    return v, taken
 
 
 def evaluate(recurrence: Array, first: float, points: ArrayLike) -> ComplexArray:

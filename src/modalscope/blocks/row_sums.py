@@ -63,25 +63,22 @@ class RowSums:
 
     def compare(self, agreement: Agreement, step: Callable[[Array], Array]) -> Compared:
         """Compare all blocks by their sums, and by agreement the one that `step` chooses; see `ModalSide`."""
-        blocks, k = self.evolution.shape
         chosen = step(self.evolution)
-        alone = np.zeros((blocks, k))
-        alone[chosen, np.arange(k)] = 1
-        summed, at = np.split(self._weighted(np.hstack([self.evolution.conj(), alone])), 2, axis=1)
+        summed, at = self._sums(chosen).transpose(1, 0, 2)
         inner = np.sum(self.first * summed.conj(), axis=0)
         return compared(inner, squares(self.states), at, self.first, self.evolution, chosen, agreement)
 
-    def _weighted(self, weights: Array) -> ComplexArray:
-        """Return sum_i w_i H_i X of the block rows H_i, (l, count), the columns of X as often as there are weights."""
-        blocks, count = weights.shape
+    def _sums(self, chosen: Array) -> ComplexArray:
+        """Return sum_i conj(g_i) H_i X over the block rows H_i, and H_i X of the one that is chosen, (l, 2, k)."""
+        blocks, k = self.evolution.shape
         _, outputs, inputs = self.matrix.values.shape
-        X = self.right.reshape(-1, inputs, self.right.shape[1])
+        X = self.right.reshape(-1, inputs, k)
         length = blocks + len(X) - 1
         whole = fft.next_fast_len(length)  # the sum of two numbers of blocks is often prime
-        spectrum = (
-            fft.fft(weights, n=whole, axis=0).reshape(whole, 1, -1, X.shape[2])
-            * fft.fft(X, n=whole, axis=0)[:, :, None]
-        )
-        filters = np.ascontiguousarray(fft.ifft(spectrum, axis=0)[:length]).reshape(length * inputs, count)
-        product = self.matrix.samples_times(filters.view(np.float64))
-        return np.asarray(np.ascontiguousarray(product).view(np.complex128).reshape(outputs, count))
+        spectrum = fft.fft(self.evolution.conj(), n=whole, axis=0)[:, None] * fft.fft(X, n=whole, axis=0)
+        filters = np.zeros((length, inputs, 2, k), dtype=complex)
+        filters[:, :, 0] = fft.ifft(spectrum, axis=0)[:length]
+        for j, start in enumerate(chosen):  # a sum over one block alone is that block's samples
+            filters[start : start + len(X), :, 1, j] = X[:, :, j]
+        product = self.matrix.samples_times(filters.reshape(length * inputs, -1).view(np.float64))
+        return np.asarray(np.ascontiguousarray(product).view(np.complex128).reshape(outputs, 2, k))

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from modalscope.blocks.convolved import ConvolvedInfluence, convolved, transformed
 from modalscope.blocks.influence import LineInfluence, Lines, Outer, all_lines
-from modalscope.blocks.lines import LineMatrix, kept_block_rows, real_columns
+from modalscope.blocks.lines import LineMatrix, VectorsOnLines, kept_block_rows, real_columns
 from modalscope.blocks.shift import RowShift
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.blocks.windows import is_full_grid, shifted_transfer, window_lines, window_sum
@@ -200,12 +200,14 @@ class Shifted(LineMatrix):
         """Return z^k."""
         return np.asarray(np.asarray(poles)[None, :] ** self.block_indices(blocks)[:, None], dtype=complex)
 
-    def influence(self, left: Array, right: Array, lines: Lines | None = None) -> ConvolvedInfluence | LineInfluence:
+    def influence(
+        self, left: Array, right: VectorsOnLines, lines: Lines | None = None
+    ) -> ConvolvedInfluence | LineInfluence:
         """Return the gradient: right vectors go back from lines to the window's samples, where they meet the rows as in a Hankel matrix.
 
         Where lines were measured the gradient is that by the lines, through their inverse transform.
         """
-        real, imaginary = (part.transpose(2, 1, 0) for part in np.split(right, 2, axis=1))
+        real, imaginary = right.parts()
         w = (self.line_weights / np.sqrt(self.window) / 2)[:, None]
         spectrum = np.zeros((len(left), self.window, self.inputs), dtype=complex)
         spectrum[:, self.used] += w * (real + 1j * imaginary)

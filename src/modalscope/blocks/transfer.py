@@ -16,7 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.blocks.costs import Cost, costs_of
+from modalscope.blocks.factor import Factors
 from modalscope.blocks.initial_terms import initial_terms
+from modalscope.blocks.leftover import Leftover, energy, leftover
 from modalscope.blocks.line_products import LineProducts
 from modalscope.blocks.lines import SEEN, LineMatrix, kept_block_rows, real_columns
 from modalscope.blocks.misfit import Misfit
@@ -35,9 +37,6 @@ __all__ = ["Transfer", "transfer"]
 
 #: From this many rows on products are cheaper than the triangular factor; fewer are also few beside the orders that are asked.
 _MANY_ROWS = 200
-
-#: Share of a function's energy below which what is left of it is not told by a difference of sums.
-_LITTLE = 1e-4
 
 
 def transfer(
@@ -186,6 +185,13 @@ class Transfer(PolynomialRows, LineMatrix):
         head = self._operator(functions).times(right)
         return np.asarray(self.output_scale[:, None] * head / self.first_value)
 
+    def first_of_states(self, factors: Factors) -> RealArray:
+        """Return C, of products from the left factor, which begins with the first block row of H(0)."""
+        if not self.products:
+            return super().first_of_states(factors)
+        head = factors.P[: self.outputs] * np.sqrt(factors.d)
+        return np.asarray(self.output_scale[:, None] * head / self.first_value)
+
     def columns_array(self, i: int) -> RealArray:
         """Return all block rows of input i without the initial terms, transposed: (2 F, l (q + 1)).
 
@@ -218,26 +224,28 @@ class Transfer(PolynomialRows, LineMatrix):
         return left, np.asarray(np.linalg.norm(left, axis=0) / np.linalg.norm(whole, axis=0))
 
     def compared_functions(self, poles: Array, fit: ModalFit) -> tuple[ComplexArray, Array]:
-        """Return `column_functions` on the lines that are compared, and whether rounding leaves enough of each to compare.
+        """Return `column_functions` on the lines that are compared; see `LineMatrix.compared_functions`.
 
-        But for a factor they are the functions g1 - j g2 of the fit, except under the bilinear map. What is eliminated is seen on all
-        lines and taken off on those alone; where little is left of a function the difference is made on all lines.
+        The functions g1 - j g2 of the fit are twice 1 / (x - s) times a factor (once, of a real pole), except under the bilinear map: two
+        of their sums give what the polynomials leave. Its share on the lines that are compared is the least that it can be on all.
         """
-        if fit.basis is None or self.plane.scale is None:
+        if fit.basis is None or self.plane.scale is None or self.known is not None or not self.orthogonal:
             return super().compared_functions(poles, fit)
-        functions = fit.basis.functions
-        seen, both = self.eliminated.T @ functions, self.both_parts
-        own = _squares(functions)
-        energy = own.sum(axis=1)
-        left = 1 - _squares(seen).sum(axis=1) / energy
-        found = functions[both] - self.eliminated[both] @ seen
-        little = np.flatnonzero(~(left >= _LITTLE))
+        left, reach = self._left, fit.basis.reach if fit.reach is None else fit.reach
+        size = np.where(poles.imag == 0, 1, 2) / self.plane.scale
+        own, other = np.moveaxis(left.sums(fit.basis.functions).reshape(2, -1, 2), 2, 0)
+        sums = np.asarray((own - 1j * other) / size, dtype=complex)
+        found = left.of_poles(poles, sums, self.compared_lines)
+        whole = 2 * (reach / size) ** 2
+        seen = energy(found) > SEEN**2 * whole
+        little = np.flatnonzero(~seen)
         if little.size:
-            columns = (2 * little[:, None] + [0, 1]).ravel()
-            projected = self._project(np.ascontiguousarray(functions[:, columns]))
-            found[:, columns], left[little] = projected[both], _squares(projected).sum(axis=1) / energy[little]
-        size = np.where(own[:, 1] > 0, 2, 1) / self.plane.scale  # of a real pole there is g1 alone
-        return np.asarray(found.view(complex).conj() / size, dtype=complex), np.sqrt(np.maximum(left, 0)) > SEEN
+            seen[little] = energy(left.of_poles(poles[little], sums[:, little], slice(None))) > SEEN**2 * whole[little]
+        return found, seen
+
+    @cached_property
+    def _left(self) -> Leftover:
+        return leftover(self.plane.point(self.response.frequencies), self.basis, self.weights)
 
     def residue_scale(self, poles: Array) -> ComplexArray:
         """Participation in this plane for participation of the modes: (k,)."""
@@ -280,8 +288,3 @@ class Transfer(PolynomialRows, LineMatrix):
         if self.weights is not None:
             said.append("weighted lines")
         return "; ".join(said)
-
-
-def _squares(functions: RealArray) -> RealArray:
-    """Return the energy of g1 and of g2 of every pole, (n, 2), of columns (K, 2 n)."""
-    return np.asarray(np.einsum("kj,kj->j", functions, functions).reshape(-1, 2))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from modalscope.blocks.factor import Factors
+from modalscope.blocks.real_products import real_times
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.modal_basis import ModalBasis
 
@@ -118,7 +119,7 @@ class Triple:
         if self.factors is None:
             return np.asarray(vectors)
         n = self.rank
-        return np.asarray((self.factors.P[:, :n] * self.factors.d[:n] ** self.power) @ vectors)
+        return np.asarray(real_times(self.factors.P[:, :n], self.factors.d[:n, None] ** self.power * vectors))
 
     def explained(self, eigen: Eigen) -> RealArray | None:
         """Return the share of each mode's vector, 0 to 1, that the truncated factor explains; None where there is nothing to tell.

@@ -241,15 +241,17 @@ def emac_channels(identified: Array, expected: Array) -> RealArray:
         Amplitudes a of c channels in n modes, and what the modes' evolution predicts for them, e.
     """
     check_axes(identified=(identified, 2), expected=(expected, 2))
-    return agreement(identified * np.conj(expected), _squared(identified), _squared(expected))
+    product = identified * np.conj(expected)
+    return agreement(product.real, product.imag, _squared(identified), _squared(expected))
 
 
-def agreement(product: Array, identified: Array, expected: Array) -> RealArray:
-    """Return `emac_channels` from a conj(e), |a|^2 and |e|^2: the product's modulus is |a| |e|, its angle the phase between both."""
+def agreement(real: RealArray, imaginary: RealArray, identified: RealArray, expected: RealArray) -> RealArray:
+    """Return `emac_channels` from Re and Im of a conj(e), whose angle is the phase between both, |a|^2 and |e|^2."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore", under="ignore"):
         ratio = np.sqrt(np.minimum(identified, expected) / np.maximum(identified, expected))
-    value = ratio * np.maximum(1 - 4 / np.pi * np.arctan2(np.abs(product.imag), product.real), 0)
-    return np.asarray(np.where(np.isfinite(value), value, 0.0))
+    phase = np.arctan2(np.abs(imaginary), real)
+    # where both are zero, or beyond numbers, there is no ratio, and nothing agrees
+    return np.asarray(np.fmax(ratio * (1 - 4 / np.pi * phase), 0.0))
 
 
 def _squared(values: Array) -> RealArray:

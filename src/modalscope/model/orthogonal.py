@@ -9,8 +9,11 @@ from modalscope.model.checks import RealArray
 
 __all__ = ["energy_left", "less", "resolved", "spanning"]
 
-#: From so many rows on reflections take longer than two Cholesky factors; they serve while columns stand so far out of each other's span.
-_MANY_ROWS, _WELL_APART = 3000, 1e-4
+#: From so many rows on reflections take longer than two Cholesky factors.
+_MANY_ROWS = 3000
+
+#: Distance from orthonormal columns, after the first factor, within which the second is exact: the condition is below (1 + .1) / (1 - .1).
+_NEAR = 0.1
 
 #: Rows that two products take at a time: what lies between them stays in the cache.
 _AT_A_TIME = 256
@@ -23,9 +26,11 @@ _EXACT = 1e-7
 
 
 def resolved(X: RealArray, data: RealArray) -> tuple[RealArray, RealArray]:
-    """Return Q'D and R of Q R = X: of many rows by two Cholesky factors of Gram matrices, as exact as reflections up to a condition of 1e4.
+    """Return Q'D and R of Q R = X: of many rows by two Cholesky factors of Gram matrices, as exact as reflections.
 
-    Columns are brought to one length for that. The second factor is applied to what the first basis sees of the data: Q is never made.
+    Columns are brought to one length for that. The first basis X R1^-1, by substitution row by row, is orthonormal but for eps times the
+    squared condition; where its own Gram matrix shows that to be small, the second factor leaves rounding. It is applied to what the first
+    basis sees of the data: Q is never made.
 
     Parameters
     ----------
@@ -41,16 +46,17 @@ def resolved(X: RealArray, data: RealArray) -> tuple[RealArray, RealArray]:
     scale = np.sqrt(np.diag(gram))
     first = _triangle(gram / np.outer(scale, scale)) if len(X) > _MANY_ROWS else None
     if first is not None:
-        to_near, near = np.linalg.inv(first) / scale[:, None], np.zeros_like(gram)
-        seen = np.zeros((len(scale), data.shape[1]))
+        first = np.asfortranarray(first * scale)
+        near, seen = np.zeros_like(gram), np.zeros((len(scale), data.shape[1]))
         for start in range(0, len(X), _AT_A_TIME):
-            rows = X[start : start + _AT_A_TIME] @ to_near
+            some = np.asfortranarray(X[start : start + _AT_A_TIME])
+            rows = sla.blas.dtrsm(1.0, first, some, side=1)
             near += rows.T @ rows
             seen += rows.T @ data[start : start + _AT_A_TIME]
-        second = _triangle(near)
+        second = _triangle(near) if np.linalg.norm(near - np.eye(len(near))) <= _NEAR else None
         if second is not None:
             found = sla.solve_triangular(second, seen, trans=1, check_finite=False)
-            return np.asarray(found), np.asarray(second @ first * scale)
+            return np.asarray(found), np.asarray(second @ first)
     Q, R = sla.qr(X / scale, mode="economic", check_finite=False)
     return np.asarray(Q.T @ data, dtype=float), np.asarray(R * scale, dtype=float)
 
@@ -122,10 +128,8 @@ def _less(data: RealArray, columns: RealArray, W: RealArray) -> RealArray:
 
 
 def _triangle(gram: RealArray) -> RealArray | None:
-    """Return R with R'R the Gram matrix; None where columns lie so near each other's span that it has few digits."""
+    """Return R with R'R the Gram matrix; None where rounding leaves it no such factor."""
     try:
-        R = np.linalg.cholesky(gram).T
+        return np.asarray(np.linalg.cholesky(gram).T)
     except np.linalg.LinAlgError:
         return None
-    diagonal = np.diag(R)
-    return np.asarray(R) if diagonal.min() > _WELL_APART * diagonal.max() else None

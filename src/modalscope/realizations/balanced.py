@@ -8,6 +8,7 @@ import numpy as np
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
+from modalscope.blocks.real_products import times_real
 from modalscope.blocks.triple import Eigen, Triple
 from modalscope.model.checks import Array, RealArray
 from modalscope.realizations.realization import Realization, Sides
@@ -17,11 +18,8 @@ __all__ = ["Balanced", "balanced", "first_blocks", "projected_general"]
 
 def first_blocks(matrix: DataMatrix, factors: Factors) -> tuple[RealArray, RealArray | None]:
     """Return C = E_l' H(0) Q d^-1/2 and B = d^1/2 Q' E_m for all kept directions (Eq. 28; 37 and 39 after compression)."""
-    root = np.sqrt(factors.d)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        C = matrix.first_rows(factors.Q / root)
-    first = matrix.first_columns(factors)
-    return C, None if first is None else np.ascontiguousarray((first * root).T)
+    C, first = matrix.first_of_states(factors), matrix.first_columns(factors)
+    return C, None if first is None else np.ascontiguousarray((first * np.sqrt(factors.d)).T)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -47,7 +45,7 @@ class Balanced(Realization):
     def sides(self, n: int, eigen: Eigen) -> tuple[Sides, ...]:
         """Return F = y d^-1/2 P' and v = Q d^-1/2 x."""
         root = np.sqrt(self.factors.d[:n])
-        left = (eigen.left / root) @ self.factors.P[:, :n].T
+        left = times_real(eigen.left / root, self.factors.P[:, :n].T)
         return (
             Sides(
                 self.matrix.pencil(left, eigen.values, tall=False),
