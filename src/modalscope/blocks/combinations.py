@@ -14,8 +14,9 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 import numpy as np
 import scipy.linalg as sla
 
+from modalscope.blocks.operators import real_times
 from modalscope.blocks.orthonormal import orthonormal
-from modalscope.model.checks import Array, RealArray
+from modalscope.model.checks import Array, RealArray, sealed
 from modalscope.model.response import Response
 
 __all__ = ["Combinations", "Found", "OutputRows", "combinations", "enough", "found_combinations", "labelled"]
@@ -80,9 +81,9 @@ class Combinations:
     def spread(self, shapes: Array) -> Array:
         """Return D U c: shapes, or anything else of the combinations, (r, ...), for all outputs."""
         few = shapes.reshape(len(shapes), -1)
-        found = _real_times(self.U, few)
+        found = real_times(self.U, few)
         found *= self.scale[:, None]
-        return found.reshape(-1, *shapes.shape[1:])
+        return sealed(found.reshape(-1, *shapes.shape[1:]))
 
     @property
     def words(self) -> str:
@@ -221,13 +222,6 @@ def _directions(sketch: RealArray, count: int, seed: int) -> RealArray:
     _, d, turn = np.linalg.svd(sketch @ V, full_matrices=False)
     kept = d > _NOTHING * d[0]
     return np.asarray(V @ (turn[kept].T / d[kept]))
-
-
-def _real_times(left: RealArray, right: Array) -> Array:
-    """Return a product of which the left side is real: that of real and imaginary parts side by side."""
-    if not np.iscomplexobj(right):
-        return left @ right
-    return (left @ np.ascontiguousarray(right).view(np.float64)).view(np.complex128)
 
 
 def labelled(response: Some, values: Array, back: RealArray | None, count: int) -> Some:

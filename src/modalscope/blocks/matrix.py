@@ -12,7 +12,7 @@ from modalscope.blocks.costs import Cost
 from modalscope.blocks.evolved import Evolved, ModalSide
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.influence import Influence, Lines
-from modalscope.blocks.operators import Operator
+from modalscope.blocks.operators import Operator, real_times
 from modalscope.blocks.shift import RowShift
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
@@ -132,7 +132,7 @@ class DataMatrix(ABC):
         factors : Factors
         coefficients : array, (n, k)
         """
-        return np.asarray(factors.Q[:, : len(coefficients)] @ coefficients)
+        return real_times(factors.Q[:, : len(coefficients)], coefficients)
 
     def influence(self, left: Array, right: Any, lines: Lines | None = None) -> Influence:
         """Return the gradient of left_j dH right_j by the response: the adjoint of what makes the matrix of the response.

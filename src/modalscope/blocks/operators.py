@@ -13,7 +13,7 @@ from modalscope.model.checks import Array, RealArray
 from modalscope.model.crew import crew
 from modalscope.model.device import fetched
 
-__all__ = ["DenseMatrix", "LargeMatrix", "Operator", "Product", "TransposedOperator", "WideOperator"]
+__all__ = ["DenseMatrix", "LargeMatrix", "Operator", "Product", "TransposedOperator", "WideOperator", "real_times"]
 
 
 class Operator(Protocol):
@@ -223,3 +223,17 @@ class Product:
     def array(self) -> RealArray:
         """The product."""
         return self.matrix.times(self.right)
+
+
+def real_times(left: RealArray, right: Array) -> Array:
+    """Return a product of which the left side is real: that of real and imaginary parts side by side.
+
+    Parameters
+    ----------
+    left : array, (rows, k)
+    right : array, (k, columns)
+        Real or complex.
+    """
+    if not np.iscomplexobj(right):
+        return np.asarray(left @ right)
+    return np.asarray((left @ np.ascontiguousarray(right).view(np.float64)).view(np.complex128))

@@ -1,6 +1,6 @@
 """Lines of turning machines in a record: told from resonances by an envelope that does not fluctuate as random vibration does.
 
-`modalscope.preprocess.narrow_bands` says how often random vibration has an envelope as steady as that of a band.
+`modalscope.preprocess.envelopes` says how often random vibration has an envelope as steady as that of a band.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from modalscope.model.checks import Array
 from modalscope.model.notes import Note
 from modalscope.model.signals import Signals
-from modalscope.preprocess.narrow_bands import FEWEST, Narrow, Spectrum, envelope, narrow_band
+from modalscope.preprocess.envelopes import FEWEST, Narrow, Spectrum, envelope, narrow_band
 
 __all__ = ["HARMONIC", "Line", "find_lines", "harmonic_notes"]
 

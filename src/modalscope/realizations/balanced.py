@@ -8,6 +8,7 @@ import numpy as np
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
+from modalscope.blocks.operators import real_times
 from modalscope.blocks.triple import Eigen, Triple
 from modalscope.model.checks import Array, RealArray
 from modalscope.realizations.realization import Realization, Sides
@@ -47,7 +48,7 @@ class Balanced(Realization):
     def sides(self, n: int, eigen: Eigen) -> tuple[Sides, ...]:
         """Return F = y d^-1/2 P' and v = Q d^-1/2 x."""
         root = np.sqrt(self.factors.d[:n])
-        left = (eigen.left / root) @ self.factors.P[:, :n].T
+        left = real_times(self.factors.P[:, :n], (eigen.left / root).T).T
         return (
             Sides(
                 self.matrix.pencil(left, eigen.values, tall=False),

@@ -8,6 +8,7 @@ import numpy as np
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
+from modalscope.blocks.operators import real_times
 from modalscope.blocks.triple import Eigen, Triple
 from modalscope.model.checks import Array, RealArray
 from modalscope.realizations.realization import Realization, Sides
@@ -40,7 +41,7 @@ class Regression(Realization):
 
     def sides(self, n: int, eigen: Eigen) -> tuple[Sides, ...]:
         """Return F = y P' and v = Q d^-1 x."""
-        left = eigen.left @ self.factors.P[:, :n].T
+        left = real_times(self.factors.P[:, :n], eigen.left.T).T
         right = eigen.vectors / self.factors.d[:n, None]
         return (
             Sides(self.matrix.pencil(left, eigen.values, tall=False), self.matrix.right_vectors(self.factors, right)),

@@ -10,6 +10,7 @@ import scipy.linalg as sla
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
+from modalscope.blocks.operators import real_times
 from modalscope.blocks.triple import Eigen, Triple
 from modalscope.model.checks import DataError, RealArray
 from modalscope.realizations.balanced import first_blocks
@@ -78,7 +79,8 @@ class Shift(Realization):
         """Return F = y d^-1/2 (E0 P)# and v = Q d^-1/2 x."""
         root = np.sqrt(self.factors.d[:n])
         before, _ = self.matrix.row_shift.split(self.factors.P[:, :n])
-        left = sla.solve(self.gram[:n, :n], (eigen.left / root).T, assume_a="pos", check_finite=False).T @ before.T
+        inner = sla.solve(self.gram[:n, :n], (eigen.left / root).T, assume_a="pos", check_finite=False)
+        left = real_times(before, inner).T
         return (
             Sides(
                 self.matrix.pencil(left, eigen.values, tall=True),

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from modalscope.model import Signals
-from modalscope.preprocess import narrow_bands
-from modalscope.preprocess.narrow_bands import Spectrum, envelope, narrow_band
+from modalscope.preprocess import envelopes
+from modalscope.preprocess.envelopes import Spectrum, envelope, narrow_band
 
 
 @pytest.mark.parametrize("count", [12, 37, 400])
@@ -15,12 +15,12 @@ from modalscope.preprocess.narrow_bands import Spectrum, envelope, narrow_band
 def test_no_spectrum_is_worth_more_than_the_bound(count: int, half: float) -> None:
     """Flat ones, single lines, all power at both ends, powers over ten decades."""
     rng, step = np.random.default_rng(0), 0.01
-    centre = half * step / narrow_bands._LEAST_DAMPING
+    centre = half * step / envelopes._LEAST_DAMPING
     ends = np.zeros(count)
     ends[[0, -1]] = 1
     spectra = [np.ones(count), np.eye(count)[3], ends, *(10 ** rng.uniform(-10, 0, (20, count)))]
-    worth = [narrow_bands._independent(power, step, centre, 70.0) for power in spectra]
-    most = narrow_bands._most_independent(count, step, half, 70.0)
+    worth = [envelopes._independent(power, step, centre, 70.0) for power in spectra]
+    most = envelopes._most_independent(count, step, half, 70.0)
     assert max(worth) <= most
     if half < 1:
         assert most < 4.1 * max(
@@ -44,7 +44,7 @@ def test_more_values_with_the_same_envelope_are_less_likely() -> None:
     """Where the chance is small at all, which is where the bound is asked."""
     n = np.geomspace(2, 1000, 60)
     for g in np.linspace(0.01, 1, 60):
-        chances = np.array([narrow_bands._chance(g, each) for each in n])
+        chances = np.array([envelopes._chance(g, each) for each in n])
         rising = np.diff(chances) > 0
         assert np.all(chances[1:][rising] > 1e-3)
 
@@ -53,6 +53,6 @@ def test_the_combination_is_that_of_most_power() -> None:
     rng = np.random.default_rng(2)
     for lines, outputs in ((5, 9), (40, 6)):
         X = rng.standard_normal((lines, outputs)) + 1j * rng.standard_normal((lines, outputs))
-        found = narrow_bands._strongest(X)
+        found = envelopes._strongest(X)
         assert np.isclose(np.linalg.norm(found), 1)
         assert np.isclose(np.linalg.norm(X @ found), np.linalg.norm(X, 2))
