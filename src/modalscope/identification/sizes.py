@@ -81,8 +81,8 @@ def default_windows(
 
     Rows are the short side, whose shapes tell close modes apart, unless columns there cost less: of many outputs the Gram matrix of a
     short side of inputs is a small one. Of T rows and columns in all, l r + m s, a third belongs to the short side, where r s^2 is
-    largest; held to that, the side with fewer channels may be the one that has to be long. What is given is kept, and the other side
-    reads the rest. Correlations have errors that do not fade; see `default_blocks`.
+    largest; of very long records that are held to it, the way is taken that is twice as precise. What is given is kept, and the other
+    side reads the rest. Correlations have errors that do not fade; see `default_blocks`.
 
     Parameters
     ----------
