@@ -8,6 +8,7 @@ import pytest
 from modalscope import FrequencyResponse, ImpulseResponse, identify, stabilize
 from modalscope.blocks import combinations as module
 from modalscope.blocks.combinations import combinations
+from modalscope.model.checks import locked
 from modalscope.model.poles import poles_from
 from modalscope.model.response import output_scale
 from tests.support import relative
@@ -106,3 +107,11 @@ def test_what_is_asked_of_single_outputs_needs_all_of_them() -> None:
     response = samples(0.0)
     found = identify(response, method="era", order=12, row_weights=np.linspace(1, 2, OUTPUTS), block_rows=5)
     assert "combinations" not in str(found.notes)
+
+
+@pytest.mark.parametrize("kind", [float, complex])
+def test_what_is_spread_over_all_outputs_is_not_copied_again(kind: type) -> None:
+    few = combinations(samples(0.0), 6)
+    found = few.spread(np.ones((few.U.shape[1], 3), dtype=kind))
+    assert np.allclose(found, (few.U.sum(axis=1) * few.scale)[:, None])
+    assert locked(found) is found

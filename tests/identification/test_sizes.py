@@ -99,15 +99,23 @@ def test_of_a_projection_each_side_can_be_given() -> None:
     [
         (1200, 2, 3, 20, (200, 1000)),  # a sixth, and the rest
         (120, 2, 3, 20, (30, 90)),  # three times the states
-        (12_000, 4, 1, 20, (1000, 11_000)),  # 4000 rows in all
-        (12_000, 4, 3, 1000, (1000, 11_000)),
-        (240_000, 4, 2, 20, (1000, 50_000)),  # 100 000 columns in all
-        (600, 500, 1, 60, (40, 560)),  # 100 combinations of 500 outputs
+        (
+            12_000,
+            4,
+            1,
+            20,
+            (2000, 10_000),
+        ),  # a randomized range: 18 000 rows and columns, where columns a sixth make 42 000
+        (240_000, 4, 2, 20, (8250, 33_500)),  # 33 000 rows, 67 000 columns
+        (240_000, 2, 4, 20, (33_500, 8250)),  # twice as precise as 33 000 rows, which are 16 500 blocks
+        (2000, 50, 2, 60, (1340, 333)),  # a Gram matrix of 666 columns, not of 3334
+        (600, 100, 3, 60, (500, 100)),
+        (600, 500, 1, 60, (420, 180)),  # 100 combinations of 500 outputs, and three times the states
         (40, 2, 3, 20, (20, 20)),  # half of the samples
         (2, 2, 3, 20, (1, 1)),
     ],
 )
-def test_truncations_read_all_samples_and_a_sixth_of_them_as_rows(
+def test_truncations_span_a_sixth_of_the_samples_with_the_side_that_costs_least(
     count: int, outputs: int, inputs: int, order: int, expected: tuple[int, int]
 ) -> None:
     assert default_windows(samples(count, outputs, inputs), order, None, None) == expected
@@ -116,6 +124,7 @@ def test_truncations_read_all_samples_and_a_sixth_of_them_as_rows(
 def test_what_is_given_of_a_truncation_is_kept_and_the_other_reads_the_rest() -> None:
     assert default_windows(samples(1000), 20, 7, None) == (7, 993)
     assert default_windows(samples(1000), 20, None, 990) == (10, 990)
+    assert default_windows(samples(1000), 20, None, 100) == (900, 100)
     assert default_windows(samples(1000), 20, 8, 9) == (8, 9)
 
 
@@ -135,6 +144,8 @@ def test_two_means_have_the_variance_that_the_choice_of_a_sixth_rests_on(parts: 
     r = N // parts
     s = N - r
     weights = (np.arange(N) >= r) / (r * s) - (np.arange(N) < s) / (r * s)
+    # the same whichever side is the shorter: means over r samples that lie s apart
+    assert np.allclose(weights, (np.arange(N) >= s) / (r * s) - (np.arange(N) < r) / (r * s))
     time = np.arange(N) - (N - 1) / 2
     least = 1 / np.sum(time**2)  # of the slope of a phase
     assert weights @ time == pytest.approx(1)

@@ -118,10 +118,10 @@ def order_of(row: Method, case: Case) -> int:
     return -(-2 * case.order // inputs) * inputs if row.name == "prce" else case.order
 
 
-def identified(row: Method, case: Case, seed: int) -> np.ndarray:
-    """Return the errors of one row at the true order with default blocks, over the bound, (2, n)."""
+def identified(row: Method, case: Case, seed: int, **sizes: int) -> np.ndarray:
+    """Return the errors of one row at the true order with default blocks, or those given, over the bound, (2, n)."""
     found = ms.identify(
-        noisy(case, seed), method=row.name, domain=row.domain, order=order_of(row, case), deviations=False
+        noisy(case, seed), method=row.name, domain=row.domain, order=order_of(row, case), deviations=False, **sizes
     )
     return errors(case, found.poles)
 

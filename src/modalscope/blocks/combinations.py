@@ -16,7 +16,7 @@ import scipy.linalg as sla
 
 from modalscope.blocks.orthonormal import orthonormal
 from modalscope.blocks.real_products import real_times
-from modalscope.model.checks import Array, RealArray
+from modalscope.model.checks import Array, RealArray, sealed
 from modalscope.model.response import Response
 
 __all__ = ["Combinations", "Found", "OutputRows", "combinations", "enough", "found_combinations", "labelled"]
@@ -83,7 +83,7 @@ class Combinations:
         few = shapes.reshape(len(shapes), -1)
         found = real_times(self.U, few)
         found *= self.scale[:, None]
-        return found.reshape(-1, *shapes.shape[1:])
+        return sealed(found.reshape(-1, *shapes.shape[1:]))
 
     @property
     def words(self) -> str:

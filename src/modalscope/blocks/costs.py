@@ -19,9 +19,9 @@ EXTRA = 20
 #: Up to this many entries, and while the shorter side stays below `_DENSE_SIDE`, the dense route takes a fraction of a second.
 _DENSE_ENTRIES, _DENSE_SIDE = 250_000, 400
 
-#: How much longer than a matrix product an operation takes: of an orthogonalization, of eigenvectors, of a singular value
-#: decomposition. Measured on one thread.
-_QR, _EIGEN, _SINGULAR = 5.0, 2.0, 4.0
+#: How much longer than a matrix product an operation takes: of reflections, of an orthogonalization by two Cholesky factors, of
+#: eigenvectors, of a singular value decomposition. Measured on one thread.
+_QR, _CHOLESKY, _EIGEN, _SINGULAR = 5.0, 2.0, 2.0, 4.0
 
 #: Operations that exact directions in the noise are worth: half a second.
 _PATIENCE = 2e10
@@ -41,11 +41,14 @@ class Cost(NamedTuple):
         In units of those of a matrix product.
     memory : float
         Bytes beside the data.
+    passing : float
+        Operations among them of a refinement pass, which only data without noise, or with modes far below the strongest, need.
     """
 
     route: str
     operations: float
     memory: float
+    passing: float = 0.0
 
     @property
     def exact_enough(self) -> bool:
@@ -78,12 +81,13 @@ def costs_of(matrix: Operator, wanted: int) -> tuple[Cost, ...]:
         return (dense,)
     product = matrix.product_operations * k
     both = 8.0 * k * (rows + columns)
-    sides = _QR * _SIDES * 4.0 * k**2 * (rows + columns)
+    sides = _CHOLESKY * _SIDES * 4.0 * k**2 * (rows + columns)
     found = [dense, Cost("randomized", _PRODUCTS * product + sides, 3 * both)]
     if matrix.gram_operations is not None:
         eigen = _EIGEN * (4 / 3 * columns**3 + 4 * columns**2 * k)
-        refined = 2 * product + _QR * 4.0 * k**2 * rows
-        found.append(Cost("gram", matrix.gram_operations + eigen + refined, 8.0 * 3 * columns**2 + 2 * both))
+        refined = 2 * product + _CHOLESKY * 4.0 * k**2 * rows
+        memory = 8.0 * 3 * columns**2 + 2 * both
+        found.append(Cost("gram", matrix.gram_operations + eigen + refined, memory, refined))
     return tuple(sorted(found, key=lambda cost: (not cost.exact_enough, cost.operations)))
 
 

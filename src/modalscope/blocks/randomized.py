@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modalscope.blocks.operators import Operator
+from modalscope.blocks.orthonormal import orthonormal
 from modalscope.model.checks import RealArray
 
 __all__ = ["Triplets", "by_lanczos", "by_range"]
@@ -60,10 +61,10 @@ def by_range(matrix: Operator, carried: int, seed: int = 0) -> Triplets:
     """
     Q: RealArray = np.random.default_rng(seed).standard_normal((matrix.shape[1], carried))
     for power in range(_MOST + 1):
-        left = np.linalg.qr(matrix.times(np.ascontiguousarray(Q)))[0]
+        left = orthonormal(matrix.times(np.ascontiguousarray(Q)))
         back = matrix.transposed_times(left)
         if power < _POWERS:
-            Q = np.linalg.qr(back)[0]
+            Q = orthonormal(back)
             continue
         U, d, Vt = np.linalg.svd(back.T, full_matrices=False)
         P, turned = left @ U, np.ascontiguousarray(Vt.T)
@@ -100,6 +101,6 @@ def by_lanczos(matrix: Operator, wanted: int, seed: int = 0) -> Triplets:
 
     operator = LinearOperator((columns, columns), matvec=square, matmat=square, dtype=np.float64)
     _, Q = eigsh(operator, k=wanted, v0=start, tol=0)
-    left = np.linalg.qr(matrix.times(np.ascontiguousarray(Q[:, ::-1])))[0]
+    left = orthonormal(matrix.times(np.ascontiguousarray(Q[:, ::-1])))
     U, d, Vt = np.linalg.svd(matrix.transposed_times(left).T, full_matrices=False)
     return Triplets(left @ U, d, np.ascontiguousarray(Vt.T), True, 0)

@@ -74,8 +74,10 @@ class RowShift:
         F, x = np.asarray(left), np.asarray(values)[:, None]
         L = np.zeros((len(F), rows), dtype=complex)
         if self.recurrence is None:
-            L[:, self.after] = F
-            L[:, self.before] -= x * F
+            assert self.before is not None
+            assert self.after is not None
+            L[:, _place(self.after)] = F
+            L[:, _place(self.before)] -= x * F
             return L
         h = self.recurrence
         blocks = F.reshape(len(F), h.shape[1], self.block)
@@ -86,7 +88,12 @@ class RowShift:
 
 def _rows(V: Array, index: IntArray) -> RealArray:
     """Select rows: a view when they are consecutive, as they are for whole blocks."""
+    return np.asarray(V[_place(index)])
+
+
+def _place(index: IntArray) -> slice | IntArray:
+    """Return rows that are consecutive as a slice, which takes no time, others as they are."""
     first, last = int(index[0]), int(index[-1])
     if last - first + 1 == index.size and np.array_equal(index, np.arange(first, last + 1)):
-        return V[first : last + 1]
-    return np.asarray(V[index])
+        return slice(first, last + 1)
+    return index

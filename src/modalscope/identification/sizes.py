@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from modalscope.blocks.block_hankel import BlockHankel
 from modalscope.blocks.combinations import enough
+from modalscope.blocks.costs import costs_of
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.impulse import ImpulseResponse
 from modalscope.model.record_spectra import RecordSpectra
@@ -25,11 +27,14 @@ __all__ = [
     "setup_blocks",
 ]
 
-#: Parts of the samples that block rows span: a sixth, see `default_windows`.
+#: Parts of the samples that the short side of a truncation spans: a sixth, see `default_windows`.
 _PARTS = 6
 
-#: Rows in all, and columns in all, of a Hankel matrix of samples: what directions cost grows with both.
-_ROWS, _COLUMNS = 4000, 100_000
+#: Rows or columns in all on the short side of a Hankel matrix of samples, and on the long one: a hundred thousand together.
+_SHORT, _LONG = 33_000, 67_000
+
+#: Variances within less than this factor are alike, and operations that are worth rows on the long side: five milliseconds.
+_ALIKE, _WORTH = 2.0, 2e8
 
 #: Rows in all of shifted transfer functions, whose triangular factor is whole.
 _WINDOW_ROWS = 600
@@ -64,16 +69,20 @@ _DRIVEN_PAST, _DRIVEN_FUTURE = 120, 800
 
 
 def default_windows(
-    response: ImpulseResponse, order: int, block_rows: int | None, block_columns: int | None, most: int = _ROWS
+    response: ImpulseResponse, order: int, block_rows: int | None, block_columns: int | None
 ) -> tuple[int, int]:
-    """Return block sizes of a truncation: a sixth of the samples as rows, all the rest as columns.
+    """Return block sizes of a truncation: one side spans a sixth of the samples, the other all the rest.
 
-    With r block rows and s columns, r <= s, the pole of a mode that does not fade is the difference of two means over s samples that lie
-    r apart: its variance is N^3 / (6 r s^2) times the least that N samples allow. That is 1.125 at a third, 1.44 at a sixth (deviations
-    1.2 times the least) and 5.4 at a thirtieth of the samples; samples that are not read cost the power of three. Where a mode fades the
-    vectors on both sides fade with it, so that rows and columns beyond its life add no noise of first order, and the bound itself is
-    reached. Never fewer rows than three times as many as states; no more than 4000 in all, nor 100 000 columns.
-    Correlations have errors that do not fade; see `default_blocks`.
+    With r blocks on the shorter side and s on the longer one, the pole of a mode that does not fade is the difference of two means over r
+    samples that lie s apart, whichever side is which: its variance is N^3 / (6 r s^2) times the least that N samples allow. That is 1.125
+    at a third, 1.44 at a sixth (deviations 1.2 times the least) and 5.4 at a thirtieth of the samples; samples that are not read cost the
+    power of three. Where a mode fades the vectors on both sides fade with it, so that blocks beyond its life add no noise of first
+    order, and the bound itself is reached. Never fewer rows, or columns, than three times as many as states.
+
+    Rows are the short side, whose shapes tell close modes apart, unless columns there cost less: of many outputs the Gram matrix of a
+    short side of inputs is a small one. Of T rows and columns in all, l r + m s, a third belongs to the short side, where r s^2 is
+    largest; of very long records that are held to it, the way is taken that is twice as precise. What is given is kept, and the other
+    side reads the rest. Correlations have errors that do not fade; see `default_blocks`.
 
     Parameters
     ----------
@@ -81,25 +90,49 @@ def default_windows(
     order : int
     block_rows, block_columns : int, optional
         As given.
-    most : int
-        Rows in all.
     """
     if response.ambient:
         return default_blocks(response, order, block_rows, block_columns)
     samples, channels, inputs = response.values.shape
     outputs = enough(channels, order) or channels
-    least = min(max(-(-3 * order // outputs), 10), max(samples // 2, 1))
-    room = samples if block_columns is None else max(samples - block_columns, 1)
-    rows = block_rows or min(max(min(samples // _PARTS, most // outputs), least), room)
-    columns = block_columns or max(min(samples - rows, max(_COLUMNS // inputs, rows)), 1)
-    return rows, columns
+    lying = _spans(samples, (outputs, inputs), order, (block_rows, block_columns))
+    standing = _spans(samples, (inputs, outputs), order, (block_columns, block_rows))[::-1]
+    if block_rows is not None or block_columns is not None:
+        return lying if block_rows is not None else standing
+    precise = max(_precision(*lying), _precision(*standing))
+    if min(_precision(*lying), _precision(*standing)) * _ALIKE <= precise:
+        return lying if _precision(*lying) == precise else standing
+    like = np.broadcast_to(0.0, (samples, outputs, inputs))
+    costs = [costs_of(BlockHankel(like, *sizes), order)[0] for sizes in (lying, standing)]
+    saved = costs[0].operations - costs[0].passing - costs[1].operations + costs[1].passing
+    return standing if saved > _WORTH else lying
+
+
+def _precision(rows: int, columns: int) -> float:
+    """Return r s^2, r the shorter and s the longer side: one over the variance of a pole, but for a factor."""
+    return float(min(rows, columns) * max(rows, columns) ** 2)
+
+
+def _spans(
+    samples: int, channels: tuple[int, int], order: int, given: tuple[int | None, int | None], most: int = _SHORT
+) -> tuple[int, int]:
+    """Return blocks on the short side and on the long one, of so many channels each; `most` rows in all on the short side."""
+    short, long = given
+    least = min(max(-(-3 * order // channels[0]), 10), max(samples // 2, 1))
+    room = samples if long is None else max(samples - long, 1)
+    short = short or min(max(min(samples // _PARTS, most // channels[0]), least), room)
+    return short, long or max(min(samples - short, max(_LONG // channels[1], short)), 1)
 
 
 def companion_windows(
     response: ImpulseResponse, order: int, block_rows: int | None, block_columns: int | None
 ) -> tuple[int, int]:
     """Return those of a truncation whose block rows are all states, 240 of them at most, or three times the order."""
-    return default_windows(response, order, block_rows, block_columns, _COMPANION)
+    if response.ambient:
+        return default_blocks(response, order, block_rows, block_columns)
+    samples, channels, inputs = response.values.shape
+    outputs = enough(channels, order) or channels
+    return _spans(samples, (outputs, inputs), order, (block_rows, block_columns), _COMPANION)
 
 
 def default_blocks(

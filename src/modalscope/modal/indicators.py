@@ -41,6 +41,10 @@ __all__ = [
 ]
 
 
+#: Numbers of shapes that are turned together.
+_AT_A_TIME = 100_000
+
+
 @named()
 def mac(shapes_a: ArrayLike | ModalModel, shapes_b: ArrayLike | ModalModel | None = None) -> RealArray:
     """Modal assurance criterion |a* b|^2 / (a* a)(b* b) between the columns of two sets of shapes.
@@ -124,15 +128,19 @@ def mpd(shapes: ArrayLike) -> RealArray:
     shapes : array, (l, n)
     """
     phi = np.asarray(shapes, dtype=np.complex128)
-    weight = np.abs(phi)
+    step = max(_AT_A_TIME // max(phi.shape[1], 1), 1)
+    parts = [phi[start : start + step] for start in range(0, len(phi), step)]
     # the best line's direction theta: phi^2 summed has twice its angle
-    theta = np.angle(np.sum(phi**2, axis=0)) / 2
-    rotated = phi * np.exp(-1j * theta)
+    turn = np.exp(-0.5j * np.angle(sum(np.sum(part**2, axis=0) for part in parts)))
+    weighted, total = np.sum([_off_the_line(part, turn) for part in parts], axis=0)
+    return np.asarray(np.degrees(np.divide(weighted, total, out=np.zeros_like(total), where=total > 0)))
+
+
+def _off_the_line(phi: ComplexArray, turn: ComplexArray) -> tuple[RealArray, RealArray]:
+    """Return the angles off the line weighted by amplitude, summed, and the amplitudes summed."""
+    weight, rotated = np.abs(phi), phi * turn
     off = np.arctan2(np.abs(rotated.imag), np.abs(rotated.real))
-    total = weight.sum(axis=0)
-    return np.asarray(
-        np.degrees(np.divide((weight * off).sum(axis=0), total, out=np.zeros_like(total), where=total > 0))
-    )
+    return (weight * off).sum(axis=0), weight.sum(axis=0)
 
 
 @plainly

@@ -31,6 +31,7 @@ def fit_error_of(pieces: Iterable[tuple[Array, Array]]) -> tuple[float, RealArra
         for measured, rebuilt in pieces:
             left = left + _squares(measured - rebuilt)
             all_ = all_ + _squares(measured)
+            del rebuilt  # before the next piece is made
         whole = np.sqrt(np.sum(left) / np.sum(all_))
         channel = np.sqrt(left / all_)
     return float(whole), np.asarray(channel)

@@ -36,6 +36,7 @@ __all__ = [
     "locked",
     "real_array",
     "real_stretch",
+    "sealed",
 ]
 
 #: From so many numbers on arrays are looked through without one of their size beside them.
@@ -65,6 +66,15 @@ def locked(array: Array) -> Array:
     copy = np.array(array, order="C")
     copy.setflags(write=False)
     return copy
+
+
+def sealed(array: Array) -> Array:
+    """Return an array that nobody else holds, read-only with all that it is a view of: stored as it is, where `locked` would copy."""
+    owner: Any = array
+    while isinstance(owner, np.ndarray):
+        owner.setflags(write=False)
+        owner = owner.base
+    return array
 
 
 def _numeric(name: str, values: ArrayLike, axes: str, ndim: int | Sequence[int]) -> Array:

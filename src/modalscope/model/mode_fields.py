@@ -21,6 +21,7 @@ from modalscope.model.checks import (
     check_positive,
     complex_array,
     real_array,
+    sealed,
 )
 from modalscope.model.mode_table import COLUMNS
 from modalscope.model.notes import notes_of
@@ -170,7 +171,7 @@ def taken_fields(modes: ModalModel, index: IntArray) -> dict[str, Any]:
     first = {name: getattr(modes, name) for name in ("participation", *PER_MODE)}
     return {
         "poles": modes.poles[index],
-        "shapes": modes.shapes[:, index],
+        "shapes": sealed(np.take(modes.shapes, index, axis=1)),
         "shapes_std": None if modes.shapes_std is None else modes.shapes_std[:, index],
         **{name: None if values is None else values[index] for name, values in first.items()},
         "indicators": {name: values[index] for name, values in modes.indicators.items()},

@@ -1,12 +1,6 @@
 """Lines of turning machines in a record: told from resonances by an envelope that does not fluctuate as random vibration does.
 
-Around a frequency the outputs are z(t) exp(j 2 pi f t). Random vibration, however narrow its band, has |z|^2 that is exponential; a
-machine's line has a constant |z|, at constant speed and at one that wanders. For n independent values the ratio of arithmetic to
-geometric mean,
-
-    g = ln mean |z|^2 - mean ln |z|^2        (.577 for random vibration, 0 for a line; Bartlett's and Moran's statistic)
-
-tells them apart: 2 n g is nearly chi-square with n - 1 degrees of freedom for random vibration.
+`modalscope.preprocess.envelopes` says how often random vibration has an envelope as steady as that of a band.
 """
 
 from __future__ import annotations
@@ -15,24 +9,19 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import scipy
-from scipy import fft, special
 
-from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.checks import Array
 from modalscope.model.notes import Note
 from modalscope.model.signals import Signals
-from modalscope.preprocess.prominent import binary_size
+from modalscope.preprocess.envelopes import FEWEST, Narrow, Spectrum, envelope, narrow_band
 
-__all__ = ["HARMONIC", "Line", "Narrow", "find_lines", "harmonic_notes", "narrow_band"]
+__all__ = ["HARMONIC", "Line", "find_lines", "harmonic_notes"]
 
 #: The kind of the notes that name harmonics.
 HARMONIC = "harmonic"
 
 #: Widths of the bands looked at, as parts of their frequency: lines at constant speed, and at one that wanders.
 _WIDTHS = (0.01, 0.025)
-
-#: No structure is taken to be less damped than this: a narrower resonance could not be told from a line.
-_LEAST_DAMPING = 0.001
 
 #: One record of random vibration in so many has a line by chance.
 _CHANCE = 1e-3
@@ -45,42 +34,6 @@ _ORDERS, _PARTS, _CHANCE_OF_ORDER, _AS_NARROW = 8, 3, 0.01, 1.5
 
 #: Frequencies of mains, Hz, which hold to this.
 _MAINS, _OF_MAINS = (50.0, 60.0), 0.002
-
-#: Values of |z|^2 that a band has at least.
-_FEWEST = 12
-
-
-class Narrow(NamedTuple):
-    """A narrow band of a record, shifted to zero frequency, in the combination of outputs that holds most of its power.
-
-    Attributes
-    ----------
-    values : array of complex, (n,)
-        z(t), as many values as the band has.
-    worth : float
-        How many of them are independent in random vibration of this spectrum.
-    centre, spread : float
-        Mean and standard deviation of the frequency, Hz, weighted by power.
-    power : float
-        Mean square of the outputs in the band, the sum of all.
-    """
-
-    values: ComplexArray
-    worth: float
-    centre: float
-    spread: float
-    power: float
-
-    @property
-    def chance(self) -> float:
-        """How often random vibration has an envelope as steady as this."""
-        squares = np.maximum(np.abs(self.values) ** 2, np.finfo(float).tiny)
-        g = float(np.log(squares.mean()) - np.log(squares).mean())
-        n = self.worth
-        if n < 2:
-            return 1.0
-        corrected = 2 * n * g / (1 + (n + 1) / (6 * n))
-        return float(special.gammainc((n - 1) / 2, corrected / 2))
 
 
 class Line(NamedTuple):
@@ -100,78 +53,6 @@ class Line(NamedTuple):
     spread: float
     level: float
     chance: float
-
-
-class _Spectrum(NamedTuple):
-    """Transforms of all runs (R, lines, l), the distance of lines (Hz), and the power of all outputs, these over one number."""
-
-    lines: ComplexArray
-    step: float
-    power: float
-
-    @classmethod
-    def of(cls, signals: Signals) -> _Spectrum:
-        outputs, _ = signals.by_run()
-        y = scipy.signal.detrend(outputs / binary_size(outputs), axis=1)
-        window = scipy.signal.get_window("hann", y.shape[1])
-        scale = np.sqrt(2 / (y.shape[1] * float(window @ window)))
-        lines = np.asarray(fft.rfft(y * window[:, None], axis=1)) * scale
-        return cls(lines, signals.sampling_rate / y.shape[1], float(np.sum(np.mean(y**2, axis=(0, 1)))))
-
-
-def narrow_band(spectrum: _Spectrum, frequency: float, width: float) -> Narrow | None:
-    """Return a band of a record around a frequency; None where it has too few lines.
-
-    Parameters
-    ----------
-    spectrum : _Spectrum
-    frequency, width : float
-        Hz.
-    """
-    first = max(int(np.ceil((frequency - width / 2) / spectrum.step)), 1)
-    last = int((frequency + width / 2) / spectrum.step)
-    if last - first + 1 < _FEWEST or last >= spectrum.lines.shape[1]:
-        return None
-    cut = spectrum.lines[:, first : last + 1]
-    flat = cut.reshape(-1, cut.shape[2])
-    strongest = _strongest(flat)
-    # a Hann window fades at both ends, and so does the envelope: the middle of the run is looked at, the window divided out
-    Z = cut @ strongest
-    count = Z.shape[1]
-    z = np.fft.ifft(Z, axis=1) * count
-    t = (np.arange(count) + 0.5) / count
-    inside = (t > 0.15) & (t < 0.85)
-    values = (z / np.sin(np.pi * t) ** 2)[:, inside].ravel()
-    power = np.sum(np.abs(Z) ** 2, axis=0)
-    f = (first + np.arange(count)) * spectrum.step
-    weight = power / power.sum()
-    centre = float(f @ weight)
-    spread = float(np.sqrt(max((f - centre) ** 2 @ weight, 0.0)))
-    seconds = 0.7 * cut.shape[0] / spectrum.step
-    return Narrow(
-        values, _independent(power, spectrum.step, centre, seconds), centre, spread, float(np.sum(np.abs(flat) ** 2))
-    )
-
-
-def _strongest(lines: ComplexArray) -> ComplexArray:
-    """Return the combination of channels that has most power on lines (n, l): from the smaller of both Gram matrices."""
-    if lines.shape[0] < lines.shape[1]:
-        own = np.linalg.eigh(lines @ lines.conj().T)[1][:, -1] @ lines.conj()
-        return np.asarray(own / max(float(np.linalg.norm(own)), np.finfo(float).tiny))
-    return np.asarray(np.linalg.eigh(lines.conj().T @ lines)[1][:, -1])
-
-
-def _independent(power: RealArray, step: float, centre: float, seconds: float) -> float:
-    """Return T (int S)^2 / int S^2 of a spectrum that is nowhere narrower than the least damping allows.
-
-    S is the power smoothed by h / pi / (h^2 + k^2), whose transform is exp(-h |w|): the squares are summed there (Parseval).
-    """
-    half = max(_LEAST_DAMPING * centre / step, 0.5)
-    count = int(fft.next_fast_len(4 * len(power), real=True))
-    w = 2 * np.pi * np.arange(count // 2 + 1) / count
-    squares = np.abs(fft.rfft(power, count)) ** 2 * np.exp(-2 * half * w)
-    both = 2 * squares.sum() - squares[0] - (0 if count % 2 else squares[-1])
-    return float(seconds * step * squares[0] * count / both)
 
 
 def find_lines(signals: Signals, band: tuple[float, float] | None = None) -> tuple[Line, ...]:
@@ -197,18 +78,20 @@ def find_lines(signals: Signals, band: tuple[float, float] | None = None) -> tup
     ... ]
     [12.0]
     """
-    spectrum = _Spectrum.of(signals)
+    spectrum = Spectrum.of(signals)
     low, high = (0.0, np.inf) if band is None else band
-    looked: list[tuple[float, Narrow]] = []
+    looked, steady = 0, []
     for width in _WIDTHS:
-        f = _FEWEST * spectrum.step / width * 1.2
+        f = FEWEST * spectrum.step / width * 1.2
         while f * (1 + width) < signals.sampling_rate / 2:
-            part = narrow_band(spectrum, f, width * f) if low <= f <= high else None
+            part = envelope(spectrum, f, width * f) if low <= f <= high else None
             if part is not None:
-                looked.append((part.chance, part))
+                looked += 1
+                if part.least_chance(spectrum.step) < _CHANCE:
+                    steady.append(part.band(spectrum.step))
             f *= 1 + width / 4
-    bar = _CHANCE / max(len(looked), 1)
-    found = _apart([pair for pair in looked if pair[0] < bar])
+    bar = _CHANCE / max(looked, 1)
+    found = _apart([(band.chance, band) for band in steady if band.chance < bar])
     found = _apart([*found, *_of_the_same_shaft(spectrum, [band for _, band in found])])
     lines = [
         Line(b.centre, b.spread, float(np.sqrt(b.power / spectrum.power)), chance)
@@ -227,7 +110,7 @@ def _apart(pairs: list[tuple[float, Narrow]]) -> list[tuple[float, Narrow]]:
     return kept
 
 
-def _of_the_same_shaft(spectrum: _Spectrum, known: list[Narrow]) -> list[tuple[float, Narrow]]:
+def _of_the_same_shaft(spectrum: Spectrum, known: list[Narrow]) -> list[tuple[float, Narrow]]:
     """Return bands at multiples and divisors of lines that two of these agree on, as steady and as narrow as a line of that shaft is."""
     found: list[tuple[float, Narrow]] = []
     if len(known) < 2:
