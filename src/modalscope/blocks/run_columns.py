@@ -62,7 +62,7 @@ class RunColumns:
         """Return a one, the inputs and the outputs on some lines, (lines, 1 + m + l)."""
         response, (used, size) = self.matrix.response, self.inputs
         values, drives = response.values[lines, :, 0], response.drive[lines]
-        found = np.hstack([np.ones((len(values), 1)), drives[:, used] / size, values / self.matrix.output_scale])
+        found = np.hstack([response.ones(lines)[:, None], drives[:, used] / size, values / self.matrix.output_scale])
         found *= self.matrix.line_weights[lines, None]
         return np.asarray(found)
 

@@ -118,6 +118,9 @@ def identify(
     route : {"auto", "records", "frf", "markov", "subspace"}, optional
         The way from records with inputs: on their own lines, by estimated frequency responses, by an observer (OKID), or projected on
         their past. By default what serves the method, and of several ways the one that suits the records.
+    delays : mapping of label to int, optional
+        Samples by which outputs of records with inputs come late after the forces, which is taken out; {} for none. By default what is
+        seen with certainty after random forces.
     block_rows, block_columns : int, optional
         Blocks of H(0); on lines block_rows is the degree of the polynomials and columns are lines.
     form : {"observable", "controllable", "smaller"}, optional

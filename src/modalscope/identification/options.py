@@ -5,6 +5,7 @@ A row of the table names its type; an option that the type has not is refused th
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from numbers import Integral
 from typing import Any, ClassVar, TypedDict
@@ -12,7 +13,7 @@ from typing import Any, ClassVar, TypedDict
 from numpy.typing import ArrayLike
 
 from modalscope.blocks.factor import FACTORIZATIONS
-from modalscope.model.checks import check_band, check_choice, check_count, check_each, freeze
+from modalscope.model.checks import check_band, check_choice, check_count, check_each, check_kind, freeze
 from modalscope.model.labels import Dof
 from modalscope.model.settings import Settings
 
@@ -26,6 +27,7 @@ __all__ = [
     "Options",
     "RecordOptions",
     "SpectraOptions",
+    "delays_of",
     "labels_of",
 ]
 
@@ -39,6 +41,7 @@ class AllOptions(TypedDict, total=False):
     band: tuple[float, float] | None
     exclude: Any
     route: str | None
+    delays: Mapping[str, int] | None
     factorization: str
     block_rows: int | None
     block_columns: int | None
@@ -84,8 +87,15 @@ class Options(Settings):
             band=None if self.band is None else check_band(self.band),
             exclude=None if exclude is None else labels_of(exclude),
             route=None if self.route is None else check_choice("route", self.route, ROUTES),
+            delays=None if self.delays is None else delays_of(self.delays),
             factorization=check_choice("factorization", self.factorization, FACTORIZATIONS),
         )
+
+
+def delays_of(delays: Any) -> dict[str, int]:
+    """Return delays by label as whole numbers."""
+    check_kind("delays", delays, Mapping)
+    return {str(dof): check_count(f"the delay of {dof}", samples, least=0) for dof, samples in delays.items()}
 
 
 def labels_of(exclude: Any) -> tuple[Any, ...]:

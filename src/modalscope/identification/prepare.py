@@ -12,8 +12,8 @@ from modalscope.identification.conditioned import Conditioned, SeenRecord, condi
 from modalscope.identification.conditioned_setups import conditioned_setups
 from modalscope.identification.lookup import find_method
 from modalscope.identification.method import Method, Problem
-from modalscope.identification.options import ROUTES
-from modalscope.identification.routes import USUAL, by_route, chosen_route, one_record
+from modalscope.identification.options import ROUTES, delays_of
+from modalscope.identification.routes import USUAL, by_route, chosen_route, one_record, without_delays
 from modalscope.identification.row_options import check_form, options_of
 from modalscope.identification.sizes import setup_blocks
 from modalscope.identification.takes import Takes
@@ -54,7 +54,9 @@ class Measured:
     route : str, optional
         The way from records with inputs.
     driven : Records, optional
-        Records with inputs, as they were given.
+        Records with inputs, delays taken out.
+    delays : mapping of label to int, optional
+        Samples by which outputs came late.
     notes : tuple of Note
     sizes : mapping
         Block sizes that suit the response where none are asked, for rows that have them.
@@ -69,6 +71,7 @@ class Measured:
     exclude: Any = None
     route: str | None = None
     driven: Records | None = None
+    delays: Mapping[str, int] | None = None
     notes: tuple[Note, ...] = ()
     sizes: Mapping[str, int] = field(default_factory=dict)
 
@@ -95,7 +98,8 @@ def prepare(data: Any, method: str | None = None, domain: str | None = None, **o
         A channel of zeros, a band without lines, an unknown method, domain or option, a method that cannot take the data.
     """
     band, exclude = options.pop("band", None), options.pop("exclude", None)
-    measured = measure(data, band, exclude, options.pop("route", None), method=method, domain=domain)
+    route, delays = options.pop("route", None), options.pop("delays", None)
+    measured = measure(data, band, exclude, route, method=method, domain=domain, delays=delays)
     name = measured.row if method is None else method
     return pose(measured, find_method(name, domain, measured.domain, measured.route), options)
 
@@ -108,6 +112,7 @@ def measure(
     *,
     method: str | None = None,
     domain: str | None = None,
+    delays: Mapping[str, int] | None = None,
 ) -> Measured:
     """Return the response of the data in a band, without the channels that are excluded; records are turned into responses here.
 
@@ -121,16 +126,17 @@ def measure(
         From records with inputs, see `modalscope.identification.routes`.
     method, domain : str, optional
         What the way must serve, where it is left open.
+    delays : mapping of label to int, optional
+        Samples by which outputs of records with inputs come late, see `modalscope.preprocess.aligned`.
     """
     checked = None if band is None else check_band(band)
     asked = "auto" if route is None else check_choice("route", route, ROUTES)
     thing = as_test(data) if isinstance(data, list | tuple) else data
     thing = thing if exclude is None or not hasattr(thing, "select") else thing.select(exclude=exclude)
-    found = _measured(thing, checked, _Asked(asked, method, domain))
-    if asked not in ("auto", found.route):
-        raise DataError(
-            f"route={asked!r} was asked", f"the data are {found.given}, not records with inputs", "Leave it out."
-        )
+    found = _measured(thing, checked, _Asked(asked, method, domain, None if delays is None else delays_of(delays)))
+    if asked not in ("auto", found.route) or (delays and found.route is None):
+        what = f"delays={delays!r}" if asked in ("auto", found.route) else f"route={asked!r}"
+        raise DataError(f"{what} was asked", f"the data are {found.given}, not records with inputs", "Leave it out.")
     return replace(found, band=found.band if checked is None else checked, exclude=exclude)
 
 
@@ -140,6 +146,7 @@ class _Asked(NamedTuple):
     route: str
     method: str | None
     domain: str | None
+    delays: Mapping[str, int] | None
 
 
 @singledispatch
@@ -177,9 +184,11 @@ def _(data: Records, band: tuple[float, float] | None, asked: _Asked) -> Measure
     check_size(data)
     if data.input_dofs:
         route = chosen_route(data, asked.method, asked.domain, asked.route)
-        way, (row, domain) = by_route(data, route, band), USUAL[route]
-        given = "records with inputs"
-        return Measured(way.response, None, given, row, domain, way.band, route=route, driven=data, notes=way.notes)
+        taken, delays, told = without_delays(data, asked.delays)
+        way, (row, domain) = by_route(taken, route, band), USUAL[route]
+        notes = (*told, *way.notes)
+        found = Measured(way.response, None, "records with inputs", row, domain, way.band, route=route, notes=notes)
+        return replace(found, driven=taken, delays=delays)
     return _measured(seen_record(one_record(data, "correlations")), band, asked)
 
 
@@ -277,7 +286,15 @@ def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem
     own = {f.name for f in fields(row.options_type)}
     suited = {name: size for name, size in measured.sizes.items() if name in own and options.get(name) is None}
     chosen = options_of(
-        row, {"band": measured.band, "exclude": measured.exclude, "route": measured.route, **options, **suited}
+        row,
+        {
+            "band": measured.band,
+            "exclude": measured.exclude,
+            "route": measured.route,
+            "delays": measured.delays,
+            **options,
+            **suited,
+        },
     )
     converted, note = _HAND_OVER[row.takes](response)
     # the lines of a correlation stay: its rate suits the band, and powers of z are told apart by lines all around the circle

@@ -10,6 +10,7 @@ forces that were not measured: see `modalscope.model.record_residual`.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +27,7 @@ from modalscope.model.record_transform import record_spectra
 from modalscope.model.records import Records
 from modalscope.model.signals import Signals
 
-__all__ = ["USUAL", "Way", "by_route", "chosen_route", "one_record", "usual_route"]
+__all__ = ["USUAL", "Way", "by_route", "chosen_route", "one_record", "usual_route", "without_delays"]
 
 #: The row and the domain of each way where none is asked.
 USUAL = {
@@ -114,10 +115,27 @@ def by_route(records: Records, route: str, band: tuple[float, float] | None) -> 
     of = "the record" if runs == 1 else f"{runs} runs"
     note = Note("records on lines", {"runs": runs}, f"{of} on lines, nothing estimated: inputs and ends are eliminated")
     spectra = record_spectra(records, band)
-    if band is not None or route != "records":
-        return Way(spectra, band, (note,))
-    own, told = _resonant(spectra)
-    return Way(spectra.in_band(own), own, (*told, note))
+    return Way(spectra, band, (note,)) if route != "records" else _level(spectra, band, note)
+
+
+def without_delays(
+    records: Records, delays: Mapping[str, int] | None
+) -> tuple[Records, Mapping[str, int] | None, tuple[Note, ...]]:
+    """Return records with outputs that come late shifted back, by how much, and what is said; periods are left whole unless it is asked.
+
+    Parameters
+    ----------
+    records : Records
+        With inputs.
+    delays : mapping of label to int, optional
+        As in `modalscope.preprocess.aligned`.
+    """
+    from modalscope.preprocess.aligned import aligned, seen_delays
+
+    chosen = seen_delays(records) if delays is None else delays
+    if delays is None and (not chosen or _periodic(records) is not None):
+        return records, None, ()
+    return (*aligned(records, chosen),)
 
 
 def _averaged(records: Records, band: tuple[float, float] | None) -> Way:
@@ -133,12 +151,15 @@ def _averaged(records: Records, band: tuple[float, float] | None) -> Way:
     return Way(response, own, (note,) if told is None else (told, note))
 
 
-def _resonant(spectra: RecordSpectra) -> tuple[tuple[float, float] | None, tuple[Note, ...]]:
-    """Return the band that holds the resonances of records that are sampled far beyond them, and what is said of it."""
+def _level(spectra: RecordSpectra, band: tuple[float, float] | None, note: Note) -> Way:
+    """Return records in the band that holds their resonances where none was asked, their noise the same on all lines, and what is said."""
+    from modalscope.preprocess.line_noise import level_lines
     from modalscope.preprocess.resonant_band import resonant_band
 
-    found = resonant_band(spectra)
-    return (None, ()) if found is None else (found[0], (found[1],))
+    found = resonant_band(spectra) if band is None else None
+    own, told = (band, ()) if found is None else (found[0], (found[1],))
+    taken, drift = level_lines(spectra if found is None else spectra.in_band(own))
+    return Way(taken, own, (*told, *drift, note))
 
 
 def one_record(records: Records, what: str) -> Signals:

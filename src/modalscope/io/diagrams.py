@@ -173,6 +173,7 @@ def _records_of(where: str, arrays: dict[str, Array]) -> RecordSpectra:
         sampling_rate=rate,
         quantity=str(arrays["quantity"]) if "quantity" in arrays else None,
         level=arrays.get("level"),
+        line_scale=arrays.get("line_scale"),
         **signals.labelled(),
     )
 

@@ -12,7 +12,7 @@ from modalscope.model.driven_basis import DrivenBasis
 
 __all__ = ["DrivenLines"]
 
-#: Complex numbers in the columns that are made at a time: 1 MB.
+#: Complex numbers in the columns, or in the outputs, that are made at a time: 1 MB.
 _NUMBERS = 1 << 16
 
 
@@ -66,7 +66,7 @@ class DrivenLines:
 
         `alone` are the real poles, (n,).
         """
-        step = max(_NUMBERS // max(len(poles), 1), 1)
+        step = max(_NUMBERS // max(len(poles), len(shapes), 1), 1)
         for start in range(0, len(self.points), step):
             s = slice(start, start + step)
             own, pair = DrivenLines(self.points[s], self.drives[s], self.inputs).pairs(poles, participation)

@@ -13,7 +13,6 @@ from modalscope.model.checks import (
     ComplexArray,
     DataError,
     RealArray,
-    check_band,
     check_count,
     check_index,
     check_number,
@@ -23,7 +22,7 @@ from modalscope.model.checks import (
 )
 from modalscope.model.groups import AUTO, Groups, check_groups, chosen_groups, input_groups
 from modalscope.model.impulse import ImpulseResponse
-from modalscope.model.line_checks import check_beside, check_lines, check_rate
+from modalscope.model.line_checks import check_beside, check_lines, check_rate, lines_inside
 from modalscope.model.line_data import line_data
 from modalscope.model.line_transforms import in_quantity, inverse_transform
 from modalscope.model.modal_basis import ModalBasis, line_basis, residual_powers, scaled_terms
@@ -242,14 +241,7 @@ class FrequencyResponse(Response):
         DataError
             Ends that do not increase, or a band that holds no line.
         """
-        lowest, highest = check_band((lowest, highest))
-        inside = np.flatnonzero((self.frequencies >= lowest) & (self.frequencies <= highest))
-        if inside.size == 0:
-            raise DataError(
-                f"the band {lowest:g} to {highest:g} Hz was asked",
-                f"the {self.lines} lines lie from {self.frequencies[0]:g} to {self.frequencies[-1]:g} Hz, none of them inside",
-                "Choose a band that holds measured lines.",
-            )
+        inside = lines_inside(self.frequencies, (lowest, highest))
         return self.at_lines(slice(int(inside[0]), int(inside[-1]) + 1))
 
     def at_lines(self, lines: slice | Array) -> FrequencyResponse:

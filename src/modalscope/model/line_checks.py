@@ -4,9 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_positive, real_array
+from modalscope.model.checks import (
+    Array,
+    ComplexArray,
+    DataError,
+    IntArray,
+    RealArray,
+    check_band,
+    check_positive,
+    real_array,
+)
 
-__all__ = ["check_beside", "check_lines", "check_rate"]
+__all__ = ["check_beside", "check_lines", "check_rate", "lines_inside"]
 
 
 def check_lines(lines: RealArray, values: ComplexArray) -> None:
@@ -82,3 +91,16 @@ def check_rate(sampling_rate: float | None, lines: RealArray) -> float | None:
             "Correct the sampling rate, or leave it out for the response of a continuous structure.",
         )
     return rate
+
+
+def lines_inside(lines: RealArray, band: tuple[float, float]) -> IntArray:
+    """Return which lines lie in a band, Hz, or raise where none does."""
+    low, high = check_band(band)
+    inside = np.flatnonzero((lines >= low) & (lines <= high))
+    if not inside.size:
+        raise DataError(
+            f"the band {low:g} to {high:g} Hz was asked",
+            f"the {lines.size} lines lie from {lines.min():g} to {lines.max():g} Hz, none of them inside",
+            "Choose a band that holds measured lines.",
+        )
+    return inside

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from modalscope.model import record_sums as sums
-from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, check_band, freeze, locked
+from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray, freeze, locked
 from modalscope.model.driven_basis import DrivenBasis, Run, driven_basis
 from modalscope.model.driven_lines import DrivenLines
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.groups import check_groups, run_groups
+from modalscope.model.line_checks import lines_inside
 from modalscope.model.line_choice import near_modes, telling_lines
 from modalscope.model.no_response import NoResponse
 from modalscope.model.notes import Note
@@ -62,6 +63,8 @@ class RecordSpectra(NoResponse):
         One label a run: what disagrees between groups is repeatability. By default every run of several is one.
     level : array, (l,), optional
         What every output is divided by to be level with the others by its noise, where that was seen.
+    line_scale : array, (F,), optional
+        What outputs and inputs of every line were divided by, where their noise is not alike on all lines.
     """
 
     frequencies: RealArray
@@ -70,9 +73,11 @@ class RecordSpectra(NoResponse):
     durations: tuple[float, ...]
     source: RecordSpectra | None = None
     level: RealArray | None = None
+    line_scale: RealArray | None = None
 
     def __post_init__(self) -> None:
-        arrays = ("values", "frequencies", "drive", "run", *(() if self.level is None else ("level",)))
+        given = (name for name in ("level", "line_scale") if getattr(self, name) is not None)
+        arrays = ("values", "frequencies", "drive", "run", *given)
         freeze(self, **{name: locked(np.asarray(getattr(self, name))) for name in arrays})
         runs = len(self.durations)
         freeze(self, groups=check_groups(self.groups, runs, "a run", run_groups(runs)))
@@ -127,14 +132,24 @@ class RecordSpectra(NoResponse):
         """Yield the lines of every run."""
         for own in self.spans_of_runs:
             x = self._point(self.frequencies[own])
-            ends = np.ones_like(x) if self.sampling_rate is None else x
-            yield Run(x, self.values[own, :, 0], self.drive[own], ends)
+            yield Run(x, self.values[own, :, 0], self.drive[own], self.ends(own))
+
+    def ones(self, lines: slice | IntArray) -> RealArray:
+        """Return a one on some lines, divided by what the data there are divided by, (lines,)."""
+        if self.line_scale is None:
+            return np.ones(len(self.frequencies[lines]))
+        return np.asarray(1 / self.line_scale[lines])
+
+    def ends(self, lines: slice | IntArray) -> ComplexArray:
+        """Return what the first and the last state of a run act through on some lines, (lines,): x in the z-plane, 1 in the s-plane."""
+        one = self.ones(lines)
+        return np.asarray(one + 0j if self.sampling_rate is None else one * self._point(self.frequencies[lines]))
 
     @property
     def lines(self) -> DrivenLines:
         """All lines with all drives, inputs and ends side by side."""
         own = self.run[:, None] == np.arange(len(self.durations))
-        ends = own * (np.ones(1) if self.sampling_rate is None else self.points[:, None])
+        ends = own * self.ends(slice(None))[:, None]
         return DrivenLines(self.points, np.hstack([self.drive, ends]), self.drive.shape[1])
 
     @property
@@ -173,7 +188,8 @@ class RecordSpectra(NoResponse):
         return self if kept.size == self.count else self._at(kept)
 
     def _at(self, lines: Array) -> RecordSpectra:
-        own = {name: getattr(self, name)[lines] for name in ("values", "frequencies", "drive", "run")}
+        names = ("values", "frequencies", "drive", "run", *(() if self.line_scale is None else ("line_scale",)))
+        own = {name: getattr(self, name)[lines] for name in names}
         for array in own.values():
             array.setflags(write=False)  # nobody else has it: it need not be copied again
         return replace(self, source=None, **own)
@@ -250,17 +266,7 @@ class RecordSpectra(NoResponse):
 
     def in_band(self, band: tuple[float, float] | None) -> RecordSpectra:
         """Return the lines in a band."""
-        if band is None:
-            return self
-        low, high = check_band(band)
-        inside = (self.frequencies >= low) & (self.frequencies <= high)
-        if not inside.any():
-            raise DataError(
-                f"the band {low:g} to {high:g} Hz was asked",
-                f"the lines lie from {self.span[0]:g} to {self.span[1]:g} Hz, none of them inside",
-                "Choose a band that holds lines.",
-            )
-        return self._at(inside)
+        return self if band is None else self._at(lines_inside(self.frequencies, band))
 
     def reported_band(self, band: tuple[float, float] | None) -> tuple[float, float]:
         """Return the lowest and the highest line: the band has cut them."""

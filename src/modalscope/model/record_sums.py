@@ -137,7 +137,7 @@ def rebuilt_values(lines: RecordSpectra, model: StateSpace) -> ComplexArray:
     states = StateSpace(A=model.A, B=np.eye(model.order), C=model.C, dt=model.dt)
     for r in range(len(lines.durations)):
         own = lines.run == r
-        free = states.transfer(x[own]) * (1.0 if model.dt is None else x[own, None, None])
+        free = states.transfer(x[own]) * lines.ends(np.flatnonzero(own))[:, None, None]
         columns, left = free.reshape(-1, model.order), (lines.values[own, :, 0] - values[own]).reshape(-1)
         first = np.linalg.lstsq(
             np.concatenate([columns.real, columns.imag]), np.concatenate([left.real, left.imag]), rcond=None

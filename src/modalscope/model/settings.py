@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -21,6 +21,8 @@ class Settings:
         Channels left out.
     route : str, optional
         From records with inputs: "records", "frf", "markov" or "subspace".
+    delays : mapping of label to int, optional
+        From records with inputs: samples by which outputs come late after the forces, which was taken out; {} for none.
     factorization : {"auto", "dense", "gram", "randomized", "lanczos"}
         The route to the singular vectors.
     """
@@ -28,6 +30,7 @@ class Settings:
     band: tuple[float, float] | None = None
     exclude: tuple[Any, ...] | None = None
     route: str | None = None
+    delays: Mapping[str, int] | None = None
     factorization: str = "auto"
 
     def keys(self) -> Iterator[str]:

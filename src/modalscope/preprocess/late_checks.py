@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy import fft
 
@@ -10,7 +12,7 @@ from modalscope.model.signals import Signals
 from modalscope.preprocess.findings import Finding
 from modalscope.preprocess.spectra import Segments, cross_spectra, segment_starts, window_samples
 
-__all__ = ["late"]
+__all__ = ["Lateness", "late", "lateness"]
 
 #: Samples of a run, and runs, that are looked at; segments that impulse responses are averaged over, and their least and greatest length.
 _SAMPLES, _RUNS, _SEGMENTS = 1 << 16, 4, 12
@@ -30,8 +32,45 @@ _JUMP = 4.0
 _LEAST, _LEAST_ALONE = 5, 10
 
 
+class Lateness(NamedTuple):
+    """Samples by which outputs come late after the forces.
+
+    Attributes
+    ----------
+    together : bool
+        Whether all outputs come late alike.
+    samples : mapping of label to int
+        Of every output that does; empty where none does.
+    """
+
+    together: bool
+    samples: dict[str, int]
+
+
 def late(signals: Signals) -> list[Finding]:
-    """Find outputs whose response to the forces begins some samples late, all of them alike or a few.
+    """Find outputs whose response to the forces begins some samples late, all of them alike or a few; see `lateness`.
+
+    Parameters
+    ----------
+    signals : Signals
+        With broadband forces.
+    """
+    found, rate = lateness(signals), signals.sampling_rate
+    back = "Modes are identified with that taken out, which moves neither poles nor shapes; delays={} leaves it in."
+    if found.together:
+        lag = next(iter(found.samples.values()))
+        reason = f"all outputs come about {lag} samples, {lag / rate:.4g} s, after the forces"
+        return [Finding("delay", signals.output_dofs, reason, back)]
+    return [
+        Finding(
+            "delay", (dof,), f"it comes about {own} samples, {own / rate:.4g} s, after the forces, others do not", back
+        )
+        for dof, own in found.samples.items()
+    ]
+
+
+def lateness(signals: Signals) -> Lateness:
+    """Return by how many samples the responses of outputs to the forces begin late.
 
     The impulse response of acceleration begins with the direct term at lag 0, that of velocity with the shapes at lag 1; that of
     displacement grows from nothing and says nothing here. Recorders that started apart, and buffers, shift it.
@@ -44,29 +83,17 @@ def late(signals: Signals) -> list[Finding]:
     outputs, inputs = signals.by_run()
     length = min(signals.samples // (_SEGMENTS // 2 + 1), _LONGEST)
     if inputs is None or length < _SHORTEST:
-        return []
+        return Lateness(False, {})
     y, u = (x[:_RUNS, :_SAMPLES] - x[:_RUNS, :_SAMPLES].mean(axis=1, keepdims=True) for x in (outputs, inputs))
     size = _responses(y, u, length)
     together = np.sqrt(np.mean((size / np.maximum(size.max(axis=0), 1e-300)) ** 2, axis=1))
     lag = _onset(together, _TOGETHER)
     if lag >= _LEAST:
-        seconds = lag / signals.sampling_rate
-        reason = f"all outputs come about {lag} samples, {seconds:.4g} s, after the forces: false modes stand for that beside the true ones"
-        change = f"Shift them, if no wave travels so long: Signals(outputs=y[{lag}:], inputs=u[:-{lag}], ...)."
-        return [Finding("delay", signals.output_dofs, reason, change)]
+        return Lateness(True, dict.fromkeys(signals.output_dofs, lag))
     if lag < 0:
-        return []
+        return Lateness(False, {})
     alone = {dof: _onset(own, _BEGUN) for dof, own in zip(signals.output_dofs, size.T, strict=True)}
-    return [
-        Finding(
-            "delay",
-            (dof,),
-            f"it comes about {own} samples, {own / signals.sampling_rate:.4g} s, after the forces, others do not",
-            f"Shift it back by {own} samples, or leave it out: exclude={[dof]!r}.",
-        )
-        for dof, own in alone.items()
-        if own >= _LEAST_ALONE
-    ]
+    return Lateness(False, {dof: own for dof, own in alone.items() if own >= _LEAST_ALONE})
 
 
 def _responses(outputs: RealArray, inputs: RealArray, length: int) -> RealArray:
@@ -89,4 +116,7 @@ def _onset(size: RealArray, begun: float) -> int:
         return -1
     first = int(above[0])
     earlier = np.concatenate([size[-8:], after[: max(first - 2, 0)]])
-    return first if after[first : first + 2].max() > _JUMP * earlier.max() else -1
+    if after[first : first + 2].max() <= _JUMP * earlier.max():
+        return -1
+    begun_at = np.flatnonzero(after[max(first - 2, 0) : first + 1] > begun * chance)
+    return max(first - 2, 0) + int(begun_at[0])
