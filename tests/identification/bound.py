@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from scipy.linalg import block_diag, qr
 
 from modalscope.model import FrequencyResponse, ImpulseResponse, ModalModel
 from modalscope.model.poles import frequencies_and_damping
@@ -75,39 +78,49 @@ def shape_bound(modes: ModalModel, covariance: np.ndarray) -> np.ndarray:
     return np.stack(found, axis=1)
 
 
-def compressed_bound(data: FrequencyResponse | ImpulseResponse, modes: ModalModel, deviation: np.ndarray) -> np.ndarray:
+def compressed_bound(
+    data: FrequencyResponse | ImpulseResponse,
+    modes: ModalModel,
+    deviation: np.ndarray,
+    groups: Sequence[Sequence[int]] | None = None,
+) -> np.ndarray:
     """Return the same bounds of f and zeta, (2, n), by derivatives in closed form on rows that are compressed, for hundreds of cases.
 
     Every derivative is a matrix times one of four real functions a mode; the largest participation of each is held, so that shape and
-    participation cannot change against each other.
+    participation cannot change against each other. Modes of one of the `groups` have the same pole, s = A with C A B instead of a sum
+    of modes: all of A is free, as many columns of B are held as the group has modes, and the bound is that of the mean pole, trace A / k.
     """
-    n, (l, m) = len(modes), data.values.shape[1:]
-    g, mirrored = _functions(data, modes.poles)
+    l, m = data.values.shape[1:]
+    found = [[j] for j in range(len(modes))] if groups is None else groups
+    g, mirrored = _functions(data, modes.poles[[group[0] for group in found]])
     # derivative by s, rows, modes, real and imaginary part
     pairs = np.stack([g + mirrored, 1j * (g - mirrored)], axis=-1)
-    columns = pairs.transpose(1, 2, 0, 3).reshape(g.shape[1], 4 * n)
+    columns = pairs.transpose(1, 2, 0, 3).reshape(g.shape[1], 4 * len(found))
     real = columns.real if isinstance(data, ImpulseResponse) else np.concatenate([columns.real, columns.imag])
     terms = data.basis(np.zeros(0), data.outside_powers).terms
     if terms.shape[1]:
         Q = np.linalg.qr(terms / np.linalg.norm(terms, axis=0))[0]
         real = real - Q @ (Q.T @ real)
-    R = np.linalg.qr(real)[1].reshape(-1, n, 2, 2)
+    R = np.linalg.qr(real)[1].reshape(-1, len(found), 2, 2)
     free: list[list[np.ndarray]] = [[], []]
-    for j in range(n):
-        c, b = modes.shapes[:, j], modes.participation[j]
-        held = np.argmax(np.abs(b))
-        amounts = [(1, np.outer(c, b))]
-        amounts += [(0, np.outer(e, b)) for e in np.eye(l)]
-        amounts += [(0, np.outer(c, e)) for i, e in enumerate(np.eye(m)) if i != held]
+    means = []
+    for j, group in enumerate(found):
+        C, B = modes.shapes[:, group].T, modes.participation[group]
+        held = qr(B, mode="r", pivoting=True)[1][: len(group)]
+        amounts = [(1, np.outer(c, b)) for c in C for b in B]
+        amounts += [(0, np.outer(e, b)) for e in np.eye(l) for b in B]
+        amounts += [(0, np.outer(c, e)) for c in C for i, e in enumerate(np.eye(m)) if i not in held]
         for by_pole, dR in amounts:
             for z in (dR, 1j * dR):
                 column = np.einsum("kz,zoi->koi", R[:, j, by_pole], np.stack([z.real, z.imag])) / deviation
                 free[0 if by_pole else 1].append(column.ravel())
+        means.append(np.kron(np.eye(len(group)).reshape(1, -1) / len(group), np.eye(2)))
     J, rest = np.column_stack(free[0]), np.linalg.qr(np.column_stack(free[1]))[0]
     J = J - rest @ (rest.T @ J)
     scale = np.linalg.norm(J, axis=0)
-    covariance = np.linalg.inv((J / scale).T @ (J / scale)) / np.outer(scale, scale)
-    return _of_poles(covariance, modes.poles)
+    T = block_diag(*means) / scale
+    covariance = T @ np.linalg.inv((J / scale).T @ (J / scale)) @ T.T
+    return _of_poles(covariance, np.array([modes.poles[list(group)].mean() for group in found]))
 
 
 def _functions(data: FrequencyResponse | ImpulseResponse, poles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

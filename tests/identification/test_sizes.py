@@ -175,17 +175,22 @@ def test_shifts_of_lines_count_the_lines_of_both_signs() -> None:
 
 
 @pytest.mark.parametrize(
-    ("count", "outputs", "inputs", "order", "expected"),
+    ("count", "outputs", "inputs", "order", "truncates", "expected"),
     [
-        (1000, 2, 3, 20, 48),
-        (100, 2, 3, 20, 25),  # a quarter of the lines
-        (1000, 20, 3, 20, 30),  # 600 rows in all
-        (1000, 200, 3, 20, 8),  # at least eight
-        (1000, 2, 3, 120, 61),  # as many block rows as the order needs, and one more
-        (1000, 2, 3, 121, 62),
-        (10, 2, 3, 50, 2),  # no more than 2 x 10 - 50 / 3 (rounded up) - 1 carry
-        (10, 1, 1, 18, 1),
+        (1000, 2, 3, 20, True, 333),  # a third of the lines
+        (100, 2, 3, 20, True, 33),
+        (1000, 5, 3, 20, True, 160),  # 800 rows in all
+        (3000, 5, 3, 20, True, 100),  # 1.5 million rows times lines
+        (4400, 7, 6, 20, True, 48),  # but 48 always
+        (30_000, 20, 3, 20, True, 30),  # as far as that is 600 rows
+        (1000, 200, 3, 20, True, 8),  # at least eight
+        (1000, 20, 3, 1000, True, 51),  # as many block rows as the order needs, and one more
+        (1000, 20, 3, 1001, True, 52),
+        (10, 2, 3, 50, True, 2),  # no more than 2 x 10 - 50 / 3 (rounded up) - 1 carry
+        (10, 1, 1, 18, True, 1),
+        (1000, 3, 3, 20, False, 80),  # 240 states
+        (1000, 10, 3, 20, False, 48),  # or those of a degree of 48
     ],
 )
-def test_the_degree_of_lines(count: int, outputs: int, inputs: int, order: int, expected: int) -> None:
-    assert default_degree(lines(count, outputs, inputs), order) == expected
+def test_the_degree_of_lines(count: int, outputs: int, inputs: int, order: int, truncates: bool, expected: int) -> None:
+    assert default_degree(lines(count, outputs, inputs), order, truncates=truncates) == expected

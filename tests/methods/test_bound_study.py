@@ -90,8 +90,7 @@ def test_every_row_at_the_true_order(kind: str, samples: int) -> None:
         found = ratios(row, cases)
         _kept(kind, f"{row.name} ({row.domain})", samples, found)
         if row.name in ("era", "alternate", "least_squares"):
-            # measured to a tenth; a degree of 48 is little on 2000 lines
-            assert np.median(found) < (2.2 if kind != "frequency responses" else 4)
+            assert np.median(found) < 2.2  # measured to a tenth
 
 
 @pytest.mark.study

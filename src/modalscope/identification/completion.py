@@ -45,7 +45,12 @@ def completed(task: Task, modes: ModalModel, participation: ComplexArray) -> Mod
         if len(settled.descent.point.poles) <= len(found[0]):
             break
         found = (settled.descent.point.poles, *settled.residues)
-    if len(found[0]) == count or settled.colour.coloured or not settled.descent.converged:
+    if len(found[0]) == count:
+        return modes
+    held = _pruned(
+        task, settled, 0
+    )  # a mode of the list that has nothing of its own wanders, and says nothing of the others
+    if held.colour.coloured or not held.descent.converged:
         return modes
     return joined([modes, _added(task, modes, tuple(part[..., count:] for part in found[:2]), found[2][count:])])
 
@@ -66,7 +71,7 @@ def _with_peak(task: Task, settled: Settled) -> _Found | None:
 
 
 def _pruned(task: Task, settled: Settled, count: int) -> Settled:
-    """Take the weakest of the added modes out again while it explains no more than noise may."""
+    """Take the weakest of the modes behind the first `count` out again while it explains no more than noise may."""
     while (gain := settled.gain[count:]).size and gain.min() < 2 * least_gain(task):
         out = count + int(np.argmin(gain))
         shapes, participation = settled.residues

@@ -297,7 +297,7 @@ def transfer_of_lines(problem: Problem, order: int) -> Built:
     matrix: DataMatrix = transfer(
         taken,
         domain=problem.method.domain,
-        block_rows=options.block_rows or default_degree(response, order),
+        block_rows=options.block_rows or default_degree(response, order, truncates=problem.method.orders.truncates),
         order=order,
         weights=line_weights(response, options.weights),
         equal_outputs=few is None,
