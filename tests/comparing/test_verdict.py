@@ -151,3 +151,14 @@ def test_every_other_mode_has_its_line_and_findings_their_remedy() -> None:
 def test_where_every_method_failed_the_reason_of_the_first_is_all_there_is_to_say() -> None:
     nothing = Scatter(*(np.zeros(0),) * 6)
     assert words([], [], nothing, [result(ERA, None)], ()) == "No method could use these data. it could not"
+
+
+@pytest.mark.parametrize(
+    ("evidence", "said"),
+    [("a channel is dead", "Too short: a channel is dead. "), ("too short, by 3 dB.", "Too short, by 3 dB. ")],
+)
+def test_a_cause_is_named_once_and_ends_in_one_stop(evidence: str, said: str) -> None:
+    cause = Cause("too short", evidence)
+    nothing = Scatter(*np.zeros((6, 0)))
+    line = words([], [], nothing, [result(ERA)], [cause]).splitlines()[-1]
+    assert line == said + cause.remedy

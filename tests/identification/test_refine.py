@@ -264,6 +264,18 @@ def test_a_missing_mode_is_added_when_that_is_asked(kind, missing):
     assert len(ms.refine(data, truth, complete=True)) == 3
 
 
+def test_a_mode_that_goes_to_another_ones_place_is_told():
+    truth = model(3, 3)
+    data = lines(truth)
+    far = replace(truth.take([0, 2]), poles=poles_from([3.0, 5.15], [0.02, 0.01]))
+    found = ms.refine(data, far)
+    moved = [note for note in found.notes if note.kind == "moved far"]
+    assert len(moved) == int(np.any(np.abs(found.poles - far.poles) > np.abs(far.poles.real)))
+    assert len(moved) == 1
+    assert "5.15 to 5." in str(moved[0])
+    assert not [note for note in ms.refine(data, truth).notes if note.kind == "moved far"]
+
+
 def test_nothing_is_added_to_a_coloured_residual():
     truth = model(4, 2)
     data = lines(truth)

@@ -67,13 +67,3 @@ def test_harmonics_are_flagged_and_are_none_of_the_modes(wander: float) -> None:
     assert np.all(flagged)
     assert among == 0
     assert np.all(kept)
-
-
-@pytest.mark.study
-def test_at_most_one_record_of_noise_in_forty_has_a_mode() -> None:
-    false = 0
-    for seed in range(40):
-        rng = np.random.default_rng(500 + seed)
-        y = rng.standard_normal((20_000, 1 + seed % 5))
-        false += len(ms.analyze(ms.Signals(outputs=y, sampling_rate=100.0)).modes)
-    assert false <= 1

@@ -12,7 +12,7 @@ from modalscope.identification.descent import descend
 from modalscope.identification.likelihood import whitened
 from modalscope.identification.whitening import free_bound, lag_factor
 from modalscope.judging.coloured_errors import ColouredErrors, errors_of as told_errors
-from modalscope.judging.recount import Recount, recount_of
+from modalscope.judging.recount import Recount, inverse, recount_of
 from modalscope.model.checks import RealArray
 from modalscope.model.poles import poles_from
 from tests.judging.test_contest import NOISE, PARTS, POLES, SHAPES, F, arena_of, data
@@ -185,3 +185,9 @@ def test_a_resonance_that_shifts_from_input_to_input_leaves_nothing_beyond_and_a
         assert recount.gains(np.array([4]))[0] > recount.bar
         assert bool(recount.beyond_shifts(4, np.array([3])) > np.sqrt(recount.bar)) is beyond
         assert bool(recount.standing(np.array([4]))[0] > 1) is beyond
+
+
+def test_information_that_has_vanished_is_none_and_other_is_inverted() -> None:
+    B = np.array([[[2.0, 1.0], [1.0, 3.0]], [[1e-310, 0.0], [0.0, 1e-312]]])
+    np.testing.assert_allclose(inverse(B), [np.linalg.inv(B[0]), np.zeros((2, 2))], rtol=1e-12)
+    np.testing.assert_allclose(inverse(1e-150 * B[:1]), [1e150 * np.linalg.inv(B[0])], rtol=1e-12)

@@ -57,6 +57,8 @@ def test_what_one_input_alone_shows_is_explained_worse_where_that_is_left_out() 
     assert int(np.argmax(seen.fit_errors)) == 0
     assert seen.fit_errors[0] > seen.fit_errors_with[0]
     assert not seen.white
+    assert "parts" in repr(seen)
+    assert repr(seen).endswith("residual coloured>")
 
 
 def test_what_cannot_be_left_out_is_refused_in_words() -> None:

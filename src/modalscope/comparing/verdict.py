@@ -122,7 +122,14 @@ def words(
         ("doubtful", "Do not trust"),
     ):
         lines += [f"{lead} {groups[k].frequency:.5g} Hz: {t.why}." for k, t in enumerate(trust) if t.grade == grade]
-    lines += [f"{c.name.capitalize()}: {c.evidence}. {c.remedy}" for c in data_causes]
+    lines += [f"{_lead(c)}. {c.remedy}" for c in data_causes]
     if failed:
         lines.append(f"{len(failed)} of {len(results)} methods failed: {'; '.join(r.label for r in failed)}.")
     return "\n".join(lines)
+
+
+def _lead(cause: Cause) -> str:
+    """Return the name of a cause and its evidence as the beginning of a sentence, the name once."""
+    evidence = cause.evidence.removesuffix(".")
+    said = evidence.lower().startswith(cause.name)
+    return evidence[:1].upper() + evidence[1:] if said else f"{cause.name.capitalize()}: {evidence}"

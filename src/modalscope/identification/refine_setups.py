@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from modalscope.blocks.threads import one_thread
+from modalscope.identification.refined import ASTRAY
 from modalscope.identification.scoring import Scored, covariance, scored
 from modalscope.identification.spectral_likelihood import Cells, cells_of, unknowns
 from modalscope.identification.spread import LEAST_GROUPS
@@ -27,9 +28,6 @@ _BEYOND, _HALVES = 0.15, 10.0
 
 #: Lines of machines are left out with this part of their frequency on either side, and so many of their spreads: what leaks from them.
 _HUM, _SPREADS = 0.01, 3.0
-
-#: An optimum further away than this many decay rates is another.
-_ASTRAY = 1.0
 
 #: Products of one step of all setups that are worth it, and how much larger than told residuals may be without a word.
 _PRODUCTS, _ROUGH = 2e11, 1.2
@@ -74,7 +72,7 @@ def refine_setups(setups: Setups, modes: ModalModel, *, apart: bool = False) -> 
     found = (
         _means([scored([each], modes.poles) for each in cells], modes.poles) if apart else scored(cells, modes.poles)
     )
-    astray = np.abs(found.poles - modes.poles) > _ASTRAY * np.abs(modes.poles.real)
+    astray = np.abs(found.poles - modes.poles) > ASTRAY * np.abs(modes.poles.real)
     if found.misfit > _WRONG:
         return _kept(
             modes,
@@ -109,7 +107,7 @@ def _means(each: Sequence[Scored], start: ComplexArray) -> Scored:
     informations, away = [], []
     for one in each:
         step = np.stack([(one.poles - start).real, (one.poles - start).imag], axis=1)
-        astray = np.abs(one.poles - start) > _ASTRAY * np.abs(start.real)
+        astray = np.abs(one.poles - start) > ASTRAY * np.abs(start.real)
         lost = np.repeat(astray if one.converged else np.ones(len(start), bool), 2)
         informations.append(_without(one.informations[0], lost))
         away.append(np.where(lost, 0, step.ravel()))

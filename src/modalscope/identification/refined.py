@@ -20,10 +20,13 @@ from modalscope.model.poles import frequencies_and_damping
 from modalscope.model.response_facts import UNTOLD
 from modalscope.uncertainty.noise import KIND
 
-__all__ = ["refined"]
+__all__ = ["ASTRAY", "refined"]
 
 #: Poles closer than this many deviations of their difference share what is known of them.
 _APART = 3
+
+#: The optimum near a mode lies within a fraction of its decay rate; one further than this away is another.
+ASTRAY = 1.0
 
 
 def refined(
@@ -67,6 +70,7 @@ def refined(
         **beside,
     )
     scaled = replace(model.normalized(_scale(before)), unrefined=before)
+    notes = [*notes, *_astray(before.poles, poles)]
     return scaled.take(order).noted([*notes, *_told(settled.colour, spread, groups, poles)])
 
 
@@ -92,6 +96,17 @@ def _terms(task: Task, poles: ComplexArray, shapes: ComplexArray, participation:
     Q, R = np.linalg.qr(columns / size)  # of long records the data are large: they are not copied
     found = np.linalg.lstsq(R, Q.T @ flat, rcond=None)[0] / size[:, None]
     return task.response.named_terms(beside.of_terms(found[:count]), powers)
+
+
+def _astray(before: ComplexArray, poles: ComplexArray) -> list[Note]:
+    """Say which modes moved so far that they stand for others: the data hold more than the modes that were given."""
+    far = np.flatnonzero(np.abs(poles - before) > ASTRAY * np.abs(before.real))
+    if not far.size:
+        return []
+    (old, _), (new, _) = frequencies_and_damping(before[far]), frequencies_and_damping(poles[far])
+    moves = ", ".join(f"{a:.5g} to {b:.5g} Hz" for a, b in zip(old, new, strict=True))
+    text = f"moved by more than their decay rate: {moves}; the data hold more than these modes. Give all of them: `analyze` does"
+    return [Note("moved far", {"modes": int(far.size)}, text)]
 
 
 def _told(seen: Colour, spread: Spread, groups: Groups, poles: ComplexArray) -> list[Note]:

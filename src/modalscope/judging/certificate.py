@@ -263,12 +263,12 @@ def _inflated(modes: ModalModel, told: Calibration) -> tuple[ModalModel, tuple[N
             continue
         fails = ~told.holds[:, i]
         fields[name] = np.where(fails & np.isfinite(told.error[:, i]), np.fmax(std, told.error[:, i]), std)
-        notes += [_why(modes, told, int(j), i, word) for j in np.flatnonzero(fails)]
+        notes += [_why(modes, told, int(j), i, word, bool(np.isfinite(std[j]))) for j in np.flatnonzero(fails)]
     return replace(modes, **fields).noted(notes), tuple(notes)
 
 
-def _why(modes: ModalModel, told: Calibration, j: int, i: int, word: str) -> Note:
-    """Return why the interval of one quantity of one mode does not hold."""
+def _why(modes: ModalModel, told: Calibration, j: int, i: int, word: str, given: bool) -> Note:
+    """Return why the interval of one quantity of one mode does not hold, where a deviation was given or not."""
     bias, ratio, cover = (float(part[j, i]) for part in (told.bias, told.ratio, told.coverage))
     reasons = []
     if not abs(bias) < LARGEST_BIAS:
@@ -278,7 +278,7 @@ def _why(modes: ModalModel, told: Calibration, j: int, i: int, word: str) -> Not
     if not cover >= LEAST_COVERAGE:
         reasons.append(f"the 95 % interval holds the truth in {100 * cover:.0f} %")
     if np.isnan(cover):
-        reasons = ["no deviation is given"]
+        reasons = ["the replicates do not find the mode" if given else "no deviation is given"]
     text = f"the interval of the {word} at {modes.frequencies[j]:.5g} Hz does not hold: {', '.join(reasons)}"
     numbers = {"frequency_hz": float(modes.frequencies[j]), "bias": bias, "ratio": ratio, "coverage": cover}
     return Note("interval does not hold", numbers, text)

@@ -22,7 +22,7 @@ from modalscope.modal.indicators import mac
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.poles import frequencies_and_damping
 
-__all__ = ["Recount", "recount_of"]
+__all__ = ["Recount", "inverse", "recount_of"]
 
 #: Errors of channels are no better known than to this factor, in variances: so many bars a mode has to pass.
 _SURE = 1.5
@@ -47,6 +47,14 @@ _THIRD = 2.165
 
 #: With more damping than this a peak of what is left may stand for modes outside the band.
 _DAMPED = 0.1
+
+
+def inverse(B: Array) -> Array:
+    """Return the inverse of what symmetric matrices (..., n, n) know; of those that have nothing but rounding, zero."""
+    level = np.max(np.abs(B), axis=(-2, -1), keepdims=True)
+    told = level > np.finfo(float).tiny / np.finfo(float).eps
+    safe = np.where(told, level, 1)
+    return np.asarray(np.where(told, np.linalg.pinv(np.where(told, B, 0) / safe, hermitian=True) / safe, 0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +157,7 @@ class Recount:
         count, b = len(self.descent.point.poles), len(hosts)
         which = np.array([one, *hosts, *(count + np.arange(b))])
         a, B = self.fits.residues(which, beside=np.hstack([first, second]))
-        told = np.linalg.pinv(B, hermitian=True)
+        told = inverse(B)
         strength = np.einsum("cki,ckij,ckj->k", a, told, a)
         level = np.trace(told[:, 1 : b + 1], axis1=2, axis2=3)
         sizes, shifts = (np.sum(level * np.sum(part**2, axis=2), axis=0) for part in (a[:, 1 : b + 1], a[:, b + 1 :]))

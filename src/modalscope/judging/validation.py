@@ -17,7 +17,7 @@ from modalscope.model.keywords import named
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
 from modalscope.model.response import Response
-from modalscope.model.shown import Shown
+from modalscope.model.shown import Shown, summary_of
 
 __all__ = ["Validation", "validate"]
 
@@ -191,3 +191,10 @@ def _told(labels: tuple[str, ...], out: RealArray, held: RealArray, seen: Colour
         f"most is lost of {labels[worst]}, {100 * out[worst]:.3g} for {100 * held[worst]:.3g} %; what is left of all is {kind}"
     )
     return (Note("validation", {"out": float(np.median(out)), "with": float(np.median(held))}, text),)
+
+
+@summary_of.register
+def _(found: Validation) -> str:
+    out, held = (100 * float(np.median(part)) for part in (found.fit_errors, found.fit_errors_with))
+    left = f"{out:.3g} % is left where left out and {held:.3g} % where fitted (medians)"
+    return f"validation: of {len(found.parts)} parts {left}; residual {'white' if found.white else 'coloured'}"

@@ -32,6 +32,9 @@ _DAMPED = 0.1
 #: the diagram stand for it within this part of a half bandwidth.
 _SURE = 0.3
 
+#: What is open by more than this tells nothing.
+_ANYWHERE = 10.0
+
 #: Of coloured data, where a resonance that shifts draws a refinement away, within this part.
 _SHIFTED = 0.5
 
@@ -160,6 +163,13 @@ def _shown_by(trial: Trial, groups: list[Array]) -> list[int]:
     return shown
 
 
+def _left_open(apart: float, damped: float) -> str:
+    """Say how far the data leave open where a mode lies, in half bandwidths and as a part of its damping."""
+    if not (apart < _ANYWHERE and damped < _ANYWHERE):
+        return "the data leave its frequency open by many half bandwidths, or its damping by many times its value"
+    return f"the data leave its frequency open by {apart:.2g} half bandwidths and its damping by {100 * damped:.2g} %"
+
+
 def _mode(trial: Trial, j: int, groups: list[Candidate], fit: float, host: IntArray, again: float | None) -> Candidate:
     """Return a mode with its gain, and what speaks against it: values that the data leave open, or too few orders."""
     several = bool(np.any(np.delete(host, j) == j))
@@ -182,9 +192,7 @@ def _mode(trial: Trial, j: int, groups: list[Candidate], fit: float, host: IntAr
     if zeta >= _DAMPED and not groups:
         against.append(f"damped by {100 * zeta:.2g} %, which no orders show: it may stand for modes outside the band")
     if not (apart < _SURE and damped < _SURE):
-        against.append(
-            f"the data leave its frequency open by {apart:.2g} half bandwidths and its damping by {100 * damped:.2g} %"
-        )
+        against.append(_left_open(apart, damped))
     undecided: dict[str, Any] = (
         {"late": True} if few and len(against) == 1 and zeta < _DAMPED and _late(best, trial) else {}
     )

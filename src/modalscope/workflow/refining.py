@@ -9,6 +9,7 @@ import numpy as np
 from modalscope.identification.beside import needed_beside
 from modalscope.identification.in_place import in_place
 from modalscope.identification.refine import refine
+from modalscope.identification.refined import ASTRAY
 from modalscope.judging.bands import evened
 from modalscope.modal.joint import joint_residues
 from modalscope.modal.sufficient import usable_orders
@@ -21,9 +22,6 @@ from modalscope.model.record_residual import DELAY, UNMEASURED
 from modalscope.model.response import Response
 
 __all__ = ["refined_where_it_helps"]
-
-#: The optimum near a mode lies within a fraction of its decay rate; one further than this away is another.
-_ASTRAY = 1.0
 
 #: Of one mode.
 _DEVIATIONS = (
@@ -65,7 +63,7 @@ def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> 
             reasons = [str(note) for note in found.notes if note.kind == "not converged"]
             return replace(modes, converged=False).noted(_kept(*reasons))
         before = modes.poles[stay] if found.unrefined is None else found.unrefined.poles
-        astray = np.abs(found.poles - before) > _ASTRAY * np.abs(before.real)
+        astray = np.abs(found.poles - before) > ASTRAY * np.abs(before.real)
         if not np.any(astray):
             return found if stay.all() else _with_others(diagram.response, modes, found, modes.take(~stay), beside)
         stay &= ~np.isin(modes.poles, before[astray])
