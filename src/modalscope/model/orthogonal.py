@@ -49,8 +49,8 @@ def resolved(X: RealArray, data: RealArray) -> tuple[RealArray, RealArray]:
         first = np.asfortranarray(first * scale)
         near, seen = np.zeros_like(gram), np.zeros((len(scale), data.shape[1]))
         for start in range(0, len(X), _AT_A_TIME):
-            some = np.asfortranarray(X[start : start + _AT_A_TIME])
-            rows = sla.blas.dtrsm(1.0, first, some, side=1)
+            some = np.array(X[start : start + _AT_A_TIME], order="F")
+            rows = sla.blas.dtrsm(1.0, first, some, side=1, overwrite_b=1)
             near += rows.T @ rows
             seen += rows.T @ data[start : start + _AT_A_TIME]
         second = _triangle(near) if np.linalg.norm(near - np.eye(len(near))) <= _NEAR else None
