@@ -70,7 +70,8 @@ def bridge_ssicov() -> ms.Signals:
 
 
 def shear_frame() -> ms.Signals:
-    return ms.Signals(outputs=_arrays("shear_frame", "data_shearframe.npy"), sampling_rate=12.0)
+    outputs = np.load(measured("shear_frame", "data_shearframe.npy"), allow_pickle=False)
+    return ms.Signals(outputs=outputs, sampling_rate=12.0)
 
 
 def simulated(name: str, seed: int = 0) -> ms.ImpulseResponse:
