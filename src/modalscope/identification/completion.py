@@ -47,9 +47,8 @@ def completed(task: Task, modes: ModalModel, participation: ComplexArray) -> Mod
         found = (settled.descent.point.poles, *settled.residues)
     if len(found[0]) == count:
         return modes
-    held = _pruned(
-        task, settled, 0
-    )  # a mode of the list that has nothing of its own wanders, and says nothing of the others
+    # a mode of the list that has nothing of its own wanders, and says nothing of the others
+    held = _pruned(task, settled, 0)
     if held.colour.coloured or not held.descent.converged:
         return modes
     return joined([modes, _added(task, modes, tuple(part[..., count:] for part in found[:2]), found[2][count:])])
