@@ -102,4 +102,8 @@ def test_a_result_is_written_as_its_modes(tmp_path: Path, samples: ImpulseRespon
 
 def test_the_demo_file_gives_its_modes_with_nothing_but_a_band() -> None:
     result = ms.analyze(BEAM / "beam_hammer.uff", band=BAND)
-    assert np.allclose(result.modes.frequencies[:3], [177.0, 477.4, 933.1], rtol=0.001)
+    # and weak ones at 570 Hz, which disjoint hammer points give, too, and at 1019 Hz, which stays open
+    known = np.array([177.0, 477.4, 570.0, 933.1, 1019.5])
+    apart = np.abs(result.modes.frequencies[:, None] - known)
+    assert np.all(apart.min(axis=1) < 1)
+    assert np.all(apart.min(axis=0)[[0, 1, 3]] < 0.2)
