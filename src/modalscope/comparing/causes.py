@@ -23,6 +23,7 @@ CAUSES = {
     "unmeasured forces": "Measure all forces, and look for noise on the force sensors; take no damping from this record.",
     "delay": "Look for channels of other acquisition units or filters, and align them.",
     "bias": "Look whether a mode is missing or split there; a certificate (modalscope certify) tells which method is biased.",
+    "poor fit": "Look at that way alone, with more orders or a narrower band; until then it says nothing against a mode.",
     "too short": "Measure a longer record.",
     "poor excitation": "Drive the inputs independently of each other, and over the whole band.",
     "not separated": "Look at the stabilization diagrams of the methods that miss it.",

@@ -142,7 +142,7 @@ class Comparison(Shown):
             if r.modes is None or r.fit_error is None:
                 rows.append([r.label, "-", "-", f"{r.seconds:.1f}", f"failed: {r.failure}"])
                 continue
-            note = "" if r.exact else "transformed data, no vote"
+            note = "" if r.exact else "no vote" if r.route else "transformed data, no vote"
             if not explains_enough(r.fit_error):
                 note = f"EXPLAINS ONLY {100 * share_explained(r.fit_error):.0f} %" + (f"; {note}" if note else "")
             rows.append([r.label, str(len(r.modes)), f"{100 * r.fit_error:.2f}", f"{r.seconds:.1f}", note])

@@ -9,6 +9,9 @@ delay
     Poles at z = 0: some channels come late.
 too short
     The record holds fewer than three decay times of a mode.
+poor fit
+    The modes of a way leave more than thirty per cent of what was measured, while those of the way that the records ask for do not: it has
+    no vote, for what it does not see is no witness against a mode.
 poor excitation
     Inputs that depend on each other, or hold few lines.
 """
@@ -26,6 +29,7 @@ from modalscope.comparing.plan import Cell, plan
 from modalscope.comparing.run import MethodResult
 from modalscope.identification.prepare import Measured, measure
 from modalscope.identification.routes import USUAL
+from modalscope.modal.explained import explains_enough, share_explained
 from modalscope.model.checks import DataError
 from modalscope.model.record_residual import UNMEASURED
 
@@ -96,7 +100,7 @@ def _at_home(cell: Cell, cells: Sequence[Cell], way: Measured) -> bool:
 
 
 def route_causes(results: Sequence[MethodResult]) -> tuple[tuple[MethodResult, ...], list[Cause]]:
-    """Return the results, those that leak without a vote, and what makes the ways disagree.
+    """Return the results, those that leak or explain too little without a vote, and what makes the ways disagree.
 
     Parameters
     ----------
@@ -105,6 +109,8 @@ def route_causes(results: Sequence[MethodResult]) -> tuple[tuple[MethodResult, .
     """
     if not any(r.route for r in results):
         return tuple(results), []
+    chosen = next(r.route for r in results if r.route)
+    sound = any(r.route == chosen and _enough(r) for r in results)
     half = _narrowest([r for r in results if r.route == "records"]) or _narrowest(results)
     causes: dict[str, Cause] = {}
     judged = []
@@ -112,12 +118,23 @@ def route_causes(results: Sequence[MethodResult]) -> tuple[tuple[MethodResult, .
         leak = _leaks(r, half)
         if leak:
             causes["leakage"] = Cause("leakage", leak)
-        judged.append(replace(r, exact=r.exact and not leak))
+        blind = sound and r.exact and r.route != chosen and r.fit_error is not None and not _enough(r)
+        if blind:
+            what = (
+                f"the modes of route {r.route} by {r.label} explain {100 * share_explained(r.fit_error or 0.0):.0f} %"
+            )
+            causes.setdefault(f"poor fit of {r.route}", Cause("poor fit", what))
+        judged.append(replace(r, exact=r.exact and not leak and not blind))
         for note in r.diagram.notes if r.diagram is not None and r.route == "records" else ():
             if note.kind in _NOTED:
                 causes.setdefault(_NOTED[note.kind], Cause(_NOTED[note.kind], str(note)))
     short = _short(results, half)
     return tuple(judged), [*causes.values(), *([] if short is None else [short])]
+
+
+def _enough(result: MethodResult) -> bool:
+    """Whether the modes of a way explain enough of what was measured."""
+    return result.fit_error is not None and explains_enough(result.fit_error)
 
 
 def _narrowest(results: Sequence[MethodResult]) -> float | None:

@@ -152,7 +152,7 @@ def _method_row(r: MethodResult) -> list[str]:
     if r.modes is None or r.fit_error is None or r.diagram is None:
         return [r.label, r.method.realization, "–", "–", "–", f"{r.seconds:.1f}", f"failed: {r.failure}"]
     orders = f"{r.diagram.orders[0]} to {r.diagram.orders[-1]}"
-    remark = "" if r.exact else "transformed data, no vote"
+    remark = "" if r.exact else "no vote" if r.route else "transformed data, no vote"
     return [
         r.label,
         r.method.realization,
