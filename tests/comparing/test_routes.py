@@ -1,16 +1,23 @@
-"""Ways from records as witnesses: one whose modes explain too little has no vote against the way that the records ask for."""
+"""Ways from records as witnesses: one that sees little has no vote against the way that the records ask for."""
 
-from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from modalscope.comparing.routes import route_causes
 from modalscope.comparing.run import MethodResult
 from modalscope.identification.lookup import find_method
+from tests.support import FIVE
+
+MODES = FIVE["chain5"]().modes()
 
 
-def result(route: str, fit_error: float | None) -> MethodResult:
-    return MethodResult(method=find_method("alternate", "s", "s"), exact=True, route=route, fit_error=fit_error)
+def result(route: str, fit_error: float | None, most: int = 20) -> MethodResult:
+    """What a way gave: five modes of orders up to `most`, which leave so much; nothing where it failed."""
+    diagram: Any = SimpleNamespace(orders=tuple(range(1, most + 1)), notes=(), response=SimpleNamespace(grid=None))
+    found = {} if fit_error is None else {"modes": MODES, "diagram": diagram, "fit_error": fit_error}
+    return MethodResult(method=find_method("alternate", "s", "s"), exact=True, route=route, **found)
 
 
 @pytest.mark.parametrize(
@@ -23,17 +30,26 @@ def result(route: str, fit_error: float | None) -> MethodResult:
             (0.9, 0.1, 0.8),
             (True, True, True),
         ),  # noise in the records: what they ask for keeps its vote, and the others theirs
+        ((None, 0.1, 0.9), (True, True, True)),
     ],
 )
 def test_a_way_that_explains_little_has_no_vote_beside_one_that_explains_enough(errors, voting):
-    results = [result(route, error) for route, error in zip(("records", "frf", "n4sid"), errors, strict=True)]
-    judged, causes = route_causes(results)
+    ways = ("records", "frf", "subspace")
+    judged, causes = route_causes([result(way, error) for way, error in zip(ways, errors, strict=True)])
     assert tuple(r.exact for r in judged) == voting
     assert [c.name for c in causes] == ["poor fit"] * voting.count(False)
-    assert all("route n4sid" in c.evidence and "19 %" in c.evidence for c in causes)
+    assert all("route subspace" in c.evidence and "19 %" in c.evidence for c in causes)
     assert all(c.remedy for c in causes)
 
 
+@pytest.mark.parametrize(("most", "votes"), [(3, False), (9, False), (10, True)])
+def test_a_way_whose_orders_cannot_hold_the_modes_has_no_vote(most, votes):
+    judged, causes = route_causes([result("records", 0.1), result("markov", 0.02, most)])
+    assert [r.exact for r in judged] == [True, votes]
+    assert [c.name for c in causes] == ([] if votes else ["too few blocks"])
+    assert all(f"no order above {most}, and 5 modes want 10" in c.evidence for c in causes)
+
+
 def test_data_that_are_no_records_keep_all_votes():
-    results = [replace(result("", error), exact=True) for error in (0.1, 0.95)]
+    results = [result("", error) for error in (0.1, 0.95)]
     assert route_causes(results) == (tuple(results), [])

@@ -9,9 +9,9 @@ delay
     Poles at z = 0: some channels come late.
 too short
     The record holds fewer than three decay times of a mode.
-poor fit
-    The modes of a way leave more than thirty per cent of what was measured, while those of the way that the records ask for do not: it has
-    no vote, for what it does not see is no witness against a mode.
+poor fit, too few blocks
+    The modes of a way leave more than thirty per cent of what was measured, or its orders cannot hold as many modes as the way that the
+    records ask for lists, while these explain enough: it has no vote, for what it does not see is no witness against a mode.
 poor excitation
     Inputs that depend on each other, or hold few lines.
 """
@@ -109,27 +109,38 @@ def route_causes(results: Sequence[MethodResult]) -> tuple[tuple[MethodResult, .
     """
     if not any(r.route for r in results):
         return tuple(results), []
-    chosen = next(r.route for r in results if r.route)
-    sound = any(r.route == chosen and _enough(r) for r in results)
     half = _narrowest([r for r in results if r.route == "records"]) or _narrowest(results)
+    asked = next(r for r in results if r.route)
     causes: dict[str, Cause] = {}
     judged = []
     for r in results:
-        leak = _leaks(r, half)
+        leak, blind = _leaks(r, half), _blind(r, asked) if r.exact else None
         if leak:
             causes["leakage"] = Cause("leakage", leak)
-        blind = sound and r.exact and r.route != chosen and r.fit_error is not None and not _enough(r)
-        if blind:
-            what = (
-                f"the modes of route {r.route} by {r.label} explain {100 * share_explained(r.fit_error or 0.0):.0f} %"
-            )
-            causes.setdefault(f"poor fit of {r.route}", Cause("poor fit", what))
-        judged.append(replace(r, exact=r.exact and not leak and not blind))
+        if blind is not None:
+            causes.setdefault(f"{blind.name} of {r.route}", blind)
+        judged.append(replace(r, exact=r.exact and not leak and blind is None))
         for note in r.diagram.notes if r.diagram is not None and r.route == "records" else ():
             if note.kind in _NOTED:
                 causes.setdefault(_NOTED[note.kind], Cause(_NOTED[note.kind], str(note)))
     short = _short(results, half)
     return tuple(judged), [*causes.values(), *([] if short is None else [short])]
+
+
+def _blind(result: MethodResult, asked: MethodResult) -> Cause | None:
+    """Return why a way is no witness beside the one that the records ask for: what it explains, or the orders that its data hold."""
+    if result.route == asked.route or result.fit_error is None or asked.modes is None or not _enough(asked):
+        return None
+    way = f"route {result.route} by {result.label}"
+    if not _enough(result):
+        return Cause("poor fit", f"the modes of {way} explain {100 * share_explained(result.fit_error):.0f} %")
+    most = 0 if result.diagram is None else max(result.diagram.orders, default=0)
+    if most < 2 * len(asked.modes):
+        return Cause(
+            "too few blocks",
+            f"{way} has no order above {most}, and {len(asked.modes)} modes want {2 * len(asked.modes)}",
+        )
+    return None
 
 
 def _enough(result: MethodResult) -> bool:
