@@ -15,7 +15,9 @@ MODES = FIVE["chain5"]().modes()
 
 def result(route: str, fit_error: float | None, most: int = 20) -> MethodResult:
     """What a way gave: five modes of orders up to `most`, which leave so much; nothing where it failed."""
-    diagram: Any = SimpleNamespace(orders=tuple(range(1, most + 1)), notes=(), response=SimpleNamespace(grid=None))
+    diagram: Any = SimpleNamespace(
+        orders=tuple(range(1, most + 1)), notes=(), response=SimpleNamespace(grid=None, processing=())
+    )
     found = {} if fit_error is None else {"modes": MODES, "diagram": diagram, "fit_error": fit_error}
     return MethodResult(method=find_method("alternate", "s", "s"), exact=True, route=route, **found)
 
