@@ -151,6 +151,8 @@ CASES = {
     "no channel left": (npz(), ["--exclude", "y1", "y2", "y3", "y4"], "at least one output"),
     "orders upside down": (npz(), ["--orders", "20:2"], "FIRST:LAST:STEP"),
     "orders in words": (npz(), ["--orders", "many"], "FIRST:LAST:STEP"),
+    "delays in words": (npz(), ["--delays", "y1=soon"], "DOF=SAMPLES"),
+    "delays of no record with inputs": (npz(), ["--delays", "y1=3"], "delays={'y1': 3}"),
     "unknown quantity": (npz(), ["--quantity", "speed"], "displacement, velocity, acceleration"),
     "no mode there": (npz(), ["--frequencies", "15.5"], "a mode at 15.5 Hz"),
     "s-domain of a sampled system": (npz(sampling_rate=50.0), ["--domain", "s"], "sampled at 50 Hz"),

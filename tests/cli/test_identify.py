@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 import modalscope as ms
@@ -75,3 +76,22 @@ def test_a_document_is_done_again(test_file, tmp_path, capsys):
     ms.write(document, result.analysis)
     assert main(["identify", str(document), "-o", str(again)]) == 0
     assert json.loads(again.read_text())["modes"] == json.loads(first.read_text())["modes"]
+
+
+def test_a_delay_is_taken_out_unless_the_command_line_refuses(tmp_path, capsys):
+    run = ms.systems.chain5().simulate(
+        inputs="white", samples=3000, sampling_rate=16.0, quantity="acceleration", seed=3
+    )
+    late, file = 12, tmp_path / "late.csv"
+    table = np.column_stack([np.arange(3000 - late) / 16.0, run.inputs[late:], run.outputs[:-late]])
+    names = ["t [s]", *(f"F{i} [N]" for i in range(run.inputs.shape[1])), *(f"a{i} [m/s2]" for i in range(4))]
+    np.savetxt(file, table, delimiter=",", header=",".join(names), comments="")
+    words = ["realize", str(file), "--order", "10", "-o"]
+    assert main([*words, str(tmp_path / "back.npz")]) == 0
+    assert "12 samples late after the forces, which was taken out" in capsys.readouterr().out
+    assert main([*words, str(tmp_path / "left.npz"), "--delays", "none"]) == 0
+    assert "taken out" not in capsys.readouterr().out
+    assert main([*words, str(tmp_path / "known.npz"), "--delays", *(f"a{i}={late}" for i in range(4))]) == 0
+    models = {name: ms.read(tmp_path / f"{name}.npz") for name in ("back", "left", "known")}
+    np.testing.assert_array_equal(models["back"].A, models["known"].A)
+    assert not np.allclose(models["back"].A, models["left"].A)

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from modalscope.cli.parser import Commands, add_cell, add_choices, add_files, add_outputs, add_workers
+from modalscope.cli.parser import Commands, add_cell, add_choices, add_delays, add_files, add_outputs, add_workers
 from modalscope.cli.process import explain, remark, say
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ def add(commands: Commands) -> None:
     add_files(parser)
     add_cell(parser)
     add_choices(parser, bands=True)
+    add_delays(parser)
     parser.add_argument(
         "--frequencies", nargs="+", type=float, metavar="HZ", help="report the modes at these frequencies"
     )
@@ -79,7 +80,7 @@ def run(options: argparse.Namespace) -> None:
 def found_in(options: argparse.Namespace, files: list[Any]) -> Result:
     """Return the result of the choices on the command line for the files of one test."""
     from modalscope.cli.progress import progress
-    from modalscope.cli.reading import parse_orders, reading_options
+    from modalscope.cli.reading import parse_delays, parse_orders, reading_options
     from modalscope.cli.workers import workers_of
     from modalscope.workflow.analyze import analyze
     from modalscope.workflow.replay import replay
@@ -89,7 +90,7 @@ def found_in(options: argparse.Namespace, files: list[Any]) -> Result:
             return replay(files[0], progress=show)
     bands = [tuple(band) for band in options.band or ()]
     given: dict[str, Any] = {"band": bands[0] if len(bands) == 1 else bands or None, "exclude": options.exclude}
-    given["route"] = options.route
+    given |= {"route": options.route, "delays": parse_delays(options.delays)}
     with workers_of(options), progress("identifying") as show:
         return analyze(
             files[0] if len(files) == 1 else files,

@@ -16,6 +16,7 @@ __all__ = [
     "add_cell",
     "add_choices",
     "add_common",
+    "add_delays",
     "add_file",
     "add_files",
     "add_force",
@@ -256,3 +257,13 @@ def add_part(parser: argparse.ArgumentParser) -> None:
         help="from records with inputs: auto, records (their own lines), frf, markov or subspace; by default what suits them",
     )
     parser.add_argument("--exclude", nargs="+", metavar="DOF", help="channels to leave out")
+
+
+def add_delays(parser: argparse.ArgumentParser) -> None:
+    """Take outputs that come late after the forces."""
+    parser.add_argument(
+        "--delays",
+        nargs="+",
+        metavar="DOF=SAMPLES",
+        help="outputs that come late after the forces, such as y3=12, or none of them: none; by default what the records show",
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from modalscope.io import set_max_memory, survey
 from modalscope.model import DataError, ModalModel, Note
 from modalscope.model.shown import summary_of
 
-__all__ = ["parse_orders", "read_data", "read_modes", "read_test", "reading_options"]
+__all__ = ["parse_delays", "parse_orders", "read_data", "read_modes", "read_test", "reading_options"]
 
 
 #: Options of reading that are handed on as they are.
@@ -112,3 +113,25 @@ def parse_orders(text: str | None) -> range | None:
             "Write for instance --orders 2:60:2.",
         )
     return range(first, last + 1, step)
+
+
+def parse_delays(words: Sequence[str] | None) -> dict[str, int] | None:
+    """Read `y3=12 y4=12`, or `none`, which takes no delay out.
+
+    Examples
+    --------
+    >>> parse_delays(["y3=12"]), parse_delays(["none"]), parse_delays(None)
+    ({'y3': 12}, {}, None)
+    """
+    if words is None:
+        return None
+    if list(words) == ["none"]:
+        return {}
+    parts = [word.rpartition("=") for word in words]
+    if not all(dof and samples.isdecimal() for dof, _, samples in parts):
+        raise DataError(
+            f"delays {' '.join(words)!r} were asked",
+            "they are not of the form DOF=SAMPLES, a whole number of samples",
+            "Write for instance --delays y3=12 y4=12, or --delays none.",
+        )
+    return {dof: int(samples) for dof, _, samples in parts}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from modalscope.cli.parser import Commands, add_band, add_cell, add_files, add_outputs, add_part
+from modalscope.cli.parser import Commands, add_band, add_cell, add_delays, add_files, add_outputs, add_part
 from modalscope.cli.process import explain, remark, say
 
 __all__ = ["add", "run"]
@@ -18,6 +18,7 @@ def add(commands: Commands) -> None:
     add_cell(parser)
     add_band(parser)
     add_part(parser)
+    add_delays(parser)
     add_outputs(parser, "write A, B, C, D as .mat, .npz, .h5 or .json")
     parser.set_defaults(run=run)
 
@@ -25,7 +26,7 @@ def add(commands: Commands) -> None:
 def run(options: argparse.Namespace) -> None:
     """Identify a model, write it, and print its poles."""
     from modalscope.cli.output import check_outputs, needed, write_outputs
-    from modalscope.cli.reading import read_test
+    from modalscope.cli.reading import parse_delays, read_test
     from modalscope.identification.identify import identify
     from modalscope.model.shown import summary_of
 
@@ -40,6 +41,7 @@ def run(options: argparse.Namespace) -> None:
         band=None if options.band is None else tuple(options.band),
         exclude=options.exclude,
         route=options.route,
+        delays=parse_delays(options.delays),
     )
     written = write_outputs(options, found.state_space, "")
     for note in (*told, *found.notes):

@@ -77,7 +77,10 @@ def aligned(records: Records, delays: Mapping[str, int]) -> tuple[Records, dict[
     alike = len(set(lags)) == 1
     what = "all outputs" if alike else ", ".join(f"{dof} {own}" for dof, own in chosen.items() if own)
     of = f"come {longest} samples" if alike else "samples come"
-    text = f"{what} {of} late after the forces, which was taken out, and moves neither poles nor shapes; delays={{}} leaves it in"
+    text = (
+        f"{what} {of} late after the forces, which was taken out, and moves neither poles nor shapes; "
+        "delays={} (--delays none) leaves it in"
+    )
     return moved, chosen, (Note(DELAYS, {"samples": float(longest)}, text),)
 
 

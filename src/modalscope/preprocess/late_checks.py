@@ -56,7 +56,7 @@ def late(signals: Signals) -> list[Finding]:
         With broadband forces.
     """
     found, rate = lateness(signals), signals.sampling_rate
-    back = "Modes are identified with that taken out, which moves neither poles nor shapes; delays={} leaves it in."
+    back = "Modes are identified with that taken out, which moves neither poles nor shapes; delays={} (--delays none) leaves it in."
     if found.together:
         lag = next(iter(found.samples.values()))
         reason = f"all outputs come about {lag} samples, {lag / rate:.4g} s, after the forces"
