@@ -125,3 +125,18 @@ def test_lines_of_a_long_record_that_are_kept_stand_for_the_others(monkeypatch: 
     whole = deviations()
     monkeypatch.setattr(record_influence, "_TOLD", 1500)
     assert np.all(np.abs(deviations() / whole - 1) < 0.2)
+
+
+def test_so_they_do_between_two_gradients(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The variance is the covariance of a gradient with one that is equal to it."""
+    data = noisy((6000, 3001))
+
+    def variances() -> np.ndarray:
+        _, gradient, _ = influence(data, route="records", method="alternate")
+        equal = gradient.take(np.arange(len(gradient.left)))
+        return gradient.joint(equal, np.ones((4, 1))).size.real
+
+    whole = variances()
+    monkeypatch.setattr(record_influence, "_TOLD", 1500)
+    # deviations within a fifth, as above: variances within the square of that
+    assert np.all(np.abs(variances() / whole - 1) < 1.2**2 - 1)
