@@ -173,6 +173,12 @@ def an_uneven_clock() -> str:
 
 
 @case(".csv")
+def a_clock_that_stood_still_once() -> str:
+    late = TIMES + 37.4 / RATE * (np.arange(ROWS) >= ROWS // 3)
+    return "Time,Force,AccA,AccB\n" + rows(late, F, A, B, form="{:.9f}")
+
+
+@case(".csv")
 def a_clock_of_another_rate_than_the_header() -> str:
     return "Sample rate: 512 Hz\nTime,Force,AccA,AccB\n" + rows(TIMES, F, A, B)
 

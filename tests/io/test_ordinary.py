@@ -23,6 +23,7 @@ _FLAGS = ("--transpose",)
 REFUSED = {
     "three bare columns without a rate": "--sampling-rate",
     "an uneven clock": "--ignore",
+    "a clock that stood still once": "--rows",
     "a clock of another rate than the header": "--sampling-rate",
     "two clocks of different rates": "--ignore",
     "an index before the columns": "--sampling-rate",

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Mapping
 from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
 
-from modalscope.io.arrays import AXES, GEOMETRY, INDICATOR, JSON, TEXTS, UNREFINED, names_of, noun_of
+from modalscope.io.arrays import AXES, GEOMETRY, INDICATOR, UNREFINED, names_of, noun_of
 from modalscope.io.columns import contents_from_table
 from modalscope.io.contents import Contents, Finding, Options, Thing
+from modalscope.io.field_values import field_value
 from modalscope.io.geometry_arrays import damaged, geometry_of_arrays
 from modalscope.io.hints import listed, unknown_arrays
 from modalscope.io.increments import with_vectors
-from modalscope.io.limits import room
 from modalscope.io.loose import meaning_of
 from modalscope.io.members import Lists, lists_of, meant_by, stacked_runs
 from modalscope.model import DataError, FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals, StateSpace
@@ -42,11 +41,6 @@ FIELD_OPTIONS = (
     "groups",
 )
 
-_TEXT = ("quantity", "kind", "scaling")
-_FLOATS = ("sampling_rate", "added_damping", "dt")
-_WHOLE = ("averages", "first_sample")
-_BOOLEAN = ("held_input", "converged")
-
 #: The arrays without which there is no such data object.
 _NEEDED: dict[type[Any], set[str]] = {
     FrequencyResponse: {"frequencies", "values"},
@@ -56,9 +50,6 @@ _NEEDED: dict[type[Any], set[str]] = {
     StateSpace: {"A", "B", "C"},
     Geometry: set(),
 }
-
-#: Characters of a label, at most.
-_LONGEST = 1000
 
 
 def contents_from_arrays(
@@ -214,7 +205,7 @@ def _with_axes(held: dict[str, Array], noun: type[Any], axes: dict[str, Any]) ->
 def _build(where: str, noun: type[Any], held: dict[str, Array], given: dict[str, Any]) -> Thing:
     before = {name.removeprefix(UNREFINED): array for name, array in held.items() if name.startswith(UNREFINED)}
     values: dict[str, Any] = {
-        name: _value(where, name, array) for name, array in held.items() if not name.startswith(UNREFINED)
+        name: field_value(where, name, array) for name, array in held.items() if not name.startswith(UNREFINED)
     }
     if noun is Geometry:
         return geometry_of_arrays(where, values)
@@ -261,53 +252,3 @@ def _check_fields(where: str, noun: type[Any], values: dict[str, Any], given: di
         raise DataError(
             f"the options {', '.join(refused)} were asked", f"a {noun.__name__} has no such field", "Leave them out."
         )
-
-
-def _value(where: str, name: str, array: Array) -> Any:
-    """Return the array as the noun's field wants it: text, texts, a number, JSON or the array itself."""
-    textual = array.dtype.kind in "US"
-    if textual is not (name in (*_TEXT, *TEXTS, *JSON)) and array.size:
-        wanted = "numbers" if textual else "text"
-        raise DataError(
-            f"{name} in {where} needs {wanted}",
-            f"its type is {array.dtype}",
-            f"Store {wanted} under that name, or rename the array.",
-        )
-    if textual and array.dtype.kind == "S":
-        array = np.char.decode(array, "utf-8", "replace")
-    if name in TEXTS and name != "processing" and array.dtype.kind == "U" and array.dtype.itemsize > 4 * _LONGEST:
-        raise DataError(
-            f"{name} in {where} needs labels",
-            f"the longest has {array.dtype.itemsize // 4} characters",
-            f"Shorten it to at most {_LONGEST}.",
-        )
-    if name in TEXTS:
-        texts = tuple(str(text) for text in np.atleast_1d(array).ravel())
-        if name == "groups" and texts == ("",):
-            return None
-        return tuple(text or None for text in texts) if name == "quantities" else texts
-    if name in (*_TEXT, *JSON, *_FLOATS, *_WHOLE, *_BOOLEAN):
-        if array.size != 1:
-            raise DataError(
-                f"{name} in {where} needs one entry",
-                f"its shape is {array.shape}",
-                "Store a single value under that name.",
-            )
-        return _scalar(where, name, array.reshape(-1)[0].item())
-    return array
-
-
-def _scalar(where: str, name: str, value: Any) -> Any:
-    if name in JSON:
-        room(where, 0).json(name, value)
-        try:
-            return json.loads(value)
-        except (ValueError, RecursionError) as error:
-            raise DataError(
-                f"{name} in {where} needs JSON text",
-                f"it does not read ({error})",
-                "Write the file again, or ignore that array.",
-            ) from None
-    if name in _WHOLE and isinstance(value, float) and value.is_integer():
-        return int(value)
-    return (value or None) if name == "quantity" else bool(value) if name in _BOOLEAN else value

@@ -53,6 +53,7 @@ def events(signals: Signals) -> list[Finding]:
             signals.output_dofs,
             f"{share:.0f} % of the power lies between {first * seconds:.4g} and {last * seconds:.4g} s: averages over the record are "
             f"worth no more than {worth:.3g} s of steady vibration",
-            "Cut the event out, and give the parts before and after it as runs, merge([...]); or identify it by itself.",
+            "Cut the event out, and give the parts before and after it as runs, merge([...]); or identify it by itself. A free decay is "
+            "one from its release on: --rows FIRST- --columns \"time=1,decay=2-\", or ImpulseResponse(..., kind='free decay').",
         )
     ]

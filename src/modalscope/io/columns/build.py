@@ -11,12 +11,12 @@ import numpy as np
 from modalscope.io.columns.axis import sampling_of
 from modalscope.io.columns.lines import frequency_response, parts_by_name
 from modalscope.io.columns.parts import part_of
-from modalscope.io.columns.records import records
+from modalscope.io.columns.records import free_decay, records
 from modalscope.io.columns.roles import Role, ignored_columns, named_columns, role_by_words, spoken_roles
 from modalscope.io.columns.rows import check_numbers, with_rows
 from modalscope.io.columns.table import Column, Table, as_word, span
 from modalscope.io.contents import Contents, Finding, Options
-from modalscope.model import DataError, FrequencyResponse, Signals
+from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, Signals
 
 __all__ = ["COLUMN_OPTIONS", "contents_from_table"]
 
@@ -64,11 +64,12 @@ def contents_from_table(table: Table, options: Options) -> Contents:
             f"its columns are {', '.join(map(str, table.columns[:6])) or '(none)'}",
             'Say what they are: --columns "time=1,in=2,out=3-".',
         )
-    thing: FrequencyResponse | Signals
+    thing: FrequencyResponse | ImpulseResponse | Signals
     if kind == "frequency" and axis is not None:
         thing, more, unused = frequency_response(table, axis, others, spoken)
     else:
-        thing, more, unused = records(table, axis, others, roles, options)
+        record, more, unused = records(table, axis, others, roles, options)
+        thing = free_decay(record, table.where) if "decay" in spoken.values() else record
     left |= unused
     reasons = {number: role.reason for number, role in roles.items()}
     return Contents(
@@ -95,7 +96,7 @@ def _with_units(table: Table, units: Any) -> Table:
 def _role(column: Column, spoken: Mapping[int, str], said: Mapping[int, str]) -> Role:
     if column.number in spoken:
         return Role(role=spoken[column.number], reason="--columns says so")
-    if "out" in spoken.values() or {"real", "mag"} & set(spoken.values()):
+    if {"out", "decay", "real", "mag"} & set(spoken.values()):
         return Role(role="ignore", reason="--columns does not name it")
     if column.number in said:
         return Role(role=said[column.number], reason="its array is one by its name")

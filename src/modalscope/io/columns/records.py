@@ -9,15 +9,16 @@ import numpy as np
 
 from modalscope.io.columns.axis import parts_of_epoch, same_rate, sampling_of
 from modalscope.io.columns.roles import Role, may_be_base
+from modalscope.io.columns.rows import longest_even
 from modalscope.io.columns.table import Column, Table, as_word
 from modalscope.io.columns.words import factor_to_base, kind_of_unit
 from modalscope.io.contents import Options
-from modalscope.model import DataError, Signals
+from modalscope.model import DataError, ImpulseResponse, Signals
 from modalscope.model.channels import QUANTITIES
 from modalscope.model.checks import RealArray, check_positive
 from modalscope.model.labels import label_of
 
-__all__ = ["records", "refuse_transposed", "sampling_rate"]
+__all__ = ["free_decay", "records", "refuse_transposed", "sampling_rate"]
 
 #: The digits of times may leave so much of their rate open: frequencies would be as wrong.
 _OPEN = 1e-3
@@ -78,6 +79,49 @@ def records(
         units=(tuple(column.unit for column in others), tuple(column.unit for column in forces)),
     )
     return thing, notes, twice
+
+
+def _said(table: Table, rate: float | None) -> float:
+    """Return the rate that a header or an option says where no column is of times."""
+    if rate is None:
+        raise DataError(
+            f"reading {table.where} needs a sampling rate",
+            "no column is of times, and no header says a rate",
+            "Give it in samples per second: --sampling-rate HZ",
+        )
+    return rate
+
+
+def _even_rows(times: RealArray, above: int) -> str:
+    """Return the way out of uneven times that some of the rows are; nothing where all are uneven."""
+    even = longest_even(times)
+    return "" if even is None else f", or --rows {above + even[0]}-{above + even[1]}, the longest even stretch"
+
+
+def free_decay(record: Signals, where: str) -> ImpulseResponse:
+    """Return records without forces as one free decay of all channels, from the first row on.
+
+    Parameters
+    ----------
+    record : Signals
+    where : str
+        The table, for messages.
+    """
+    if record.inputs is not None:
+        raise DataError(
+            f"reading {where} as a free decay was asked",
+            f"{', '.join(record.input_dofs)} would be a force, which acts on no free decay",
+            'Take rows after it has gone, and leave it out: --rows FIRST- --columns "time=1,decay=3-".',
+        )
+    return ImpulseResponse(
+        values=record.outputs[:, :, None],
+        sampling_rate=record.sampling_rate,
+        kind="free decay",
+        quantity=record.quantity,
+        output_dofs=record.output_dofs,
+        input_dofs=("start",),
+        units=(record.units[0], ("",)),
+    )
 
 
 def _stacked(columns: Sequence[Column]) -> Any:
@@ -149,16 +193,11 @@ def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[
         Times that are not even, or of another rate than the option or the header says; nothing that says a rate.
     """
     given = options.get("sampling_rate")
-    said = table.rate if given is None else check_positive("sampling_rate", given)
-    source = table.rate_from if given is None else "the option"
+    said, source = (
+        (table.rate, table.rate_from) if given is None else (check_positive("sampling_rate", given), "the option")
+    )
     if axis is None:
-        if said is None:
-            raise DataError(
-                f"reading {table.where} needs a sampling rate",
-                "no column is of times, and no header says a rate",
-                "Give it in samples per second: --sampling-rate HZ",
-            )
-        return said, [] if given is not None else [f"sampling rate {said:g} Hz by {source}"]
+        return _said(table, said), [] if given is not None else [f"sampling rate {said:g} Hz by {source}"]
     times = seconds_of(axis)
     way_out = f"--ignore {as_word(axis.label)} --sampling-rate"
     try:
@@ -167,7 +206,8 @@ def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[
         raise DataError(
             f"reading {table.where} needs evenly sampled times in {axis}",
             error.found,
-            f"Resample the record; or, if only the clock is uneven and not the samples: {way_out} HZ",
+            "Resample the record; or, if only the clock is uneven and not the samples: "
+            f"{way_out} HZ{_even_rows(times, table.first_row - 1)}",
         ) from None
     if said is None and sampling.doubt > _OPEN * sampling.rate:
         raise DataError(

@@ -13,7 +13,7 @@ from modalscope.model import DataError
 __all__ = ["ROLES", "Role", "ignored_columns", "may_be_base", "named_columns", "role_by_words", "spoken_roles"]
 
 #: What `--columns` may call a column.
-ROLES = ("time", "frequency", "in", "out", "real", "imag", "mag", "phase", "coh", "ignore")
+ROLES = ("time", "frequency", "in", "out", "decay", "real", "imag", "mag", "phase", "coh", "ignore")
 
 _TIME = {
     "time",

@@ -8,11 +8,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from modalscope.io.columns.axis import sampling_of
 from modalscope.io.columns.table import Column, Table, as_word
 from modalscope.model import DataError
-from modalscope.model.checks import BoolArray
+from modalscope.model.checks import BoolArray, RealArray
 
-__all__ = ["check_numbers", "longest_stretch", "with_rows"]
+__all__ = ["check_numbers", "longest_even", "longest_stretch", "with_rows"]
+
+#: Steps that differ from the usual one by less than this part of it may belong to one stretch, and the part of a table that is worth it.
+_STEP, _WORTH = 0.5, 0.25
 
 _RANGE = re.compile(r"\s*(\d*)\s*-\s*(\d*)\s*\Z")
 
@@ -82,6 +86,26 @@ def check_numbers(table: Table, columns: Sequence[Column]) -> None:
         f"{int(bad.sum())} of {bad.size} in {column} are empty or no numbers, the first in row {above + int(np.argmax(bad)) + 1}",
         " or ".join(["Fill these rows", *ways]) + (f": {', or '.join(ways.values())}" if ways else "."),
     )
+
+
+def longest_even(times: RealArray) -> tuple[int, int] | None:
+    """Return the first and the last of the longest run of rows with even times, counted from 1, where it holds a quarter of all.
+
+    Examples
+    --------
+    >>> longest_even(np.array([0.0, 0.1, 0.2, 0.9, 1.0, 1.1, 1.2]))
+    (4, 7)
+    """
+    if len(times) < 3:  # two rows are always even, and no stretch
+        return None
+    steps = np.diff(times)
+    first, last = longest_stretch(np.abs(steps - np.median(steps)) < _STEP * np.median(steps))
+    last += 1  # of so many steps one row more
+    try:
+        sampling_of(times[first - 1 : last])
+    except DataError:
+        return None
+    return (first, last) if last - first >= _WORTH * len(times) else None
 
 
 def longest_stretch(whole: BoolArray) -> tuple[int, int]:
