@@ -21,16 +21,28 @@ export function errorBox(parts) {
 /** @param {string} text */
 const cap = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 
+/** The channels that an error says to leave out, exclude=['a', 'b']. @param {string} change */
+export function namedToLeave(change) {
+  const list = /exclude=\[([^\]]*)\]/.exec(change)?.[1] ?? "";
+  return [...list.matchAll(/'([^']*)'/g)].map((found) => found[1]);
+}
+
 /** @param {any[]} findings @param {any[]} notes @param {(channel: string) => void} exclude */
 export function showFindings(findings, notes, exclude) {
   const listed = findings.map((f) =>
-    h("li", {}, h("b", {}, `${f.kind}: ${f.channels.join(", ")}`), h("p", {}, `${cap(f.reason)}. ${f.change}`), f.channels.map((/** @type {string} */ c) => h("button.small", { onclick: () => (exclude(c), shown.element.close()) }, `leave ${c} out`))),
+    h("li", {}, h("b", {}, `${f.kind}: ${f.channels.join(", ")}`), h("p", {}, `${cap(f.reason)}. ${f.change}`), (/leave|exclude/.test(f.change) ? f.channels : []).map((/** @type {string} */ c) => h("button.small", { onclick: () => (exclude(c), shown.element.close()) }, `leave ${c} out`))),
   );
   const shown = dialog("What was seen in the data", [
     listed.length ? h("ul.findings", {}, listed) : h("p", {}, "Nothing is wrong with these data, as far as can be seen."),
     notes.length ? h("h3", {}, "Notes") : null,
     h("ul.notes", {}, notes.filter((n) => !n.kind.startsWith("data:")).map((n) => h("li", {}, n.text))),
   ]);
+}
+
+/** The head of a table; columns of numbers stand together in a list. @param {...(string | string[])} columns */
+function heads(...columns) {
+  const cell = (/** @type {string} */ kind) => (/** @type {string} */ name) => h(kind, { scope: "col" }, name);
+  return h("thead", {}, h("tr", {}, columns.flatMap((c) => (Array.isArray(c) ? c.map(cell("th.num")) : cell("th")(c)))));
 }
 
 /** @param {any} found */
@@ -43,9 +55,9 @@ export function showComparison(found) {
     "Every method on these data",
     [
       found.verdict.split("\n").map((/** @type {string} */ line) => h("p", {}, line)),
-      h("div.scroll", {}, h("table", {}, h("thead", {}, h("tr", {}, ["#", "f [Hz]", "ζ [%]", "between [Hz]", "found by", "trust", "why"].map((t) => h("th", { scope: "col" }, t)))), h("tbody", {}, rows))),
+      h("div.scroll", {}, h("table", {}, heads("#", ["f [Hz]", "ζ [%]", "between [Hz]"], "found by", "trust", "why"), h("tbody", {}, rows))),
       h("div.pictures", {}, picture("map", "Map of methods: near means alike"), picture("deviations", "Every method against the consensus")),
-      h("div.scroll", {}, h("table", {}, h("thead", {}, h("tr", {}, ["method", "modes", "fit error [%]", "remark"].map((t) => h("th", { scope: "col" }, t)))), h("tbody", {}, methods))),
+      h("div.scroll", {}, h("table", {}, heads("method", ["modes", "fit error [%]"], "remark"), h("tbody", {}, methods))),
       Object.entries(found.causes).map(([name, cure]) => h("p", {}, h("b", {}, `${cap(name)}: `), String(cure))),
     ],
     "wide",

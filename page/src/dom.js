@@ -118,10 +118,10 @@ export function hertz(value, highest) {
   return value.toFixed(decimals);
 }
 
-/** The half-width of an interval with two digits. @param {[number, number] | undefined} ends @param {number} [scale] */
+/** The half-width of an interval with two digits, small ones with one. @param {[number, number] | undefined} ends @param {number} [scale] */
 export function plusMinus(ends, scale = 1) {
   if (!ends || ends[0] === null || ends[1] === null) return "";
   const half = ((ends[1] - ends[0]) / 2) * scale;
   if (!(half > 0)) return "";
-  return `± ${half < 1e-3 ? half.toExponential(0) : Number(half.toPrecision(2))}`;
+  return `± ${Number(half.toPrecision(half < 1e-3 ? 1 : 2))}`;
 }

@@ -4,7 +4,7 @@ import "./style.css";
 import * as api from "./api.js";
 import { bench } from "./bench.js";
 import { ends, makeDiagram } from "./diagram.js";
-import { dialog, editGeometry, errorBox, showComparison, showFindings, showKeys, showScript } from "./dialogs.js";
+import { dialog, editGeometry, errorBox, namedToLeave, showComparison, showFindings, showKeys, showScript } from "./dialogs.js";
 import { fill, h, icon, ICONS, number, paintAgain } from "./dom.js";
 import { makeMatrix } from "./matrix.js";
 import { makeModes } from "./modes.js";
@@ -192,7 +192,8 @@ function makeWork(begin, state) {
   function failure(parts) {
     const box_ = errorBox(parts);
     const byHand = now.document.taken.length + now.document.refused.length;
-    box_.append(h("span.does", {}, byHand ? h("button.small", { onclick: () => act("automatic") }, "leave the choice to the program") : null, now.undo ? h("button.small", { onclick: () => act("undo") }, "undo") : null, h("button.small", { onclick: () => act("again") }, "again")));
+    const out = namedToLeave(parts.change ?? "");
+    box_.append(h("span.does", {}, out.length ? h("button.small", { onclick: () => act("set", { exclude: [...now.document.exclude, ...out] }) }, `leave ${out.join(", ")} out`) : null, byHand ? h("button.small", { onclick: () => act("automatic") }, "leave the choice to the program") : null, now.undo ? h("button.small", { onclick: () => act("undo") }, "undo") : null, h("button.small", { onclick: () => act("again") }, "again")));
     return box_;
   }
 

@@ -50,7 +50,7 @@ export function makeResponse(place, ask) {
     const nyquist = form.of === null;
     const values = nyquist ? [] : sides.map(([x, y]) => Array.from(x, (v, i) => (Number.isFinite(v) ? form.of(v, y[i]) : null)));
     const looks = [{ stroke: () => colour("measured"), width: 1.3 }, { stroke: () => colour("mode"), width: 1.5, dash: [5, 3] }];
-    const common = { width: Math.max(holder.clientWidth, 60), height: Math.max(holder.clientHeight, 60), legend: { show: false }, padding: [8, 8, 0, 0] };
+    const common = { width: Math.max(holder.clientWidth, 60), height: Math.max(holder.clientHeight, 60), legend: { show: false }, padding: [8, 14, 0, 0] };
     if (nyquist) {
       const box = limits(sides);
       const path = (/** @type {any} */ u, /** @type {number} */ s) => trace(u, u.data[s][0], u.data[s][1]);

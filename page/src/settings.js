@@ -17,9 +17,10 @@ export function makeSettings(place, acts, methods) {
   const shown = h("output");
   const channels = h("div.channels");
   const box = h("details", {}, h("summary", {}, "Channels"), channels);
-  const columns = h("input.name", { "aria-label": "What the columns of a table are", placeholder: "in=2,out=3-7", title: "Columns of a table, counted from 1: time=1,in=2,out=3-7", onchange: read });
+  const columns = h("input.name", { "aria-label": "What the columns of a table are", placeholder: "in=2,out=3-7", title: "Columns of a table, counted from 1: time=1,in=2,out=3-7; a free decay is time=1,decay=2-5", onchange: read });
   const rate = h("input", { type: "number", step: "any", min: 0, "aria-label": "Sampling rate, Hz", placeholder: "rate", onchange: read });
-  const reading = h("details", {}, h("summary", {}, "How it is read"), h("div.pair", {}, "columns", columns), h("div.pair", {}, "samples", rate, h("span.muted", {}, "Hz")));
+  const rows = h("input.name", { "aria-label": "Which rows of a table are taken", placeholder: "202-", title: "Rows of a table, counted from 1: 202-4000, or 202- for all from there on", onchange: read });
+  const reading = h("details", {}, h("summary", {}, "How it is read"), h("div.pair", {}, "columns", columns), h("div.pair", {}, "rows", rows), h("div.pair", {}, "samples", rate, h("span.muted", {}, "Hz")));
   const data = h("p.muted.data");
   const used = h("p.muted");
   const hand = h("div.hand");
@@ -52,7 +53,7 @@ export function makeSettings(place, acts, methods) {
     return acts.set({ orders: listed });
   }
   function read() {
-    acts.read({ columns: columns.value.trim() || null, sampling_rate: Number(rate.value) || null });
+    acts.read({ columns: columns.value.trim() || null, rows: rows.value.trim() || null, sampling_rate: Number(rate.value) || null });
   }
   function slide() {
     shown.textContent = slider.value;
@@ -64,8 +65,9 @@ export function makeSettings(place, acts, methods) {
     set(document) {
       const before = document_;
       document_ = document;
-      const { columns: named, sampling_rate } = document.files[0]?.reading ?? {};
+      const { columns: named, rows: taken, sampling_rate } = document.files[0]?.reading ?? {};
       columns.value = named ?? "";
+      rows.value = taken ?? "";
       rate.value = sampling_rate ?? "";
       // what somebody is typing stays, as long as the document says nothing new of it
       const changed = (/** @type {string} */ name) => JSON.stringify(document[name]) !== JSON.stringify(before?.[name] ?? (name === "orders" ? null : []));

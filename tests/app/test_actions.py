@@ -41,8 +41,9 @@ def test_only_what_poles_depend_on_makes_them_new() -> None:
 
 def test_how_a_file_is_read_keeps_the_geometry_and_is_taken_back() -> None:
     placed = acted(PLAIN, "geometry", {"files": ["p"]})
-    named = acted(placed, "reading", {"columns": "in=2,out=3-7", "sampling_rate": 50})
-    assert dict(named.files[0].reading) == {"geometry": "p", "columns": "in=2,out=3-7", "sampling_rate": 50.0}
+    named = acted(placed, "reading", {"columns": "in=2,out=3-7", "rows": "41-", "sampling_rate": 50})
+    told = {"geometry": "p", "columns": "in=2,out=3-7", "rows": "41-", "sampling_rate": 50.0}
+    assert dict(named.files[0].reading) == told
     assert dict(acted(named, "reading", {}).files[0].reading) == dict(placed.files[0].reading)
     refused("sampling_rate", acted, PLAIN, "reading", {"sampling_rate": -1})
 

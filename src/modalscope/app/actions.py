@@ -119,10 +119,13 @@ def geometry(document: Analysis, files: tuple[str, ...]) -> Analysis:
     return _read_with(document, geometry=(tuple(files) if len(files) > 1 else files[0]) if files else None)
 
 
-def reading(document: Analysis, columns: str | None = None, sampling_rate: float | None = None) -> Analysis:
-    """Read a table with its columns named, such as "time=1,in=2,out=3-7", and records at a rate; None leaves it to the evidence."""
+def reading(
+    document: Analysis, columns: str | None = None, rows: str | None = None, sampling_rate: float | None = None
+) -> Analysis:
+    """Read a table with its columns named, such as "time=1,in=2,out=3-7", some of its rows, and records at a rate; None leaves it open."""
     rate = None if sampling_rate is None else check_positive("sampling_rate", sampling_rate)
-    return _read_with(document, columns=None if columns is None else str(columns), sampling_rate=rate)
+    texts = {name: None if text is None else str(text) for name, text in (("columns", columns), ("rows", rows))}
+    return _read_with(document, **texts, sampling_rate=rate)
 
 
 def _read_with(document: Analysis, **options: Any) -> Analysis:

@@ -9,7 +9,7 @@ import numpy as np
 
 from modalscope.identification.lookup import cell_label
 from modalscope.identification.sweep import Cut, Sweep
-from modalscope.judging.stabilize import stable_against
+from modalscope.judging.stability import stable_against
 from modalscope.modal.rebuilt import rebuilt
 from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, ModalModel, StabilizationDiagram
 from modalscope.model.checks import Array
