@@ -142,6 +142,40 @@ def test_a_signal_is_one_line_and_no_temporary_file(tmp_path: Path, test_file: P
     assert {path.name for path in tmp_path.iterdir()} == {test_file.name}
 
 
+#: The program on a small machine that keeps sums after every stretch, and takes a minute for the second one.
+SLOW_SUMS = """
+import sys, time
+from modalscope.io import stored as of_files
+from modalscope.model import stored
+from modalscope.preprocess import saved_sums
+stored._BESIDE = of_files._PARTS = 10**9
+saved_sums._SECONDS = saved_sums._TIMES = 0.0
+add = saved_sums.SavedSums.add
+saved_sums.SavedSums.add = lambda self, task, *more: time.sleep(60) if task else add(self, task, *more)
+from modalscope.cli import main
+sys.exit(main())
+"""
+
+
+def test_ctrl_c_says_that_kept_sums_are_gone_on_from(tmp_path: Path) -> None:
+    pytest.importorskip("h5py")
+    record, sums = tmp_path / "long.h5", tmp_path / "sums"
+    ms.write(record, ms.systems.chain5().simulate(inputs="ambient", duration=100.0, sampling_rate=20.0))
+
+    def kept(process: subprocess.Popen[str]) -> None:
+        while process.poll() is None and not any(sums.glob("sums-*.npz")):
+            time.sleep(0.001)
+
+    program = [sys.executable, "-c", SLOW_SUMS]
+    status, told = stopped(["identify", str(record), "-q", "--resume", str(sums)], signal.SIGINT, kept, program)
+    assert status == 128 + signal.SIGINT
+    assert told == (
+        "modalscope: stopped; an output file is complete or what it was before; "
+        "the same command goes on from the sums kept so far\n"
+    )
+    assert len(list(sums.iterdir())) == 1
+
+
 @pytest.mark.study
 @pytest.mark.parametrize("suffix", FORMATS)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL], ids=["INT", "TERM", "KILL"])

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Iterator
+from concurrent.futures import CancelledError
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +14,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.model.crew import working
+from modalscope.model.crew import _result, each, working
 from modalscope.model.errors import DataError
 
 distributed = pytest.importorskip("distributed", reason="Dask is not installed: pip install 'modalscope[cluster]'")
@@ -73,6 +75,41 @@ def test_a_killed_worker_costs_its_own_tasks(path: Path, cluster: Any) -> None:
             shared = ms.estimate_correlation(ms.read(path, stored=True), lags=LAGS).values
     assert told == list(range(1, 21))  # nobody's work was done twice
     assert np.abs(shared - alone).max() < EQUAL * np.abs(alone).max()
+
+
+def _ends_its_worker(task: int) -> int:
+    os.kill(os.getpid(), signal.SIGKILL)
+    return task
+
+
+def test_work_that_ends_its_workers_is_said_in_words(cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cluster.scheduler, "allowed_failures", 0)
+    with (
+        distributed.Client(cluster) as client,
+        working(client),
+        pytest.raises(DataError, match=r"one stretch ended every worker that took it, the last of them tcp://"),
+    ):
+        list(each(_ends_its_worker, [1]))
+
+
+def test_a_scheduler_without_workers_is_said_in_words(capsys: pytest.CaptureFixture[str]) -> None:
+    from modalscope.cli.workers import _client
+
+    with (
+        distributed.LocalCluster(n_workers=0, dashboard_address=None, host="127.0.0.1", silence_logs=50) as empty,
+        ExitStack() as held,
+    ):
+        _client(empty.scheduler_address, held)
+    assert f"waiting for one: dask worker {empty.scheduler_address}" in capsys.readouterr().err
+
+
+def test_a_scheduler_that_is_gone_is_said_in_words() -> None:
+    class Gone:
+        def result(self) -> None:
+            raise CancelledError
+
+    with pytest.raises(DataError, match=r"(?s)the scheduler is gone.*--resume it goes on"):
+        _result(Gone())
 
 
 def test_the_command_gives_the_work_to_a_scheduler(path: Path, cluster: Any, tmp_path: Path) -> None:

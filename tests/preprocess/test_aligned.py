@@ -9,6 +9,9 @@ import pytest
 
 import modalscope as ms
 from modalscope import DataError
+from modalscope.comparing.routes import witnesses
+from modalscope.identification.prepare import measure
+from modalscope.identification.routes import USUAL
 from modalscope.model.records import Records
 from modalscope.preprocess.aligned import DELAYS, aligned, seen_delays
 from tests.shaker import Shaker, shaker
@@ -60,6 +63,38 @@ def test_it_is_refused_by_an_empty_mapping() -> None:
     assert dict(taken.settings)["delays"] == {}
     assert DELAYS not in [note.kind for note in taken.notes]
     assert not np.allclose(taken.poles, ms.identify(record, order=8).poles)
+
+
+def test_records_with_nothing_late_are_those_that_were_given() -> None:
+    records = Records(runs=(late({})[0],))
+    for none in ({}, {"y2": 0}):
+        assert aligned(records, none) == (records, ())
+
+
+def test_a_refinement_takes_the_record_as_the_settings_say() -> None:
+    record, _ = late(LATE)
+    found = ms.identify(record, order=8, delays={}, band=(50.0, 400.0), exclude=["y1"])
+    refined = ms.refine(record, found.modes, settings=found.settings)
+    taken = measure(record, (50.0, 400.0), ["y1"], delays={}).response
+    assert np.array_equal(refined.poles, ms.refine(taken, found.modes).poles)
+    back = ms.refine(record, found.modes, settings={**found.settings, "delays": LATE})
+    assert not np.allclose(refined.poles, back.poles, rtol=1e-9)
+
+
+def test_a_comparison_looks_for_delays_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    looked = []
+
+    def counted(records: Records) -> dict[str, int]:
+        looked.append(records)
+        return seen_delays(records)
+
+    monkeypatch.setattr("modalscope.preprocess.aligned.seen_delays", counted)
+    record, _ = late(LATE)
+    ways, _ = witnesses(record, None, None)
+    assert [way.delays for way in ways] == [LATE] * len(USUAL)
+    assert len(looked) == 1
+    assert [way.delays for way in witnesses(record, None, None, {})[0]] == [{}] * len(USUAL)
+    assert len(looked) == 1
 
 
 def test_delays_that_are_given_are_taken_and_others_are_refused() -> None:

@@ -30,7 +30,8 @@ def test_a_half_sine_has_a_hundredth_of_its_power_at_the_known_frequency(width):
     band, note = struck_band([struck(width)])
     assert band[0] == 0
     assert band[1] == pytest.approx(expected, rel=0.02)
-    assert f"{band[1]:g} Hz" in note.text
+    assert f"up to {band[1]:g} Hz" in note.text
+    assert f"--band {band[1]:g} {min(2 * band[1], RATE / 2):g} " in note.text
 
 
 def test_the_band_of_hits_is_that_of_the_settings_and_of_the_lines():

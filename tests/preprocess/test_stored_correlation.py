@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ import modalscope as ms
 from modalscope.model.crew import working
 from modalscope.model.errors import DataError
 from modalscope.model.stored import StoredSignals
-from modalscope.preprocess import correlation_blocks, decimate, examine, filter_band, stored_correlation
+from modalscope.preprocess import correlation_blocks, decimate, examine, filter_band, saved_sums, stored_correlation
 from modalscope.preprocess.filtered_rows import settling
 
 RATE, SAMPLES, CHANNELS = 50.0, 30_000, 4
@@ -145,6 +146,29 @@ def test_a_run_that_is_stopped_goes_on(record: ms.Signals, tmp_path: Path) -> No
     assert done[0] == 13
     np.testing.assert_allclose(found, expected, rtol=0, atol=EQUAL * np.abs(expected).max())
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.usefixtures("small_tasks")
+def test_a_run_that_is_killed_goes_on_from_what_was_kept(
+    record: ms.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing is written at the end of a process that is killed: what lies in the folder meanwhile is what is gone on from."""
+    monkeypatch.setattr(saved_sums, "_SECONDS", 0.0)
+    monkeypatch.setattr(saved_sums, "_TIMES", 0.0)
+    done: list[int] = []
+
+    def copied(count: int, of: int) -> None:
+        done.append(count)
+        if count == of // 2:
+            shutil.copytree(tmp_path / "sums", tmp_path / "left")
+
+    with working(progress=copied, save=tmp_path / "sums"):
+        expected = ms.estimate_correlation(stored(record), lags=60).values
+    of = done[-1]
+    with working(progress=lambda count, _: done.append(count), save=tmp_path / "left"):
+        found = ms.estimate_correlation(stored(record), lags=60).values
+    assert done == [*range(1, of + 1), *range(of // 2 + 1, of + 1)]
+    np.testing.assert_array_equal(found, expected)  # the same sums in the same order
 
 
 @pytest.mark.usefixtures("small_tasks")

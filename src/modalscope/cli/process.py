@@ -20,7 +20,10 @@ EXIT_WRONG = 2
 
 _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 
-_STOPPED = b"modalscope: stopped; an output file is complete or what it was before\n"
+_STOPPED = b"modalscope: stopped; an output file is complete or what it was before"
+
+#: Said where partial sums were kept, which happens every ten seconds.
+_GOES_ON = b"; the same command goes on from the sums kept so far"
 
 
 def take_over() -> None:
@@ -46,12 +49,13 @@ def _stop(number: int, frame: FrameType | None) -> NoReturn:
     """Take half-written files away, say one line, and end with the status that shells expect."""
     for other in _numbers():
         signal.signal(other, signal.SIG_IGN)
-    atomic = sys.modules.get("modalscope.io.atomic")
-    for path in tuple(getattr(atomic, "PENDING", ())):
+    writers = [sys.modules.get(f"modalscope.{name}") for name in ("io.atomic", "preprocess.saved_sums")]
+    for path in [path for writer in writers for path in tuple(getattr(writer, "PENDING", ()))]:
         with suppress(OSError):
             path.unlink()
+    kept = any(path.exists() for path in tuple(getattr(writers[-1], "UNDER_WAY", ())))
     with suppress(OSError):
-        os.write(2, _STOPPED)
+        os.write(2, _STOPPED + (_GOES_ON if kept else b"") + b"\n")
     os._exit(128 + number)
 
 

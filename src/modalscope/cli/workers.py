@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
+from modalscope.cli.process import complain
 from modalscope.cli.progress import progress
 from modalscope.model.crew import working
 from modalscope.model.errors import DataError
@@ -59,7 +60,10 @@ def _client(address: str, held: ExitStack) -> Any:
             distributed.LocalCluster(**workers, threads_per_worker=1, dashboard_address=None, silence_logs=40)
         )
     try:
-        return held.enter_context(distributed.Client(address, timeout=_SECONDS))
+        client = held.enter_context(distributed.Client(address, timeout=_SECONDS))
+        if not client.nthreads():
+            complain(f"no worker has joined {address} yet; waiting for one: dask worker {address}")
+        return client
     except (OSError, ValueError, TypeError) as error:
         raise _wrong(address, f"no scheduler answers there ({type(error).__name__}: {error})") from None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -166,13 +167,33 @@ def _by_workers(client: Any, work: Callable[[Task], Done], tasks: Sequence[Task]
     ended = as_completed(hand_out(_WAITING * max(_threads(client), 1)))
     try:
         for future in ended:
-            result = future.result()
+            result = _result(future)
             task = handed.pop(future)
             yield task, result
             for more in hand_out(1):
                 ended.add(more)
     finally:
         client.cancel(list(handed))
+
+
+def _result(future: Any) -> Any:
+    """Return what a worker found; that the work ends its workers, or that the scheduler is gone, is said in words."""
+    distributed = import_module("distributed")
+    asked = "sums by the workers of a scheduler were asked"
+    try:
+        return future.result()
+    except distributed.scheduler.KilledWorker as error:
+        raise DataError(
+            asked,
+            f"one stretch ended every worker that took it, the last of them {error.last_worker.address}",
+            "Give the workers more memory (dask worker --memory-limit), or lower lags; their own logs say how they ended.",
+        ) from None
+    except CancelledError:
+        raise DataError(
+            asked,
+            "the scheduler is gone, or has given the work up",
+            "Start it again, and the same work: with save or --resume it goes on from the sums that were kept.",
+        ) from None
 
 
 def _threads(client: Any) -> int:

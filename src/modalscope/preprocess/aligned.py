@@ -46,42 +46,41 @@ def seen_delays(records: Records) -> dict[str, int]:
     return found or {}
 
 
-def aligned(records: Records, delays: Mapping[str, int]) -> tuple[Records, dict[str, int], tuple[Note, ...]]:
-    """Return records with outputs shifted back against the forces, by how many samples each was, and what is said of it.
+def aligned(records: Records, delays: Mapping[str, int]) -> tuple[Records, tuple[Note, ...]]:
+    """Return records with outputs shifted back against the forces, and what is said of it; nothing late is returned as it is.
 
     Parameters
     ----------
     records : Records
         With inputs.
     delays : mapping of label to int
-        Samples that outputs come late; all others are in time.
+        Samples that outputs come late, whole and not negative; all others are in time.
 
     Raises
     ------
     DataError
         An output that is not there, or a run that is no longer than its delay.
     """
-    chosen = {str(dof): int(samples) for dof, samples in delays.items()}
-    longest, shortest = max(chosen.values(), default=0), min(records.samples)
-    unknown = [dof for dof in chosen if dof not in records.output_dofs]
+    longest, shortest = max(delays.values(), default=0), min(records.samples)
+    unknown = [dof for dof in delays if dof not in records.output_dofs]
     if unknown or longest > shortest - 2:
         raise DataError(
-            f"delays of {chosen} were asked",
+            f"delays of {dict(delays)} were asked",
             f"the outputs are {', '.join(records.output_dofs)}, the shortest run has {shortest} samples",
             "Name outputs that are there, and samples that a run has.",
         )
     if not longest:
-        return records, chosen, ()
-    lags = [chosen.get(dof, 0) for dof in records.output_dofs]
+        return records, ()
+    lags = [delays.get(dof, 0) for dof in records.output_dofs]
     moved = replace(records, runs=tuple(_shifted(run, lags, longest) for run in records.runs), groups=records.groups)
     alike = len(set(lags)) == 1
-    what = "all outputs" if alike else ", ".join(f"{dof} {own}" for dof, own in chosen.items() if own)
+    what = "all outputs" if alike else ", ".join(f"{dof} {own}" for dof, own in delays.items() if own)
     of = f"come {longest} samples" if alike else "samples come"
     text = (
         f"{what} {of} late after the forces, which was taken out, and moves neither poles nor shapes; "
         "delays={} (--delays none) leaves it in"
     )
-    return moved, chosen, (Note(DELAYS, {"samples": float(longest)}, text),)
+    return moved, (Note(DELAYS, {"samples": float(longest)}, text),)
 
 
 def _shifted(run: Signals, lags: list[int], longest: int) -> Signals:

@@ -48,7 +48,10 @@ def struck_band(parts: Sequence[Signals]) -> tuple[tuple[float, float], Note] | 
     if highest >= _WHOLE * half:
         return None
     high = float(f"{highest:.{_DIGITS}g}")
-    text = f"the band up to {high:g} Hz was chosen: above, the hits put in less than a hundredth of their largest power"
+    text = (
+        f"the band up to {high:g} Hz was chosen: above, the hits put in less than a hundredth of their largest power; modes above want "
+        f"a band of their own, such as --band {high:g} {min(2 * high, half):g} (band=...)"
+    )
     return (0.0, high), Note(CHOSEN, {"lowest_hz": 0.0, "highest_hz": high, "parts": 1.0}, text)
 
 

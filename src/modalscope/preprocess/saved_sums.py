@@ -12,7 +12,12 @@ import numpy as np
 
 from modalscope.model.checks import BoolArray, RealArray
 
-__all__ = ["SavedSums"]
+__all__ = ["PENDING", "UNDER_WAY", "SavedSums"]
+
+#: Files of sums that are under way, which can be gone on from once they are there, and temporary ones that are being written: what ends
+#: the process without an exception speaks of the first and takes the others away itself.
+UNDER_WAY: set[Path] = set()
+PENDING: set[Path] = set()
 
 #: Seconds from one writing to the next, at least, and so many times as long as it took: what is kept costs little.
 _SECONDS, _TIMES = 10.0, 20.0
@@ -47,6 +52,8 @@ class SavedSums:
         self._path = None if folder is None else folder / f"sums-{_name(work, shape, tasks)}.npz"
         self._next = time.monotonic() + _SECONDS
         self._kept = 0
+        if self._path is not None:
+            UNDER_WAY.add(self._path)
         self._take_up()
 
     def add(self, task: int, block: int, sums: RealArray) -> None:
@@ -68,6 +75,7 @@ class SavedSums:
             return
         began = time.monotonic()
         temporary = self._path.with_name(f".{self._path.stem}-{token_hex(4)}.npz")
+        PENDING.add(temporary)
         try:
             with temporary.open("wb+") as file:
                 file.write(bytes(_DIGEST))
@@ -78,12 +86,14 @@ class SavedSums:
             temporary.replace(self._path)
         finally:
             temporary.unlink(missing_ok=True)
+            PENDING.discard(temporary)
         self._kept = int(self.done.sum())
         self._next = time.monotonic() + max(_SECONDS, _TIMES * (time.monotonic() - began))
 
     def forget(self) -> None:
         """Take the file away: all is done."""
         if self._path is not None:
+            UNDER_WAY.discard(self._path)
             self._path.unlink(missing_ok=True)
 
     def _take_up(self) -> None:
