@@ -9,8 +9,8 @@ from modalscope import FrequencyResponse, ImpulseResponse, identify, stabilize
 from modalscope.blocks import combinations as module
 from modalscope.blocks.combinations import combinations
 from modalscope.model.checks import locked
+from modalscope.model.output_levels import output_scale
 from modalscope.model.poles import poles_from
-from modalscope.model.response import output_scale
 from tests.support import relative
 
 MODES, OUTPUTS, INPUTS = 6, 200, 2

@@ -130,12 +130,13 @@ class BlockHankel:
         return product
 
     def transposed_times(self, left: Array) -> RealArray:
-        """H' Z, by transforms, or summed over block rows."""
+        """H' Z, by transforms, or summed over block rows up to the last that is not zero."""
         if self.by_transforms:
             return self._correlated(self._transform.swapaxes(1, 2), self.block_columns, left)
         outputs, Z = self.values.shape[1], crew().place(left)
         total = self._row(0).T @ Z[:outputs]
-        for i in range(1, self.block_rows):
+        used = np.flatnonzero(np.any(left, axis=1))
+        for i in range(1, used[-1] // outputs + 1 if used.size else 1):
             total += self._row(i).T @ Z[i * outputs : (i + 1) * outputs]
         return fetched(total)
 

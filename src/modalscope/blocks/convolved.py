@@ -53,13 +53,15 @@ def transformed(rows: ComplexArray, columns: ComplexArray, length: int | None = 
 
 
 def convolved(rows: Array, columns: Array) -> ConvolvedInfluence:
-    """Return the gradient g_j[t] = sum_(a + b = t) rows_j[a] columns_j[b]'.
+    """Return the gradient g_j[t] = sum_(a + b = t) rows_j[a] columns_j[b]'; block rows behind the last that is not zero count for nothing.
 
     Parameters
     ----------
     rows : array of complex, (k, block rows, l)
     columns : array of complex, (k, block columns, m)
     """
+    used = np.flatnonzero(np.any(rows, axis=(0, 2)))
+    rows = rows[:, : max(used.max(initial=0) + 1, 1)]
     return ConvolvedInfluence((Convolution(np.asarray(rows, dtype=complex), np.asarray(columns, dtype=complex)),))
 
 
@@ -86,8 +88,7 @@ class ConvolvedInfluence(SampleInfluence):
         """Return the moments under noise of this variance, on average over the samples."""
         if fading is not None or variance.ndim != 2 or not isinstance(other, ConvolvedInfluence):
             return super().joint(other, variance, fading)
-        pairs = [_moments(one, two, variance) for one in self.parts for two in other.parts]
-        return Moments(np.sum([pair.size for pair in pairs], axis=0), np.sum([pair.square for pair in pairs], axis=0))
+        return _moments(self.parts, other.parts, variance)
 
     def take(self, index: Array) -> ConvolvedInfluence:
         """Return the gradients of some poles."""
@@ -104,31 +105,56 @@ class ConvolvedInfluence(SampleInfluence):
         return ConvolvedInfluence(tuple(Convolution(part.columns, part.rows) for part in self.parts))
 
 
-def _moments(one: Convolution, two: Convolution, variance: RealArray) -> Moments:
+def _moments(mine: tuple[Convolution, ...], its: tuple[Convolution, ...], variance: RealArray) -> Moments:
     """Return sum_t g h* and sum_t g h, weighted by the variance of output and input: of so many poles at a time as stay in the cache."""
-    each = sum(part.shape[1] * part.shape[2] for part in (*one, *two))
-    most = max(_AT_A_TIME // each, 1)
+    each = sum(side.shape[1] * side.shape[2] for part in (*mine, *its) for side in part)
+    most = max(2 * _AT_A_TIME // each, 1)
     found = []
-    for start in range(0, max(len(one.rows), 1), most):
-        mine, its = (Convolution(*(part[start : start + most] for part in whole)) for whole in (one, two))
-        found.append(_of_some(mine, mine if two is one else its, variance))
+    for start in range(0, max(len(mine[0].rows), 1), most):
+        own = _some(mine, start, most)
+        found.append(_of_some(own, own if its is mine else _some(its, start, most), variance))
     return Moments(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
 
-def _of_some(one: Convolution, two: Convolution, variance: RealArray) -> Moments:
-    rows, columns = (max(mine.shape[1], its.shape[1]) for mine, its in zip(one, two, strict=True))
+def _some(parts: tuple[Convolution, ...], start: int, most: int) -> tuple[Convolution, ...]:
+    return tuple(Convolution(*(side[start : start + most] for side in part)) for part in parts)
+
+
+def _of_some(mine: tuple[Convolution, ...], its: tuple[Convolution, ...], variance: RealArray) -> Moments:
+    """Return the sums over all pairs of parts; of g with itself a pair and the pair turned round are conjugate, and each is made once."""
+    rows, columns = (max(part[side].shape[1] for part in (*mine, *its)) for side in range(2))
     lags = min(rows, columns) - 1
-    (L, v), *other = (
-        (_transform(part.rows, _fast(rows + lags)), _transform(part.columns, _fast(columns + lags)))
-        for part in ((one,) if two is one else (one, two))
+    lengths = _fast(rows + lags), _fast(columns + lags)
+    first = [tuple(_transform(*each) for each in zip(part, lengths, strict=True)) for part in mine]
+    second = (
+        first if its is mine else [tuple(_transform(*each) for each in zip(part, lengths, strict=True)) for part in its]
     )
-    M, w = other[0] if other else (L, v)
-    by_rows = [_lags(product @ variance, lags) for product in (L * M.conj(), L * _mirrored(M))]
-    by_columns = [_lags(product, lags)[:, ::-1] for product in (v * w.conj(), v * _mirrored(w))]
+    size, square = np.zeros((2, len(mine[0].rows)), dtype=complex)
+    for j, one in enumerate(first):
+        for k, two in enumerate(second):
+            if its is mine and k < j:
+                continue
+            found = _pair(one, two, lags, variance)
+            both = its is mine and k > j
+            size += 2 * found.size.real if both else found.size
+            square += 2 * found.square if both else found.square
+    return Moments(size, square)
+
+
+def _pair(one: tuple[ComplexArray, ...], two: tuple[ComplexArray, ...], lags: int, variance: RealArray) -> Moments:
+    """Return the moments of two convolutions by the transforms of their rows and columns."""
+    (L, v), (M, w) = one, two
+    by_rows = [_lags(product @ variance, lags) for product in (_with_conjugate(L, M), L * _mirrored(M))]
+    by_columns = [_lags(product, lags)[:, ::-1] for product in (_with_conjugate(v, w), v * _mirrored(w))]
     return Moments(*(np.einsum("kui,kui->k", P, Q) for P, Q in zip(by_rows, by_columns, strict=True)))
 
 
-def _lags(spectrum: ComplexArray, lags: int) -> ComplexArray:
+def _with_conjugate(one: ComplexArray, two: ComplexArray) -> Array:
+    """Return one two*; of the same values their squares, real numbers, whose transform costs half."""
+    return one.real**2 + one.imag**2 if two is one else one * two.conj()
+
+
+def _lags(spectrum: Array, lags: int) -> ComplexArray:
     """Return correlations at the lags -lags ... lags, (k, 2 lags + 1, c)."""
     found = fft.ifft(spectrum, axis=1)
     return np.concatenate([found[:, found.shape[1] - lags :], found[:, : lags + 1]], axis=1)

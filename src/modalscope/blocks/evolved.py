@@ -118,10 +118,14 @@ class Evolved:
         """Compare all blocks by their sums, and by agreement the one that `step` chooses; see `ModalSide`."""
         k = self.states.shape[1]
         inner, size = np.zeros(k, dtype=complex), np.zeros(k)
-        at, chosen = np.zeros((self.first.shape[0], k), dtype=complex), step(self.evolution)
+        at, chosen, start_of = (
+            np.zeros((self.first.shape[0], k), dtype=complex),
+            step(self.evolution),
+            self.first.conj(),
+        )
         for start, found in self._identified():
             g = self.evolution[start : start + len(found)]
-            inner += np.sum(np.sum(found.conj() * g[:, None], axis=0) * self.first, axis=0)
+            inner += np.sum(np.sum(found * start_of, axis=1).conj() * g, axis=0)
             size += squares(found.reshape(-1, k))
             here = np.flatnonzero((chosen >= start) & (chosen < start + len(found)))
             at[:, here] = found[chosen[here] - start, :, here].T
@@ -209,7 +213,8 @@ class OnLines:
 
 def squares(values: Array) -> RealArray:
     """Return the sums of |v|^2 of columns (rows, k)."""
-    return np.asarray(np.einsum("ij,ij->j", values.real, values.real) + np.einsum("ij,ij->j", values.imag, values.imag))
+    parts = np.ascontiguousarray(values, dtype=complex).view(np.float64)
+    return np.asarray((np.ones(len(parts)) @ (parts * parts)).reshape(-1, 2).sum(axis=1))
 
 
 def _squared(values: Array) -> RealArray:

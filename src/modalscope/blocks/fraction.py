@@ -29,8 +29,8 @@ from modalscope.blocks.misfit import Misfit
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_count
 from modalscope.model.frequency import FrequencyResponse
+from modalscope.model.output_levels import output_scale
 from modalscope.model.poles import to_continuous, to_discrete
-from modalscope.model.response import output_scale
 from modalscope.model.statespace import StateSpace
 
 __all__ = ["Fraction", "fraction", "trigonometric_sums"]

@@ -36,9 +36,9 @@ from modalscope.blocks.run_columns import RunColumns
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, check_count
 from modalscope.model.line_choice import resonance_weights
+from modalscope.model.output_levels import output_scale
 from modalscope.model.record_spectra import RecordSpectra
 from modalscope.model.record_sums import line_power
-from modalscope.model.response import output_scale
 from modalscope.model.statespace import StateSpace
 from modalscope.model.triangles import stacked_factor, triangle_of
 

@@ -31,7 +31,7 @@ from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, c
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.line_data import LineData, line_data
 from modalscope.model.modal_basis import line_basis
-from modalscope.model.response import output_scale
+from modalscope.model.output_levels import output_scale
 
 __all__ = ["Transfer", "transfer"]
 

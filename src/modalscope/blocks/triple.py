@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -35,6 +36,11 @@ class Eigen:
     def take(self, index: Array) -> Eigen:
         """Return some of them."""
         return Eigen(self.values[index], self.vectors[:, index], self.left[index])
+
+    def dual(self) -> Eigen:
+        """Return those of the transposed matrix, its vectors of length one."""
+        length = np.linalg.norm(self.left, axis=1)
+        return Eigen(self.values, (self.left / length[:, None]).T, (self.vectors * length).T)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -93,6 +99,8 @@ class Triple:
         Orthonormal basis of the states that the truncated factor explains, of a canonical form.
     turned : bool
         Whether that is a space of left eigenvectors: inputs and outputs have changed places.
+    known : callable, optional
+        () -> eigenvalues and vectors of A (of A' when turned), where another way knows them; None where it does not.
     """
 
     A: RealArray
@@ -103,6 +111,7 @@ class Triple:
     power: float = 0.5
     span: RealArray | None = None
     turned: bool = False
+    known: Callable[[], Eigen | None] | None = field(default=None, repr=False)
 
     def dual(self) -> Triple:
         """Return (A', C', B'): the model of the transposed response."""
@@ -111,6 +120,9 @@ class Triple:
 
     def eigen(self) -> Eigen:
         """Return eigenvalues and vectors of A."""
+        known = None if self.known is None else self.known()
+        if known is not None:
+            return known.dual() if self.turned else known
         values, vectors = np.linalg.eig(self.A)
         return Eigen(values, vectors.astype(complex), inverse_vectors(vectors))
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
+from modalscope.blocks.nested import NestedEigen
 from modalscope.blocks.real_products import times_real
 from modalscope.blocks.triple import Eigen, Triple
 from modalscope.model.checks import Array, RealArray
@@ -30,17 +32,25 @@ class Balanced(Realization):
     ----------
     A, B, C : array
         Of the largest order; B is None where columns are lines.
+    nested : NestedEigen, optional
+        Their eigenvalues, each order's from those of the one before.
     """
 
     A: RealArray
     B: RealArray | None
     C: RealArray
+    nested: NestedEigen | None = None
 
     def triple(self, n: int) -> Triple:
         """Return the leading block of order n."""
         self.factors.check_order(n)
         B = None if self.B is None else self.B[:n]
-        return Triple(self.A[:n, :n], B, self.C[:, :n], n, self.factors)
+        known = None if self.nested is None else partial(self.nested.eigen, n)
+        return Triple(self.A[:n, :n], B, self.C[:, :n], n, self.factors, known=known)
+
+    def in_turn(self) -> Balanced:
+        """Return the same models, each with eigenvalues from those of the order before."""
+        return replace(self, nested=NestedEigen(self.A))
 
     def sides(self, n: int, eigen: Eigen) -> tuple[Sides, ...]:
         """Return F = y d^-1/2 P' and v = Q d^-1/2 x."""

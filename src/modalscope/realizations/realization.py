@@ -50,6 +50,10 @@ class Realization(ABC):
             An order beyond the rank, or one that the method cannot have.
         """
 
+    def in_turn(self) -> Realization:
+        """Return the same models for every order in turn: where they are nested, eigenvalues of one follow from those of the one before."""
+        return self
+
     def sides(self, n: int, eigen: Eigen) -> tuple[Sides, ...]:
         """Return L and v with dx_j = L_j dH v_j for eigenvalues of the model of order n; several pairs stand for their sum.
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
 import scipy.linalg as sla
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
+from modalscope.blocks.nested import NestedEigen
 from modalscope.blocks.real_products import times_real
 from modalscope.blocks.triple import Eigen, Triple
 from modalscope.model.checks import DataError, RealArray
@@ -51,6 +52,8 @@ class Shift(Realization):
     B, C : array
         Of the largest order; B is None where columns are lines or times.
     block_rows : int
+    nested : NestedEigen, optional
+        Eigenvalues, each order's from those of the one before.
     """
 
     gram: RealArray
@@ -58,6 +61,7 @@ class Shift(Realization):
     B: RealArray | None
     C: RealArray
     block_rows: int
+    nested: NestedEigen | None = None
 
     @cached_property
     def _sound(self) -> bool:
@@ -70,10 +74,37 @@ class Shift(Realization):
         self.factors.check_order(n)
         if not self._sound:
             check_blocks(self.gram, n, self.block_rows)
+        B = None if self.B is None else self.B[:n]
+        known = None if self.nested is None else partial(self.nested.eigen, n)
+        return Triple(self._shifted(n), B, self.C[:, :n], n, self.factors, known=known)
+
+    def _shifted(self, n: int) -> RealArray:
+        """Return A of order n."""
+        if self._sound:
+            over, under = self._triangles
+            return np.asarray(over[:n, :n] @ under[:n, :n])
         root = np.sqrt(self.factors.d[:n])
         A = sla.solve(self.gram[:n, :n], self.cross[:n, :n], assume_a="pos", check_finite=False)
-        B = None if self.B is None else self.B[:n]
-        return Triple(A * root / root[:, None], B, self.C[:, :n], n, self.factors)
+        return np.asarray(A * root / root[:, None])
+
+    @cached_property
+    def _triangles(self) -> tuple[RealArray, RealArray]:
+        """d^-1/2 L^-T and L^-1 (E0 P)'(E1 P) d^1/2 with (E0 P)'(E0 P) = L L': A is the product of leading blocks."""
+        root = np.sqrt(self.factors.d)
+        L = np.linalg.cholesky(self.gram)
+        inverse = sla.solve_triangular(L, np.eye(len(L)), lower=True, check_finite=False)
+        return inverse.T / root[:, None], inverse @ self.cross * root
+
+    def in_turn(self) -> Shift:
+        """Return the same models, each with eigenvalues from those of the order before.
+
+        With (E0 P)'(E0 P) = L L' the models are T M T^-1, T = d^-1/2 L^-T and M = L^-1 (E0 P)'(E1 P) L^-T: L is triangular, so that
+        leading blocks of M and T serve all orders.
+        """
+        if self._sound:
+            over, under = self._triangles
+            return replace(self, nested=NestedEigen(under @ over, over, np.asarray(np.linalg.inv(over))))
+        return self
 
     def sides(self, n: int, eigen: Eigen) -> tuple[Sides, ...]:
         """Return F = y d^-1/2 (E0 P)# and v = Q d^-1/2 x."""
