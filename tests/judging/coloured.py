@@ -31,14 +31,23 @@ def coloured_response(structure: Structure, seed: int, lines: int = 500) -> Freq
         for i, by in enumerate(shifts)
     ]
     H = np.concatenate([lines_of(one, f) for one in each], axis=2)
-    sigma = np.sqrt(np.mean(np.abs(H) ** 2, axis=0) / 2) * 10 ** (-DECIBEL / 20)
-    white = sigma * _normal(rng, H.shape)
-    longer = _normal(rng, (lines + TOGETHER - 1, *H.shape[1:])) / np.sqrt(2 * TOGETHER)
-    sums = np.cumsum(np.concatenate([np.zeros((1, *H.shape[1:])), longer]), axis=0)
-    together = sums[TOGETHER:] - sums[:-TOGETHER]
+    white = white_errors(rng, H, 10 ** (-DECIBEL / 20))
+    together = unit_errors(rng, H.shape, TOGETHER)
     return FrequencyResponse(
         values=H + ERROR * np.abs(H) * together + white, frequencies=f, quantity=structure.quantity
     )
+
+
+def white_errors(rng: np.random.Generator, H: ComplexArray, part: float) -> ComplexArray:
+    """Return complex normal numbers of this part of the level of each channel."""
+    return np.asarray(part * np.sqrt(np.mean(np.abs(H) ** 2, axis=0) / 2) * _normal(rng, H.shape))
+
+
+def unit_errors(rng: np.random.Generator, shape: tuple[int, ...], together: int) -> ComplexArray:
+    """Return means over so many neighbouring complex normal numbers, of variance one."""
+    longer = _normal(rng, (shape[0] + together - 1, *shape[1:])) / np.sqrt(2 * together)
+    sums = np.cumsum(np.concatenate([np.zeros((1, *shape[1:])), longer]), axis=0)
+    return np.asarray(sums[together:] - sums[:-together])
 
 
 def coloured_gains(structure: Structure, lines: int = 500, *, exact: bool = False) -> RealArray:
@@ -53,7 +62,7 @@ def coloured_gains(structure: Structure, lines: int = 500, *, exact: bool = Fals
     x, s = 2j * np.pi * f, structure.poles
     H = lines_of(structure, f)
     K = np.maximum(1 - np.abs(np.subtract.outer(np.arange(lines), np.arange(lines))) / TOGETHER, 0)
-    columns = _columns(x, s)
+    columns = pole_columns(x, s)
     total = np.zeros(s.size)
     for o in range(H.shape[1]):
         for i in range(H.shape[2]):
@@ -79,7 +88,7 @@ def _covariance(columns: ComplexArray, C: ComplexArray, *, exact: bool) -> RealA
     return np.asarray(back @ (X.conj().T @ (C / np.outer(size, size)) @ X).real @ back / 2)
 
 
-def _columns(x: ComplexArray, s: ComplexArray) -> ComplexArray:
+def pole_columns(x: ComplexArray, s: ComplexArray) -> ComplexArray:
     """Return real and imaginary parts' functions of each pole, mode by mode, and the terms 1 and x^2 of either phase."""
     one, other = 1 / (x[:, None] - s), 1 / (x[:, None] - s.conj())
     modes = np.stack([one + other, 1j * (one - other)], axis=2).reshape(x.size, -1)

@@ -52,11 +52,14 @@ def test_residues_of_all_channels_are_those_of_weighted_least_squares(
         ([0, 2], {}, MORE[:, :0], all_lines),
         ([1], {"without": lobe}, MORE[:, :0], fewer),
         ([0, 3], {"beside": MORE}, MORE, all_lines),
+        ([0, 3], {"beside": MORE, "told": 1}, MORE, all_lines),
     ):
         a, B = fits.residues(np.array(which), **how)
         columns = np.hstack([TERMS, FUNCTIONS, more])
+        assert B.shape[1] == how.get("told", len(which))
         for c, channel in enumerate(np.ndindex(*SHAPE)):
             for k, mode in enumerate(which):
                 residue, covariance = by_hand(columns, [2 + 2 * mode, 3 + 2 * mode], channel, counted)
                 assert a[c, k] == pytest.approx(residue, rel=1e-9)
-                assert B[c, k] == pytest.approx(covariance, rel=1e-9)
+                if k < B.shape[1]:
+                    assert B[c, k] == pytest.approx(covariance, rel=1e-9)

@@ -12,7 +12,7 @@ import pytest
 from modalscope import DataError, stabilize
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.identification.sweep import Cut
-from modalscope.judging.stabilize import TOLERANCES, stable_against
+from modalscope.judging.stability import TOLERANCES, stable_against
 from modalscope.modal.eigenmodes import Eigenmodes
 from modalscope.model import FrequencyResponse, ImpulseResponse, ModalModel, Signals
 from tests.judging.made import NUDGE, Pole, at_angle, response_of

@@ -65,6 +65,20 @@ def test_a_mode_has_the_values_of_the_diagram_and_its_gain() -> None:
     assert all(c.facts["gain"] == c.gain > 10 * c.facts["noise_gain"] for c in found)
 
 
+@pytest.mark.parametrize(
+    ("coloured", "away", "group"), [(False, 0.2, 1), (False, 0.4, 0), (True, 0.4, 1), (True, 0.7, 0)]
+)
+def test_orders_give_the_values_of_a_mode_that_they_show_near_enough(coloured: bool, away: float, group: int) -> None:
+    # .3 half bandwidths; half of one where a resonance that shifts draws the refinement away
+    s = complex(POLES[0])
+    off = shown(0, factor=1 - 1j * away * s.real / s)
+    found = told(*off, *(p for j in (1, 2, 3) for p in shown(j)), coloured=coloured)
+    near = next(
+        c for c in found if abs(c.frequency - abs(s) / (2 * np.pi)) < 1.5 * -s.real / (2 * np.pi) and not c.against
+    )
+    assert near.members.size == group * len(ORDERS)
+
+
 def test_the_noise_gain_is_the_bound_in_deviations() -> None:
     trial, _ = trial_of(*ALL)
     assert trial.bar == pytest.approx(np.sqrt(trial.arena.bar / 2))
@@ -253,6 +267,21 @@ def test_a_mode_that_one_input_alone_shows_says_so() -> None:
     response = replace(data(), values=data().values + R / (x - lone) + R / (x - lone.conj()))
     found = modes(told(*ALL, response=response))
     assert [c.facts.get("rests_on") for c in found] == [None] * 4 + [response.input_dofs[0]]
+
+
+@pytest.mark.parametrize(("standing", "listed"), [(1.1, True), (0.9, False)])
+def test_of_coloured_data_what_noise_may_explain_is_no_mode_at_however_many_orders(
+    standing: float, listed: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trial, groups = trial_of(*ALL, coloured=True)
+    monkeypatch.setattr(Trial, "recounted", lambda self, which: np.full(len(which), standing))
+    gain = trial.found.gain.copy()
+    gain[0] = 0.9 * trial.arena.bar
+    found = verdicts(replace(trial, found=replace(trial.found, gain=gain)), groups)
+    weak = next(c for c in found if abs(c.frequency - 9) < 0.1)
+    assert weak.members.size == len(ORDERS)
+    assert any("noise alone may explain" in why for why in weak.against) is not listed
+    assert all(not c.against for c in found if c.frequency > 10)
 
 
 # -------------------------------------------------------------------------------------------------------------- the whole way

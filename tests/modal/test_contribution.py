@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from modalscope.modal.contribution import contributions, peak_sizes
-from modalscope.model.response import output_scale
+from modalscope.model.output_levels import output_scale
 from modalscope.systems import chain5
 
 MODES = chain5().modes()

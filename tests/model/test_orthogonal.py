@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.model.orthogonal import energy_left, less, resolved
+from modalscope.model.orthogonal import energy_left, less, resolved, scaled_span
 
 
 @pytest.mark.parametrize("noise", [1e-2, 1e-9])
@@ -44,3 +44,17 @@ def test_what_columns_see_of_data_is_what_an_orthogonal_basis_sees(rows: int, ap
     error = 1e-14 * rows / apart  # rounding of the sums times the condition
     np.testing.assert_allclose(seen * sign, Q.T @ D, atol=error)
     np.testing.assert_allclose(R * sign / np.abs(S).max(axis=0), S / np.abs(S).max(axis=0), atol=error)
+
+
+def test_the_span_of_scaled_columns_has_no_dependent_and_no_empty_directions() -> None:
+    rng = np.random.default_rng(8)
+    X = rng.standard_normal((200, 4)) * [1.0, 1e8, 1e-8, 1.0]
+    columns = np.column_stack([X[:, :2], np.zeros(200), X[:, 2:], X[:, 0] - X[:, 3]])
+    before = columns.copy()
+    Q = scaled_span(columns)
+    assert Q.shape == (200, 4)
+    np.testing.assert_allclose(Q.T @ Q, np.eye(4), atol=1e-13)
+    X = X / np.linalg.norm(X, axis=0)
+    np.testing.assert_allclose(Q @ (Q.T @ X), X, atol=1e-13)
+    np.testing.assert_array_equal(columns, before)
+    assert scaled_span(np.zeros((5, 2))).shape == (5, 0)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from modalscope.model.pole_functions import line_functions, sample_functions
+from modalscope.model.poles import powers_of
 
 POLES = np.array([-0.3 + 9.0j, -2.0 + 0j, -0.8 + 21.0j])
 RESIDUES = np.array([1.0 - 2.0j, 3.0 + 0j, -0.5 + 0.7j])
@@ -45,3 +46,18 @@ def test_a_pole_that_grows_beyond_all_numbers_has_functions_that_are_numbers() -
     assert np.all(np.isfinite(found.T @ found))
     alone = sample_functions(10.0, 0, 4000, np.array([-0.1 + 4j]), slopes=True)
     np.testing.assert_array_equal(found[:, [4, 5, 10, 11]], alone)
+
+
+def test_what_has_faded_is_zero_and_not_a_number_below_the_smallest_normal_one() -> None:
+    # with such numbers processors reckon up to a hundred times slower; their squares are none
+    slow, swift = -2 + 30j, -80 + 30j
+    found = sample_functions(10.0, 2, 400, np.array([slow, swift, -1e5 + 30j]), slopes=True)
+    t = (np.arange(400) + 2) / 10
+    for k, s in ((0, slow), (2, swift)):
+        expected = 2 * np.exp(s * t)
+        kept = np.abs(expected) > 1e-140
+        assert np.all(np.abs(found[kept, k] - expected.real[kept]) <= 1e-12 * np.abs(expected[kept]))
+        assert not np.any(found[np.abs(expected) < 1e-155, k])
+    assert np.all(found[:, 0] != 0)
+    assert not np.any((found != 0) & (np.abs(found) < 1e-170))
+    assert powers_of([0.5, 0.0], 4, rows=True).tolist() == powers_of([0.5, 0.0], 4).T.tolist()

@@ -161,7 +161,9 @@ def calibration(truth: ModalModel, found: RealArray) -> Calibration:
         typical = _median(std)
         inside = np.sum(np.abs(error) <= _Z * std, axis=0) / np.sum(np.isfinite(std), axis=0)
         size = np.sqrt(np.nansum(error**2, axis=0) / there)
-    return Calibration((mean / typical).T, (spread / typical).T, inside.T, size.T, there.T.astype(float))
+        # a deviation of nothing, as of the damping ratio of a real pole, is passed by no error
+        bias, ratio = mean / typical, spread / typical
+    return Calibration(bias.T, ratio.T, inside.T, size.T, there.T.astype(float))
 
 
 def _judged(truth: ModalModel, own: RealArray) -> RealArray:

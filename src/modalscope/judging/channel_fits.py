@@ -2,6 +2,8 @@
 
 With columns X of a channel, its covariance C = D T D of errors, D their deviations and T what they have in common: residues
 a = (X' D^-2 X)^-1 X' D^-2 y have the covariance B = M^-1 X' D^-1 T D^-1 X M^-1 / 2 with M = X' D^-2 X.
+
+Channels differ by their weights alone, so that the M of all of them are one product of weights with products of columns, line by line.
 """
 
 from __future__ import annotations
@@ -34,13 +36,13 @@ class ChannelFits:
     """
 
     def __init__(self, terms: RealArray, functions: RealArray, data: RealArray, errors: ColouredErrors) -> None:
-        self._columns, self._first, self._errors = np.hstack([terms, functions]), terms.shape[1], errors
-        self._data = data.reshape(len(data), -1)
-        self._weights = np.tile(1 / errors.variance.reshape(-1, self._data.shape[1]), (2, 1))
-        self._known: dict[int, tuple[RealArray, RealArray]] = {}
+        self._columns, self._first = np.vstack([terms.T, functions.T]), terms.shape[1]
+        self._data, self._errors = data.reshape(len(data), -1), errors
+        self._weights = 1 / errors.variance.reshape(-1, self._data.shape[1])
+        self._known: tuple[RealArray, RealArray] | None = None
 
     def residues(
-        self, which: Array, without: Array | None = None, beside: RealArray | None = None
+        self, which: Array, without: Array | None = None, beside: RealArray | None = None, told: int | None = None
     ) -> tuple[RealArray, RealArray]:
         """Return residues a (c, k, 2) of modes in all channels, and their covariances B (c, k, 2, 2).
 
@@ -52,54 +54,76 @@ class ChannelFits:
             Lines that do not count.
         beside : array, (K, 2 b), optional
             More columns in pairs, which count as modes behind those that there are.
+        told : int, optional
+            How many of the modes, from the first on, have a covariance; by default all.
         """
-        columns = self._columns if beside is None else np.hstack([self._columns, beside])
+        columns = self._columns if beside is None else np.vstack([self._columns, beside.T])
         own = (self._first + 2 * np.asarray(which)[:, None] + [0, 1]).ravel()
-        channels, pairs = self._data.shape[1], (len(which), 2)
-        a, B = np.empty((channels, *pairs)), np.empty((channels, *pairs, 2))
-        step = max(_TOGETHER // (len(columns) * max(own.size, 1)), 1)
+        told = len(which) if told is None else told
+        channels, weights = self._data.shape[1], self._weights
+        if without is not None:
+            weights = weights.copy()
+            weights[without] = 0
+        a, B = np.empty((channels, len(which), 2)), np.empty((channels, told, 2, 2))
+        step = max(_TOGETHER // (columns.shape[1] * max(2 * told, 1)), 1)
         for some in (slice(first, first + step) for first in range(0, channels, step)):
-            weights = self._weights[:, some].T.copy()
-            if without is not None:
-                weights[:, np.append(without, without + len(columns) // 2)] = 0
             # rows are those of a symmetric matrix
-            back = np.array([self._inverse(c, without, beside)[own] for c in range(channels)[some]])
-            from_errors = (back.reshape(-1, columns.shape[1]) @ columns.T).reshape(len(back), own.size, -1)
-            from_errors *= np.sqrt(weights)[:, None]
-            target = self._data[:, some].T * np.sqrt(weights)
-            a[some] = np.einsum("cik,ck->ci", from_errors, target).reshape(-1, *pairs)
+            back = self._inverses(some, without, beside)[:, own]
+            level = np.tile(weights[:, some].T, 2)
+            target = columns @ (level * self._data[:, some].T).T
+            a[some] = np.einsum("cik,kc->ci", back, target).reshape(-1, len(which), 2)
+            from_errors = (back[:, : 2 * told].reshape(-1, len(columns)) @ columns).reshape(len(back), 2 * told, -1)
+            from_errors *= np.sqrt(level, out=level)[:, None]
             real, imag = np.split(from_errors, 2, axis=2)
-            B[some] = self._errors.covariances(some, (real + 1j * imag).reshape(-1, *pairs, real.shape[2])) / 2
+            B[some] = self._errors.covariances(some, (real + 1j * imag).reshape(-1, told, 2, real.shape[2])) / 2
         return a, B
 
-    def _inverse(self, channel: int, without: Array | None, beside: RealArray | None) -> RealArray:
-        """Return M^-1 of a channel; with more columns from the one without, by Schur's complement."""
-        M, known = self._normal(channel)
+    def _inverses(self, some: slice, without: Array | None, beside: RealArray | None) -> RealArray:
+        """Return M^-1 of channels; with more columns from those without, by Schur's complement."""
+        M, known = self._normals(some)
+        weights = self._weights[:, some]
         if without is not None:
-            left_out = self._weighted(self._columns, channel, np.append(without, without + len(self._columns) // 2))
-            return _inverse(M - left_out.T @ left_out)
+            count = len(weights)
+            left_out = self._columns[:, np.append(without, without + count)]
+            return _inverses(M - _products(left_out, left_out, weights[without]))
         if beside is None:
             return known
-        E = self._weights[:, [channel]] * beside
-        across = self._columns.T @ E
+        more = beside.T
+        across = _products(self._columns, more, weights)
         explained = known @ across
-        own = _inverse(beside.T @ E - across.T @ explained)
-        told = explained @ own
-        return np.block([[known + told @ explained.T, -told], [-told.T, own]])
+        own = _inverses(_products(more, more, weights) - across.transpose(0, 2, 1) @ explained)
+        shared = explained @ own
+        upper = np.concatenate([known + shared @ explained.transpose(0, 2, 1), -shared], axis=2)
+        return np.concatenate([upper, np.concatenate([-shared.transpose(0, 2, 1), own], axis=2)], axis=1)
 
-    def _normal(self, channel: int) -> tuple[RealArray, RealArray]:
-        """Return M and M^-1 of a channel, held while they are few numbers."""
-        found = self._known.get(channel)
-        if found is None:
-            Z = self._weighted(self._columns, channel)
-            M = Z.T @ Z
-            found = M, _inverse(M)
-            if (len(self._known) + 1) * M.size <= _HELD:
-                self._known[channel] = found
-        return found
+    def _normals(self, some: slice) -> tuple[RealArray, RealArray]:
+        """Return M and M^-1 of channels, those of all held while they are few numbers."""
+        whole = self._data.shape[1] * len(self._columns) ** 2 <= _HELD
+        if not whole or self._known is None:
+            M = _products(self._columns, self._columns, self._weights if whole else self._weights[:, some])
+            found = M, _inverses(M)
+            if not whole:
+                return found
+            self._known = found
+        return self._known[0][some], self._known[1][some]
 
-    def _weighted(self, columns: RealArray, channel: int, rows: Array | slice = slice(None)) -> RealArray:
-        return np.asarray(columns[rows] * np.sqrt(self._weights[rows, channel])[:, None])
+
+def _products(left: RealArray, right: RealArray, weights: RealArray) -> RealArray:
+    """Return the products of columns (k, K) and (b, K) under weights (F, c) of lines, real parts above imaginary ones, (c, k, b)."""
+    lines, same = len(weights), left is right
+    found = np.empty((weights.shape[1], len(left), len(right)))
+    (x, x_imag), (y, y_imag) = ((each[:, :lines], each[:, lines:]) for each in (left, right))
+    for j in range(len(right)):
+        first = j if same else 0
+        line_by_line = x[first:] * y[j] + x_imag[first:] * y_imag[j]
+        found[:, first:, j] = (line_by_line @ weights).T
+        if same:
+            found[:, j, j:] = found[:, j:, j]
+    return found
+
+
+def _inverses(M: RealArray) -> RealArray:
+    return np.array([_inverse(each) for each in M]).reshape(M.shape)
 
 
 def _inverse(M: RealArray) -> RealArray:

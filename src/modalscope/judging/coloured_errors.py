@@ -72,8 +72,14 @@ class ColouredErrors:
         rows : array of complex, (c, k, 2, F)
         """
         s2 = self.share.reshape(len(self.share), -1)[:, channels].T[:, None, None]
-        even, own = np.sqrt(1 - s2) * rows, np.sqrt(s2) * rows
+        even, own = (_times(rows, np.sqrt(level)) for level in (1 - s2, s2))
         return _form(self.even, even) + _form(self.own, own)
+
+
+def _times(rows: ComplexArray, factors: RealArray) -> ComplexArray:
+    """Return complex rows times real factors, in half the time of complex ones."""
+    both = rows.view(np.float64).reshape(*rows.shape, 2) * factors[..., None]
+    return np.asarray(both.reshape(*rows.shape[:-1], -1).view(np.complex128))
 
 
 def errors_of(left: ComplexArray, data: ComplexArray, even: RealArray, unknown: int) -> ColouredErrors:
@@ -127,9 +133,13 @@ def _ended(r: RealArray, known: RealArray) -> RealArray:
 
 def _at_lags(u: Array) -> RealArray:
     """Return sum Re u_k conj u_k+i of columns (F, c) for i = 1, 2, ..."""
-    count = len(u)
-    power = np.sum(np.abs(sfft.fft(u, sfft.next_fast_len(2 * count), axis=0)) ** 2, axis=1)
-    return np.asarray(sfft.ifft(power).real[1 : min(_LAGS, count)])
+    lags = min(_LAGS, len(u))
+    size = sfft.next_fast_len(len(u) + lags)
+    spectra = sfft.fft(u.T, size) if np.iscomplexobj(u) else sfft.rfft(u.T, size)
+    parts = spectra.view(np.float64).reshape(len(spectra), -1, 2)
+    power = np.einsum("ckr,ckr->k", parts, parts)
+    back = sfft.ifft(power).real if np.iscomplexobj(u) else sfft.irfft(power, size)
+    return np.asarray(back[1:lags])
 
 
 def _form(correlation: RealArray, rows: ComplexArray) -> RealArray:

@@ -12,8 +12,8 @@ from modalscope.modal.contribution import of_diagram, peak_sizes
 from modalscope.modal.indicators import cmif, prominence
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.diagram import StabilizationDiagram
+from modalscope.model.output_levels import output_scale
 from modalscope.model.poles import frequencies_and_damping, poles_from
-from modalscope.model.response import output_scale
 
 __all__ = [
     "CERTAIN",
@@ -91,7 +91,7 @@ class Candidate:
     """Poles of several orders that agree, what speaks for them, and what against (empty when they are a mode).
 
     The gain is by how many standard deviations the data are explained better with it, where that is known. `own` stands in for the
-    members where there are none.
+    members where there are none. `residue` (l, m) is that of data which need more poles than there are modes: see `one_residue`.
     """
 
     members: Array
@@ -101,6 +101,7 @@ class Candidate:
     against: tuple[str, ...]
     gain: float = np.nan
     own: Own | None = None
+    residue: ComplexArray | None = None
 
 
 def oscillations(diagram: StabilizationDiagram) -> Poles:

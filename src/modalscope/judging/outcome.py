@@ -34,10 +34,7 @@ def modes_of(
     """Wrap the chosen modes: median poles, and residues fitted together from the shapes that are nearest to all others of a mode."""
     response = diagram.response
     values = poles_from([c.frequency for c in chosen], [c.damping for c in chosen])
-    shapes = np.zeros((response.values.shape[1], 0), complex)
-    if chosen:
-        shapes = np.stack([_middle(poles, c) for c in chosen], axis=1)
-    shapes, fitted = joint_residues(response, values, shapes)
+    shapes, fitted = _residues(response, values, chosen, poles)
     spreads = [_spread(poles, c) for c in chosen]
     model = ModalModel(
         poles=values,
@@ -59,6 +56,27 @@ def modes_of(
     told = [note for note in diagram.notes if note.kind == KIND]
     notes = (*told, *response.untold, *withheld(model), *_undecided(diagram, left), *_none(diagram, chosen, left))
     return replace(model, reasons=reasons, notes=notes).normalized("unit")
+
+
+def _residues(
+    response: Response, values: ComplexArray, chosen: list[Candidate], poles: Poles
+) -> tuple[ComplexArray, dict[str, Any]]:
+    """Return shapes, participation and terms: residues that are known as the nearest of rank one, the others fitted to what these leave."""
+    outputs, inputs = response.values.shape[1], len(response.input_dofs)
+    shapes, participation = np.zeros((outputs, len(chosen)), complex), np.zeros((len(chosen), inputs), complex)
+    known = np.array([c.residue is not None for c in chosen], dtype=bool)
+    for j, c in enumerate(chosen):
+        if c.residue is None:
+            shapes[:, j] = _middle(poles, c)
+        else:
+            U, d, Vh = np.linalg.svd(c.residue, full_matrices=False)
+            shapes[:, j], participation[j] = U[:, 0], d[0] * Vh[0]
+    if not known.any():
+        return joint_residues(response, values, shapes)
+    held = values[known], shapes[:, known], participation[known]
+    shapes[:, ~known], fitted = joint_residues(response, values[~known], shapes[:, ~known], held)
+    participation[~known] = fitted["participation"]
+    return shapes, {**fitted, "participation": participation}
 
 
 def _undecided(diagram: StabilizationDiagram, candidates: Sequence[Candidate]) -> tuple[Note, ...]:

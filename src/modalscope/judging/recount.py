@@ -156,13 +156,13 @@ class Recount:
         second = (problem.columns(poles + step)[1] - problem.columns(poles - step)[1]) / np.repeat(2 * step, 2)
         count, b = len(self.descent.point.poles), len(hosts)
         which = np.array([one, *hosts, *(count + np.arange(b))])
-        a, B = self.fits.residues(which, beside=np.hstack([first, second]))
+        a, B = self.fits.residues(which, beside=np.hstack([first, second]), told=b + 1)
         told = inverse(B)
-        strength = np.einsum("cki,ckij,ckj->k", a, told, a)
-        level = np.trace(told[:, 1 : b + 1], axis1=2, axis2=3)
+        strength = np.einsum("cki,ckij,ckj->k", a[:, : b + 1], told, a[:, : b + 1])
+        level = np.trace(told[:, 1:], axis1=2, axis2=3)
         sizes, shifts = (np.sum(level * np.sum(part**2, axis=2), axis=0) for part in (a[:, 1 : b + 1], a[:, b + 1 :]))
         apart = np.sqrt(shifts / np.maximum(sizes, 1e-300)) / -poles.real
-        return float(np.sqrt(strength[0]) - np.sum(_THIRD * apart**3 * np.sqrt(strength[1 : b + 1])))
+        return float(np.sqrt(strength[0]) - np.sum(_THIRD * apart**3 * np.sqrt(strength[1:])))
 
     def standing(self, which: Array) -> RealArray:
         """Return the gains of modes, in deviations and relative to what errors may explain, (k,): above one they stand out.

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from modalscope.identification.lookup import find_method
+from modalscope.identification.measured import Measured
 from modalscope.identification.pipeline import factor
-from modalscope.identification.prepare import Measured, pose
+from modalscope.identification.prepare import pose
 from modalscope.identification.refine import refine
 from modalscope.identification.sweep import Sweep
 from modalscope.judging.select import select

@@ -18,20 +18,16 @@ from modalscope.identification.pipeline import Pipeline
 from modalscope.identification.prepare import prepare
 from modalscope.identification.sweep import Cut, Sweep, start
 from modalscope.judging.growth import grown
-from modalscope.modal.indicators import mac
-from modalscope.model.checks import Array, DataError, check_kind, check_positive
+from modalscope.judging.stability import limits_of, stable_against
+from modalscope.model.checks import Array, DataError
 from modalscope.model.crew import working
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.keywords import named
 from modalscope.model.notes import Note
-from modalscope.model.poles import frequencies_and_damping
 from modalscope.model.record_residual import UNMEASURED
 from modalscope.model.shown import counted
 
-__all__ = ["TOLERANCES", "Watch", "collected", "stabilize", "stabilized", "stable_against"]
-
-#: A pole is stable when one of the order before differs by less: relative frequency, relative damping, 1 - MAC.
-TOLERANCES = {"frequency": 0.01, "damping": 0.05, "shape": 0.05}
+__all__ = ["Watch", "collected", "stabilize", "stabilized"]
 
 Progress = Callable[[int, int], None]
 
@@ -166,7 +162,7 @@ def stabilized(
         Whether nobody asked for just these: then some order is always found.
     tolerances, progress, watch, deviations : optional
     """
-    limits = _limits(tolerances)
+    limits = limits_of(tolerances)
     return swept(start(problem, asked, automatic=automatic, deviations=deviations), asked, limits, progress, watch)
 
 
@@ -186,7 +182,7 @@ def swept(
         Orders that were asked for.
     tolerances, progress, watch : optional
     """
-    limits, cuts = _limits(tolerances), []
+    limits, cuts = limits_of(tolerances), []
     for cut in found:
         cuts.append(cut)
         if watch is not None:
@@ -200,19 +196,6 @@ def swept(
     return replace(
         collected(found.pipeline, cuts, limits, (*found.notes, *found.told(cuts))), asked_orders=tuple(asked)
     )
-
-
-def _limits(tolerances: Mapping[str, float] | None) -> dict[str, float]:
-    given = {} if tolerances is None else tolerances
-    check_kind("tolerances", given, Mapping)
-    limits = {**TOLERANCES, **{k: check_positive(k, v) for k, v in given.items()}}
-    if set(limits) != set(TOLERANCES):
-        raise DataError(
-            f"tolerances for {', '.join(sorted(map(str, limits)))} were asked",
-            f"there are {', '.join(TOLERANCES)}",
-            "Correct the names.",
-        )
-    return limits
 
 
 def collected(
@@ -281,27 +264,3 @@ def _deviations(cuts: Sequence[Cut]) -> dict[str, Any]:
         "frequencies_std": np.concatenate([std.frequency[index] for std, index in reported]),
         "damping_ratios_std": np.concatenate([std.damping_ratio[index] for std, index in reported]),
     }
-
-
-def stable_against(before: Cut, after: Cut, limits: Mapping[str, float] = TOLERANCES) -> Array:
-    """Return for each pole of `after` whether frequency, damping and shape are those of one pole of `before`, (3, k).
-
-    Parameters
-    ----------
-    before, after : Cut
-    limits : mapping
-        Tolerances of stability, all three.
-    """
-    new, old = after.reported, before.reported
-    if not old.size or not new.size:
-        return np.zeros((3, new.size), bool)
-    f, zeta = frequencies_and_damping(after.modal.poles[new])
-    g, eta = frequencies_and_damping(before.modal.poles[old])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        frequency = np.abs(f[:, None] - g) <= limits["frequency"] * np.minimum(f[:, None], g)
-        damping = np.abs(zeta[:, None] - eta) <= limits["damping"] * np.maximum(np.abs(zeta[:, None]), np.abs(eta))
-    shape = 1 - mac(after.modal.shapes[:, new], before.modal.shapes[:, old]) <= limits["shape"]
-    # damping and shape are compared with the poles of the same frequency only, and the best of them is taken
-    score = frequency * (1 + damping + shape + (damping & shape))
-    best, rows = np.argmax(score, axis=1), np.arange(new.size)
-    return np.stack([frequency[rows, best], (frequency & damping)[rows, best], (frequency & shape)[rows, best]])

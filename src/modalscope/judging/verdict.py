@@ -15,6 +15,8 @@ from modalscope.judging.arena import Arena
 from modalscope.judging.contest import Outcome, gains_beside
 from modalscope.judging.evidence import LEAST_PERSISTENCE, Candidate, Evidence, Own, judge, peaks
 from modalscope.judging.likeness import collinear
+from modalscope.judging.objections import left_open, rarely_shown, too_little
+from modalscope.judging.one_residue import one_residue
 from modalscope.judging.tracking import GAP, Poles
 from modalscope.modal.contribution import contributions
 from modalscope.modal.indicators import mac
@@ -31,9 +33,6 @@ _DAMPED = 0.1
 #: A mode is sure when frequency and damping are known to this part of the half bandwidth and of the damping ratio, and values of
 #: the diagram stand for it within this part of a half bandwidth.
 _SURE = 0.3
-
-#: What is open by more than this tells nothing.
-_ANYWHERE = 10.0
 
 #: Of coloured data, where a resonance that shifts draws a refinement away, within this part.
 _SHIFTED = 0.5
@@ -120,6 +119,21 @@ class Trial:
             both = self.found.as_one(j, parts)
         return (both[0] / (f * zeta), both[1] / zeta) if zeta > 0 else (np.inf, np.inf)
 
+    def residue(self, candidate: Candidate, family: Array) -> ComplexArray | None:
+        """Return the residue of a mode at the values it is listed with, from its poles; None of white data, which the list explains.
+
+        Parameters
+        ----------
+        candidate : Candidate
+        family : array of int
+        """
+        if not self.arena.coloured:
+            return None
+        listed = complex(poles_from(candidate.frequency, candidate.damping)) - self.diagram.response.added_damping
+        shapes, participation = self.found.residues
+        each = np.einsum("ok,ki->koi", shapes[:, family], participation[family])
+        return one_residue(self.arena.problem.light, listed, self.found.poles[family], each)
+
 
 def verdicts(trial: Trial, groups: list[Array]) -> list[Candidate]:
     """Return modes and all that was found beside them, these with what speaks against them.
@@ -139,10 +153,11 @@ def verdicts(trial: Trial, groups: list[Array]) -> list[Candidate]:
         for j in np.flatnonzero(host == np.arange(len(host)))
     }
     least = _SHARE * len(trial.poles.orders)
-    few = [j for j, each in mine.items() if max((c.members.size for c in each), default=0) < least]
-    few = few if trial.arena.coloured else []
-    again = dict(zip(few, trial.recounted(np.array(few, dtype=int)), strict=True))
-    modes = {j: _mode(trial, j, each, fit, host, again.get(j)) for j, each in mine.items()}
+    few = {j: max((c.members.size for c in each), default=0) < least for j, each in mine.items()}
+    weak = (trial.gain < trial.bar) & (trial.found.recount is not None)
+    doubted = [j for j in mine if few[j] or weak[j]] if trial.arena.coloured else []
+    again = dict(zip(doubted, trial.recounted(np.array(doubted, dtype=int)), strict=True))
+    modes = {j: _mode(trial, j, each, fit, host, again.get(j), few[j]) for j, each in mine.items()}
     parts = [_part(trial, int(j), modes[host[j]], fit) for j in np.flatnonzero(host != np.arange(len(host)))]
     left = _left(trial, [each for each, mode in zip(known, shown, strict=True) if mode < 0])
     return [*modes.values(), *parts, *left]
@@ -163,14 +178,9 @@ def _shown_by(trial: Trial, groups: list[Array]) -> list[int]:
     return shown
 
 
-def _left_open(apart: float, damped: float) -> str:
-    """Say how far the data leave open where a mode lies, in half bandwidths and as a part of its damping."""
-    if not (apart < _ANYWHERE and damped < _ANYWHERE):
-        return "the data leave its frequency open by many half bandwidths, or its damping by many times its value"
-    return f"the data leave its frequency open by {apart:.2g} half bandwidths and its damping by {100 * damped:.2g} %"
-
-
-def _mode(trial: Trial, j: int, groups: list[Candidate], fit: float, host: IntArray, again: float | None) -> Candidate:
+def _mode(
+    trial: Trial, j: int, groups: list[Candidate], fit: float, host: IntArray, again: float | None, rare: bool
+) -> Candidate:
     """Return a mode with its gain, and what speaks against it: values that the data leave open, or too few orders."""
     several = bool(np.any(np.delete(host, j) == j))
     reach = _SHIFTED if trial.arena.coloured else _SURE
@@ -178,27 +188,28 @@ def _mode(trial: Trial, j: int, groups: list[Candidate], fit: float, host: IntAr
     best = max(near, key=lambda c: c.members.size) if near else _by_itself(trial, j, fit)
     f, zeta = (float(v) for v in frequencies_and_damping(trial.settled[j]))
     low, high = trial.diagram.response.reported_band(trial.diagram.settings.band)
-    few = again is not None and again <= 1
+    few = rare and again is not None and again <= 1
+    gain = max(trial.gain[j], again * trial.bar if rare and again is not None and again > 1 else 0.0)
     against = []
     if not low <= f <= high:
         against.append(f"lies outside the band, at {f:.5g} Hz")
     if few:
-        against.append(
-            f"shown at {best.members.size} of {len(trial.poles.orders)} orders only, in data whose errors are no white noise"
-        )
-    gain = max(trial.gain[j], again * trial.bar if again is not None and again > 1 else 0.0)
+        against.append(rarely_shown(int(best.members.size), len(trial.poles.orders)))
+    elif again is not None and again <= 1:
+        against.append(too_little(gain, trial.bar, coloured=True))
     # what tells more of a mode tells more of where it lies
     apart, damped = (deviation * trial.gain[j] / gain for deviation in trial.left_open(j, host))
     if zeta >= _DAMPED and not groups:
         against.append(f"damped by {100 * zeta:.2g} %, which no orders show: it may stand for modes outside the band")
     if not (apart < _SURE and damped < _SURE):
-        against.append(_left_open(apart, damped))
+        against.append(left_open(apart, damped))
     undecided: dict[str, Any] = (
         {"late": True} if few and len(against) == 1 and zeta < _DAMPED and _late(best, trial) else {}
     )
     if several and not trial.arena.coloured:
         undecided = {"cluster": int(np.sum(host == j))}
-    known = replace(best, against=tuple(against), facts=best.facts | _alone(trial, j) | undecided)
+    residue = trial.residue(best, np.flatnonzero(host == j))
+    known = replace(best, against=tuple(against), facts=best.facts | _alone(trial, j) | undecided, residue=residue)
     return _with_gain(trial, known, gain)
 
 
@@ -248,7 +259,8 @@ def _part(trial: Trial, j: int, host: Candidate, fit: float) -> Candidate:
     shifts = "part of the mode at {:.5g} Hz: a resonance that shifts while it is measured needs several poles"
     close = "one of a cluster with the mode at {:.5g} Hz: the data need both and cannot tell them apart"
     against = ((shifts if trial.arena.coloured else close).format(host.frequency),)
-    return _with_gain(trial, replace(_by_itself(trial, j, fit), against=against), trial.gain[j])
+    part = _by_itself(trial, j, fit)
+    return _with_gain(trial, replace(part, against=against, residue=trial.residue(part, np.array([j]))), trial.gain[j])
 
 
 def _with_gain(trial: Trial, candidate: Candidate, gain: float) -> Candidate:
@@ -266,12 +278,8 @@ def _left(trial: Trial, groups: list[Candidate]) -> list[Candidate]:
         return []
     poles = poles_from([c.frequency for c in each], [c.damping for c in each])
     gain = np.sqrt(gains_beside(trial.arena, trial.found, poles - trial.diagram.response.added_damping) / 2)
-    return [_with_gain(trial, replace(c, against=(_too_little(trial, g),)), g) for c, g in zip(each, gain, strict=True)]
-
-
-def _too_little(trial: Trial, gain: float) -> str:
-    """Return why what a group explains makes no mode: noise may explain it, or errors that are no white noise."""
-    text = f"beside the modes it explains {gain:.1f} standard deviations of the noise; noise alone may explain {trial.bar:.1f}"
-    if gain > trial.bar and trial.found.recount is not None:
-        text += ", and more than that is needed here: it does not stand out of the errors of these data, which are no white noise"
-    return text
+    coloured = trial.found.recount is not None
+    return [
+        _with_gain(trial, replace(c, against=(too_little(g, trial.bar, coloured=coloured),)), g)
+        for c, g in zip(each, gain, strict=True)
+    ]

@@ -11,7 +11,8 @@ import numpy as np
 
 from modalscope.model.checks import Array, RealArray
 from modalscope.model.diagram import StabilizationDiagram
-from modalscope.model.response import Response, output_scale
+from modalscope.model.output_levels import output_scale
+from modalscope.model.response import Response
 
 __all__ = ["contributions", "of_diagram", "peak_sizes"]
 

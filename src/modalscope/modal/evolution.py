@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from modalscope.blocks.evolved import ModalSide
-from modalscope.modal.indicators import agreement, coherence, decay_step
+from modalscope.modal.amplitudes import agreement, coherence
+from modalscope.modal.indicators import decay_step
 from modalscope.model.checks import RealArray
 
 __all__ = ["followed"]

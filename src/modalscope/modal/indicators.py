@@ -11,15 +11,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from modalscope.modal.amplitudes import agreement, coherence
 from modalscope.modal.indicator_functions import cmif, mmif, prominence
-from modalscope.model.checks import (
-    Array,
-    ComplexArray,
-    DataError,
-    RealArray,
-    check_axes,
-    complex_array,
-)
+from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_axes, complex_array
 from modalscope.model.entries import plainly
 from modalscope.model.keywords import named
 from modalscope.model.modes import ModalModel
@@ -179,7 +173,8 @@ def clusters(poles: ArrayLike, width: float = 2e-3) -> list[Array]:
     """
     s = np.asarray(poles, dtype=np.complex128)
     near = np.abs(s[:, None] - s) <= width * np.maximum(np.abs(s[:, None]), np.abs(s))
-    left, groups = set(range(s.size)), []
+    alone = np.count_nonzero(near, axis=1) <= 1
+    left, groups = set(np.flatnonzero(~alone).tolist()), [np.array([i]) for i in np.flatnonzero(alone)]
     while left:
         group, edge = set(), {min(left)}
         while edge:
@@ -187,7 +182,7 @@ def clusters(poles: ArrayLike, width: float = 2e-3) -> list[Array]:
             edge = {int(j) for i in edge for j in np.flatnonzero(near[i])} - group
         groups.append(np.array(sorted(group)))
         left -= group
-    return groups
+    return sorted(groups, key=lambda group: int(group[0]))
 
 
 @plainly
@@ -207,13 +202,6 @@ def amplitude_coherence(identified: Array, first: Array, evolution: Array) -> Re
     inner = np.einsum("kcn,cn,kn->n", identified.conj(), first, evolution, optimize=True)
     ideal = np.sum(np.abs(first) ** 2, axis=0) * np.sum(np.abs(evolution) ** 2, axis=0)
     return coherence(inner, np.sum(np.abs(identified) ** 2, axis=(0, 1)), ideal)
-
-
-def coherence(inner: Array, identified: Array, expected: Array) -> RealArray:
-    """Return |<q, e>| / (|q| |e|) of each mode from the inner product and the squared norms, 0 to 1; 0 without amplitude."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        value = np.abs(inner) / (np.sqrt(identified) * np.sqrt(expected))
-    return np.where(np.isfinite(value), np.minimum(value, 1.0), 0.0)
 
 
 @plainly
@@ -251,15 +239,6 @@ def emac_channels(identified: Array, expected: Array) -> RealArray:
     check_axes(identified=(identified, 2), expected=(expected, 2))
     product = identified * np.conj(expected)
     return agreement(product.real, product.imag, _squared(identified), _squared(expected))
-
-
-def agreement(real: RealArray, imaginary: RealArray, identified: RealArray, expected: RealArray) -> RealArray:
-    """Return `emac_channels` from Re and Im of a conj(e), whose angle is the phase between both, |a|^2 and |e|^2."""
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore", under="ignore"):
-        ratio = np.sqrt(np.minimum(identified, expected) / np.maximum(identified, expected))
-    phase = np.arctan2(np.abs(imaginary), real)
-    # where both are zero, or beyond numbers, there is no ratio, and nothing agrees
-    return np.asarray(np.fmax(ratio * (1 - 4 / np.pi * phase), 0.0))
 
 
 def _squared(values: Array) -> RealArray:

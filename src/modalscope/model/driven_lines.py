@@ -85,8 +85,19 @@ class DrivenLines:
         g = np.stack([np.where(alone, own, own + pair), np.where(alone, 0, 1j * (own - pair))], axis=2)
         driven = self.drives[:, :, None] * g.reshape(len(g), 1, -1)
         inputs, ends = np.split(self.drives, [self.inputs], axis=1)
-        terms = [inputs * relative[:, None] ** k for k in powers]
-        terms += [ends * relative[:, None] ** (k - 1) for k in powers if k]
-        parts = (np.hstack(terms), driven.reshape(len(g), -1), values)
-        rows, functions, data = (np.concatenate([part.real, part.imag]) for part in parts)
+        terms = [(inputs, k) for k in powers] + [(ends, k - 1) for k in powers if k]
+        rows = np.empty((2 * len(g), sum(drives.shape[1] for drives, _ in terms)))
+        first = 0
+        for drives, k in terms:  # one after the other into their place: of long records each copy is large
+            last = first + drives.shape[1]
+            _real_above_imaginary(drives * relative[:, None] ** k, rows[:, first:last])
+            first = last
+        functions = np.empty((2 * len(g), driven[0].size))
+        _real_above_imaginary(driven.reshape(len(g), -1), functions)
+        data = np.concatenate([values.real, values.imag])
         return DrivenBasis(terms=rows, functions=functions, data=data, drives=self.drives.shape[1])
+
+
+def _real_above_imaginary(columns: ComplexArray, place: RealArray) -> None:
+    """Put real parts above imaginary parts, (F, k) -> (2 F, k)."""
+    place[: len(columns)], place[len(columns) :] = columns.real, columns.imag

@@ -161,8 +161,9 @@ class ImpulseResponse(Response):
         return {"feedthrough": self.feedthrough}
 
     def functions(self, poles: Array, *, slopes: bool = False, lines: slice = slice(None)) -> RealArray:
-        """Return the functions of `basis` on all samples; see `Response.functions`."""
-        return sample_functions(self.sampling_rate, self.first_sample, self.samples, poles, slopes=slopes)
+        """Return the functions of `basis` on some samples; see `Response.functions`."""
+        first, end, _ = lines.indices(self.samples)
+        return sample_functions(self.sampling_rate, self.first_sample + first, end - first, poles, slopes=slopes)
 
     def spectrum(self) -> tuple[RealArray, ComplexArray]:
         """Return the transform of the samples with seven times as many zeros behind them, on 0 Hz to half the sampling rate."""

@@ -83,6 +83,8 @@ class ModalBasis:
         """Terms and functions side by side, (K, t + 2 n): all that the poles can explain."""
         if not self.terms.size:
             return self.functions
+        if not self.functions.size:
+            return self.terms
         if self.functions.flags.f_contiguous:  # functions that lie in one piece each stay so
             return np.concatenate([self.terms.T, self.functions.T]).T
         return np.hstack([self.terms, self.functions])

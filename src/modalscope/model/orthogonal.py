@@ -7,7 +7,7 @@ import scipy.linalg as sla
 
 from modalscope.model.checks import RealArray
 
-__all__ = ["energy_left", "less", "resolved", "spanning"]
+__all__ = ["energy_left", "less", "resolved", "scaled_span", "spanning"]
 
 #: From so many rows on reflections take longer than two Cholesky factors.
 _MANY_ROWS = 3000
@@ -133,3 +133,21 @@ def _triangle(gram: RealArray) -> RealArray | None:
         return np.asarray(np.linalg.cholesky(gram).T)
     except np.linalg.LinAlgError:
         return None
+
+
+def scaled_span(columns: RealArray) -> RealArray:
+    """Return an orthonormal basis of what columns span, each brought to length one first, with one copy of long columns beside it.
+
+    Parameters
+    ----------
+    columns : array, (K, k)
+    """
+    size = np.sqrt(np.einsum("kj,kj->j", columns, columns))
+    if not np.any(size > 0):
+        return np.zeros((len(columns), 0))
+    scaled = (
+        columns.copy("F") if np.all(size > 0) else np.asfortranarray(columns[:, size > 0])
+    )  # LAPACK makes no copy of these
+    scaled /= size[size > 0]
+    U, s, _ = sla.svd(scaled, full_matrices=False, overwrite_a=True)
+    return np.asarray(U[:, : np.count_nonzero(s > max(scaled.shape) * np.finfo(float).eps * s[0])])

@@ -27,7 +27,7 @@ def line_functions(frequencies: RealArray, rate: float | None, poles: Array, *, 
     own, pair = _inverse(x, p), _inverse(x, p.conj())
     pairs = [(own, tuple(np.where((p.imag == 0)[:, None], 0, part) for part in pair) if np.any(p.imag == 0) else pair)]
     if slopes:
-        pairs.append((_squared(own, chain), _squared(pair, chain.conj())))
+        pairs.append((_squared(own, chain), _squared(pair, None if chain is None else chain.conj())))
     found = np.empty((len(pairs), p.size, 2, 2, x.size))
     for to, ((g, g_imag), (h, h_imag)) in zip(found, pairs, strict=True):
         np.add(g, h, out=to[:, 0, 0])
@@ -39,29 +39,34 @@ def line_functions(frequencies: RealArray, rate: float | None, poles: Array, *, 
 
 
 def _inverse(x: ComplexArray, p: ComplexArray) -> _Parts:
-    """Return 1 / (x - p) by its parts, (n, F) each."""
-    u, v = x.real - p.real[:, None], x.imag - p.imag[:, None]
-    size = u * u + v * v
-    return u / size, -v / size
+    """Return 1 / (x - p) by its parts, (n, F) each: arrays are large, and few are made."""
+    u = x.real - p.real[:, None] if np.any(x.real) else -p.real[:, None]
+    v = p.imag[:, None] - x.imag
+    size = v * v
+    size += u * u
+    np.reciprocal(size, out=size)
+    return u * size, np.multiply(v, size, out=v)
 
 
-def _squared(values: _Parts, factors: ComplexArray) -> _Parts:
-    """Return the squares times a factor a row (n,) by their parts."""
+def _squared(values: _Parts, factors: ComplexArray | None) -> _Parts:
+    """Return the squares times a factor a row (n,), where there is one, by their parts."""
     real, imag = values
-    squares, products = real * real - imag * imag, 2 * real * imag
-    if not np.any(factors.imag):
-        return factors.real[:, None] * squares, factors.real[:, None] * products
+    squares, products = real * real, real * imag
+    squares -= imag * imag
+    products *= 2
+    if factors is None:
+        return squares, products
     a, b = factors.real[:, None], factors.imag[:, None]
     return a * squares - b * products, a * products + b * squares
 
 
 def _points(
     frequencies: RealArray, rate: float | None, poles: Array
-) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-    """Return the lines and the poles in one plane, and d pole / d s there."""
+) -> tuple[ComplexArray, ComplexArray, ComplexArray | None]:
+    """Return the lines and the poles in one plane, and d pole / d s there where it is not one."""
     x, s = (np.asarray(values, dtype=complex) for values in (2j * np.pi * frequencies, poles))
     if rate is None:
-        return x, s, np.ones(s.size, dtype=complex)
+        return x, s, None
     z = to_discrete(s, 1 / rate)
     return np.exp(x / rate), z, np.asarray(z / rate)
 
@@ -71,13 +76,14 @@ def sample_functions(rate: float, first: int, count: int, poles: Array, *, slope
     s = np.asarray(poles, dtype=complex)
     s = np.minimum(s.real, _GROWN * rate / max(first + count, 1)) + 1j * s.imag
     z = to_discrete(s, 1 / rate)
-    decay = powers_of(z, count, first)
-    alone = (s.imag == 0) | (z.imag == 0)
-    found = np.empty((count, 1 + slopes, s.size, 2))
-    found[:, 0, :, 0] = np.where(alone, decay.real, 2 * decay.real)
-    found[:, 0, :, 1] = np.where(alone, 0.0, -2 * decay.imag)
+    decay = powers_of(z, count, first, rows=True)
+    alone = ((s.imag == 0) | (z.imag == 0))[:, None]
+    # as on lines each function lies in one piece
+    found = np.empty((1 + slopes, s.size, 2, count))
+    np.multiply(decay.real, np.where(alone, 1.0, 2.0), out=found[0, :, 0])
+    np.multiply(decay.imag, np.where(alone, 0.0, -2.0), out=found[0, :, 1])
     if slopes:
         t = (np.arange(count) + first) / rate
-        grown = t[:, None] * decay
-        found[:, 1, :, 0], found[:, 1, :, 1] = 2 * grown.real, -2 * grown.imag
-    return found.reshape(count, 2 * s.size * (1 + slopes))
+        np.multiply(decay.real, 2 * t, out=found[1, :, 0])
+        np.multiply(decay.imag, -2 * t, out=found[1, :, 1])
+    return found.reshape(-1, count).T

@@ -9,7 +9,7 @@ import numpy as np
 
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.notes import Note
-from modalscope.model.response import output_scale
+from modalscope.model.output_levels import output_scale
 from modalscope.model.response_facts import UNTOLD
 from modalscope.model.statespace import StateSpace
 

@@ -20,10 +20,7 @@ if TYPE_CHECKING:
     from modalscope.model.modes import ModalModel
     from modalscope.model.statespace import StateSpace
 
-__all__ = ["AsLines", "AsSamples", "Response", "fading", "output_scale", "root_mean_squares", "window_over_lines"]
-
-#: Relative rounding of single precision, in which many responses are stored.
-_STORED = 1e-7
+__all__ = ["AsLines", "AsSamples", "Response"]
 
 
 class AsSamples(NamedTuple):
@@ -279,40 +276,3 @@ class Response(ResponseFacts):
     def rebuilt_labels(self) -> dict[str, Any]:
         """Return labels and quantity for a response that a model gives in this one's place."""
         return {**self.labelled(), "processing": (), "quantity": self.quantity}
-
-
-def output_scale(response: Response) -> RealArray:
-    """Return what brings outputs to one level, (l,): their noise where it is known, as least squares ask, else their root mean squares."""
-    return root_mean_squares(response) if response.known_level is None else response.known_level
-
-
-def root_mean_squares(response: Response) -> RealArray:
-    """Return the root mean square of every output over lines or samples and inputs, (l,)."""
-    parts = _real_parts(response.values)
-    return np.asarray(np.sqrt(np.einsum("klp,klp->l", parts, parts) / (response.count * response.values.shape[2])))
-
-
-def _real_parts(values: Array) -> RealArray:
-    """Return (K, l, m) numbers as real ones, (K, l, m) or (K, l, 2 m), without a copy where they lie in one piece."""
-    return np.ascontiguousarray(values).view(np.float64).reshape(*values.shape[:2], -1)
-
-
-def window_over_lines(response: Response) -> float:
-    """Return a T, the rate of an exponential window times the length that a line's distance tells; 0 without a window, and of samples.
-
-    Noise under the window has the correlation 1 / (1 + j pi i / (a T)) between lines i apart.
-    """
-    if response.grid is None or response.grid.size < 2:
-        return 0.0
-    return response.added_damping / float(np.median(np.diff(response.grid)))
-
-
-def fading(response: Response) -> RealArray | None:
-    """Return exp(-a t), by which an exponential window lets steady noise fade over samples, (K,); None without one, and of lines.
-
-    No smaller than rounding of what is stored: what lies below it does not fade with the window.
-    """
-    a = response.added_damping
-    if a <= 0 or response.grid is not None or response.sampling_rate is None:
-        return None
-    return np.asarray(np.maximum(np.exp(-a / response.sampling_rate * np.arange(response.count)), _STORED))

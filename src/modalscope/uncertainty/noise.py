@@ -14,9 +14,10 @@ import numpy as np
 from modalscope.blocks.influence import Moments
 from modalscope.model.checks import Array, BoolArray, ComplexArray, DataError, RealArray
 from modalscope.model.notes import Note
-from modalscope.model.response import Response, fading
+from modalscope.model.response import Response
 from modalscope.model.signals import Signals
 from modalscope.model.stored import StoredSignals
+from modalscope.model.window import faded_noise, line_step
 from modalscope.preprocess.correlation import BLOCKS, correlation_blocks
 from modalscope.preprocess.frf import LEAKING
 from modalscope.uncertainty.drawn import coloured, correlated
@@ -250,39 +251,18 @@ def noise_of(response: Response, records: Signals | StoredSignals | None = None)
             "the errors of half spectra are correlated from line to line and with each other, as those of correlations are",
             "Take a method of samples on the record, such as method='alternate', domain='time'.",
         )
-    is_complex, fading = bool(np.iscomplexobj(response.values)), _fading_of(response)
+    is_complex, fading = bool(np.iscomplexobj(response.values)), faded_noise(response)
     leaks = any(LEAKING in step for step in response.processing)
     given = getattr(response, "variance", None)
     if given is not None:
-        apart = _resolution(response) if leaks else 0.0
+        apart = line_step(response) if leaks else 0.0
         return White(given, "the variance of the frequency responses", is_complex, apart, fading)
     coherence, averages = getattr(response, "coherence", None), getattr(response, "averages", None)
     if coherence is not None and averages is not None and averages > 1:
         g2 = np.clip(coherence.reshape(response.count, response.values.shape[1], -1), 1e-6, 1 - 1e-12)
         variance = np.abs(response.values) ** 2 * (1 - g2) / (g2 * averages)
-        return White(variance, f"the coherence of {averages} averages", is_complex, _resolution(response), fading)
+        return White(variance, f"the coherence of {averages} averages", is_complex, line_step(response), fading)
     return Residual(is_complex, fading)
-
-
-def _fading_of(response: Response) -> Array | None:
-    """Return what an exponential window exp(-a t) makes of steady noise: exp(-2 a t) over its mean, of lines its transform.
-
-    On lines df apart, those of a record of 1 / df seconds, E n_(f + k) n_f* = variance / (1 + j pi k df / a).
-    """
-    a, grid = response.added_damping, response.grid
-    if a <= 0:
-        return None
-    if grid is not None:
-        return np.asarray(1 / (1 + 1j * np.pi * np.arange(response.count) * _resolution(response) / a))
-    decay = fading(response)
-    assert decay is not None
-    return np.asarray(decay**2 / np.mean(decay**2))
-
-
-def _resolution(response: Response) -> float:
-    """Return the distance of the lines, Hz."""
-    grid = response.grid
-    return 0.0 if grid is None or grid.size < 2 else float(np.median(np.diff(grid)))
 
 
 def _of_parts(response: Response, records: Signals | StoredSignals | None) -> Noise:
