@@ -81,3 +81,9 @@ def test_every_kind_of_data_has_a_plan() -> None:
     for method in ("era", "polyreference", "prce", "alternate"):
         assert plan(sampled, method=method, orders=[10]).seconds > 0
     assert plan(noise_lines(4, 1), method="lscf", orders=[5, 10]).ways == ()
+
+
+def test_a_plan_counts_the_inputs_of_records() -> None:
+    run = FIVE["chain5"]().simulate(inputs="white", at=[0, 1], samples=600, sampling_rate=12.0, seed=0)
+    assert "of 4 outputs and 2 inputs" in plan(run, orders=[10]).data
+    assert "of 4 outputs and 1 input (" in plan(run.select(inputs=[0]), orders=[10]).data

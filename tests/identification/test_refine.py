@@ -276,6 +276,14 @@ def test_a_mode_that_goes_to_another_ones_place_is_told():
     assert not [note for note in ms.refine(data, truth).notes if note.kind == "moved far"]
 
 
+def test_what_is_said_of_the_values_is_said_once_when_modes_are_refined_again():
+    data = ms.systems.add_noise(samples(model(3, 2)), 0.01, seed=0)
+    once = ms.refine(data, model(3, 2))
+    again = ms.refine(data, once)
+    assert [note.kind for note in again.notes] == [note.kind for note in once.notes]
+    assert len({note.kind for note in again.notes}) == len(again.notes) > 0
+
+
 def test_nothing_is_added_to_a_coloured_residual():
     truth = model(4, 2)
     data = lines(truth)

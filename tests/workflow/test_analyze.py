@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -86,6 +87,16 @@ def test_what_the_examination_finds_is_told(samples: ImpulseResponse) -> None:
     result = ms.analyze(ImpulseResponse(values=values, sampling_rate=20.0))
     assert result.findings
     assert any(note.kind.startswith("data: ") for note in result.notes)
+
+
+def test_what_is_seen_in_channels_that_were_left_out_is_not_told_again(samples: ImpulseResponse) -> None:
+    values = samples.values.copy()
+    values[:, 1] = 0
+    dead = dataclasses.replace(samples, values=values)
+    for out in (samples.output_dofs[1], 1):
+        result = ms.analyze(dead, exclude=[out], orders=range(2, 21, 2))
+        assert "dead" not in [finding.kind for finding in result.findings]
+        assert not any(note.kind == "data: dead" for note in result.notes)
 
 
 @pytest.mark.parametrize("suffix", [".json", ".csv", ".npz", ".uff"])

@@ -6,7 +6,7 @@ import argparse
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from modalscope.cli.parser import Commands, add_cell, add_choices, add_delays, add_files, add_outputs
+from modalscope.cli.parser import Commands, add_cell, add_choices, add_files, add_outputs
 from modalscope.cli.process import say
 
 if TYPE_CHECKING:
@@ -25,7 +25,6 @@ def add(commands: Commands) -> None:
     add_files(parser)
     add_cell(parser)
     add_choices(parser, bands=True)
-    add_delays(parser)
     parser.add_argument("--no-refine", dest="refine", action="store_false", help="certify the values of the diagram")
     parser.add_argument("--replicates", type=int, default=40, metavar="N", help="simulations, 40 by default")
     parser.add_argument("--select", action="store_true", help="replay the selection of modes, too")

@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> None:
     """Identify a file by many methods, write the comparison where that is asked, and print what they agree on."""
     from modalscope.cli.output import check_outputs, write_outputs
     from modalscope.cli.progress import progress
-    from modalscope.cli.reading import parse_orders, read_test
+    from modalscope.cli.reading import parse_delays, parse_orders, read_test
     from modalscope.comparing import compare
 
     orders = parse_orders(options.orders)
@@ -57,6 +57,7 @@ def run(options: argparse.Namespace) -> None:
             band=None if options.band is None else tuple(options.band),
             exclude=options.exclude,
             route=options.route,
+            delays=parse_delays(options.delays),
             progress=show,
             replicates=options.replicates,
         )

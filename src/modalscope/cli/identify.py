@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from modalscope.cli.parser import Commands, add_cell, add_choices, add_delays, add_files, add_outputs, add_workers
+from modalscope.cli.parser import Commands, add_cell, add_choices, add_files, add_outputs, add_workers
 from modalscope.cli.process import explain, remark, say
 
 if TYPE_CHECKING:
@@ -24,7 +24,6 @@ def add(commands: Commands) -> None:
     add_files(parser)
     add_cell(parser)
     add_choices(parser, bands=True)
-    add_delays(parser)
     parser.add_argument(
         "--frequencies", nargs="+", type=float, metavar="HZ", help="report the modes at these frequencies"
     )
@@ -121,7 +120,6 @@ def _refuse_page_of(what: str) -> None:
 def _print(result: Result, *, everything: bool = False) -> None:
     """Print how the modes were found, what was noted, and the modes."""
     from modalscope.modal.explained import explained
-    from modalscope.modal.heard import of_noise
     from modalscope.modal.rebuilt import fit_of
 
     for note in result.notes:
@@ -135,6 +133,7 @@ def _print(result: Result, *, everything: bool = False) -> None:
     if not len(result.modes):
         why = [str(note) for note in result.modes.notes if note.kind == "no mode"]
         say(next(iter(why), "no mode stands out of the data"))
+        _print_of_noise(result)
         _print_left_out(result, everything)
         return
     parts = "setups identified apart" if result.analysis.apart else "bands merged"
@@ -146,11 +145,17 @@ def _print(result: Result, *, everything: bool = False) -> None:
             remark(f"  {note}")
     if len(result.diagrams) == 1:
         say(f"\n{explained(fit_of(result.modes, result.diagram.response))}")
-        for note in of_noise(result.diagram.response):
-            remark(f"  {note}")
+        _print_of_noise(result)
     _print_left_out(result, everything)
     for index, reasons in enumerate(result.modes.reasons):
         explain(f"mode {index + 1}: {reasons}")
+
+
+def _print_of_noise(result: Result) -> None:
+    """Print which lines hold noise alone."""
+    for note in result.notes:
+        if note.kind == "lines of noise":
+            remark(f"  {note}")
 
 
 def _print_diagrams(result: Result) -> None:

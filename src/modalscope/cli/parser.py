@@ -16,7 +16,6 @@ __all__ = [
     "add_cell",
     "add_choices",
     "add_common",
-    "add_delays",
     "add_file",
     "add_files",
     "add_force",
@@ -251,19 +250,15 @@ def add_band(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
 
 
 def add_part(parser: argparse.ArgumentParser) -> None:
-    """Take the way from records with inputs, and the channels left out."""
+    """Take the way from records with inputs, which of their outputs come late, and the channels left out."""
     parser.add_argument(
         "--route",
         help="from records with inputs: auto, records (their own lines), frf, markov or subspace; by default what suits them",
     )
-    parser.add_argument("--exclude", nargs="+", metavar="DOF", help="channels to leave out")
-
-
-def add_delays(parser: argparse.ArgumentParser) -> None:
-    """Take outputs that come late after the forces."""
     parser.add_argument(
         "--delays",
         nargs="+",
         metavar="DOF=SAMPLES",
         help="outputs that come late after the forces, such as y3=12, or none of them: none; by default what the records show",
     )
+    parser.add_argument("--exclude", nargs="+", metavar="DOF", help="channels to leave out")

@@ -25,9 +25,10 @@ def add(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Print the matrix, the ways of factoring it with time and memory, and which is taken."""
-    from modalscope.cli.reading import parse_orders, read_test
+    from modalscope.cli.reading import parse_delays, parse_orders, read_test
     from modalscope.identification.plan import plan
 
     data, _ = read_test(options)
-    way = {name: value for name in ("band", "route", "exclude") if (value := getattr(options, name, None)) is not None}
+    way = {"band": options.band, "route": options.route, "exclude": options.exclude}
+    way["delays"] = parse_delays(options.delays)
     say(str(plan(data, method=options.method, domain=options.domain, orders=parse_orders(options.orders), **way)))

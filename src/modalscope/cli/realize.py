@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from modalscope.cli.parser import Commands, add_band, add_cell, add_delays, add_files, add_outputs, add_part
+from modalscope.cli.parser import Commands, add_band, add_cell, add_files, add_outputs, add_part
 from modalscope.cli.process import explain, remark, say
 
 __all__ = ["add", "run"]
@@ -18,7 +18,6 @@ def add(commands: Commands) -> None:
     add_cell(parser)
     add_band(parser)
     add_part(parser)
-    add_delays(parser)
     add_outputs(parser, "write A, B, C, D as .mat, .npz, .h5 or .json")
     parser.set_defaults(run=run)
 

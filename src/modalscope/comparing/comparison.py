@@ -110,7 +110,8 @@ def compare(
         check_count("workers", workers)
     check_count("replicates", replicates, least=0)
     data, findings = without_dead(data)
-    ways, failed = witnesses(data, band, options.pop("route", None))
+    way = {name: options.pop(name, None) for name in ("route", "delays")}
+    ways, failed = witnesses(data, band, **way)
     tasks, more = tasks_of(ways, methods, orders)
     given, cells = [w for w, _ in tasks], [cell for _, cell in tasks]
     results, causes = route_causes(run(given, cells, progress=progress, workers=workers, **options))
@@ -123,7 +124,7 @@ def compare(
     return Comparison(
         response=response,
         results=results,
-        settings=_settings(methods, orders, band, exclude, options),
+        settings=_settings(methods, orders, {"band": band, "exclude": exclude, **way, **options}),
         notes=notes_of((*ways[0].notes, *failed, *more, *_equals(judged["kinship"]))),
         **judged,
     )
@@ -204,10 +205,10 @@ def _consensus(response: Response, groups: Sequence[Group], scatter: Scatter) ->
     ).normalized("unit")
 
 
-def _settings(methods: Any, orders: Any, band: Any, exclude: Any, options: dict[str, Any]) -> dict[str, Any]:
+def _settings(methods: Any, orders: Any, options: dict[str, Any]) -> dict[str, Any]:
     named = methods if isinstance(methods, str) else tuple(str(m) for m in methods)
     asked = None if orders is None else tuple(int(n) for n in orders)
-    return {"methods": named, "orders": asked, "band": band, "exclude": exclude, **options}
+    return {"methods": named, "orders": asked, **options}
 
 
 def _equals(kin: Kinship) -> list[str]:

@@ -37,6 +37,7 @@ from modalscope.comparing.run import MethodResult
 from modalscope.comparing.scatter import Biased, Scatter
 from modalscope.judging.evidence import LEAST_PEAK, LEAST_SIGNAL
 from modalscope.model.response import Response
+from modalscope.model.window import line_step
 
 __all__ = ["HEAVY", "disagreements", "mode_causes"]
 
@@ -137,11 +138,7 @@ def _edge(case: _Case) -> Cause | None:
 
 
 def _lines(case: _Case) -> Cause | None:
-    f = case.response.grid
-    if f is None or f.size < 2:
-        return None
-    step = float(np.median(np.diff(f)))
-    width = 2 * _half(case, case.group)
+    step, width = line_step(case.response), 2 * _half(case, case.group)
     if width >= _LINES * step:
         return None
     return Cause("too few lines", f"bandwidth {width:.2g} Hz, lines every {step:.2g} Hz")

@@ -9,7 +9,8 @@ import numpy as np
 
 from modalscope.comparing.plan import Cell
 from modalscope.comparing.run import MethodResult
-from modalscope.identification.prepare import Measured, pose
+from modalscope.identification.measured import Measured
+from modalscope.identification.prepare import pose
 from modalscope.judging.replicates import matched
 from modalscope.judging.select import select
 from modalscope.judging.stabilize import stabilized

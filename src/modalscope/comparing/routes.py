@@ -18,7 +18,7 @@ poor excitation
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -27,11 +27,13 @@ import numpy as np
 from modalscope.comparing.causes import Cause
 from modalscope.comparing.plan import Cell, plan
 from modalscope.comparing.run import MethodResult
-from modalscope.identification.prepare import Measured, measure
+from modalscope.identification.measured import Measured
+from modalscope.identification.prepare import measure
 from modalscope.identification.routes import USUAL
 from modalscope.modal.explained import explains_enough, share_explained
 from modalscope.model.checks import DataError
 from modalscope.model.record_residual import UNMEASURED
+from modalscope.model.window import line_step
 
 __all__ = ["route_causes", "tasks_of", "witnesses"]
 
@@ -42,7 +44,9 @@ _LINES, _DECAYS = 4, 3
 _NOTED = {UNMEASURED: "unmeasured forces", "delay": "delay", "warning": "poor excitation"}
 
 
-def witnesses(data: Any, band: Any, route: str | None) -> tuple[tuple[Measured, ...], tuple[str, ...]]:
+def witnesses(
+    data: Any, band: Any, route: str | None, delays: Mapping[str, int] | None = None
+) -> tuple[tuple[Measured, ...], tuple[str, ...]]:
     """Return what every way makes of the data, the usual one first, and why others failed; data that are no records have one way.
 
     Parameters
@@ -52,15 +56,17 @@ def witnesses(data: Any, band: Any, route: str | None) -> tuple[tuple[Measured, 
         Hz.
     route : str, optional
         The only way, where one is asked.
+    delays : mapping of label to int, optional
+        As in `identify`; those that the usual way finds are taken out of the others, too.
     """
-    first = measure(data, band, route=route)
+    first = measure(data, band, route=route, delays=delays)
     if first.route is None or route not in (None, "auto"):
         return (first,), ()
-    found, failed = [first], []
+    found, failed, seen = [first], [], first.delays or {}
     for other in USUAL:
         if other != first.route:
             try:
-                found.append(measure(data, band, route=other))
+                found.append(measure(data, band, route=other, delays=seen))
             except DataError as error:
                 failed.append(f"route {other} left out: {error.found}")
     return tuple(found), tuple(failed)
@@ -162,12 +168,9 @@ def _leaks(result: MethodResult, half: float | None) -> str:
     """Return why the lines of estimated responses are too coarse for the narrowest mode; empty when they are not."""
     if result.route != "frf" or result.diagram is None or half is None:
         return ""
-    grid = result.diagram.response.grid
+    step = line_step(result.diagram.response)
     windowed = any("window" in step and "no window" not in step for step in result.diagram.response.processing)
-    if grid is None or grid.size < 2 or not windowed:
-        return ""
-    step = float(np.median(np.diff(grid)))
-    if _LINES * step <= half:
+    if not step or not windowed or _LINES * step <= half:
         return ""
     return f"segments have lines every {step:.2g} Hz, and the narrowest mode a half bandwidth of {half:.2g} Hz"
 

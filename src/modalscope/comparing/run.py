@@ -12,8 +12,9 @@ from typing import Any
 
 from modalscope.comparing.moved import Moved, moved_by_noise
 from modalscope.comparing.plan import Cell
+from modalscope.identification.measured import Measured
 from modalscope.identification.method import Method
-from modalscope.identification.prepare import Measured, pose
+from modalscope.identification.prepare import pose
 from modalscope.identification.sweep import start
 from modalscope.judging.select import select
 from modalscope.judging.stabilize import swept

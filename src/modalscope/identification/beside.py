@@ -6,7 +6,8 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope.model.checks import Array, ComplexArray, RealArray
-from modalscope.model.response import Response, output_scale
+from modalscope.model.output_levels import output_scale
+from modalscope.model.response import Response
 
 __all__ = ["needed_beside"]
 

@@ -14,19 +14,17 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.identification.likelihood import Point, Whitened, across, orthonormal
+from modalscope.identification.likelihood import Point, Whitened, across
 from modalscope.identification.matched import Peak
 from modalscope.identification.matched_records import strongest_driven
 from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.model.driven_lines import DrivenLines
+from modalscope.model.orthogonal import scaled_span
 from modalscope.model.record_spectra import RecordSpectra
 from modalscope.model.triangles import triangle_of
 
 __all__ = ["DrivenWhitened", "whitened_records"]
 
-
-#: Outputs from which terms are taken out at a time.
-_TOGETHER = 16
 
 #: Numbers in the columns of the rows that are taken at a time: 2 MB.
 _NUMBERS = 1 << 18
@@ -160,12 +158,13 @@ def whitened_records(
     basis = records.whole_basis(fixed, powers)
     flat, terms = basis.data[:, :, 0], basis.columns
     del basis
-    terms = orthonormal(terms / rows[:, None])
+    terms /= rows[:, None]
+    terms = scaled_span(terms)
     flat /= rows[:, None]
     flat /= outputs
-    for first in range(0, flat.shape[1], _TOGETHER):  # of long records each copy is large
-        some = flat[:, first : first + _TOGETHER]
-        some -= terms @ (terms.T @ some)
+    seen, step = terms.T @ flat, max(_NUMBERS // flat.shape[1], 1)
+    for first in range(0, len(flat), step):  # of long records each copy is large
+        flat[first : first + step] -= terms[first : first + step] @ seen
     lines = records.lines
     size = np.sqrt(np.mean(np.abs(lines.drives) ** 2, axis=0))
     size[lines.inputs :] = 1

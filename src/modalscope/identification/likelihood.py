@@ -20,14 +20,13 @@ from scipy.linalg.blas import dgemm
 
 from modalscope.identification.matched import Peak, strongest_peaks
 from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
-from modalscope.model.orthogonal import spanning
+from modalscope.model.orthogonal import scaled_span, spanning
 from modalscope.model.response import Response
 
-__all__ = ["Fitted", "Point", "Whitened", "across", "orthonormal", "whitened"]
+__all__ = ["Fitted", "Point", "Whitened", "across", "whitened"]
 
 #: Singular values below this part of the largest are rounding: exactly repeated poles leave nothing of their own.
 _RANK = 1e-11
-
 
 #: Orthogonal columns P W as (P, W), or P alone: a step does not need their product.
 _Span = tuple[RealArray, RealArray | None]
@@ -85,16 +84,17 @@ class Whitened:
 
     def columns(self, poles: Array, *, slopes: bool = True) -> tuple[RealArray, RealArray]:
         """Return the functions of poles and their derivatives by Re s, divided as the data are, without the terms' part."""
+        both = self._columns(poles, slopes)
+        return both[:, : 2 * len(poles)], both[:, 2 * len(poles) :]
+
+    def _columns(self, poles: Array, slopes: bool) -> RealArray:
         both = self.light.functions(poles, slopes=slopes)
         both /= self.rows[:, None]
-        if self.terms.shape[1]:
-            both = _less_terms(both, self.terms)
-        return both[:, : 2 * len(poles)], both[:, 2 * len(poles) :]
+        return _less_terms(both, self.terms) if self.terms.shape[1] else both
 
     def at(self, poles: ComplexArray, sides: ComplexArray, *, slopes: bool = True) -> Point:
         """Return the likelihood at poles (n,) and unit vectors (n, p), and all that a step needs unless there is to be none."""
-        own, derived = self.columns(poles, slopes=slopes)
-        Q, R, Z, beyond = self.compressed(np.hstack([own, derived]))
+        Q, R, Z, beyond = self.compressed(self._columns(poles, slopes))
         g, e = R[:, : 2 * len(poles)], R[:, 2 * len(poles) :]
         Z, beyond = Z.reshape(len(Z), *self.data.shape[1:]), beyond.reshape(self.data.shape[1:])
         return Point(self, poles, sides, g[:, ::2] - 1j * g[:, 1::2], e[:, ::2] - 1j * e[:, 1::2], Z, beyond, Q)
@@ -175,7 +175,7 @@ def whitened(
     """
     basis = response.basis(fixed, powers)
     data = basis.data / rows[:, None, None] / outputs[:, None] / inputs
-    terms = orthonormal(basis.columns / rows[:, None])
+    terms = scaled_span(basis.columns / rows[:, None])
     turned = len(outputs) < len(inputs)
     data = data.transpose(0, 2, 1) if turned else data
     flat = np.ascontiguousarray(data).reshape(len(data), -1)
@@ -184,14 +184,6 @@ def whitened(
     light = response.select(outputs=[0], inputs=[0])
     energy = np.einsum("kq,kq->q", flat, flat) if swift else None
     return Whitened(light, rows, terms, flat.reshape(data.shape), sides[0], sides[1], turned, swift, energy)
-
-
-def orthonormal(columns: RealArray) -> RealArray:
-    """Return an orthonormal basis of what columns span, each brought to length one first."""
-    size = np.linalg.norm(columns, axis=0)
-    if not np.any(size > 0):
-        return np.zeros((len(columns), 0))
-    return np.asarray(sla.orth(columns[:, size > 0] / size[size > 0]))
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -10,6 +10,7 @@ import numpy as np
 from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.model.poles import poles_from
 from modalscope.model.response import Response
+from modalscope.model.window import line_step
 
 __all__ = ["REACH", "Peak", "amplitudes", "amplitudes_by_channel", "apart", "grid_of", "strongest_peaks"]
 
@@ -21,6 +22,9 @@ _APART = 4.0
 
 #: Poles whose lines are cut out together, lines so many half bandwidths to either side: beyond lie 2 % of the whole; so many at least.
 _TOGETHER, REACH, _FEW = 32, 30.0, 8
+
+#: Samples to this part of the first, far below rounding, tell nothing: rows are divided by no less than 1e-7 of each other.
+_FADED = 1e-25
 
 #: Numbers held at a time.
 _HELD = 1 << 23
@@ -158,11 +162,13 @@ def _sums(parts: list[tuple[RealArray, slice]], data: RealArray) -> ComplexArray
 
 
 def _near(response: Response, poles: Array, rows: int) -> slice:
-    """Return the lines that poles show in: those far off a resonance tell nothing of it; all of samples."""
+    """Return the lines that poles show in: those far off a resonance tell nothing of it; the samples before all have faded."""
     lines, f, half = response.grid, np.abs(poles.imag) / (2 * np.pi), REACH * np.max(-poles.real) / (2 * np.pi)
     if lines is None:
-        return slice(0, rows)
-    half = max(half, _FEW * float(np.median(np.diff(lines)))) if lines.size > 1 else half
+        rate, slowest = response.sampling_rate, float(np.min(-poles.real))
+        last = rows if rate is None or slowest <= 0 else np.log(_FADED) / -slowest * rate
+        return slice(0, int(min(max(last, _FEW), rows)))
+    half = max(half, _FEW * line_step(response))
     low, high = np.searchsorted(lines, [f.min() - half, f.max() + half])
     return slice(min(low, max(lines.size - _FEW, 0)), max(high, min(_FEW, lines.size)))
 

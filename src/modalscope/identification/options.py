@@ -87,7 +87,6 @@ class Options(Settings):
             band=None if self.band is None else check_band(self.band),
             exclude=None if exclude is None else labels_of(exclude),
             route=None if self.route is None else check_choice("route", self.route, ROUTES),
-            delays=None if self.delays is None else delays_of(self.delays),
             factorization=check_choice("factorization", self.factorization, FACTORIZATIONS),
         )
 

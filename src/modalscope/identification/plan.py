@@ -17,6 +17,7 @@ from modalscope.identification.prepare import prepare
 from modalscope.identification.sizes import default_degree, default_windows
 from modalscope.model.memory import allowed_memory, in_words
 from modalscope.model.response import Response
+from modalscope.model.shown import counted
 
 __all__ = ["Plan", "plan"]
 
@@ -133,8 +134,8 @@ def plan(
     taken = next((cost.memory for cost in ways if cost.memory <= allowed_memory()), 0.0)
     return Plan(
         method=problem.method.label,
-        data=f"{measured.count} {'samples' if measured.grid is None else 'lines'} of {len(measured.output_dofs)} outputs "
-        f"and {measured.values.shape[2]} inputs ({in_words(measured.values.nbytes)})",
+        data=f"{measured.count} {'samples' if measured.grid is None else 'lines'} of {counted(len(measured.output_dofs), 'output')} "
+        f"and {counted(len(measured.input_dofs), 'input')} ({in_words(measured.values.nbytes)})",
         matrix=matrix.describe() + few,
         orders=asked,
         ways=ways,

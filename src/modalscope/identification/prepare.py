@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import fields, replace
 from functools import singledispatch
 from typing import Any, NamedTuple
 
@@ -11,6 +11,7 @@ from modalscope.blocks.stored_combinations import combined
 from modalscope.identification.conditioned import Conditioned, SeenRecord, conditioned, seen_record
 from modalscope.identification.conditioned_setups import conditioned_setups
 from modalscope.identification.lookup import find_method
+from modalscope.identification.measured import Measured
 from modalscope.identification.method import Method, Problem
 from modalscope.identification.options import ROUTES, delays_of
 from modalscope.identification.routes import USUAL, by_route, chosen_route, one_record, without_delays
@@ -29,56 +30,9 @@ from modalscope.model.sizes import check_alive, check_size
 from modalscope.model.stored import StoredSignals
 from modalscope.model.stored_response import StoredResponse
 
-__all__ = ["Data", "Measured", "measure", "pose", "prepare"]
+__all__ = ["Data", "measure", "pose", "prepare"]
 
 Data = Signals | Records | Setups | Response
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Measured:
-    """What all rows share: the response in the band, the records behind correlations, and what was done.
-
-    Parameters
-    ----------
-    response : Response
-    records : Signals or StoredSignals, optional
-        Records without inputs, filtered to the band.
-    given : str
-        What it was made of, in words.
-    row, domain : str
-        The row and the column that are taken when none is asked.
-    band : (float, float), optional
-        As asked, Hz; of hits and of records without inputs what was chosen where none was asked.
-    exclude : object
-        Channels left out, as asked.
-    route : str, optional
-        The way from records with inputs.
-    driven : Records, optional
-        Records with inputs, delays taken out.
-    delays : mapping of label to int, optional
-        Samples by which outputs came late.
-    notes : tuple of Note
-    sizes : mapping
-        Block sizes that suit the response where none are asked, for rows that have them.
-    """
-
-    response: Response
-    records: Signals | StoredSignals | None
-    given: str
-    row: str
-    domain: str
-    band: tuple[float, float] | None = None
-    exclude: Any = None
-    route: str | None = None
-    driven: Records | None = None
-    delays: Mapping[str, int] | None = None
-    notes: tuple[Note, ...] = ()
-    sizes: Mapping[str, int] = field(default_factory=dict)
-
-    @property
-    def held(self) -> Signals | None:
-        """The records, where they are in memory."""
-        return self.records if isinstance(self.records, Signals) else None
 
 
 def prepare(data: Any, method: str | None = None, domain: str | None = None, **options: Any) -> Problem:

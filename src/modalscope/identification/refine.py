@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from modalscope.model.keywords import named
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
 from modalscope.model.response import Response
+from modalscope.model.settings import Settings
 from modalscope.model.setups import Setups, as_test
 from modalscope.model.signals import Signals
 
@@ -39,6 +40,7 @@ def refine(
     weights: ArrayLike | None = None,
     fixed: ArrayLike = (),
     complete: bool = False,
+    settings: Settings | Mapping[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> ModalModel:
     """Refine modes to the maximum of the likelihood, and say how far each may be from the truth.
@@ -65,6 +67,9 @@ def refine(
         rad/s: poles that take part with free residues in every channel, are held, and are not reported.
     complete : bool
         Whether poles that stand out of the residual are added, where it is white.
+    settings : Settings or mapping, optional
+        Those that the modes were found with: the data are taken in their `band`, without what they `exclude`, records with inputs
+        by their `route` and with their `delays`. By default all that was measured, as `identify` would take it.
     progress : callable, optional
         Called with (iterations done, iterations at most), round by round.
 
@@ -92,7 +97,7 @@ def refine(
     ambient = _ambient(data)
     if ambient is not None:
         return refine_setups(_with_channels(ambient, modes), modes)
-    response = _response(data, modes).around(modes.poles)
+    response = _response(data, modes, Settings() if settings is None else settings).around(modes.poles)
     chosen = check_groups(groups, *response.parts, response.groups)
     poles = modes.poles - response.added_damping
     able = (poles.real < 0) & np.array([kind == "mode" for kind in modes.kinds], dtype=bool)
@@ -125,9 +130,11 @@ def _with_channels(setups: Setups, modes: ModalModel) -> Setups:
     return setups.select(exclude=missing) if missing else setups
 
 
-def _response(data: Any, modes: ModalModel) -> Response:
+def _response(data: Any, modes: ModalModel, settings: Settings | Mapping[str, Any]) -> Response:
     """Return the response that the modes are of."""
-    response = measure(data).response
+    check_kind("settings", settings, (Settings, Mapping))
+    way = {name: settings.get(name) for name in ("band", "exclude", "route", "delays")}
+    response = measure(data, **way).response
     if response.ambient:
         raise DataError(
             "modes of correlations were to be refined",

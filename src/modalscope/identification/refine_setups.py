@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from modalscope.blocks.threads import one_thread
-from modalscope.identification.refined import ASTRAY
+from modalscope.identification.refined import astray
 from modalscope.identification.scoring import Scored, covariance, scored
 from modalscope.identification.spectral_likelihood import Cells, cells_of, unknowns
 from modalscope.identification.spread import LEAST_GROUPS
@@ -72,14 +72,14 @@ def refine_setups(setups: Setups, modes: ModalModel, *, apart: bool = False) -> 
     found = (
         _means([scored([each], modes.poles) for each in cells], modes.poles) if apart else scored(cells, modes.poles)
     )
-    astray = np.abs(found.poles - modes.poles) > ASTRAY * np.abs(modes.poles.real)
+    away = astray(modes.poles, found.poles)
     if found.misfit > _WRONG:
         return _kept(
             modes,
             f"lines scatter {found.misfit:.2g} times as much as these modes say: there is more, a machine or other modes",
         )
-    if not found.converged or np.any(astray):
-        where = ", ".join(f"{f:.5g} Hz" for f in modes.frequencies[astray])
+    if not found.converged or np.any(away):
+        where = ", ".join(f"{f:.5g} Hz" for f in modes.frequencies[away])
         return _kept(modes, f"the optimum lies far from {where}" if where else "no optimum was reached")
     return _wrapped(setups, modes, found)
 
@@ -107,8 +107,7 @@ def _means(each: Sequence[Scored], start: ComplexArray) -> Scored:
     informations, away = [], []
     for one in each:
         step = np.stack([(one.poles - start).real, (one.poles - start).imag], axis=1)
-        astray = np.abs(one.poles - start) > ASTRAY * np.abs(start.real)
-        lost = np.repeat(astray if one.converged else np.ones(len(start), bool), 2)
+        lost = np.repeat(astray(start, one.poles) if one.converged else np.ones(len(start), bool), 2)
         informations.append(_without(one.informations[0], lost))
         away.append(np.where(lost, 0, step.ravel()))
     held, steps = np.array(informations), np.array(away)

@@ -11,7 +11,7 @@ from modalscope.identification.settling import Settled, Task
 from modalscope.identification.spread import LEAST_GROUPS, Spread, spread_of
 from modalscope.identification.whitening import Colour
 from modalscope.model.candidates import Candidate
-from modalscope.model.checks import ComplexArray
+from modalscope.model.checks import BoolArray, ComplexArray
 from modalscope.model.groups import Groups
 from modalscope.model.mode_fields import DIRECT
 from modalscope.model.modes import ModalModel
@@ -20,13 +20,16 @@ from modalscope.model.poles import frequencies_and_damping
 from modalscope.model.response_facts import UNTOLD
 from modalscope.uncertainty.noise import KIND
 
-__all__ = ["ASTRAY", "refined"]
+__all__ = ["astray", "refined"]
 
 #: Poles closer than this many deviations of their difference share what is known of them.
 _APART = 3
 
-#: The optimum near a mode lies within a fraction of its decay rate; one further than this away is another.
-ASTRAY = 1.0
+#: Kinds of notes that an earlier refinement may have left, and that this one says of its own values.
+_SAID_ANEW = (KIND, UNTOLD, "held", "moved far", "coloured residual", "noise and model only", "repeated")
+
+#: Decay rates beyond which an optimum is not the one near a mode, which lies within a fraction of one.
+_ASTRAY = 1.0
 
 
 def refined(
@@ -66,11 +69,11 @@ def refined(
         gain=np.sqrt(settled.gain / 2),
         left_out=(*before.left_out, *lost),
         converged=settled.descent.converged,
-        notes=(*(note for note in before.notes if note.kind not in (KIND, UNTOLD)), *response.untold),
+        notes=(*(note for note in before.notes if note.kind not in _SAID_ANEW), *response.untold),
         **beside,
     )
     scaled = replace(model.normalized(_scale(before)), unrefined=before)
-    notes = [*notes, *_astray(before.poles, poles)]
+    notes = [*notes, *_moved_far(before.poles, poles)]
     return scaled.take(order).noted([*notes, *_told(settled.colour, spread, groups, poles)])
 
 
@@ -98,15 +101,20 @@ def _terms(task: Task, poles: ComplexArray, shapes: ComplexArray, participation:
     return task.response.named_terms(beside.of_terms(found[:count]), powers)
 
 
-def _astray(before: ComplexArray, poles: ComplexArray) -> list[Note]:
+def astray(before: ComplexArray, after: ComplexArray) -> BoolArray:
+    """Return which poles moved by more than their decay rate: the optimum that they reached is that of others."""
+    return np.asarray(np.abs(after - before) > _ASTRAY * np.abs(before.real))
+
+
+def _moved_far(before: ComplexArray, poles: ComplexArray) -> list[Note]:
     """Say which modes moved so far that they stand for others: the data hold more than the modes that were given."""
-    far = np.flatnonzero(np.abs(poles - before) > ASTRAY * np.abs(before.real))
-    if not far.size:
+    far = astray(before, poles)
+    if not far.any():
         return []
     (old, _), (new, _) = frequencies_and_damping(before[far]), frequencies_and_damping(poles[far])
     moves = ", ".join(f"{a:.5g} to {b:.5g} Hz" for a, b in zip(old, new, strict=True))
     text = f"moved by more than their decay rate: {moves}; the data hold more than these modes. Give all of them: `analyze` does"
-    return [Note("moved far", {"modes": int(far.size)}, text)]
+    return [Note("moved far", {"modes": int(far.sum())}, text)]
 
 
 def _told(seen: Colour, spread: Spread, groups: Groups, poles: ComplexArray) -> list[Note]:

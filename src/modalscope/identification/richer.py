@@ -18,7 +18,8 @@ from modalscope.identification.whitening import (
 )
 from modalscope.model.checks import Array, RealArray
 from modalscope.model.modal_basis import ModalBasis
-from modalscope.model.response import Response, fading, window_over_lines
+from modalscope.model.response import Response
+from modalscope.model.window import fading, window_over_lines
 
 __all__ = ["Floor", "by_line", "floor_of", "level_of", "parts_of_level"]
 
@@ -226,7 +227,7 @@ def parts_of_level(power: RealArray, even: RealArray, size: RealArray) -> tuple[
     level = np.ones_like(power)
     a, b = np.zeros((2, len(unit)))
     for _ in range(_LEVEL_ROUNDS):
-        weights = level**-2.0
+        weights = 1 / (level * level)
         weighted = weights * s
         ee, es, ss = e**2 @ weights, e @ weighted, np.einsum("fc,fc->c", s, weighted)
         pe, ps = e @ (weights * power), np.einsum("fc,fc->c", power, weighted)

@@ -135,7 +135,8 @@ def without_delays(
     chosen = seen_delays(records) if delays is None else delays
     if delays is None and (not chosen or _periodic(records) is not None):
         return records, None, ()
-    return (*aligned(records, chosen),)
+    moved, told = aligned(records, chosen)
+    return moved, chosen, told
 
 
 def _averaged(records: Records, band: tuple[float, float] | None) -> Way:

@@ -26,7 +26,8 @@ from modalscope.identification.whitening import (
 )
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
 from modalscope.model.record_spectra import RecordSpectra
-from modalscope.model.response import Response, fading, window_over_lines
+from modalscope.model.response import Response
+from modalscope.model.window import fading, window_over_lines
 
 __all__ = ["Settled", "Task", "least_gain", "settle", "task_of"]
 

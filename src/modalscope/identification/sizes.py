@@ -102,9 +102,9 @@ def default_windows(
     standing = _spans(samples, (inputs, outputs), order, (block_columns, block_rows))[::-1]
     if block_rows is not None or block_columns is not None:
         return lying if block_rows is not None else standing
-    precise = max(_precision(*lying), _precision(*standing))
-    if min(_precision(*lying), _precision(*standing)) * _ALIKE <= precise:
-        return lying if _precision(*lying) == precise else standing
+    rough, precise = sorted((lying, standing), key=lambda sizes: _precision(*sizes))
+    if _precision(*rough) * _ALIKE <= _precision(*precise):
+        return precise
     like = np.broadcast_to(0.0, (samples, outputs, inputs))
     costs = [costs_of(BlockHankel(like, *sizes), order)[0] for sizes in (lying, standing)]
     saved = costs[0].operations - costs[0].passing - costs[1].operations + costs[1].passing

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -22,8 +23,8 @@ from modalscope.model.checks import DataError, IntArray, RealArray
 from modalscope.model.keywords import named
 from modalscope.model.modes import ModalModel
 from modalscope.model.notes import Note
+from modalscope.model.output_levels import output_scale
 from modalscope.model.poles import frequencies_and_damping
-from modalscope.model.response import output_scale
 from modalscope.uncertainty.deviations import Deviations, deviations_of
 from modalscope.uncertainty.noise import Noise, Unknown, noise_of
 from modalscope.uncertainty.residual import residual_variance, unexplained_energy
@@ -159,8 +160,8 @@ class Sweep:
     """
 
     def __init__(self, pipeline: Pipeline, orders: Iterable[int], *, deviations: bool = True) -> None:
-        self.pipeline = pipeline
         self.orders = tuple(orders)
+        self.pipeline = pipeline = pipeline.in_turn() if _every(self.orders) else pipeline
         self.notes: list[Note] = []
         self._left = list(self.orders)
         self._measured = _Measured(pipeline, deviations)
@@ -215,6 +216,11 @@ class Sweep:
             except DataError as error:
                 self.notes.append(Note("orders left out", {"order": order}, f"order {order} left out: {error.found}"))
         raise StopIteration
+
+
+def _every(orders: Sequence[int]) -> bool:
+    """Whether orders follow each other by one: with steps of two an eigenproblem from the start costs no more."""
+    return len(orders) > 1 and all(after == before + 1 for before, after in pairwise(orders))
 
 
 @named(AllOptions.__annotations__)

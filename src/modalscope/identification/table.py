@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from modalscope.identification import matrices
+from modalscope.identification import line_matrices, matrices
 from modalscope.identification.method import Method
 from modalscope.identification.options import (
     DrivenOptions,
@@ -37,8 +37,8 @@ _COLUMNS: dict[str, dict[str, Any]] = {
         "options_type": HankelOptions,
         "forms": ("observable", "controllable"),
     },
-    "z": {"takes": Takes.RESPONSE, "matrix": matrices.transfer_of_response, "options_type": LineOptions},
-    "s": {"takes": Takes.CONTINUOUS, "matrix": matrices.transfer_of_lines, "options_type": LineOptions},
+    "z": {"takes": Takes.RESPONSE, "matrix": line_matrices.transfer_of_response, "options_type": LineOptions},
+    "s": {"takes": Takes.CONTINUOUS, "matrix": line_matrices.transfer_of_lines, "options_type": LineOptions},
 }
 
 
@@ -232,7 +232,7 @@ _REPORTED: tuple[Method, ...] = (
         known_as=("LSCF, polyreference least-squares complex frequency", "pLSCF", "PolyMAX"),
         aliases=("polymax", "plscf", "p-lscf"),
         takes=Takes.LINES,
-        matrix=matrices.matrix_fraction,
+        matrix=line_matrices.matrix_fraction,
         factor=matrices.fraction_factors,
         realize=fraction_companion,
         orders=DEGREES,

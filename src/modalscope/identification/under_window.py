@@ -14,7 +14,8 @@ import scipy.fft as sfft
 from modalscope.identification.information import covariance_of_scores, inverse, normal
 from modalscope.identification.likelihood import Fitted, Point
 from modalscope.model.checks import ComplexArray, RealArray
-from modalscope.model.response import Response, window_over_lines
+from modalscope.model.response import Response
+from modalscope.model.window import window_over_lines
 
 __all__ = ["WindowNoise", "correlated", "window_noise"]
 

@@ -11,7 +11,8 @@ import numpy as np
 from modalscope.identification.lookup import cell_label
 from modalscope.model import FrequencyResponse, ImpulseResponse, Records, Signals, StabilizationDiagram
 from modalscope.model.checks import Array
-from modalscope.model.response import Response, root_mean_squares
+from modalscope.model.output_levels import root_mean_squares
+from modalscope.model.response import Response
 from modalscope.model.settings import Settings
 from modalscope.model.version import VERSION
 from modalscope.preprocess import Finding, examine

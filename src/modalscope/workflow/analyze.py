@@ -14,6 +14,7 @@ from modalscope.modal.explained import explained, explains_enough, share_explain
 from modalscope.modal.heard import of_noise
 from modalscope.modal.rebuilt import fit_of
 from modalscope.model.analysis import Analysis
+from modalscope.model.channels import choose_channels
 from modalscope.model.checks import check_each
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.keywords import named
@@ -155,8 +156,11 @@ def concluded(
         `select` and `examine`, or what keeps their parts from one choice to the next.
     """
     modes, diagrams = modes_chosen(data, document, looks, choose), [look.diagram for look in looks]
-    harmless = _harmless(diagrams)
-    findings = tuple(finding.beside(document.bands) for finding in check(data) if finding.kind not in harmless)
+    harmless, out = _harmless(diagrams), _left_out(data, document)
+    told_of = [finding for finding in check(data) if finding.kind not in harmless]
+    findings = tuple(
+        finding.beside(document.bands) for finding in told_of if not finding.channels or set(finding.channels) - out
+    )
     seen = tuple(Note(f"data: {finding.kind}", {}, str(finding)) for finding in findings)
     return Result(
         modes=modes,
@@ -189,6 +193,15 @@ def _harmless(diagrams: Sequence[StabilizationDiagram]) -> tuple[str, ...]:
     return ("leakage",) if all(diagram.settings.route == "records" for diagram in diagrams) else ()
 
 
+def _left_out(data: Any, document: Analysis) -> set[str]:
+    """Return the labels of the channels that were left out: what was seen in these alone has been answered."""
+    if not document.exclude:
+        return set()
+    rows, columns = choose_channels(data.output_dofs, data.input_dofs, None, None, document.exclude)
+    kept = {*(data.output_dofs[i] for i in rows), *(data.input_dofs[i] for i in columns)}
+    return {*data.output_dofs, *data.input_dofs} - kept
+
+
 def _leaking(data: Any, modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> tuple[Note, ...]:
     """Return a warning where frequency responses were averaged over segments too short for the modes."""
     note = leakage_note(data, diagrams[0].response, modes.frequencies, modes.damping_ratios)
@@ -197,9 +210,10 @@ def _leaking(data: Any, modes: ModalModel, diagrams: Sequence[StabilizationDiagr
 
 def _loud(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> tuple[Note, ...]:
     """Return a warning where the modes explain little of what was measured, of one band, and what is not counted there."""
-    if len(diagrams) != 1 or not len(modes):
+    if len(diagrams) != 1:
         return ()
-    left, unheard = fit_of(modes, diagrams[0].response), of_noise(diagrams[0].response)
+    unheard = of_noise(diagrams[0].response)
+    left = fit_of(modes, diagrams[0].response) if len(modes) else 0.0
     if explains_enough(left):
         return unheard
     return (

@@ -9,7 +9,7 @@ import numpy as np
 from modalscope.identification.beside import needed_beside
 from modalscope.identification.in_place import in_place
 from modalscope.identification.refine import refine
-from modalscope.identification.refined import ASTRAY
+from modalscope.identification.refined import astray
 from modalscope.judging.bands import evened
 from modalscope.modal.joint import joint_residues
 from modalscope.modal.sufficient import usable_orders
@@ -63,10 +63,10 @@ def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> 
             reasons = [str(note) for note in found.notes if note.kind == "not converged"]
             return replace(modes, converged=False).noted(_kept(*reasons))
         before = modes.poles[stay] if found.unrefined is None else found.unrefined.poles
-        astray = np.abs(found.poles - before) > ASTRAY * np.abs(before.real)
-        if not np.any(astray):
+        away = astray(before, found.poles)
+        if not np.any(away):
             return found if stay.all() else _with_others(diagram.response, modes, found, modes.take(~stay), beside)
-        stay &= ~np.isin(modes.poles, before[astray])
+        stay &= ~np.isin(modes.poles, before[away])
         if stay.mean() < _LEAST:
             break
     where = ", ".join(f"{abs(s) / (2 * np.pi):.5g} Hz" for s in modes.poles[~stay])
