@@ -23,6 +23,10 @@ endef
 SINGLE := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 QUIET_PLOTS := MPLBACKEND=Agg
 
+# Tests start hundreds of processes: what they import is compiled once for all, beside the environment, even where Python was told
+# to keep nothing.
+COMPILED := PYTHONDONTWRITEBYTECODE= PYTHONPYCACHEPREFIX='$(CURDIR)/.venv/pycache'
+
 .DEFAULT_GOAL := help
 .PHONY: help setup demo page test coverage mutants lint format architecture changelog docs release-check versions licences bench torch study clean
 
@@ -67,7 +71,7 @@ docs/_static/mathjax/tex-svg.js:
 
 # Warnings are errors; a link that leads nowhere is a warning.
 docs: $(DOCS_STAMP) docs/_static/mathjax/tex-svg.js
-	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m sphinx -q -W --keep-going -j $(WORKERS) docs build/docs
+	@$(SINGLE) $(QUIET_PLOTS) $(COMPILED) $(BIN)/python -m sphinx -q -W --keep-going -j $(WORKERS) docs build/docs
 	@$(BIN)/python -m tools.site build/docs
 	@echo "build/docs/index.html"
 
@@ -96,7 +100,7 @@ changelog: setup
 # COVERAGE=1 counts the lines that the tests run, and wants 95 % of them. What fails has one more try, and the summary names
 # it: a browser or a process that a loaded machine kept waiting is no fault of the code; what fails twice is.
 test: lint
-	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m pytest -q -rR --reruns 1 -n $(WORKERS) $(if $(COVERAGE),--cov --cov-report=term:skip-covered)
+	@$(SINGLE) $(QUIET_PLOTS) $(COMPILED) $(BIN)/python -m pytest -q -rR --reruns 1 -n $(WORKERS) $(if $(COVERAGE),--cov --cov-report=term:skip-covered)
 
 coverage:
 	@$(MAKE) --no-print-directory test COVERAGE=1
@@ -123,7 +127,7 @@ release-check: setup
 
 # PART=2/3 tries every third of them, from the second on.
 mutants: setup
-	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m tests.mutants --processes $(WORKERS) $(if $(PART),--part $(PART))
+	@$(SINGLE) $(QUIET_PLOTS) $(COMPILED) $(BIN)/python -m tests.mutants --processes $(WORKERS) $(if $(PART),--part $(PART))
 
 # Large; no other target needs it.
 torch: $(STAMP)
@@ -134,11 +138,11 @@ bench: setup
 	@$(BIN)/python -m benchmarks.peers.install
 	@for script in benchmarks/[!_]*.py; do \
 		name=$$(basename "$$script" .py); echo "== $$name"; \
-		$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m benchmarks.$$name || exit 1; \
+		$(SINGLE) $(QUIET_PLOTS) $(COMPILED) $(BIN)/python -m benchmarks.$$name || exit 1; \
 	done
 
 study: setup
-	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m pytest -m study -s -v
+	@$(SINGLE) $(QUIET_PLOTS) $(COMPILED) $(BIN)/python -m pytest -m study -s -v
 
 clean:
 	rm -rf page/node_modules src/modalscope/app/static .venv .venv-min .venv-new build dist docs/generated docs/_static/mathjax .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

@@ -16,8 +16,9 @@ import sys
 import tempfile
 import time
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
@@ -38,7 +39,9 @@ PATIENCE = 120
 TOGETHER = 12
 
 #: One thread each: several faults are tried at a time. Pictures are drawn nowhere. Measured data lie beside the project, not beside a copy.
+#: What other packages would plug into pytest takes longer to load than most of these tests, and none of them needs it.
 SURROUNDINGS = {
+    "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",
     "MPLBACKEND": "Agg",
     "OPENBLAS_NUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",
@@ -47,7 +50,10 @@ SURROUNDINGS = {
 }
 
 #: What every run needs is loaded once; the library itself is not.
-LOADED = ["numpy", "scipy.linalg", "scipy.optimize", "scipy.signal", "matplotlib.pyplot", "pytest"]
+LOADED = [
+    *("numpy", "scipy.linalg", "scipy.optimize", "scipy.signal", "matplotlib.pyplot"),
+    *("threadpoolctl", "pytest", "doctest", "hypothesis.strategies"),
+]
 
 FORKS = multiprocessing.get_context("forkserver")
 
@@ -108,6 +114,18 @@ def copy_to(folder: Path, root: Path = ROOT) -> Path:
     return folder
 
 
+@contextmanager
+def _folder() -> Iterator[Path]:
+    """Give a folder for copies; where compiled files lie elsewhere, those of the copies are taken away with it."""
+    with tempfile.TemporaryDirectory() as name:
+        place = Path(name)
+        try:
+            yield place
+        finally:
+            if sys.pycache_prefix:
+                shutil.rmtree(Path(sys.pycache_prefix, *place.parts[1:]), ignore_errors=True)
+
+
 def run(folder: Path, tests: Iterable[str], patience: float = PATIENCE) -> tuple[int, str]:
     """Run tests against the library of a copy up to the first failure; return the exit status and the end of what was said."""
     log, end = folder / "log.txt", folder / "status.txt"
@@ -131,7 +149,6 @@ def _run_here(folder: Path, tests: tuple[str, ...], log: Path, end: Path) -> Non
     sys.path[:0] = [str(folder / "src"), str(folder)]
     for name in [name for name in sys.modules if name.partition(".")[0] == "tests"]:
         del sys.modules[name]  # those of the copy are meant
-    sys.dont_write_bytecode = True
     with log.open("w") as said:
         os.dup2(said.fileno(), 1)
         os.dup2(said.fileno(), 2)
@@ -182,10 +199,10 @@ def main(arguments: Sequence[str] | None = None, path: Path = LIST, root: Path =
     os.environ.update(SURROUNDINGS)
     FORKS.set_forkserver_preload(LOADED)
     started = time.perf_counter()
-    with tempfile.TemporaryDirectory() as place, ThreadPoolExecutor(given.processes) as pool:
+    with _folder() as place, ThreadPoolExecutor(given.processes) as pool:
         copies: SimpleQueue[Path] = SimpleQueue()
         for k in range(given.processes):
-            copies.put(copy_to(Path(place) / str(k), root))
+            copies.put(copy_to(place / str(k), root))
 
         def one(tests: Sequence[str], mutant: Mutant | None = None) -> tuple[int, str]:
             folder = copies.get()

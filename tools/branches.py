@@ -9,8 +9,8 @@ before it goes on is a branch. Counted are, in the packages from the realization
 - `==`, `!=`, `in` and `not in` between an attribute `name`, `domain`, `takes`, `method` or `kind` (or a variable `method`, `domain`) and
   a text that names a row, a domain or a kind, or a member of `Takes`.
 
-The table (`table.py`, `method.py`, `takes.py`, `options.py`, `orders.py`, `matrices.py` of `identification`: what rows are made of) and
-`blocks/` may ask.
+The table (`table.py`, `method.py`, `takes.py`, `options.py`, `orders.py`, `matrices.py`, `line_matrices.py` of `identification`: what rows
+are made of) and `blocks/` may ask.
 """
 
 from __future__ import annotations
@@ -31,7 +31,10 @@ SOURCE = Path(__file__).resolve().parents[1] / "src" / "modalscope"
 STAGES = ("realizations", "modal", "uncertainty", "identification", "judging", "comparing", "workflow")
 
 #: What rows of the table are made of.
-TABLE = {f"identification/{name}.py" for name in ("table", "method", "takes", "options", "orders", "matrices")}
+TABLE = {
+    f"identification/{name}.py"
+    for name in ("table", "method", "takes", "options", "orders", "matrices", "line_matrices")
+}
 
 #: Classes that nobody asks for.
 CLASSES = {"FrequencyResponse", "ImpulseResponse", "DataMatrix", "Realization"}
