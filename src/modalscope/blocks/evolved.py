@@ -118,11 +118,8 @@ class Evolved:
         """Compare all blocks by their sums, and by agreement the one that `step` chooses; see `ModalSide`."""
         k = self.states.shape[1]
         inner, size = np.zeros(k, dtype=complex), np.zeros(k)
-        at, chosen, start_of = (
-            np.zeros((self.first.shape[0], k), dtype=complex),
-            step(self.evolution),
-            self.first.conj(),
-        )
+        at, chosen = np.zeros((self.first.shape[0], k), dtype=complex), step(self.evolution)
+        start_of = self.first.conj()
         for start, found in self._identified():
             g = self.evolution[start : start + len(found)]
             inner += np.sum(np.sum(found * start_of, axis=1).conj() * g, axis=0)

@@ -188,15 +188,14 @@ def _mode(
     best = max(near, key=lambda c: c.members.size) if near else _by_itself(trial, j, fit)
     f, zeta = (float(v) for v in frequencies_and_damping(trial.settled[j]))
     low, high = trial.diagram.response.reported_band(trial.diagram.settings.band)
-    few = rare and again is not None and again <= 1
-    gain = max(trial.gain[j], again * trial.bar if rare and again is not None and again > 1 else 0.0)
+    hidden = again is not None and again <= 1
+    gain = max(trial.gain[j], again * trial.bar if rare and again is not None and not hidden else 0.0)
     against = []
     if not low <= f <= high:
         against.append(f"lies outside the band, at {f:.5g} Hz")
-    if few:
-        against.append(rarely_shown(int(best.members.size), len(trial.poles.orders)))
-    elif again is not None and again <= 1:
-        against.append(too_little(gain, trial.bar, coloured=True))
+    if hidden:
+        few_orders = rarely_shown(int(best.members.size), len(trial.poles.orders))
+        against.append(few_orders if rare else too_little(gain, trial.bar, coloured=True))
     # what tells more of a mode tells more of where it lies
     apart, damped = (deviation * trial.gain[j] / gain for deviation in trial.left_open(j, host))
     if zeta >= _DAMPED and not groups:
@@ -204,7 +203,7 @@ def _mode(
     if not (apart < _SURE and damped < _SURE):
         against.append(left_open(apart, damped))
     undecided: dict[str, Any] = (
-        {"late": True} if few and len(against) == 1 and zeta < _DAMPED and _late(best, trial) else {}
+        {"late": True} if hidden and rare and len(against) == 1 and zeta < _DAMPED and _late(best, trial) else {}
     )
     if several and not trial.arena.coloured:
         undecided = {"cluster": int(np.sum(host == j))}

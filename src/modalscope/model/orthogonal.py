@@ -145,9 +145,8 @@ def scaled_span(columns: RealArray) -> RealArray:
     size = np.sqrt(np.einsum("kj,kj->j", columns, columns))
     if not np.any(size > 0):
         return np.zeros((len(columns), 0))
-    scaled = (
-        columns.copy("F") if np.all(size > 0) else np.asfortranarray(columns[:, size > 0])
-    )  # LAPACK makes no copy of these
+    # LAPACK makes no copy of columns that lie one after the other
+    scaled = columns.copy("F") if np.all(size > 0) else np.asfortranarray(columns[:, size > 0])
     scaled /= size[size > 0]
     U, s, _ = sla.svd(scaled, full_matrices=False, overwrite_a=True)
     return np.asarray(U[:, : np.count_nonzero(s > max(scaled.shape) * np.finfo(float).eps * s[0])])

@@ -8,6 +8,7 @@ import scipy
 from modalscope.model.checks import Array, RealArray
 from modalscope.model.frequency import FrequencyResponse
 from modalscope.model.response import Response
+from modalscope.model.window import line_step
 from modalscope.preprocess.findings import Finding, dead_channels, identical_channels, sides_of
 from modalscope.preprocess.line_checks import conjugated, lone_lines, no_phase
 from modalscope.preprocess.phase_checks import odd_phases
@@ -76,7 +77,7 @@ def _resolution(response: FrequencyResponse) -> list[Finding]:
     peaks, widths = bandwidths(response)
     if response.lines < 3 or peaks.size == 0:
         return []
-    step = float(np.median(np.diff(response.frequencies)))
+    step = line_step(response)
     narrow = widths < _RESOLVED * step
     if not np.any(narrow):
         return []
