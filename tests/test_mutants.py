@@ -44,9 +44,10 @@ ENTRY = '[[mutant]]\nname = "{}"\nfile = "rule.py"\ntext = "{}"\nreplacement = "
 
 @pytest.fixture(autouse=True)
 def _light(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Load nothing that these little libraries do not use, and leave the environment as it is."""
+    """Load nothing that these little libraries do not use, and leave the environment as it was."""
     monkeypatch.setattr(mutants, "LOADED", ["pytest"])
     monkeypatch.setattr(mutants, "SURROUNDINGS", {})
+    monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
 
 
 def tried(place: Path, *entries: tuple[str, str, str], word: str = "", part: str = "1/1", **files: str) -> int:
