@@ -39,9 +39,19 @@ def test_the_band_of_hits_is_that_of_the_settings_and_of_the_lines():
     assert found.band is not None
     assert found.response.frequencies[-1] <= found.band[1] < RATE / 4
     assert found.notes[0].text.startswith(f"the band up to {found.band[1]:g} Hz was chosen")
-    asked = measure(struck(32), band=(0.0, 10.0))
-    assert asked.band == (0.0, 10.0)
+    asked = measure(struck(32), band=(0.0, 2.0))
+    assert asked.band == (0.0, 2.0)
     assert len(asked.notes) == 1
+
+
+def test_a_band_that_was_asked_is_kept_and_what_of_it_was_not_struck_is_said():
+    end = struck_band([struck(32)])[0][1]
+    found = measure(struck(32), band=(0.0, 10.0))
+    assert found.band == (0.0, 10.0)
+    assert found.notes[0].text.startswith(f"above {end:g} Hz the hits put in less than a hundredth")
+    assert f"--band {end:g} {2 * end:g} " in found.notes[0].text
+    assert struck_band([struck(32)], (0.0, end)) is None
+    assert struck_band([struck(32)], (end, 10.0)) is None
 
 
 def test_no_band_is_chosen_where_the_force_fills_it_or_is_no_hit():

@@ -145,7 +145,7 @@ def _averaged(records: Records, band: tuple[float, float] | None) -> Way:
     from modalscope.preprocess.joined_responses import joined_frf
 
     stacked, period = records.stacked(), _periodic(records)
-    own, told = (struck_band(stacked) or (None, None)) if band is None else (band, None)
+    own, told = struck_band(stacked, band) or (band, None)
     kind = "auto" if period is None else "periodic"
     note = Note("estimated", {}, "frequency responses were estimated from the records (H1)")
     response = joined_frf(stacked, excitation=kind, period=period).in_band(own)

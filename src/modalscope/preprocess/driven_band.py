@@ -30,27 +30,39 @@ _LINES = 1025
 _DIGITS = 3
 
 
-def struck_band(parts: Sequence[Signals]) -> tuple[tuple[float, float], Note] | None:
+def struck_band(
+    parts: Sequence[Signals], asked: tuple[float, float] | None = None
+) -> tuple[tuple[float, float], Note] | None:
     """Return the band into which the hits of a hammer put a hundredth of their largest power or more, and what is said of it.
 
     Beyond, a response is noise over next to nothing, and what is sampled far beyond what was struck would drown its modes in it. None where
-    that band is nearly the whole, or where not every part is hits.
+    that band is nearly the whole, or where not every part is hits. A band that was asked is kept; one that holds both sides of that end is
+    named.
 
     Parameters
     ----------
     parts : sequence of Signals
         Those of one hammer, at one place each.
+    asked : (float, float), optional
+        Hz.
     """
     if not all(len(part.input_dofs) == 1 and find_excitation(part) == "impact" for part in parts):
         return None
     half = parts[0].sampling_rate / 2
     highest = max(_highest(part) for part in parts)
-    if highest >= _WHOLE * half:
-        return None
     high = float(f"{highest:.{_DIGITS}g}")
+    if highest >= _WHOLE * half or (asked is not None and not asked[0] < high < _WHOLE * asked[1]):
+        return None
+    upper = f"{high:g} {min(2 * high, half):g}"
+    if asked is not None:
+        text = (
+            f"above {high:g} Hz the hits put in less than a hundredth of their largest power: what is noise there may hide the modes "
+            f"below; without a band that end is chosen, and modes above want a band of their own, such as --band {upper} (band=...)"
+        )
+        return asked, Note("band past the hits", {"highest_hz": high}, text)
     text = (
         f"the band up to {high:g} Hz was chosen: above, the hits put in less than a hundredth of their largest power; modes above want "
-        f"a band of their own, such as --band {high:g} {min(2 * high, half):g} (band=...)"
+        f"a band of their own, such as --band {upper} (band=...)"
     )
     return (0.0, high), Note(CHOSEN, {"lowest_hz": 0.0, "highest_hz": high, "parts": 1.0}, text)
 
