@@ -202,6 +202,11 @@ class DataMatrix(ABC):
         yield from self.judged.beside(model)
 
     # --------------------------------------------------------------------------------------------------------- indicators
+    @property
+    def by_mode(self) -> bool:
+        """Whether both sides of a mode are known by its own shape and participation: modes of several orders are then compared at once."""
+        return False
+
     def row_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
         """The row factor V against c_j g_k; None when its blocks are not whole, or the states are the rows themselves."""
         if model.factors is None:

@@ -51,6 +51,11 @@ class SampleRows(DataMatrix):
         """Return a left factor (rows, k) by block rows, (blocks, l, k)."""
         return np.asarray(P.reshape(-1, self.outputs, P.shape[1]))
 
+    @property
+    def by_mode(self) -> bool:
+        """True: powers of its pole are all that the rows of a mode follow."""
+        return True
+
     def to_s(self, poles: Array) -> ComplexArray:
         """Continuous poles ln(z) fs, rad/s."""
         return to_continuous(poles, self.dt)

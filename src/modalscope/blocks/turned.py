@@ -85,6 +85,11 @@ class TurnedHankel(DataMatrix):
         """Return shapes C X and participation X^-1 B, referred to the impulse."""
         return fit_of_samples(self.response, model, eigen)
 
+    @property
+    def by_mode(self) -> bool:
+        """True, as of the matrix that was factored."""
+        return self.inner.by_mode
+
     def row_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
         """Return the columns of the transposed response's matrix: the side of the outputs."""
         return self.inner.column_side(model, _turned(eigen), self._exchanged(eigen, fit))

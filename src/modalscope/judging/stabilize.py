@@ -11,12 +11,13 @@ import numpy as np
 
 from modalscope.blocks.threads import one_thread
 from modalscope.identification.conditioned import looked_through
+from modalscope.identification.cut import Cut
 from modalscope.identification.method import Problem
 from modalscope.identification.options import AllOptions
 from modalscope.identification.orders import checked_orders
 from modalscope.identification.pipeline import Pipeline
 from modalscope.identification.prepare import prepare
-from modalscope.identification.sweep import Cut, Sweep, start
+from modalscope.identification.sweep import Sweep, start
 from modalscope.judging.growth import grown
 from modalscope.judging.stability import limits_of, stable_against
 from modalscope.model.checks import Array, DataError
@@ -227,7 +228,7 @@ def collected(
         domain=pipeline.method.domain,
         orders=tuple(cut.order for cut in cuts),
         order_of_pole=np.concatenate([np.full(cut.reported.size, cut.order) for cut in cuts]),
-        poles=np.concatenate([cut.modes.poles[cut.reported] for cut in cuts]),
+        poles=np.concatenate([cut.modal.poles[cut.reported] for cut in cuts]) + pipeline.matrix.judged.added_damping,
         shapes=np.concatenate([cut.modal.shapes[:, cut.reported] for cut in cuts], axis=1),
         participation=np.concatenate([cut.modal.participation[cut.reported] for cut in cuts]),
         stable_frequency=flags[0],
