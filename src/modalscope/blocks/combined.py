@@ -114,11 +114,6 @@ class CombinedOutputs(DataMatrix):
         response = self.few.response
         return Misfit(response, np.ones(response.values.shape[1]))
 
-    @property
-    def by_mode(self) -> bool:
-        """As of the combinations."""
-        return self.inner.by_mode
-
     def row_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
         """Return the rows of the combinations."""
         return self.inner.row_side(model, eigen, fit.fitted or fit)

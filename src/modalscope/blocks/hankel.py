@@ -127,6 +127,7 @@ class Hankel(DataMatrix):
     response: ImpulseResponse
     rows: Side
     columns: Side
+    by_mode = True
 
     @property
     def judged(self) -> ImpulseResponse:
@@ -263,11 +264,6 @@ class Hankel(DataMatrix):
     def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
         """Return shapes C X and participation X^-1 B, referred to the impulse (Eqs. 15-16)."""
         return fit_of_samples(self.response, model, eigen)
-
-    @property
-    def by_mode(self) -> bool:
-        """True: powers of its pole are all that a mode's sides follow."""
-        return True
 
     def row_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
         """Return V = P d^a against c_j z^k; of left vectors that are not made by sums over the samples."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from typing import Any, NoReturn
+from typing import Any, ClassVar, NoReturn
 
 import numpy as np
 
@@ -29,6 +29,9 @@ class DataMatrix(ABC):
     H(0) and H(1) are given by `shifted`; `tall` holds the rows of both together, and `row_shift` belongs to its factors. What a
     structure does not allow is None, or a DataError that says so.
     """
+
+    #: Whether both sides of a mode are known by its own shape and participation: modes of several orders are then compared at once.
+    by_mode: ClassVar[bool] = False
 
     # ------------------------------------------------------------------------------------------------ the matrix itself
     @property
@@ -202,11 +205,6 @@ class DataMatrix(ABC):
         yield from self.judged.beside(model)
 
     # --------------------------------------------------------------------------------------------------------- indicators
-    @property
-    def by_mode(self) -> bool:
-        """Whether both sides of a mode are known by its own shape and participation: modes of several orders are then compared at once."""
-        return False
-
     def row_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
         """The row factor V against c_j g_k; None when its blocks are not whole, or the states are the rows themselves."""
         if model.factors is None:

@@ -19,6 +19,8 @@ __all__ = ["MixedRows", "SampleRows"]
 class SampleRows(DataMatrix):
     """Block row k holds what is known of the outputs k samples on; `triangle` is the matrix times an orthonormal one."""
 
+    by_mode = True
+
     @property
     @abstractmethod
     def triangle(self) -> RealArray:
@@ -50,11 +52,6 @@ class SampleRows(DataMatrix):
     def row_blocks(self, P: Array) -> RealArray:
         """Return a left factor (rows, k) by block rows, (blocks, l, k)."""
         return np.asarray(P.reshape(-1, self.outputs, P.shape[1]))
-
-    @property
-    def by_mode(self) -> bool:
-        """True: powers of its pole are all that the rows of a mode follow."""
-        return True
 
     def to_s(self, poles: Array) -> ComplexArray:
         """Continuous poles ln(z) fs, rad/s."""

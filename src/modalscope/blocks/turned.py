@@ -30,6 +30,7 @@ class TurnedHankel(DataMatrix):
 
     response: ImpulseResponse
     inner: Hankel
+    by_mode = True
 
     @property
     def judged(self) -> ImpulseResponse:
@@ -84,11 +85,6 @@ class TurnedHankel(DataMatrix):
     def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
         """Return shapes C X and participation X^-1 B, referred to the impulse."""
         return fit_of_samples(self.response, model, eigen)
-
-    @property
-    def by_mode(self) -> bool:
-        """True, as of the matrix that was factored."""
-        return self.inner.by_mode
 
     def row_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
         """Return the columns of the transposed response's matrix: the side of the outputs."""

@@ -125,7 +125,7 @@ def judged(pipeline: Pipeline, orders: Sequence[int], measured: Measured) -> lis
             found.append(error)
             continue
         size += len(model.A) * pipeline.response.count
-        if size > _TOGETHER or not (pipeline.matrix.by_mode and nests(model)):
+        if size > _TOGETHER or not (pipeline.matrix.fitted.by_mode and nests(model)):
             break
     good = [part for part in found if not isinstance(part, DataError)]
     modes = measured.with_bases([modal for _, _, modal in good])

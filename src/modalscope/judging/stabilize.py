@@ -218,7 +218,7 @@ def collected(
     stable += [stable_against(before, after, limits) for before, after in pairwise(cuts)]
     flags = np.hstack(stable)
     names = set.intersection(*(set(cut.indicators) for cut in cuts))
-    factors = pipeline.factors
+    factors, decay = pipeline.factors, complex(pipeline.matrix.judged.added_damping)
     outside = sum(cut.modal.poles.size - cut.reported.size for cut in cuts)
     text = f"{counted(outside, 'pole')} outside the band or extraneous left out of the diagram"
     left = [Note("poles left out", {"poles": outside}, text)] if outside else []
@@ -228,7 +228,7 @@ def collected(
         domain=pipeline.method.domain,
         orders=tuple(cut.order for cut in cuts),
         order_of_pole=np.concatenate([np.full(cut.reported.size, cut.order) for cut in cuts]),
-        poles=np.concatenate([cut.modal.poles[cut.reported] for cut in cuts]) + pipeline.matrix.judged.added_damping,
+        poles=np.concatenate([cut.modal.poles[cut.reported] + decay for cut in cuts]),
         shapes=np.concatenate([cut.modal.shapes[:, cut.reported] for cut in cuts], axis=1),
         participation=np.concatenate([cut.modal.participation[cut.reported] for cut in cuts]),
         stable_frequency=flags[0],
