@@ -135,9 +135,9 @@ def envelope(spectrum: Spectrum, frequency: float, width: float) -> Envelope | N
 @lru_cache(maxsize=4)
 def _middle(count: int) -> tuple[slice, RealArray]:
     """Return the middle of a run, and the window there: a Hann window fades at both ends, and so does the envelope."""
-    t = (np.arange(count) + 0.5) / count
-    inside = np.flatnonzero((t > _ENDS) & (t < 1 - _ENDS))
-    return slice(inside[0], inside[-1] + 1), np.sin(np.pi * t[inside]) ** 2 / count
+    end = math.floor(_ENDS * count + 0.5)  # (k + 1/2) / count lies above
+    window = np.sin(np.pi / count * (np.arange(end, count - end) + 0.5))
+    return slice(end, count - end), window * window / count
 
 
 def _strongest(lines: ComplexArray) -> ComplexArray:
