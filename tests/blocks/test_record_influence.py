@@ -12,7 +12,7 @@ from modalscope.blocks.few_points import few_points
 from modalscope.blocks.influence import LineInfluence
 from modalscope.blocks.polynomials import orthogonal_basis
 from modalscope.blocks.record_influence import RecordInfluence
-from modalscope.identification.sweep import Cut, cut_order
+from modalscope.identification.cut import Cut, cut_order
 from modalscope.model.record_transform import record_spectra
 from modalscope.model.records import Records
 from modalscope.uncertainty.deviations import deviations_of

@@ -11,7 +11,7 @@ import pytest
 
 from modalscope import DataError, stabilize
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
-from modalscope.identification.sweep import Cut
+from modalscope.identification.cut import Cut
 from modalscope.judging.stability import TOLERANCES, stable_against
 from modalscope.modal.eigenmodes import Eigenmodes
 from modalscope.model import FrequencyResponse, ImpulseResponse, ModalModel, Signals
@@ -44,7 +44,7 @@ def flags(after: list[Pole], before: list[Pole], **limits: float) -> list[tuple[
             order=order,
             triple=Triple(A=np.zeros((n, n)), B=None, C=np.zeros((2, n)), rank=n),
             modal=Eigenmodes(poles, Eigen(poles, states, states), fit),
-            modes=ModalModel(poles=poles, shapes=shapes),
+            wrapped=lambda: ModalModel(poles=poles, shapes=shapes),
             reported=np.arange(n),
             indicators={},
             misfit=0.0,

@@ -7,7 +7,8 @@ import pytest
 
 from modalscope.model import Signals
 from modalscope.preprocess import envelopes
-from modalscope.preprocess.envelopes import Spectrum, envelope, narrow_band
+from modalscope.preprocess.envelopes import envelope, narrow_band
+from modalscope.preprocess.whole_spectrum import Spectrum
 
 
 @pytest.mark.parametrize("count", [12, 37, 400])

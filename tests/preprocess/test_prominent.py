@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy
 
 from modalscope.model import Signals
 from modalscope.preprocess.prominent import levels_of, prominent_span
@@ -41,3 +42,27 @@ def test_the_span_holds_all_modes_at_any_rate(seed: int, times: float) -> None:
     # a peak stands out on its flanks, too: some tenths of its frequency
     assert 0.8 * structure.frequencies[0] < span[0] < 1.01 * structure.frequencies[0]
     assert 0.99 * structure.frequencies[-1] < span[1] < 1.2 * structure.frequencies[-1]
+
+
+def test_levels_are_medians_of_the_periodogram_and_heights_those_of_their_neighbourhood() -> None:
+    """Against scipy's periodogram and plain medians, bin by bin; two runs are averaged."""
+    rng = np.random.default_rng(5)
+    y = np.cumsum(rng.standard_normal((2, 6001, 3)), axis=1) * [1.0, 1e-9, 1e6] + [5.0, 0.0, -2e6]
+    levels = levels_of(Signals(outputs=y, sampling_rate=20.0))
+    f, power = scipy.signal.periodogram(y, 20.0, "hann", detrend="linear", axis=1)
+    first = 2
+    for k in (0, 1, 40, len(levels.frequencies) - 1):
+        start = first + int(levels.widths[:k].sum())
+        stop = start + int(levels.widths[k])
+        expected = np.median(power.mean(axis=0)[start:stop], axis=0) / np.log(2)
+        size = 2.0 ** (2 * (np.frexp(np.abs(y).max())[1] - 1))
+        np.testing.assert_allclose(levels.levels[k], expected / size, rtol=1e-9)
+        assert levels.frequencies[k] == pytest.approx((f[start] + f[stop - 1]) / 2)
+    logs, ln_f = np.log(levels.levels), np.log(levels.frequencies)
+    for i in (0, 8, 30, 60, len(logs) - 12, len(logs) - 1):
+        near = min(
+            np.sum((ln_f >= ln_f[i] - 0.25) & (ln_f < ln_f[i])), np.sum((ln_f > ln_f[i]) & (ln_f < ln_f[i] + 0.25))
+        )
+        far = min(max(near, 8), 60, i, len(logs) - 1 - i)
+        around = np.median(logs[i - far : i + far + 1], axis=0) if far >= 8 else logs[i]
+        np.testing.assert_allclose(levels.heights[i], np.exp(logs[i] - around), rtol=1e-12)

@@ -10,7 +10,7 @@ import scipy.linalg as sla
 
 import modalscope as ms
 from modalscope.blocks.influence import Moments
-from modalscope.identification.sweep import cut_order
+from modalscope.identification.cut import cut_order
 from modalscope.systems import chain5
 from modalscope.uncertainty.covariance import deviations_of_poles
 from modalscope.uncertainty.deviations import lines_for_all

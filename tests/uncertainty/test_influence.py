@@ -9,7 +9,7 @@ import pytest
 import scipy.linalg as sla
 
 from modalscope.blocks.influence import Influence
-from modalscope.identification.sweep import cut_order
+from modalscope.identification.cut import cut_order
 from modalscope.model import FrequencyResponse, ImpulseResponse
 from modalscope.model.response import Response
 from modalscope.preprocess import estimate_correlation

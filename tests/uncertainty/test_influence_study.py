@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.identification.sweep import cut_order
+from modalscope.identification.cut import cut_order
 from modalscope.model import ImpulseResponse
 from modalscope.model.response import Response
 from modalscope.systems import chain5

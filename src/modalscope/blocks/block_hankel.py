@@ -50,9 +50,10 @@ class BlockHankel:
         used = self.values[self.first : self.first + self.block_rows + self.block_columns - 1]
         return crew().place(np.ascontiguousarray(used.transpose(1, 0, 2)).reshape(self.values.shape[1], -1))
 
-    def samples_times(self, right: Array) -> RealArray:
-        """Return the samples used, (l, N m), times an array."""
-        return fetched(self.strip[:, : len(right)] @ crew().place(right))
+    def samples_times(self, right: Array, first: int = 0) -> RealArray:
+        """Return the samples used from a first one on, (l, N m), times an array."""
+        start = first * self.values.shape[2]
+        return fetched(self.strip[:, start : start + len(right)] @ crew().place(right))
 
     def _row(self, i: int) -> Any:
         inputs = self.values.shape[2]

@@ -127,6 +127,7 @@ class Hankel(DataMatrix):
     response: ImpulseResponse
     rows: Side
     columns: Side
+    by_mode = True
 
     @property
     def judged(self) -> ImpulseResponse:
@@ -165,6 +166,11 @@ class Hankel(DataMatrix):
         """Samples (N, l', m'), combined within blocks on both sides."""
         T = self.rows.within
         return self._column_values if T is None else np.asarray(T @ self._column_values)
+
+    @cached_property
+    def _rows(self) -> BlockHankel:
+        """The matrix of `tall()`, kept for all orders: its samples lie as products take them."""
+        return BlockHankel(self.values, self.block_rows + 1, self.block_columns)
 
     def shifted(self, k: int) -> Operator:
         """Return H(k)."""
@@ -267,8 +273,7 @@ class Hankel(DataMatrix):
         blocks = factors.left.shape[0] // self.values.shape[1]
         states = factors.d[:n, None] ** model.power * eigen.vectors
         right = (factors.Q[:, :n] / factors.d[:n]) @ states
-        matrix = BlockHankel(self.values, blocks, self.block_columns)
-        return RowSums(matrix, right, states, self.first_block(fit.shapes), self.evolution(eigen.values, blocks))
+        return RowSums(self._rows, right, states, self.first_block(fit.shapes), self.evolution(eigen.values, blocks))
 
     def column_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
         """Return W = d^(1-a) Q' against b_j z^k; its columns start from the first sample there is, not from the impulse."""

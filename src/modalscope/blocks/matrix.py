@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from typing import Any, NoReturn
+from typing import Any, ClassVar, NoReturn
 
 import numpy as np
 
@@ -29,6 +29,9 @@ class DataMatrix(ABC):
     H(0) and H(1) are given by `shifted`; `tall` holds the rows of both together, and `row_shift` belongs to its factors. What a
     structure does not allow is None, or a DataError that says so.
     """
+
+    #: Whether both sides of a mode are known by its own shape and participation: modes of several orders are then compared at once.
+    by_mode: ClassVar[bool] = False
 
     # ------------------------------------------------------------------------------------------------ the matrix itself
     @property

@@ -9,9 +9,13 @@ import numpy as np
 
 from modalscope.blocks.triple import ModalFit
 from modalscope.model.checks import Array, RealArray
+from modalscope.model.modal_basis import residues
 from modalscope.model.response import Response
 
 __all__ = ["Misfit"]
+
+#: Numbers rebuilt at a time: they stay in the cache.
+_AT_A_TIME = 32_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,11 +40,14 @@ class Misfit:
     def of_left(self, left: RealArray) -> float:
         """Return the misfit by the energy (l, m) that is left of every channel."""
         with np.errstate(over="ignore", invalid="ignore"):
-            ratio = np.sqrt(np.sum(left / self.scale[:, None] ** 2)) / self._whole
+            return self._of_energy(float(np.sum(left / self.scale[:, None] ** 2)))
+
+    def _of_energy(self, energy: float) -> float:
+        ratio = np.sqrt(energy) / self._whole
         return float(ratio) if np.isfinite(ratio) else np.inf
 
     def of_fit(self, poles: Array, fit: ModalFit) -> float:
-        """Return the misfit of a fit, rebuilt.
+        """Return the misfit of a fit, rebuilt some lines or samples after the other.
 
         Parameters
         ----------
@@ -49,6 +56,16 @@ class Misfit:
         fit : ModalFit
         """
         basis = fit.basis or self.response.basis(poles, fit.powers)
+        level = np.repeat(1 / self.scale, basis.data.shape[2])
         with np.errstate(over="ignore", invalid="ignore"):
-            left = basis.data - basis.rebuilt(fit.shapes, fit.participation, fit.terms[: basis.terms.shape[1]])
-            return self.of_left(np.einsum("klm,klm->lm", left, left))
+            modes = residues(fit.shapes, fit.participation).reshape(-1, level.size) * level
+            terms = fit.terms[: basis.terms.shape[1]].reshape(-1, level.size) * level
+            energy, step = 0.0, max(_AT_A_TIME // level.size, 1)
+            for start in range(0, len(basis.data), step):
+                rows = slice(start, start + step)
+                left = basis.functions[rows] @ modes
+                if len(terms):
+                    left += basis.terms[rows] @ terms
+                left -= basis.data[rows].reshape(len(left), -1) * level
+                energy += float(np.vdot(left, left))
+            return self._of_energy(energy)

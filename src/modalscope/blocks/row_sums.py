@@ -19,6 +19,9 @@ from modalscope.model.checks import Array, ComplexArray, RealArray
 
 __all__ = ["RowSums", "projected_by_gram"]
 
+#: Rows that lie within this part of the columns of each other are taken together: a quarter more is multiplied, mostly by zeros.
+_NEAR = 4
+
 
 def projected_by_gram(matrix: BlockHankel, factors: Factors) -> RealArray:
     """Return K = P' H(1) Q = d^-1 Q' (H(0)' H(1)) Q: all block columns of H(0)' H(1) but the last are those of the Gram matrix.
@@ -64,21 +67,40 @@ class RowSums:
     def compare(self, agreement: Agreement, step: Callable[[Array], Array]) -> Compared:
         """Compare all blocks by their sums, and by agreement the one that `step` chooses; see `ModalSide`."""
         chosen = step(self.evolution)
-        summed, at = self._sums(chosen).transpose(1, 0, 2)
-        inner = np.sum(self.first * summed.conj(), axis=0)
-        return compared(inner, squares(self.states), at, self.first, self.evolution, chosen, agreement)
+        inner = np.sum(self.first * self._sums().conj(), axis=0)
+        return compared(inner, squares(self.states), self._at(chosen), self.first, self.evolution, chosen, agreement)
 
-    def _sums(self, chosen: Array) -> ComplexArray:
-        """Return sum_i conj(g_i) H_i X over the block rows H_i, and H_i X of the one that is chosen, (l, 2, k)."""
-        blocks, k = self.evolution.shape
-        _, outputs, inputs = self.matrix.values.shape
-        X = self.right.reshape(-1, inputs, k)
-        length = blocks + len(X) - 1
+    @property
+    def _blocks(self) -> ComplexArray:
+        """X by block columns, (blocks, m, k)."""
+        return self.right.reshape(-1, self.matrix.values.shape[2], self.right.shape[1])
+
+    def _sums(self) -> ComplexArray:
+        """Return sum_i conj(g_i) H_i X over the block rows H_i, (l, k)."""
+        X = self._blocks
+        length = len(self.evolution) + len(X) - 1
         whole = fft.next_fast_len(length)  # the sum of two numbers of blocks is often prime
-        spectrum = fft.fft(self.evolution.conj(), n=whole, axis=0)[:, None] * fft.fft(X, n=whole, axis=0)
-        filters = np.zeros((length, inputs, 2, k), dtype=complex)
-        filters[:, :, 0] = fft.ifft(spectrum, axis=0)[:length]
-        for j, start in enumerate(chosen):  # a sum over one block alone is that block's samples
-            filters[start : start + len(X), :, 1, j] = X[:, :, j]
-        product = self.matrix.samples_times(filters.reshape(length * inputs, -1).view(np.float64))
-        return np.asarray(np.ascontiguousarray(product).view(np.complex128).reshape(outputs, 2, k))
+        spectrum = fft.fft(X, n=whole, axis=0)
+        spectrum *= fft.fft(self.evolution.conj(), n=whole, axis=0)[:, None]
+        return self._of_samples(fft.ifft(spectrum, axis=0, overwrite_x=True)[:length], 0)
+
+    def _at(self, chosen: Array) -> ComplexArray:
+        """Return H_i X of the block row that is chosen for each mode, (l, k): of rows close to each other by one product."""
+        X, by_row = self._blocks, np.argsort(chosen, kind="stable")
+        found, near = np.empty((self.matrix.values.shape[1], len(chosen)), dtype=complex), max(len(X) // _NEAR, 1)
+        while by_row.size:
+            first = chosen[by_row[0]]
+            some = by_row[chosen[by_row] < first + near]
+            filters = np.zeros((chosen[some[-1]] - first + len(X), *X.shape[1:-1], some.size), dtype=complex)
+            for j, k in enumerate(some):
+                start = chosen[k] - first
+                filters[start : start + len(X), :, j] = X[:, :, k]
+            found[:, some] = self._of_samples(filters, int(first))
+            by_row = by_row[some.size :]
+        return found
+
+    def _of_samples(self, filters: ComplexArray, first: int) -> ComplexArray:
+        """Return the samples from `first` on times filters (samples, m, k), (l, k)."""
+        columns = np.ascontiguousarray(filters).reshape(-1, filters.shape[2]).view(np.float64)
+        product = self.matrix.samples_times(columns, first)
+        return np.asarray(np.ascontiguousarray(product).view(np.complex128))

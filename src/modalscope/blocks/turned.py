@@ -30,6 +30,7 @@ class TurnedHankel(DataMatrix):
 
     response: ImpulseResponse
     inner: Hankel
+    by_mode = True
 
     @property
     def judged(self) -> ImpulseResponse:

@@ -78,13 +78,15 @@ def seen_record(record: Signals | StoredSignals) -> SeenRecord:
     record : Signals or StoredSignals
         Of a stored record an excerpt is looked at.
     """
-    from modalscope.preprocess.harmonics import find_lines
+    from modalscope.preprocess.harmonics import lines_in
     from modalscope.preprocess.own_band import own_bands
-    from modalscope.preprocess.prominent import levels_of
+    from modalscope.preprocess.prominent import levels_in
+    from modalscope.preprocess.whole_spectrum import Spectrum
 
     excerpt = record.excerpt()
-    levels = levels_of(excerpt)
-    return SeenRecord(record, excerpt, levels, own_bands(levels, record.sampling_rate), find_lines(excerpt))
+    spectrum = Spectrum.of(excerpt)
+    levels = levels_in(spectrum)
+    return SeenRecord(record, excerpt, levels, own_bands(levels, record.sampling_rate), lines_in(spectrum))
 
 
 def looked_through(data: Any, exclude: Any = None) -> Any:

@@ -76,5 +76,5 @@ def _own(setups: Setups) -> OwnBands:
     """Return the bands of the outputs of all setups side by side, over the samples that all have."""
     count = min(setups.samples)
     each = [levels_of(replace(part, outputs=part.outputs[..., :count, :])) for part in setups.parts]
-    together = each[0]._replace(levels=np.hstack([levels.levels for levels in each]))
+    together = replace(each[0], levels=np.hstack([levels.levels for levels in each]))
     return own_bands(together, setups.sampling_rate)

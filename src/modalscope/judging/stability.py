@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from modalscope.identification.sweep import Cut
+from modalscope.identification.cut import Cut
 from modalscope.modal.indicators import mac
 from modalscope.model.checks import Array, DataError, check_kind, check_positive
 from modalscope.model.poles import frequencies_and_damping

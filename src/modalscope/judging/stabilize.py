@@ -11,12 +11,13 @@ import numpy as np
 
 from modalscope.blocks.threads import one_thread
 from modalscope.identification.conditioned import looked_through
+from modalscope.identification.cut import Cut
 from modalscope.identification.method import Problem
 from modalscope.identification.options import AllOptions
 from modalscope.identification.orders import checked_orders
 from modalscope.identification.pipeline import Pipeline
 from modalscope.identification.prepare import prepare
-from modalscope.identification.sweep import Cut, Sweep, start
+from modalscope.identification.sweep import Sweep, start
 from modalscope.judging.growth import grown
 from modalscope.judging.stability import limits_of, stable_against
 from modalscope.model.checks import Array, DataError
@@ -217,7 +218,7 @@ def collected(
     stable += [stable_against(before, after, limits) for before, after in pairwise(cuts)]
     flags = np.hstack(stable)
     names = set.intersection(*(set(cut.indicators) for cut in cuts))
-    factors = pipeline.factors
+    factors, decay = pipeline.factors, complex(pipeline.matrix.judged.added_damping)
     outside = sum(cut.modal.poles.size - cut.reported.size for cut in cuts)
     text = f"{counted(outside, 'pole')} outside the band or extraneous left out of the diagram"
     left = [Note("poles left out", {"poles": outside}, text)] if outside else []
@@ -227,7 +228,7 @@ def collected(
         domain=pipeline.method.domain,
         orders=tuple(cut.order for cut in cuts),
         order_of_pole=np.concatenate([np.full(cut.reported.size, cut.order) for cut in cuts]),
-        poles=np.concatenate([cut.modes.poles[cut.reported] for cut in cuts]),
+        poles=np.concatenate([cut.modal.poles[cut.reported] + decay for cut in cuts]),
         shapes=np.concatenate([cut.modal.shapes[:, cut.reported] for cut in cuts], axis=1),
         participation=np.concatenate([cut.modal.participation[cut.reported] for cut in cuts]),
         stable_frequency=flags[0],

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
+
 import numpy as np
 
 from modalscope.blocks.matrix import DataMatrix
@@ -9,9 +12,10 @@ from modalscope.blocks.triple import Triple
 from modalscope.modal.eigenmodes import Eigenmodes
 from modalscope.modal.evolution import followed
 from modalscope.modal.indicators import cluster_mpc, clusters, mac, modal_singular_values, mpc, mpd
+from modalscope.modal.together import Part, together
 from modalscope.model.checks import RealArray
 
-__all__ = ["indicators_of"]
+__all__ = ["indicators_of", "indicators_of_all"]
 
 #: Shapes of repeated modes are independent; above this MAC two poles are one mode.
 SPLIT_SHAPE = 0.9
@@ -19,13 +23,41 @@ SPLIT_SHAPE = 0.9
 
 def indicators_of(matrix: DataMatrix, model: Triple, modes: Eigenmodes) -> dict[str, RealArray]:
     """Return the accuracy indicators of the modes of one order; those that the structure of the data matrix does not give are left out."""
+    return indicators_of_all(matrix, [(model, modes)])[0]
+
+
+def indicators_of_all(matrix: DataMatrix, parts: Sequence[Part]) -> list[dict[str, RealArray]]:
+    """Return the accuracy indicators of several orders: what concerns one mode alone is computed for all of them at once.
+
+    Parameters
+    ----------
+    matrix : DataMatrix
+    parts : sequence of (Triple, Eigenmodes)
+        One order, or several whose models nest (see `together`).
+    """
+    model, modes = together(parts)
     found = _of_factors(matrix, model, modes)
-    found["mpc"] = _collinearity(modes)
-    if "emac" in found:
-        found["cmi"] = found["emac"] * found["mpc"]
+    found["mpc"] = mpc(modes.shapes)
     found["msv"] = _strength(matrix, modes)
     found["mpd"] = mpd(modes.shapes)
-    return found
+    ends = np.cumsum([0, *(modal.poles.size for _, modal in parts)])
+    each = [{name: values[a:b] for name, values in found.items()} for a, b in pairwise(ends)]
+    for own, (_, modal) in zip(each, parts, strict=True):
+        _within_order(own, modal)
+    return each
+
+
+def _within_order(found: dict[str, RealArray], modes: Eigenmodes) -> None:
+    """Complete what modes of one order say of each other: repeated ones, and which is the strongest."""
+    collinear, strength = found["mpc"], found["msv"]
+    for group in clusters(modes.poles):
+        # poles this close with one shape are one mode that was split, not repeated modes
+        if group.size > 1 and np.max(mac(modes.shapes[:, group]) - np.eye(group.size)) < SPLIT_SHAPE:
+            collinear[group] = cluster_mpc(modes.shapes[:, group])
+    if "emac" in found:
+        found["cmi"] = found["emac"] * collinear
+    if strength.size and strength.max() > 0:
+        found["msv"] = strength / strength.max()
 
 
 def _of_factors(matrix: DataMatrix, model: Triple, modes: Eigenmodes) -> dict[str, RealArray]:
@@ -44,19 +76,9 @@ def _of_factors(matrix: DataMatrix, model: Triple, modes: Eigenmodes) -> dict[st
     return {"amplitude_coherence": np.where(np.isnan(known), by_rows, known), "emac": both, "emaco": of_outputs}
 
 
-def _collinearity(modes: Eigenmodes) -> RealArray:
-    collinear = mpc(modes.shapes)
-    for group in clusters(modes.poles):
-        # poles this close with one shape are one mode that was split, not repeated modes
-        if group.size > 1 and np.max(mac(modes.shapes[:, group]) - np.eye(group.size)) < SPLIT_SHAPE:
-            collinear[group] = cluster_mpc(modes.shapes[:, group])
-    return collinear
-
-
 def _strength(matrix: DataMatrix, modes: Eigenmodes) -> RealArray:
-    """Return the modal singular values, the largest 1; growing poles count as undamped ones."""
+    """Return the modal singular values; growing poles count as undamped ones."""
     response = matrix.judged
     dt = matrix.dt or 1 / (2 * response.span[1])
     z = np.exp(np.minimum(modes.poles.real, 0) * dt + 1j * modes.poles.imag * dt)
-    strength = modal_singular_values(modes.shapes, modes.participation, z, response.count)
-    return np.asarray(strength / strength.max()) if strength.size and strength.max() > 0 else strength
+    return modal_singular_values(modes.shapes, modes.participation, z, response.count)

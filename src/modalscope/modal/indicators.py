@@ -172,17 +172,26 @@ def clusters(poles: ArrayLike, width: float = 2e-3) -> list[Array]:
         Indices into `poles`; every pole stands in one group.
     """
     s = np.asarray(poles, dtype=np.complex128)
-    near = np.abs(s[:, None] - s) <= width * np.maximum(np.abs(s[:, None]), np.abs(s))
-    alone = np.count_nonzero(near, axis=1) <= 1
-    left, groups = set(np.flatnonzero(~alone).tolist()), [np.array([i]) for i in np.flatnonzero(alone)]
+    some = _alike_in_size(s, width)
+    near = np.abs(s[some, None] - s[some]) <= width * np.maximum(np.abs(s[some, None]), np.abs(s[some]))
+    left, groups = set(range(some.size)), [np.array([i]) for i in np.setdiff1d(np.arange(s.size), some)]
     while left:
         group, edge = set(), {min(left)}
         while edge:
             group |= edge
             edge = {int(j) for i in edge for j in np.flatnonzero(near[i])} - group
-        groups.append(np.array(sorted(group)))
+        groups.append(some[sorted(group)])
         left -= group
     return sorted(groups, key=lambda group: int(group[0]))
+
+
+def _alike_in_size(s: ComplexArray, width: float) -> Array:
+    """Return the indices, in order, of numbers whose moduli are nearer to another's than `width`: no others can be neighbours."""
+    size = np.abs(s)
+    by_size = np.argsort(size)
+    apart = np.diff(size[by_size]) > width * size[by_size[1:]] * (1 + 1e-12)  # a difference of moduli is rounded
+    alone = np.append(True, apart)[: s.size] & np.append(apart, True)[: s.size]
+    return np.sort(by_size[~alone])
 
 
 @plainly

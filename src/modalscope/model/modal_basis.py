@@ -24,6 +24,7 @@ __all__ = [
     "ModalBasis",
     "line_basis",
     "residual_powers",
+    "residues",
     "sample_basis",
     "scaled_terms",
     "stacked_basis",
@@ -158,7 +159,7 @@ class ModalBasis:
         target = coefficients[t:].transpose(1, 0, 2)
         theta[kept] = _solve(known.reshape(outputs * (len(R) - t), kept.size), target.reshape(-1, inputs))
         side = theta[::2] + 1j * theta[1::2]
-        rest = _residues(shapes, side)[kept]
+        rest = residues(shapes, side)[kept]
         left = coefficients[:t] - np.tensordot(R[:t, t:], rest, axes=1)
         terms = sla.solve_triangular(R[:t, :t], left.reshape(t, outputs * inputs)) if t else left
         own = terms.reshape(t, outputs, inputs)
@@ -177,15 +178,15 @@ class ModalBasis:
 
     def rebuilt(self, shapes: Array, participation: Array, terms: Array) -> RealArray:
         """Return what modes and terms give on the rows, (K, l, m): the counterpart of `fit_participation`."""
-        coefficients = _residues(shapes, participation).reshape(-1, self.data[0].size)
+        coefficients = residues(shapes, participation).reshape(-1, self.data[0].size)
         flat = self.functions @ coefficients + self.terms @ terms.reshape(len(terms), coefficients.shape[1])
         return np.asarray(flat.reshape(self.data.shape))
 
 
-def _residues(shapes: Array, participation: Array) -> RealArray:
+def residues(shapes: Array, participation: Array) -> RealArray:
     """Return the residues c_j l_j as the functions take them, (2 n, l, m): real and imaginary part of every pole."""
-    residues = shapes.T[:, :, None] * participation[:, None, :]
-    return np.stack([residues.real, residues.imag], axis=1).reshape(2 * len(residues), *residues.shape[1:])
+    found = shapes.T[:, :, None] * participation[:, None, :]
+    return np.stack([found.real, found.imag], axis=1).reshape(2 * len(found), *found.shape[1:])
 
 
 def _with_shapes(functions: RealArray, kept: Array, shapes: Array) -> RealArray:

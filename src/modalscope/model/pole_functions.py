@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from modalscope.model.checks import Array, ComplexArray, RealArray
-from modalscope.model.poles import powers_of, to_discrete
+from modalscope.model.poles import is_real, powers_of, to_discrete
 
 __all__ = ["line_functions", "sample_functions"]
 
@@ -77,7 +77,7 @@ def sample_functions(rate: float, first: int, count: int, poles: Array, *, slope
     s = np.minimum(s.real, _GROWN * rate / max(first + count, 1)) + 1j * s.imag
     z = to_discrete(s, 1 / rate)
     decay = powers_of(z, count, first, rows=True)
-    alone = ((s.imag == 0) | (z.imag == 0))[:, None]
+    alone = ((s.imag == 0) | is_real(z))[:, None]  # exp(j pi) is -1 but for rounding
     # as on lines each function lies in one piece
     found = np.empty((1 + slopes, s.size, 2, count))
     np.multiply(decay.real, np.where(alone, 1.0, 2.0), out=found[0, :, 0])

@@ -11,22 +11,23 @@ tells them apart: 2 n g is nearly chi-square with n - 1 degrees of freedom for r
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 import scipy.linalg as sla
 from scipy import fft, special
 
 from modalscope.model.checks import ComplexArray, RealArray
-from modalscope.model.signals import Signals
-from modalscope.preprocess.prominent import binary_size
+from modalscope.preprocess.whole_spectrum import Spectrum
 
-__all__ = ["FEWEST", "Envelope", "Narrow", "Spectrum", "envelope", "narrow_band"]
+__all__ = ["FEWEST", "Envelope", "Narrow", "envelope", "narrow_band"]
 
 #: No structure is taken to be less damped than this: a narrower resonance could not be told from a line.
 _LEAST_DAMPING = 0.001
+
+_TINY = float(np.finfo(float).tiny)
 
 #: Values of |z|^2 that a band has at least, and the part of a run at either end that is not looked at.
 FEWEST, _ENDS = 12, 0.15
@@ -57,24 +58,6 @@ class Narrow(NamedTuple):
     def chance(self) -> float:
         """How often random vibration has an envelope as steady as this."""
         return _chance(_unsteadiness(self.values), self.worth)
-
-
-class Spectrum(NamedTuple):
-    """Transforms of all runs (R, lines, l), the distance of lines (Hz), and the power of all outputs, these over one number."""
-
-    lines: ComplexArray
-    step: float
-    power: float
-
-    @classmethod
-    def of(cls, signals: Signals) -> Spectrum:
-        """Return those of the outputs of a record, without trends, under a Hann window."""
-        outputs, _ = signals.by_run()
-        y = scipy.signal.detrend(outputs / binary_size(outputs), axis=1)
-        window = scipy.signal.get_window("hann", y.shape[1])
-        scale = np.sqrt(2 / (y.shape[1] * float(window @ window)))
-        lines = np.asarray(fft.rfft(y * window[:, None], axis=1)) * scale
-        return cls(lines, signals.sampling_rate / y.shape[1], float(np.sum(np.mean(y**2, axis=(0, 1)))))
 
 
 class Envelope(NamedTuple):
@@ -139,29 +122,29 @@ def envelope(spectrum: Spectrum, frequency: float, width: float) -> Envelope | N
     frequency, width : float
         Hz.
     """
-    first = max(int(np.ceil((frequency - width / 2) / spectrum.step)), 1)
+    first = max(math.ceil((frequency - width / 2) / spectrum.step), 1)
     last = int((frequency + width / 2) / spectrum.step)
     if last - first + 1 < FEWEST or last >= spectrum.lines.shape[1]:
         return None
     cut = spectrum.lines[:, first : last + 1]
     Z = cut @ _strongest(cut.reshape(-1, cut.shape[2]))
     inside, window = _middle(Z.shape[1])
-    return Envelope(first, cut, Z, (np.fft.ifft(Z, axis=1)[:, inside] / window).ravel())
+    return Envelope(first, cut, Z, (fft.ifft(Z, axis=1)[:, inside] / window).ravel())
 
 
 @lru_cache(maxsize=4)
 def _middle(count: int) -> tuple[slice, RealArray]:
     """Return the middle of a run, and the window there: a Hann window fades at both ends, and so does the envelope."""
-    t = (np.arange(count) + 0.5) / count
-    inside = np.flatnonzero((t > _ENDS) & (t < 1 - _ENDS))
-    return slice(inside[0], inside[-1] + 1), np.sin(np.pi * t[inside]) ** 2 / count
+    end = math.floor(_ENDS * count + 0.5)  # (k + 1/2) / count lies above
+    window = np.sin(np.pi / count * (np.arange(end, count - end) + 0.5))
+    return slice(end, count - end), window * window / count
 
 
 def _strongest(lines: ComplexArray) -> ComplexArray:
     """Return the combination of channels that has most power on lines (n, l): from the smaller of both Gram matrices."""
     if lines.shape[0] < lines.shape[1]:
         own = _last_vector(lines @ lines.conj().T) @ lines.conj()
-        return np.asarray(own / max(float(np.linalg.norm(own)), np.finfo(float).tiny))
+        return np.asarray(own / max(float(np.linalg.norm(own)), _TINY))
     return _last_vector(lines.conj().T @ lines)
 
 
@@ -175,8 +158,8 @@ def _last_vector(gram: ComplexArray) -> ComplexArray:
 
 def _unsteadiness(values: ComplexArray) -> float:
     """Return g = ln mean |z|^2 - mean ln |z|^2."""
-    squares = np.maximum(values.real**2 + values.imag**2, np.finfo(float).tiny)
-    return float(np.log(squares.mean()) - np.log(squares).mean())
+    squares = np.maximum(values.real**2 + values.imag**2, _TINY)
+    return math.log(np.add.reduce(squares) / squares.size) - float(np.add.reduce(np.log(squares))) / squares.size
 
 
 def _chance(g: float, n: float) -> float:
@@ -199,9 +182,9 @@ def _most_independent(count: int, step: float, half: float, seconds: float) -> f
     exp(-2 h w) has an integral in closed form, and a sum at `4 count` places in all, or more, stays above that by less than one term.
     """
     a, b = 2 * half, count - 1
-    fades = np.exp(-a * np.pi / b)
+    fades = math.exp(-a * math.pi / b)
     both = ((1 - fades) / a + a * (1 + fades) / (a**2 + b**2)) / (2 * np.pi) - 1 / (4 * count)
-    return float(seconds * step / both) if both > 0 else np.inf
+    return seconds * step / both if both > 0 else math.inf
 
 
 def _independent(power: RealArray, step: float, centre: float, seconds: float) -> float:

@@ -13,9 +13,10 @@ import numpy as np
 from modalscope.model.checks import Array
 from modalscope.model.notes import Note
 from modalscope.model.signals import Signals
-from modalscope.preprocess.envelopes import FEWEST, Narrow, Spectrum, envelope, narrow_band
+from modalscope.preprocess.envelopes import FEWEST, Narrow, envelope, narrow_band
+from modalscope.preprocess.whole_spectrum import Spectrum
 
-__all__ = ["HARMONIC", "Line", "find_lines", "harmonic_notes"]
+__all__ = ["HARMONIC", "Line", "find_lines", "harmonic_notes", "lines_in"]
 
 #: The kind of the notes that name harmonics.
 HARMONIC = "harmonic"
@@ -78,20 +79,33 @@ def find_lines(signals: Signals, band: tuple[float, float] | None = None) -> tup
     ... ]
     [12.0]
     """
-    spectrum = Spectrum.of(signals)
+    return lines_in(Spectrum.of(signals), band)
+
+
+def lines_in(spectrum: Spectrum, band: tuple[float, float] | None = None) -> tuple[Line, ...]:
+    """Return what `find_lines` does of a record whose transform is known.
+
+    Parameters
+    ----------
+    spectrum : Spectrum
+    band : (float, float), optional
+        Hz.
+    """
     low, high = (0.0, np.inf) if band is None else band
     looked, steady = 0, []
     for width in _WIDTHS:
         f = FEWEST * spectrum.step / width * 1.2
-        while f * (1 + width) < signals.sampling_rate / 2:
+        while f * (1 + width) < spectrum.rate / 2:
             part = envelope(spectrum, f, width * f) if low <= f <= high else None
             if part is not None:
                 looked += 1
-                if part.least_chance(spectrum.step) < _CHANCE:
-                    steady.append(part.band(spectrum.step))
+                least = part.least_chance(spectrum.step)
+                if least < _CHANCE:
+                    steady.append((least, part))
             f *= 1 + width / 4
     bar = _CHANCE / max(looked, 1)
-    found = _apart([(band.chance, band) for band in steady if band.chance < bar])
+    bands = [part.band(spectrum.step) for least, part in steady if least < bar]
+    found = _apart([(band.chance, band) for band in bands if band.chance < bar])
     found = _apart([*found, *_of_the_same_shaft(spectrum, [band for _, band in found])])
     lines = [
         Line(b.centre, b.spread, float(np.sqrt(b.power / spectrum.power)), chance)

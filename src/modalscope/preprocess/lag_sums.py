@@ -23,6 +23,9 @@ _GATHERED, _TOGETHER = 8_000_000, 2_000_000
 #: So many blocks together make products of matrices worth their name; more of them only take memory, but small ones cost little of it.
 _ENOUGH, _SMALL = 12, 300_000
 
+#: Cross spectra that are summed at a time: they stay in the cache.
+_IN_CACHE = 15_000
+
 
 class LagSum:
     """Sum over t of y(t + k) y_ref(t)', k = 0 ... lags, of the products that were added.
@@ -94,8 +97,10 @@ class LagSum:
                 continue
             ahead, behind = fft.rfft(later, axis=1), fft.rfft(now, axis=1)
             np.conjugate(behind, out=behind)
-            for cross, y, y_now in zip(total, ahead.swapaxes(0, 1), behind.swapaxes(0, 1), strict=True):
-                cross += y.T @ y_now  # line by line: what is summed stays in the cache
+            y, y_now = ahead.transpose(1, 2, 0), behind.swapaxes(0, 1)
+            step = max(_IN_CACHE // total[0].size, 1)
+            for k in range(0, len(total), step):
+                total[k : k + step] += y[k : k + step] @ y_now[k : k + step]
 
     def _at_once(self, later: Any, now: Any) -> ComplexArray:
         """Return the cross spectra of some blocks, all lines in one product."""

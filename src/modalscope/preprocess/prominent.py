@@ -7,16 +7,17 @@ narrower than any bin, do not move; a peak is where that level, over that of its
 from __future__ import annotations
 
 import itertools
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-import scipy
-from scipy import fft, special
+from scipy import special
 
-from modalscope.model.checks import Array, BoolArray, RealArray
+from modalscope.model.checks import BoolArray, RealArray
 from modalscope.model.signals import Signals
+from modalscope.preprocess.whole_spectrum import Spectrum
 
-__all__ = ["Levels", "binary_size", "levels_of", "prominent_span"]
+__all__ = ["Levels", "levels_in", "levels_of", "prominent_span"]
 
 #: Width of a bin as a part of its frequency, and the lines that it has at least.
 _WIDTH, _LINES = 0.01, 8
@@ -34,10 +35,11 @@ _SIDE_BY_SIDE = 3
 _JOINED = 1.5
 
 
-class Levels(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Levels:
     """Spectral levels of a record in bins.
 
-    Attributes
+    Parameters
     ----------
     frequencies : array, (b,)
         Middles of the bins, Hz.
@@ -56,19 +58,20 @@ class Levels(NamedTuple):
         """Of how many independent lines a bin's level is as good as the mean, (b,): a median is worth (ln 2)^2 times as many."""
         return np.asarray(np.maximum(self.widths / _JOINED * np.log(2) ** 2, 1.0))
 
-    @property
+    @cached_property
     def heights(self) -> RealArray:
         """Level over the median of the neighbourhood, (b, l); 1 where there is no neighbourhood."""
         logs = np.log(np.maximum(self.levels, np.finfo(float).tiny))
         count, ln_f = len(logs), np.log(self.frequencies)
         below = np.arange(count) - np.searchsorted(ln_f, ln_f - _REACH)
         above = np.searchsorted(ln_f, ln_f + _REACH) - 1 - np.arange(count)
+        reach, i = np.clip(np.minimum(below, above), _FEWEST, _MOST), np.arange(count)
+        reach = np.minimum(reach, np.minimum(i, i[::-1]))  # as far on one side as on the other: slopes cancel
         heights = np.ones(logs.shape)
-        for i in range(count):  # as far on one side as on the other: slopes cancel
-            far = min(max(min(below[i], above[i]), _FEWEST), _MOST, i, count - 1 - i)
-            if far >= _FEWEST:
-                around = np.median(logs[i - far : i + far + 1], axis=0)
-                heights[i] = np.exp(np.minimum(logs[i] - around, 50.0))
+        for far in np.unique(reach[reach >= _FEWEST]):
+            some = np.flatnonzero(reach == far)
+            around = _medians(logs[some[:, None] + np.arange(-far, far + 1)])
+            heights[some] = np.exp(np.minimum(logs[some] - around, 50.0))
         return heights
 
     def bars(self, trials: int) -> RealArray:
@@ -79,7 +82,7 @@ class Levels(NamedTuple):
         worth = _SIDE_BY_SIDE * self.worth
         return np.maximum(special.gammainccinv(worth, _CHANCE / (len(worth) * trials)) / worth, _LEAST)
 
-    @property
+    @cached_property
     def stands_out(self) -> BoolArray:
         """Which bins belong to a peak, (b,): three side by side are higher than chance allows, in one output or in the mean of all."""
         heights = self.heights
@@ -99,29 +102,29 @@ def levels_of(signals: Signals) -> Levels:
     signals : Signals
         The straight line is taken off every channel and run.
     """
-    outputs, _ = signals.by_run()
-    outputs = outputs / binary_size(outputs)
-    window = scipy.signal.get_window("hann", signals.samples)
-    power: RealArray = np.zeros((signals.samples // 2 + 1, outputs.shape[2]))
-    for run in outputs:
-        y = scipy.signal.detrend(run, axis=0) * window[:, None]
-        power += np.abs(fft.rfft(y, axis=0)) ** 2
-    power *= 2 / (signals.sampling_rate * float(window @ window) * len(outputs))
-    edges = _edges(len(power))
-    medians = [np.median(power[a:b], axis=0) for a, b in itertools.pairwise(edges)]
-    middles = (edges[:-1] + edges[1:] - 1) / 2 * signals.sampling_rate / signals.samples
-    values = np.array(medians).reshape(len(middles), -1) / np.log(2)
-    return Levels(middles, np.diff(edges).astype(float), values)
+    return levels_in(Spectrum.of(signals))
 
 
-def binary_size(x: Array) -> float:
-    """Return a power of two near the largest value, so that squares of x over it are numbers whatever its unit; 1 of zeros.
+def levels_in(spectrum: Spectrum) -> Levels:
+    """Return the spectral levels of a record whose transform is known, averaged over runs.
 
     Parameters
     ----------
-    x : array
+    spectrum : Spectrum
     """
-    return float(np.ldexp(1.0, int(np.frexp(np.max(np.abs(x), initial=0.0))[1]) - 1)) if np.any(x) else 1.0
+    power = sum(lines.real**2 + lines.imag**2 for lines in spectrum.lines) / (spectrum.step * len(spectrum.lines))
+    edges = _edges(len(power))
+    medians = [_medians(power[None, a:b])[0] for a, b in itertools.pairwise(edges)]
+    middles = (edges[:-1] + edges[1:] - 1) / 2 * spectrum.step
+    values = np.array(medians).reshape(len(middles), power.shape[1]) / np.log(2)
+    return Levels(middles, np.diff(edges).astype(float), values)
+
+
+def _medians(values: RealArray) -> RealArray:
+    """Return the medians of (groups, n, l) over n, (groups, l)."""
+    n = values.shape[1]
+    middle = (n - 1) // 2, n // 2
+    return np.asarray(np.partition(values, middle, axis=1)[:, middle, :].mean(axis=1))
 
 
 def _edges(lines: int) -> RealArray:

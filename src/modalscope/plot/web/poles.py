@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.identification.cut import Cut
 from modalscope.identification.lookup import cell_label
-from modalscope.identification.sweep import Cut, Sweep
+from modalscope.identification.sweep import Sweep
 from modalscope.judging.stability import stable_against
 from modalscope.modal.rebuilt import rebuilt
 from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, ModalModel, StabilizationDiagram
