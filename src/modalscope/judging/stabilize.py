@@ -242,6 +242,7 @@ def collected(
         settings=pipeline.settings,
         notes=(*pipeline.notes, *notes, *left, *_doubts(pipeline, cuts, stable)),
         dt=pipeline.matrix.dt,
+        measured=pipeline.transformed,
     )
 
 
