@@ -72,3 +72,12 @@ def test_the_beam_by_rows_on_samples_has_its_modes_once_each(method: str) -> Non
         assert np.sum(np.abs(modes.frequencies / f - 1) < 0.002) >= 1
     # prce truncates nothing: noise moves its poles, and a few of the test's own lines are left among them; before there were 26
     assert len(modes) == 5 if method == "alternate" else len(modes) < 10
+
+
+def test_samples_of_a_band_have_no_exact_rank_and_those_of_all_lines_have() -> None:
+    # nothing lies below the band, so that few rows of the Hankel matrix are dependent to rounding, noise and all
+    band = even_lines(random_structure(9047), 40, 9047)[0]
+    assert ms.stabilize(band, method="prce", domain="time").exact_rank is None
+    sampled = ms.systems.chain5().state_space(dt=0.05).impulse_response(3999).to_frequency_response()
+    assert sampled.exact_samples
+    assert ms.stabilize(sampled, domain="time", orders=range(2, 21, 2)).exact_rank == 10
