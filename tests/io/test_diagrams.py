@@ -29,6 +29,11 @@ def of_lines() -> StabilizationDiagram:
     return ms.stabilize(response, orders=range(2, 31, 2), band=(0.5, 7.0), weights="coherence")
 
 
+def of_transformed() -> StabilizationDiagram:
+    response = chain5().frequency_response(0.025 * np.arange(12, 301), noise=0.01, seed=0)
+    return ms.stabilize(response, domain="time", orders=range(2, 21, 2))
+
+
 def of_correlations() -> StabilizationDiagram:
     return ms.stabilize(chain5().simulate(inputs="ambient", samples=4000, sampling_rate=20.0), orders=range(2, 15, 2))
 
@@ -45,7 +50,7 @@ def same(a: object, b: object) -> bool:
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-@pytest.mark.parametrize("make", [of_samples, of_lines, of_correlations])
+@pytest.mark.parametrize("make", [of_samples, of_lines, of_transformed, of_correlations])
 def test_what_is_read_back_is_the_same_to_the_last_bit(make, suffix: str, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
     diagram, path = make(), tmp_path / f"d{suffix}"
     ms.write(path, diagram)

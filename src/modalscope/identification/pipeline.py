@@ -55,6 +55,12 @@ class Pipeline:
         return self.matrix.judged
 
     @property
+    def transformed(self) -> Response | None:
+        """The lines that the row was given as samples; None where it was given what was measured, or lines of measured samples."""
+        measured = self.problem.measured
+        return measured if measured.grid is not None and self.response.grid is None else None
+
+    @property
     def factors(self) -> Factors:
         """The factors that all orders are cut from."""
         return self.realization.factors

@@ -1,6 +1,7 @@
 """Stabilization diagrams as named arrays and as JSON, with the response they belong to: read back, `select` gives the same modes.
 
-Arrays stand under the names of the diagram's fields, those of its response behind `response_`, of its settings behind `setting_`;
+Arrays stand under the names of the diagram's fields, those of its response behind `response_`, of the lines that it was made of behind
+`measured_`, of its settings behind `setting_`;
 indicators are `indicator_<name>`.
 All that is no array is one JSON text, `diagram`. A JSON file holds the same:
 
@@ -36,7 +37,7 @@ __all__ = ["DIAGRAM", "diagram_arrays", "diagram_contents", "document_contents",
 #: The text that holds what is no array; where it is, the file holds a diagram.
 DIAGRAM = "diagram"
 
-_RESPONSE, _SETTING = "response_", "setting_"
+_RESPONSE, _MEASURED, _SETTING = "response_", "measured_", "setting_"
 _KINDS: dict[str, type] = {"c": complex, "f": float, "i": int, "b": bool}
 
 
@@ -107,8 +108,8 @@ def _parted(diagram: StabilizationDiagram) -> tuple[dict[str, Array], dict[str, 
     rest: dict[str, Any] = {}
     for field in fields(diagram):
         name, value = field.name, getattr(diagram, field.name)
-        if name == "response":
-            arrays |= {_RESPONSE + key: array for key, array in to_arrays(value).items()}
+        if name in ("response", "measured") and value is not None:
+            arrays |= {f"{name}_{key}": array for key, array in to_arrays(value).items()}
         elif name == "indicators":
             arrays |= {INDICATOR + key: np.asarray(array) for key, array in value.items()}
         elif name == "settings":
@@ -138,16 +139,21 @@ def _plain(value: Any) -> Any:
 
 
 def _contents(where: str, rest: Mapping[str, Any], arrays: Mapping[str, Array]) -> Contents:
-    measured = {name.removeprefix(_RESPONSE): a for name, a in arrays.items() if name.startswith(_RESPONSE)}
-    response = _records_of(where, measured) if "drive" in measured else contents_from_arrays(where, measured, {}).thing
+    given, lines = (
+        {name.removeprefix(before): a for name, a in arrays.items() if name.startswith(before)}
+        for before in (_RESPONSE, _MEASURED)
+    )
+    response = _records_of(where, given) if "drive" in given else contents_from_arrays(where, given, {}).thing
     if not isinstance(response, FrequencyResponse | ImpulseResponse | RecordSpectra):
         raise _damaged(where, "its response is missing")
+    measured = contents_from_arrays(where, lines, {}).thing if lines else None
     values: dict[str, Any] = {name: _tuples(value) for name, value in rest.items()}
-    values |= {name: a for name, a in arrays.items() if not name.startswith((_RESPONSE, INDICATOR, _SETTING))}
+    named = (_RESPONSE, _MEASURED, INDICATOR, _SETTING)
+    values |= {name: a for name, a in arrays.items() if not name.startswith(named)}
     marks = {name.removeprefix(INDICATOR): a for name, a in arrays.items() if name.startswith(INDICATOR)}
-    given = {name.removeprefix(_SETTING): a for name, a in arrays.items() if name.startswith(_SETTING)}
-    values["settings"] = _settings(values["method"], values["domain"], values["settings"] | given)
-    diagram = StabilizationDiagram(**{**values, "response": response, "indicators": marks})
+    chosen = {name.removeprefix(_SETTING): a for name, a in arrays.items() if name.startswith(_SETTING)}
+    values["settings"] = _settings(values["method"], values["domain"], values["settings"] | chosen)
+    diagram = StabilizationDiagram(**{**values, "response": response, "measured": measured, "indicators": marks})
     what = f"{len(diagram.poles)} poles at {len(diagram.orders)} orders ({diagram.method}, {diagram.domain})"
     return Contents(thing=diagram, findings=(Finding(part=DIAGRAM, what=what),))
 

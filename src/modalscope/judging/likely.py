@@ -37,7 +37,7 @@ _LOUD = 1e-4
 
 def has_likelihood(diagram: StabilizationDiagram) -> bool:
     """Return whether errors of the data are such that modes can maximize a likelihood: those of responses, not of correlations."""
-    response = diagram.response
+    response = diagram.as_measured
     return response.separable and not response.ambient
 
 
@@ -54,7 +54,7 @@ def likely(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> t
         Not merged: of two poles within one bandwidth each is a candidate.
     evidence : Evidence
     """
-    response, groups = diagram.response, _groups(poles)
+    response, groups = diagram.as_measured, _groups(poles)
     best = diagram.order_of_pole == diagram.orders[int(np.argmin(diagram.fit_errors))]
     floor = floor_of(response, diagram.poles[best] - response.added_damping)
     starts = _starts(poles, groups)

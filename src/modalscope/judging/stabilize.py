@@ -238,12 +238,21 @@ def collected(
         indicators={name: np.concatenate([c.indicators[name][c.reported] for c in cuts]) for name in sorted(names)},
         singular_values=factors.spectrum,
         fit_errors=np.array([cut.misfit for cut in cuts]),
-        exact_rank=factors.rank if factors.rank < factors.left.shape[1] and factors.rank == cuts[-1].order else None,
+        exact_rank=factors.rank if _exact(pipeline, cuts[-1]) else None,
         tolerances=limits,
         settings=pipeline.settings,
         notes=(*pipeline.notes, *notes, *left, *_doubts(pipeline, cuts, stable)),
         dt=pipeline.matrix.dt,
+        measured=pipeline.transformed,
     )
+
+
+def _exact(pipeline: Pipeline, last: Cut) -> bool:
+    """Return whether the last order is the rank of data without noise: samples made of a band have none, and few rows of them look so."""
+    factors, problem = pipeline.factors, pipeline.problem
+    if pipeline.transformed is not None and not problem.method.exact_on(problem.measured):
+        return False
+    return factors.rank < factors.left.shape[1] and factors.rank == last.order
 
 
 def _doubts(pipeline: Pipeline, cuts: Sequence[Cut], stable: Sequence[Array]) -> tuple[Note, ...]:

@@ -66,7 +66,7 @@ class Trial:
     @property
     def settled(self) -> ComplexArray:
         """The refined poles as modes have them, rad/s."""
-        return self.found.poles + self.diagram.response.added_damping
+        return self.found.poles + self.diagram.as_measured.added_damping
 
     @property
     def bar(self) -> float:
@@ -129,7 +129,7 @@ class Trial:
         """
         if not self.arena.coloured:
             return None
-        listed = complex(poles_from(candidate.frequency, candidate.damping)) - self.diagram.response.added_damping
+        listed = complex(poles_from(candidate.frequency, candidate.damping)) - self.diagram.as_measured.added_damping
         shapes, participation = self.found.residues
         each = np.einsum("ok,ki->koi", shapes[:, family], participation[family])
         return one_residue(self.arena.problem.light, listed, self.found.poles[family], each)
@@ -187,7 +187,7 @@ def _mode(
     near = groups if several else [c for c in groups if _close(c, complex(trial.settled[j]), reach)]
     best = max(near, key=lambda c: c.members.size) if near else _by_itself(trial, j, fit)
     f, zeta = (float(v) for v in frequencies_and_damping(trial.settled[j]))
-    low, high = trial.diagram.response.reported_band(trial.diagram.settings.band)
+    low, high = trial.diagram.as_measured.reported_band(trial.diagram.settings.band)
     hidden = again is not None and again <= 1
     gain = max(trial.gain[j], again * trial.bar if rare and again is not None and not hidden else 0.0)
     against = []
@@ -276,7 +276,7 @@ def _left(trial: Trial, groups: list[Candidate]) -> list[Candidate]:
     if not each:
         return []
     poles = poles_from([c.frequency for c in each], [c.damping for c in each])
-    gain = np.sqrt(gains_beside(trial.arena, trial.found, poles - trial.diagram.response.added_damping) / 2)
+    gain = np.sqrt(gains_beside(trial.arena, trial.found, poles - trial.diagram.as_measured.added_damping) / 2)
     coloured = trial.found.recount is not None
     return [
         _with_gain(trial, replace(c, against=(too_little(g, trial.bar, coloured=coloured),)), g)

@@ -56,6 +56,8 @@ class StabilizationDiagram(Shown, HasPoles):
         What was left out, and why.
     dt : float or None
         Sampling interval of the identified system.
+    measured : FrequencyResponse, optional
+        The lines that the samples of `response` were made of; None where it was not transformed.
     """
 
     response: Response
@@ -80,6 +82,7 @@ class StabilizationDiagram(Shown, HasPoles):
     settings: Settings = field(default_factory=Settings)
     notes: tuple[Note, ...] = ()
     dt: float | None = None
+    measured: Response | None = None
 
     def __post_init__(self) -> None:
         count = np.shape(self.poles)[0]
@@ -110,6 +113,15 @@ class StabilizationDiagram(Shown, HasPoles):
             fit_errors=locked(np.asarray(self.fit_errors)),
             singular_values=locked(np.asarray(self.singular_values)),
         )
+
+    @property
+    def as_measured(self) -> Response:
+        """The data before they were transformed for the row: what they say against noise is asked there.
+
+        Samples that were made of lines have the errors of these, spread over all of them: where the band ends at nothing they are
+        correlated, and what lies outside the band is missing from every sample, where it has no form that a fit could carry.
+        """
+        return self.response if self.measured is None else self.measured
 
     @property
     def stable(self) -> Array:
