@@ -19,8 +19,6 @@ __all__ = ["MixedRows", "SampleRows"]
 class SampleRows(DataMatrix):
     """Block row k holds what is known of the outputs k samples on; `triangle` is the matrix times an orthonormal one."""
 
-    by_mode = True
-
     @property
     @abstractmethod
     def triangle(self) -> RealArray:
