@@ -132,7 +132,7 @@ def test_the_misfit_is_that_of_all_samples_rebuilt(order: int, kind: str | None)
 
 @pytest.mark.parametrize("route", ["subspace", "records"])
 def test_the_misfit_of_records_with_inputs_is_that_of_all_drives_rebuilt(route: str) -> None:
-    record = FIVE["chain5"]().simulate(inputs=[0, 3], duration=200, sampling_rate=8)
+    record = FIVE["chain5"]().simulate(at=[0, 3], duration=200, sampling_rate=8, noise=0.05)
     pipeline = factor(prepare(record, route=route), 12)
     cut = next(Sweep(pipeline, [9, 12], deviations=False))
     fit, data = cut.modal.fit, pipeline.response
