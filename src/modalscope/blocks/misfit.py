@@ -52,7 +52,9 @@ class Misfit:
         fit : ModalFit
         """
         basis = fit.basis or self.response.basis(poles, fit.powers)
-        energy, level = 0.0, 1 / self.scale[:, None]
+        channels = basis.data.shape[1:]
+        level = np.repeat(1 / self.scale, channels[1]).reshape(channels)  # in one piece, as what is left
+        energy = 0.0
         with np.errstate(over="ignore", invalid="ignore"):
             for left in basis.missed(fit.shapes, fit.participation, fit.terms[: basis.terms.shape[1]]):
                 left *= level
