@@ -16,6 +16,7 @@ from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
 from modalscope.identification.sweep import Sweep
 from modalscope.modal.rebuilt import fit_error, rebuilt
+from modalscope.model.output_levels import output_scale
 from modalscope.model.poles import poles_from
 from tests.support import FIVE, relative
 
@@ -127,3 +128,15 @@ def test_the_misfit_is_that_of_all_samples_rebuilt(order: int, kind: str | None)
     assert kind is None or kind in cut.modes.kinds
     level = np.sqrt(np.mean(data.values**2, axis=(0, 2)))[:, None]
     assert cut.misfit == pytest.approx(fit_error(data.values / level, rebuilt(data, cut.modes) / level)[0], rel=1e-12)
+
+
+@pytest.mark.parametrize("route", ["subspace", "records"])
+def test_the_misfit_of_records_with_inputs_is_that_of_all_drives_rebuilt(route: str) -> None:
+    record = FIVE["chain5"]().simulate(at=[0, 3], duration=200, sampling_rate=8, noise=0.05)
+    pipeline = factor(prepare(record, route=route), 12)
+    cut = next(Sweep(pipeline, [9, 12], deviations=False))
+    fit, data = cut.modal.fit, pipeline.response
+    basis, level = data.basis(cut.modal.poles, fit.powers), output_scale(data)[:, None]
+    left = basis.data - basis.rebuilt(fit.shapes, fit.participation, fit.terms[: basis.terms.shape[1]])
+    whole = np.sqrt(np.sum(np.abs(data.values / level) ** 2))
+    assert cut.misfit == pytest.approx(np.linalg.norm(left / level) / whole, rel=1e-9)

@@ -21,16 +21,16 @@ from modalscope.blocks.evolved import Evolved, ModalSide
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.influence import Lines
 from modalscope.blocks.layout import block_shifts
-from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.operators import Operator
+from modalscope.blocks.real_products import real_times
 from modalscope.blocks.row_sums import RowSums, projected_by_gram
 from modalscope.blocks.sample_fit import fit_of_samples
+from modalscope.blocks.sampled import SampledMatrix
 from modalscope.blocks.shift import RowShift
 from modalscope.blocks.side import Side, side_of
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
-from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
+from modalscope.model.checks import Array, DataError, RealArray
 from modalscope.model.impulse import ImpulseResponse
-from modalscope.model.poles import powers_of, to_continuous, to_discrete
 
 __all__ = ["Hankel", "hankel"]
 
@@ -109,12 +109,8 @@ def hankel(
     return GeneralHankel(response, rows, columns)
 
 
-#: Growth over all blocks, in exponents of e, whose square is a number with room for sums.
-_GROWN = 300.0
-
-
 @dataclass(frozen=True, eq=False)
-class Hankel(DataMatrix):
+class Hankel(SampledMatrix):
     """A block Hankel matrix of whole consecutive blocks (made by `hankel`).
 
     Parameters
@@ -243,23 +239,10 @@ class Hankel(DataMatrix):
         T, U = self.rows.within, self.columns.within
         return convolved(L if T is None else L @ T, v if U is None else v @ U)
 
-    def to_s(self, poles: Array) -> ComplexArray:
-        """Continuous poles ln(z) fs, rad/s."""
-        return to_continuous(poles, self.dt)
-
-    def from_s(self, poles: Array) -> ComplexArray:
-        """Poles of the sampled system, exp(s / fs)."""
-        return to_discrete(poles, self.dt)
-
     @property
     def dt(self) -> float:
         """Sampling interval, seconds."""
         return 1 / self.response.sampling_rate
-
-    def evolution(self, poles: Array, blocks: int) -> ComplexArray:
-        """Return z^k for blocks k = 0, 1, ...: how a mode runs down the rows; what outgrows all numbers is held below them."""
-        most = np.exp(_GROWN / max(blocks, 1))
-        return powers_of(np.asarray(poles) * (most / np.maximum(np.abs(poles), most)), blocks)
 
     def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
         """Return shapes C X and participation X^-1 B, referred to the impulse (Eqs. 15-16)."""
@@ -272,7 +255,7 @@ class Hankel(DataMatrix):
             return super().row_side(model, eigen, fit)
         blocks = factors.left.shape[0] // self.values.shape[1]
         states = factors.d[:n, None] ** model.power * eigen.vectors
-        right = (factors.Q[:, :n] / factors.d[:n]) @ states
+        right = real_times(factors.Q[:, :n], states / factors.d[:n, None])
         return RowSums(self._rows, right, states, self.first_block(fit.shapes), self.evolution(eigen.values, blocks))
 
     def column_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:

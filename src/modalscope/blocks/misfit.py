@@ -9,13 +9,9 @@ import numpy as np
 
 from modalscope.blocks.triple import ModalFit
 from modalscope.model.checks import Array, RealArray
-from modalscope.model.modal_basis import residues
 from modalscope.model.response import Response
 
 __all__ = ["Misfit"]
-
-#: Numbers rebuilt at a time: they stay in the cache.
-_AT_A_TIME = 32_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,16 +52,11 @@ class Misfit:
         fit : ModalFit
         """
         basis = fit.basis or self.response.basis(poles, fit.powers)
-        level = np.repeat(1 / self.scale, basis.data.shape[2])
+        channels = basis.data.shape[1:]
+        level = np.repeat(1 / self.scale, channels[1]).reshape(channels)  # in one piece, as what is left
+        energy = 0.0
         with np.errstate(over="ignore", invalid="ignore"):
-            modes = residues(fit.shapes, fit.participation).reshape(-1, level.size) * level
-            terms = fit.terms[: basis.terms.shape[1]].reshape(-1, level.size) * level
-            energy, step = 0.0, max(_AT_A_TIME // level.size, 1)
-            for start in range(0, len(basis.data), step):
-                rows = slice(start, start + step)
-                left = basis.functions[rows] @ modes
-                if len(terms):
-                    left += basis.terms[rows] @ terms
-                left -= basis.data[rows].reshape(len(left), -1) * level
+            for left in basis.missed(fit.shapes, fit.participation, fit.terms[: basis.terms.shape[1]]):
+                left *= level
                 energy += float(np.vdot(left, left))
             return self._of_energy(energy)

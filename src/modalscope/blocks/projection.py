@@ -122,6 +122,7 @@ class Projection(SampleRows):
     past_blocks: int
     sampling_rate: float
     correlation: ImpulseResponse | None = None
+    by_mode = True
 
     @property
     def judged(self) -> ImpulseResponse:

@@ -7,29 +7,21 @@ from abc import abstractmethod
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.operators import DenseMatrix
+from modalscope.blocks.sampled import SampledMatrix
 from modalscope.blocks.shift import RowShift
-from modalscope.model.checks import Array, ComplexArray, RealArray
-from modalscope.model.poles import powers_of, to_continuous, to_discrete
+from modalscope.model.checks import Array, RealArray
 
 __all__ = ["MixedRows", "SampleRows"]
 
 
-class SampleRows(DataMatrix):
+class SampleRows(SampledMatrix):
     """Block row k holds what is known of the outputs k samples on; `triangle` is the matrix times an orthonormal one."""
-
-    by_mode = True
 
     @property
     @abstractmethod
     def triangle(self) -> RealArray:
         """All block rows, (l (q + 1), k)."""
-
-    @property
-    @abstractmethod
-    def dt(self) -> float:
-        """Sampling interval, seconds."""
 
     def tall(self) -> DenseMatrix:
         """Return all q + 1 block rows."""
@@ -52,18 +44,6 @@ class SampleRows(DataMatrix):
     def row_blocks(self, P: Array) -> RealArray:
         """Return a left factor (rows, k) by block rows, (blocks, l, k)."""
         return np.asarray(P.reshape(-1, self.outputs, P.shape[1]))
-
-    def to_s(self, poles: Array) -> ComplexArray:
-        """Continuous poles ln(z) fs, rad/s."""
-        return to_continuous(poles, self.dt)
-
-    def from_s(self, poles: Array) -> ComplexArray:
-        """Poles of the sampled system, exp(s / fs)."""
-        return to_discrete(poles, self.dt)
-
-    def evolution(self, poles: Array, blocks: int) -> ComplexArray:
-        """Return z^k for blocks k = 0, 1, ...: how a mode runs down the rows."""
-        return powers_of(poles, blocks)
 
 
 class MixedRows(SampleRows):

@@ -17,7 +17,6 @@ from modalscope.modal.eigenmodes import Eigenmodes, eigenmodes, split_extraneous
 from modalscope.modal.rebuilt import modal_model
 from modalscope.modal.together import nests
 from modalscope.model.checks import DataError, IntArray, RealArray
-from modalscope.model.modal_basis import ModalBasis
 from modalscope.model.modes import ModalModel
 from modalscope.model.output_levels import output_scale
 from modalscope.model.poles import frequencies_and_damping
@@ -221,7 +220,8 @@ class Measured:
             return list(several)
         basis = self._response.basis(np.concatenate([modes.poles for modes in several]), several[0].fit.powers)
         ends = 2 * np.cumsum([0, *(modes.poles.size for modes in several)])
-        own = [ModalBasis(basis.terms, basis.functions[:, a:b], basis.data, basis.whole) for a, b in pairwise(ends)]
+        each = (replace(basis, functions=basis.functions[:, a:b]) for a, b in pairwise(ends))
+        own = each if len(several) > 1 else [basis]  # inputs and ends may stand beside the poles
         return [replace(m, fit=replace(m.fit, basis=part)) for m, part in zip(several, own, strict=True)]
 
     def misfit(self, modes: Eigenmodes) -> float:

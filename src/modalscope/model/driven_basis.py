@@ -151,6 +151,10 @@ class DrivenBasis(ModalBasis):
         forced = self._sum(self.by_drive, shapes, participation)
         return np.asarray((forced + self.terms @ np.asarray(terms)[0].T)[:, :, None])
 
+    def missed(self, shapes: Array, participation: Array, terms: Array) -> Iterator[RealArray]:
+        """Yield `rebuilt` without the data at once: there are few rows."""
+        yield self.rebuilt(shapes, participation, terms) - self.data
+
     @staticmethod
     def _sum(functions: RealArray, shapes: Array, participation: Array) -> RealArray:
         """Return sum_j c_j (l_j' d) g_j of every output, (K, l)."""

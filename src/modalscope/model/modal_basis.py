@@ -8,6 +8,7 @@ coefficient each and leave the rest to the modes.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -24,7 +25,6 @@ __all__ = [
     "ModalBasis",
     "line_basis",
     "residual_powers",
-    "residues",
     "sample_basis",
     "scaled_terms",
     "stacked_basis",
@@ -33,6 +33,9 @@ __all__ = [
 
 #: Share of an output's energy below which what is left, a difference of sums, is told from rounding by rebuilding the data.
 _ROUNDING = 1e-10
+
+#: Numbers rebuilt at a time: they stay in the cache.
+_AT_A_TIME = 32_000
 
 #: Share of a channel's energy below which a difference of sums has fewer than eight digits of what is left.
 _TOLD = 1e-7
@@ -159,7 +162,7 @@ class ModalBasis:
         target = coefficients[t:].transpose(1, 0, 2)
         theta[kept] = _solve(known.reshape(outputs * (len(R) - t), kept.size), target.reshape(-1, inputs))
         side = theta[::2] + 1j * theta[1::2]
-        rest = residues(shapes, side)[kept]
+        rest = _residues(shapes, side)[kept]
         left = coefficients[:t] - np.tensordot(R[:t, t:], rest, axes=1)
         terms = sla.solve_triangular(R[:t, :t], left.reshape(t, outputs * inputs)) if t else left
         own = terms.reshape(t, outputs, inputs)
@@ -178,12 +181,25 @@ class ModalBasis:
 
     def rebuilt(self, shapes: Array, participation: Array, terms: Array) -> RealArray:
         """Return what modes and terms give on the rows, (K, l, m): the counterpart of `fit_participation`."""
-        coefficients = residues(shapes, participation).reshape(-1, self.data[0].size)
+        coefficients = _residues(shapes, participation).reshape(-1, self.data[0].size)
         flat = self.functions @ coefficients + self.terms @ terms.reshape(len(terms), coefficients.shape[1])
         return np.asarray(flat.reshape(self.data.shape))
 
+    def missed(self, shapes: Array, participation: Array, terms: Array) -> Iterator[RealArray]:
+        """Yield `rebuilt` without the data, (rows, l, m), some rows after the other: what is left in the cache."""
+        coefficients = _residues(shapes, participation).reshape(-1, self.data[0].size)
+        own, step = terms.reshape(len(terms), coefficients.shape[1]), max(_AT_A_TIME // self.data[0].size, 1)
+        for start in range(0, len(self.data), step):
+            rows = slice(start, start + step)
+            flat = self.functions[rows] @ coefficients
+            if len(own):
+                flat += self.terms[rows] @ own
+            left = flat.reshape(-1, *self.data.shape[1:])
+            left -= self.data[rows]
+            yield left
 
-def residues(shapes: Array, participation: Array) -> RealArray:
+
+def _residues(shapes: Array, participation: Array) -> RealArray:
     """Return the residues c_j l_j as the functions take them, (2 n, l, m): real and imaginary part of every pole."""
     found = shapes.T[:, :, None] * participation[:, None, :]
     return np.stack([found.real, found.imag], axis=1).reshape(2 * len(found), *found.shape[1:])
