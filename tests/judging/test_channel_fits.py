@@ -63,3 +63,16 @@ def test_residues_of_all_channels_are_those_of_weighted_least_squares(
                 assert a[c, k] == pytest.approx(residue, rel=1e-9)
                 if k < B.shape[1]:
                     assert B[c, k] == pytest.approx(covariance, rel=1e-9)
+
+
+@pytest.mark.parametrize("length", [0.0, 1e-150, 1e-40])
+def test_a_column_of_nothing_but_rounding_leaves_the_residues_of_the_others_as_they_are(length: float) -> None:
+    # what the second function of a pole becomes on its way to the real axis
+    short = FUNCTIONS * np.append(np.ones(5), length)
+    fits = ChannelFits(TERMS, short, DATA, ERRORS)
+    without = ChannelFits(np.hstack([TERMS, FUNCTIONS[:, [4]]]), FUNCTIONS[:, :4], DATA, ERRORS)
+    for beside in (None, MORE, np.hstack([MORE, length * MORE])):
+        a, B = fits.residues(np.array([0, 1]), beside=beside)
+        alone, known = without.residues(np.array([0, 1]), beside=None if beside is None else MORE)
+        assert np.allclose(a, alone)
+        assert np.allclose(B, known)

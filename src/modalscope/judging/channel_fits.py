@@ -22,6 +22,9 @@ _HELD, _TOGETHER = 1 << 23, 1 << 21
 #: Columns of length one that stand so far out of the span of those before them have an inverse by Cholesky's factor.
 _WELL_APART = 1e-5
 
+#: Squares of columns below this part of the largest are those of rounding.
+_NOTHING = float(np.finfo(float).eps) ** 2
+
 
 class ChannelFits:
     """Fits of poles and terms to all channels.
@@ -127,8 +130,12 @@ def _inverses(M: RealArray) -> RealArray:
 
 
 def _inverse(M: RealArray) -> RealArray:
-    """Return the inverse, columns brought to one level first; where they lie near each other's span, of what stands out of rounding."""
-    size = np.sqrt(np.maximum(np.diag(M), 1e-300))
+    """Return the inverse, columns brought to one level first; where they lie near each other's span, of what stands out of rounding.
+
+    Columns that are nothing but rounding are left at zero: one function of a pole on the real axis has no length.
+    """
+    square = np.diag(M)
+    size = np.sqrt(np.where(square > _NOTHING * square.max(initial=0.0), square, np.inf))
     scale = np.outer(size, size)
     even = M / scale
     L, failed = dpotrf(even, lower=True)

@@ -161,7 +161,8 @@ class Recount:
         strength = np.einsum("cki,ckij,ckj->k", a[:, : b + 1], told, a[:, : b + 1])
         level = np.trace(told[:, 1:], axis1=2, axis2=3)
         sizes, shifts = (np.sum(level * np.sum(part**2, axis=2), axis=0) for part in (a[:, 1 : b + 1], a[:, b + 1 :]))
-        apart = np.sqrt(shifts / np.maximum(sizes, 1e-300)) / -poles.real
+        strength, shifts = np.maximum(strength, 0), np.maximum(shifts, 0)  # sums of squares, but for rounding
+        apart = np.sqrt(shifts / np.where(sizes > 0, sizes, np.inf)) / -poles.real
         return float(np.sqrt(strength[0]) - np.sum(_THIRD * apart**3 * np.sqrt(strength[1:])))
 
     def standing(self, which: Array) -> RealArray:
