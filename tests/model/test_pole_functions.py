@@ -25,6 +25,15 @@ def test_residues_times_functions_are_the_partial_fractions(rate: float | None) 
     assert found == pytest.approx(np.concatenate([expected.real, expected.imag]), rel=1e-12, abs=1e-14)
 
 
+def test_a_pole_at_half_the_sampling_rate_stands_alone() -> None:
+    """z = -.8: exp(j pi) is not real to the last bit, and a column of rounding would take any size in a fit."""
+    s, z = np.log(np.array([-0.8 + 0j])) * 20.0, np.exp(2j * np.pi * F / 20.0)
+    made = line_functions(F, 20.0, s)
+    expected = 1 / (z + 0.8)
+    assert made[:, 0] == pytest.approx(np.concatenate([expected.real, expected.imag]), rel=1e-12)
+    assert not np.any(made[:, 1])
+
+
 def test_of_samples_they_are_decaying_oscillations() -> None:
     t = (np.arange(30) + 4) / 25.0
     expected = sum((2 if s.imag else 1) * (R * np.exp(s * t)).real for R, s in zip(RESIDUES, POLES, strict=True))

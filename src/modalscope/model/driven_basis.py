@@ -14,6 +14,7 @@ import scipy.linalg as sla
 
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.modal_basis import ModalBasis
+from modalscope.model.poles import is_real
 from modalscope.model.triangles import factor_of_gram, stacked_factor, triangle_of
 
 __all__ = ["DrivenBasis", "Run", "driven_basis"]
@@ -200,7 +201,7 @@ def _triangle(run: Run, poles: Array) -> RealArray:
 
 def _columns(run: Run, poles: Array, width: int) -> Iterator[RealArray]:
     """Yield the columns, real parts above imaginary ones, of some lines at a time."""
-    alone = np.asarray(poles).imag == 0
+    alone = is_real(poles)
     step = max(_NUMBERS // width, 1)
     for start in range(0, max(len(run.points), 1), step):
         s = slice(start, start + step)

@@ -9,6 +9,7 @@ import numpy as np
 
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.driven_basis import DrivenBasis
+from modalscope.model.poles import is_real
 
 __all__ = ["DrivenLines"]
 
@@ -60,13 +61,10 @@ class DrivenLines:
         return np.concatenate([own + pair.conj(), -1j * (own - pair.conj())])
 
     def evaluated(
-        self, poles: Array, alone: Array, shapes: Array, participation: Array, direct: Array
+        self, poles: Array, shapes: Array, participation: Array, direct: Array
     ) -> Iterator[tuple[slice, ComplexArray]]:
-        """Yield some lines, and the outputs there (lines, l) of shapes (l, n), participation (n, m + R) and D (l, m).
-
-        `alone` are the real poles, (n,).
-        """
-        step = max(_NUMBERS // max(len(poles), len(shapes), 1), 1)
+        """Yield some lines, and the outputs there (lines, l) of shapes (l, n), participation (n, m + R) and D (l, m)."""
+        alone, step = is_real(poles), max(_NUMBERS // max(len(poles), len(shapes), 1), 1)
         for start in range(0, len(self.points), step):
             s = slice(start, start + step)
             own, pair = DrivenLines(self.points[s], self.drives[s], self.inputs).pairs(poles, participation)
@@ -74,14 +72,16 @@ class DrivenLines:
             found += self.drives[s, : self.inputs] @ direct.T
             yield s, found
 
-    def basis(
-        self, poles: Array, alone: Array, values: ComplexArray, relative: ComplexArray, powers: tuple[int, ...]
-    ) -> DrivenBasis:
+    def basis(self, poles: Array, values: ComplexArray, relative: ComplexArray, powers: tuple[int, ...]) -> DrivenBasis:
         """Return the columns of poles on all rows, nothing compressed.
 
         Terms are the inputs times powers of the relative frequency j f / f_max, (F,), then the ends times one power less.
         """
-        own, pair = 1 / (self.points[:, None] - poles), 1 / (self.points[:, None] - np.conj(poles))
+        own, pair, alone = (
+            1 / (self.points[:, None] - poles),
+            1 / (self.points[:, None] - np.conj(poles)),
+            is_real(poles),
+        )
         g = np.stack([np.where(alone, own, own + pair), np.where(alone, 0, 1j * (own - pair))], axis=2)
         driven = self.drives[:, :, None] * g.reshape(len(g), 1, -1)
         inputs, ends = np.split(self.drives, [self.inputs], axis=1)

@@ -25,7 +25,8 @@ def line_functions(frequencies: RealArray, rate: float | None, poles: Array, *, 
     """
     x, p, chain = _points(frequencies, rate, poles)
     own, pair = _inverse(x, p), _inverse(x, p.conj())
-    pairs = [(own, tuple(np.where((p.imag == 0)[:, None], 0, part) for part in pair) if np.any(p.imag == 0) else pair)]
+    alone = is_real(p)  # exp(j pi) is -1 but for rounding
+    pairs = [(own, tuple(np.where(alone[:, None], 0, part) for part in pair) if np.any(alone) else pair)]
     if slopes:
         pairs.append((_squared(own, chain), _squared(pair, None if chain is None else chain.conj())))
     found = np.empty((len(pairs), p.size, 2, 2, x.size))
@@ -34,7 +35,7 @@ def line_functions(frequencies: RealArray, rate: float | None, poles: Array, *, 
         np.add(g_imag, h_imag, out=to[:, 0, 1])
         np.subtract(h_imag, g_imag, out=to[:, 1, 0])
         np.subtract(g, h, out=to[:, 1, 1])
-    found[0, p.imag == 0, 1] = 0
+    found[0, alone, 1] = 0
     return found.reshape(-1, 2 * x.size).T
 
 
@@ -77,7 +78,7 @@ def sample_functions(rate: float, first: int, count: int, poles: Array, *, slope
     s = np.minimum(s.real, _GROWN * rate / max(first + count, 1)) + 1j * s.imag
     z = to_discrete(s, 1 / rate)
     decay = powers_of(z, count, first, rows=True)
-    alone = ((s.imag == 0) | is_real(z))[:, None]  # exp(j pi) is -1 but for rounding
+    alone = ((s.imag == 0) | is_real(z))[:, None]
     # as on lines each function lies in one piece
     found = np.empty((1 + slopes, s.size, 2, count))
     np.multiply(decay.real, np.where(alone, 1.0, 2.0), out=found[0, :, 0])

@@ -197,7 +197,7 @@ class RecordSpectra(NoResponse):
     def whole_basis(self, poles: Array, powers: tuple[int, ...] = (0,)) -> DrivenBasis:
         """Return the same columns on all rows, with powers of the inputs and one less of the ends; see `Response.whole_basis`."""
         relative = np.asarray(1j * self.frequencies / self.span[1])
-        return self.lines.basis(self.in_plane(poles), np.asarray(poles).imag == 0, self.values, relative, powers)
+        return self.lines.basis(self.in_plane(poles), self.values, relative, powers)
 
     def left_of(self, poles: Array, shapes: Array, participation: Array, powers: tuple[int, ...] = (0,)) -> RealArray:
         """Return the data without what modes give; see `Response.left_of`."""
@@ -299,8 +299,7 @@ class RecordSpectra(NoResponse):
         if participation.shape[1] == self.drive.shape[1]:
             ends = self.basis(poles).fit_ends(shapes, participation, terms)
             participation = np.hstack([participation, ends])
-        alone = np.asarray(poles).imag == 0
-        return self.lines.evaluated(self.in_plane(poles), alone, shapes, participation, terms[0])
+        return self.lines.evaluated(self.in_plane(poles), shapes, participation, terms[0])
 
     def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
         own = {} if self.level is None else {"level": self.level[outputs]}
