@@ -25,16 +25,20 @@ rng = np.random.default_rng(4)
 SHAPES, PARTS = rng.standard_normal((3, 4)), rng.standard_normal((4, 2))
 
 
-def data(which: tuple[int, ...] = (0, 1, 2, 3), noise: float = NOISE, seed: int = 0) -> FrequencyResponse:
-    """Return responses of some of the modes, by the plain definition, with white noise of this deviation of a real row."""
+def made(modes: list[tuple[np.ndarray, complex]], noise: float, seed: int) -> FrequencyResponse:
+    """Return responses of residues and poles, by the plain definition, with white noise of this deviation of a real row."""
     x = 2j * np.pi * F[:, None, None]
     H = np.zeros((F.size, 3, 2), complex)
-    for j in which:
-        R = np.outer(SHAPES[:, j], PARTS[j])
-        H += R / (x - POLES[j]) + R / (x - POLES[j].conj())
+    for R, s in modes:
+        H += R / (x - s) + R / (x - np.conj(s))
     own = np.random.default_rng(seed)
     H = H + noise * (own.standard_normal(H.shape) + 1j * own.standard_normal(H.shape))
     return FrequencyResponse(values=H, frequencies=F)
+
+
+def data(which: tuple[int, ...] = (0, 1, 2, 3), noise: float = NOISE, seed: int = 0) -> FrequencyResponse:
+    """Return responses of some of the modes."""
+    return made([(np.outer(SHAPES[:, j], PARTS[j]), POLES[j]) for j in which], noise, seed)
 
 
 def problem_of(response: FrequencyResponse, noise: float = NOISE, *, swift: bool = False) -> Whitened:
@@ -68,6 +72,17 @@ def test_what_noise_explains_at_its_best_place_stays_below_the_bound() -> None:
     for seed in range(5):
         arena = arena_of(data((), seed=seed))
         assert ends(arena, []).size == 0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_two_of_one_shape_are_parted_though_one_in_their_place_leaves_no_peak(seed: int) -> None:
+    """What one pole leaves of two is of second order in their distance: both together tell it from noise, not the peak that it makes."""
+    noise, R, apart = 0.06, np.outer(SHAPES[:, 0], PARTS[0]), -0.5j * POLES[0].real
+    response = made([(R, POLES[0] - apart), (R, POLES[0] + apart)], noise, seed)
+    arena = Arena(problem_of(response, noise), 1.0, search_bound(3, 2, 2 * F.size), (5.0, 25.0))
+    found = contest(arena, POLES[[0]], PARTS[[0]].astype(complex))
+    assert found is not None
+    assert found.poles.size == 2
 
 
 def test_noise_of_one_channel_that_is_louder_than_its_levels_makes_no_mode(monkeypatch: pytest.MonkeyPatch) -> None:
