@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from modalscope import systems
-from modalscope.comparing import CAUSES, Comparison, compare
+from modalscope.comparing import CAUSES, Comparison, compare, run
 from modalscope.comparing.agreement import pair
 from modalscope.comparing.identities import check_identities
 from modalscope.comparing.kinship import SAME, kinship, pole_distance, subspace_angle
@@ -14,6 +14,7 @@ from modalscope.comparing.labels import find_by_name
 from modalscope.comparing.plan import plan
 from modalscope.comparing.run import MethodResult
 from modalscope.identification.lookup import cell_label
+from modalscope.identification.pipeline import factored
 from modalscope.identification.table import methods
 from modalscope.model import DataError, FrequencyResponse, ImpulseResponse
 from modalscope.preprocess import estimate_correlation
@@ -63,6 +64,21 @@ def test_every_cell_that_samples_allow_is_a_row_and_the_others_are_noted(clean: 
         "era (s), polyreference (s), alternate (s), least_squares (s) left out" in str(note) for note in clean.notes
     )
     assert all(r.seconds > 0 and r.fit_error is not None for r in clean.results if not r.failure)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_rows_of_one_data_matrix_factor_it_once_and_find_what_each_finds_alone(
+    workers: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = []
+    monkeypatch.setattr(run, "factored", lambda *given: made.append(given) or factored(*given))
+    cells, data = ["era/z", "least_squares/z", "alternate/z", "era/s"], chain_lines()
+    together = compare(data, cells, orders=ORDERS, workers=workers)
+    assert len(made) == 3
+    for result, cell in zip(together.results, cells, strict=True):
+        alone = compare(data, [cell], orders=ORDERS, workers=1).results[0]
+        assert np.array_equal(result.diagram.poles, alone.diagram.poles)
+        assert np.array_equal(result.modes.poles, alone.modes.poles)
 
 
 def test_methods_that_are_the_same_have_distance_zero_and_one_vote(clean: Comparison) -> None:

@@ -14,6 +14,7 @@ from modalscope.comparing.moved import Moved, moved_by_noise
 from modalscope.comparing.plan import Cell
 from modalscope.identification.measured import Measured
 from modalscope.identification.method import Method
+from modalscope.identification.pipeline import Factored, factored
 from modalscope.identification.prepare import pose
 from modalscope.identification.sweep import start
 from modalscope.judging.select import select
@@ -87,6 +88,31 @@ class _Count:
                 self._progress(sum(self._done), self._total)
 
 
+class _Once:
+    """The factors of one data matrix, made by the first cell that asks; the others wait for them."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._made: Factored | None = None
+
+    def of(self, make: Callable[[], Factored]) -> Factored:
+        with self._lock:
+            if self._made is None:
+                self._made = make()
+            return self._made
+
+
+def _shared(cells: Sequence[Cell], given: Sequence[Measured]) -> list[_Once]:
+    """Return where each cell finds its factors: rows that read other models off one data matrix have them in common."""
+    once: dict[Any, _Once] = {}
+    found = []
+    for cell, measured in zip(cells, given, strict=True):
+        m, own = cell.method, tuple(sorted(cell.options.items()))
+        key = (id(measured), m.domain, m.matrix, m.factor, m.orders, m.options_type, *m.fixed.items(), own, cell.orders)
+        found.append(once.setdefault(key, _Once()))
+    return found
+
+
 def run(
     measured: Measured | Sequence[Measured],
     cells: Sequence[Cell],
@@ -111,10 +137,11 @@ def run(
     """
     count = _Count(cells, progress)
     given = [measured] * len(cells) if isinstance(measured, Measured) else measured
+    factors = _shared(cells, given)
 
     def one(index: int) -> MethodResult:
         cell = cells[index]
-        found = _one(given[index], cell, lambda done, _: count.report(index, done), options)
+        found = _one(given[index], cell, factors[index], lambda done, _: count.report(index, done), options)
         count.report(index, len(cell.orders))
         return found
 
@@ -125,12 +152,13 @@ def run(
         return tuple(pool.map(one, range(len(cells))))
 
 
-def _one(measured: Measured, cell: Cell, progress: Progress, options: dict[str, Any]) -> MethodResult:
+def _one(measured: Measured, cell: Cell, once: _Once, progress: Progress, options: dict[str, Any]) -> MethodResult:
     started = time.perf_counter()
     method = cell.method
     try:
         problem = pose(measured, method, {**cell.options, **options})
-        found = start(problem, list(cell.orders), automatic=False)
+        given = once.of(lambda: factored(problem, cell.orders[-1]))
+        found = start(problem, list(cell.orders), automatic=False, given=given)
         diagram = swept(found, cell.orders, progress=progress)
         modes = select(diagram)
         error = fit_of(modes, diagram.response)

@@ -14,7 +14,7 @@ from modalscope.model.notes import Note
 from modalscope.model.response import Response
 from modalscope.realizations.realization import Realization
 
-__all__ = ["Pipeline", "factor"]
+__all__ = ["Factored", "Pipeline", "factor", "factored", "realized"]
 
 #: What the columns of a sequence without inputs are, and participation with them.
 _PARTICIPATION = {
@@ -79,6 +79,26 @@ class Pipeline:
         return self.matrix.model(self.realization.triple(order))
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class Factored:
+    """A data matrix and its factors: what rows that differ in their realization alone have in common.
+
+    Parameters
+    ----------
+    matrix : DataMatrix
+    settings : Options
+        Every option with the value that was taken.
+    chosen : tuple of Note
+        How sizes were chosen.
+    factors : Factors
+    """
+
+    matrix: DataMatrix
+    settings: Any
+    chosen: tuple[Note, ...]
+    factors: Factors
+
+
 def factor(problem: Problem, largest: int) -> Pipeline:
     """Return the models of all orders up to the largest.
 
@@ -88,17 +108,41 @@ def factor(problem: Problem, largest: int) -> Pipeline:
     largest : int
         The largest order that will be asked: sizes that are not given follow from it.
     """
+    return realized(problem, factored(problem, largest))
+
+
+def factored(problem: Problem, largest: int) -> Factored:
+    """Return the data matrix of a row and its factors.
+
+    Parameters
+    ----------
+    problem : Problem
+    largest : int
+        As in `factor`.
+    """
     row = problem.method
     matrix, settings, chosen = row.matrix(problem, check_count("order", largest))
-    factors = row.factor(matrix.observable, largest, settings.factorization)
-    realization = row.realize(matrix.observable, factors)
+    return Factored(matrix, settings, chosen, row.factor(matrix.observable, largest, settings.factorization))
+
+
+def realized(problem: Problem, given: Factored) -> Pipeline:
+    """Return the models that a row reads off factors.
+
+    Parameters
+    ----------
+    problem : Problem
+    given : Factored
+        The row's own, or those of a row of the same data matrix.
+    """
+    matrix, settings, factors = given.matrix, given.settings, given.factors
+    realization = problem.method.realize(matrix.observable, factors)
     reduction = settings.get("reduction")
     if reduction is not None:
         realization = realization.reduced(reduction)
     told = _PARTICIPATION.get(problem.response.origin)
     notes = (
         *problem.notes,
-        *chosen,
+        *given.chosen,
         Note("data matrix", {"rank": factors.rank}, f"{matrix.describe()}; {factors.how}"),
         *(Note("warning", {}, text) for text in matrix.warnings),
         *([Note("participation", {}, told)] if told else []),

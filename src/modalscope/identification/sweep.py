@@ -13,7 +13,7 @@ from modalscope.blocks.threads import one_thread
 from modalscope.identification.cut import Cut, Judged, Measured, judged
 from modalscope.identification.options import AllOptions
 from modalscope.identification.orders import checked_orders
-from modalscope.identification.pipeline import Pipeline, factor
+from modalscope.identification.pipeline import Factored, Pipeline, factor, realized
 from modalscope.identification.prepare import prepare
 from modalscope.model.checks import DataError
 from modalscope.model.keywords import named
@@ -153,7 +153,9 @@ def sweep(
     return start(problem, asked, automatic=orders is None, deviations=deviations)
 
 
-def start(problem: Any, asked: list[int], *, automatic: bool, deviations: bool = True) -> Sweep:
+def start(
+    problem: Any, asked: list[int], *, automatic: bool, deviations: bool = True, given: Factored | None = None
+) -> Sweep:
     """Factor for the largest order and return the sweep over those within reach.
 
     Parameters
@@ -164,8 +166,10 @@ def start(problem: Any, asked: list[int], *, automatic: bool, deviations: bool =
         Whether nobody asked for just these: then some order is always found.
     deviations : bool
         Whether standard deviations of the poles are wanted.
+    given : Factored, optional
+        Factors for the largest order, where another row has them.
     """
-    pipeline = factor(problem, asked[-1])
+    pipeline = factor(problem, asked[-1]) if given is None else realized(problem, given)
     reach = pipeline.method.orders.reach(pipeline.factors, asked, automatic)
     made = Sweep(pipeline, reach.orders, deviations=deviations)
     made.notes.extend(reach.notes)
