@@ -11,7 +11,7 @@ import pytest
 from modalscope import DataError, ImpulseResponse, Signals, estimate_correlation
 from modalscope.blocks.triple import ModalFit
 from modalscope.identification import cut as cutting
-from modalscope.identification.cut import Measured, cut_order, judged
+from modalscope.identification.cut import Shared, cut_order, judged
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
 from modalscope.identification.sweep import Sweep
@@ -57,7 +57,7 @@ CASES = [
 @pytest.mark.parametrize(("name", "made"), CASES)
 def test_orders_judged_together_are_what_each_is_alone(name: str, made: Any) -> None:
     pipeline = made()
-    measured = Measured(pipeline, deviations=False)
+    measured = Shared(pipeline, deviations=False)
     several = judged(pipeline, ORDERS, measured)
     assert len(several) > 10
     for order, found in zip(ORDERS, several, strict=False):
@@ -73,7 +73,7 @@ def test_orders_judged_together_are_what_each_is_alone(name: str, made: Any) -> 
 
 def test_the_strongest_mode_of_every_order_is_one() -> None:
     pipeline = pipeline_of(response(), method="era")
-    for found in judged(pipeline, ORDERS[1:], Measured(pipeline, deviations=False)):
+    for found in judged(pipeline, ORDERS[1:], Shared(pipeline, deviations=False)):
         assert not isinstance(found, DataError)
         assert found.indicators["msv"].max() == 1
 
@@ -81,19 +81,19 @@ def test_the_strongest_mode_of_every_order_is_one() -> None:
 def test_large_data_are_judged_order_by_order(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cutting, "_TOGETHER", 1)
     pipeline = pipeline_of(response(), method="era")
-    assert len(judged(pipeline, ORDERS, Measured(pipeline, deviations=False))) == 1
+    assert len(judged(pipeline, ORDERS, Shared(pipeline, deviations=False))) == 1
 
 
 def test_models_whose_states_are_rows_are_judged_one_by_one() -> None:
     pipeline = pipeline_of(response(), method="polyreference")
-    assert len(judged(pipeline, ORDERS[3:], Measured(pipeline, deviations=False))) == 1
+    assert len(judged(pipeline, ORDERS[3:], Shared(pipeline, deviations=False))) == 1
 
 
 def test_an_order_that_cannot_be_given_is_left_out_in_its_place() -> None:
     pipeline = factor(prepare(FIVE["chain5"]().impulse_response(80)), 12)
     rank = pipeline.factors.rank
     orders = [rank - 1, rank, rank + 1]
-    found = judged(pipeline, orders, Measured(pipeline, deviations=False))
+    found = judged(pipeline, orders, Shared(pipeline, deviations=False))
     assert [isinstance(part, DataError) for part in found] == [False, False, True]
     sweep = Sweep(pipeline, orders, deviations=False)
     assert [cut.order for cut in sweep] == orders[:2]

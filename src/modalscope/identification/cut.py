@@ -24,7 +24,7 @@ from modalscope.uncertainty.deviations import Deviations, deviations_of
 from modalscope.uncertainty.noise import Noise, noise_of
 from modalscope.uncertainty.residual import residual_variance, unexplained_energy
 
-__all__ = ["Cut", "Judged", "Measured", "cut_order", "judged"]
+__all__ = ["Cut", "Judged", "Shared", "cut_order", "judged"]
 
 #: Orders are judged together while their states times lines or samples are no more than this: arrays in between stay in the cache.
 _TOGETHER = 100_000
@@ -80,7 +80,7 @@ def cut_order(pipeline: Pipeline, order: int, *, deviations: bool = True) -> Cut
     deviations : bool
         Whether standard deviations are wanted.
     """
-    return Measured(pipeline, deviations).of_order(order)
+    return Shared(pipeline, deviations).of_order(order)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -104,7 +104,7 @@ class Judged:
     misfit: float
 
 
-def judged(pipeline: Pipeline, orders: Sequence[int], measured: Measured) -> list[Judged | DataError]:
+def judged(pipeline: Pipeline, orders: Sequence[int], measured: Shared) -> list[Judged | DataError]:
     """Return the first of some orders judged, or why there is none: as many of them as are better judged together, at least one.
 
     Parameters
@@ -112,7 +112,7 @@ def judged(pipeline: Pipeline, orders: Sequence[int], measured: Measured) -> lis
     pipeline : Pipeline
     orders : sequence of int
         Increasing, at least one.
-    measured : Measured
+    measured : Shared
     """
     found: list[tuple[int, Triple, Eigenmodes] | DataError] = []
     size = 0
@@ -135,7 +135,7 @@ def judged(pipeline: Pipeline, orders: Sequence[int], measured: Measured) -> lis
 
 
 def _of_part(
-    part: tuple[int, Triple, Eigenmodes], modal: Eigenmodes, indicators: Mapping[str, RealArray], measured: Measured
+    part: tuple[int, Triple, Eigenmodes], modal: Eigenmodes, indicators: Mapping[str, RealArray], measured: Shared
 ) -> Judged:
     return Judged(part[0], part[1], modal, indicators, measured.misfit(modal))
 
@@ -147,7 +147,7 @@ def _checked(pipeline: Pipeline, modal: Eigenmodes) -> Eigenmodes:
     return modal
 
 
-class Measured:
+class Shared:
     """The data that every order is fitted to and the noise in them: what all orders share, computed once.
 
     Parameters

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.blocks.threads import one_thread
-from modalscope.identification.cut import Cut, Judged, Measured, judged
+from modalscope.identification.cut import Cut, Judged, Shared, judged
 from modalscope.identification.options import AllOptions
 from modalscope.identification.orders import checked_orders
 from modalscope.identification.pipeline import Factored, Pipeline, factor, realized
@@ -44,7 +44,7 @@ class Sweep:
         self.notes: list[Note] = []
         self._left = deque(self.orders)
         self._ahead: deque[Judged | DataError] = deque()
-        self._measured = Measured(pipeline, deviations)
+        self._measured = Shared(pipeline, deviations)
 
     @property
     def noise(self) -> Noise | None:

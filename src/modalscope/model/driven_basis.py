@@ -14,6 +14,7 @@ import scipy.linalg as sla
 
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.modal_basis import ModalBasis
+from modalscope.model.pole_functions import of_pairs
 from modalscope.model.poles import is_real
 from modalscope.model.triangles import factor_of_gram, stacked_factor, triangle_of
 
@@ -207,9 +208,7 @@ def _columns(run: Run, poles: Array, width: int) -> Iterator[RealArray]:
         s = slice(start, start + step)
         x, U = run.points[s, None], run.inputs[s]
         own, pair = 1 / (x - poles), 1 / (x - np.conj(poles))
-        g = np.empty((len(x), len(poles), 2), dtype=complex)
-        g[..., 0], g[..., 1] = np.where(alone, own, own + pair), np.where(alone, 0, 1j * (own - pair))
-        flat, found = g.reshape(len(x), -1), np.empty((2, len(x), width))
+        flat, found = of_pairs(own, pair, alone).reshape(len(x), -1), np.empty((2, len(x), width))
         parts = [U, *(drive[:, None] * flat for drive in (*U.T, run.ends[s])), run.outputs[s]]
         first = 0
         for part in parts:

@@ -7,7 +7,7 @@ import numpy as np
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.poles import is_real, powers_of, to_discrete
 
-__all__ = ["line_functions", "sample_functions"]
+__all__ = ["line_functions", "of_pairs", "sample_functions"]
 
 #: Real and imaginary part.
 _Parts = tuple[RealArray, RealArray]
@@ -37,6 +37,19 @@ def line_functions(frequencies: RealArray, rate: float | None, poles: Array, *, 
         np.subtract(g, h, out=to[:, 1, 1])
     found[0, alone, 1] = 0
     return found.reshape(-1, 2 * x.size).T
+
+
+def of_pairs(own: ComplexArray, pair: ComplexArray, alone: Array) -> ComplexArray:
+    """Return g1 = own + pair and g2 = j (own - pair) of pairs, own and nothing of real poles, (F, n, 2).
+
+    Parameters
+    ----------
+    own, pair : array of complex, (F, n)
+        The functions of the poles and of their conjugates.
+    alone : array of bool, (n,)
+        Real poles.
+    """
+    return np.stack([np.where(alone, own, own + pair), np.where(alone, 0, 1j * (own - pair))], axis=2)
 
 
 def _inverse(x: ComplexArray, p: ComplexArray) -> _Parts:
@@ -78,7 +91,7 @@ def sample_functions(rate: float, first: int, count: int, poles: Array, *, slope
     s = np.minimum(s.real, _GROWN * rate / max(first + count, 1)) + 1j * s.imag
     z = to_discrete(s, 1 / rate)
     decay = powers_of(z, count, first, rows=True)
-    alone = ((s.imag == 0) | is_real(z))[:, None]
+    alone = is_real(z)[:, None]
     # as on lines each function lies in one piece
     found = np.empty((1 + slopes, s.size, 2, count))
     np.multiply(decay.real, np.where(alone, 1.0, 2.0), out=found[0, :, 0])

@@ -53,17 +53,13 @@ def struck_band(
     high = float(f"{highest:.{_DIGITS}g}")
     if highest >= _WHOLE * half or (asked is not None and not asked[0] < high < _WHOLE * asked[1]):
         return None
-    upper = f"{high:g} {min(2 * high, half):g}"
+    little = "the hits put in less than a hundredth of their largest power"
+    own = f"modes above want a band of their own, such as --band {high:g} {min(2 * high, half):g} (band=...)"
     if asked is not None:
-        text = (
-            f"above {high:g} Hz the hits put in less than a hundredth of their largest power: what is noise there may hide the modes "
-            f"below; without a band that end is chosen, and modes above want a band of their own, such as --band {upper} (band=...)"
-        )
+        hides = "what is noise there may hide the modes below"
+        text = f"above {high:g} Hz {little}: {hides}; without a band that end is chosen, and {own}"
         return asked, Note("band past the hits", {"highest_hz": high}, text)
-    text = (
-        f"the band up to {high:g} Hz was chosen: above, the hits put in less than a hundredth of their largest power; modes above want "
-        f"a band of their own, such as --band {upper} (band=...)"
-    )
+    text = f"the band up to {high:g} Hz was chosen: above, {little}; {own}"
     return (0.0, high), Note(CHOSEN, {"lowest_hz": 0.0, "highest_hz": high, "parts": 1.0}, text)
 
 
