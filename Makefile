@@ -66,7 +66,7 @@ $(DOCS_STAMP): $(STAMP)
 docs/_static/mathjax/tex-svg.js:
 	@command -v npm >/dev/null || { echo "make docs needs npm once, for $(MATHJAX)"; exit 2; }
 	@mkdir -p build/npm docs/_static/mathjax
-	@npm install --silent --no-save --no-audit --no-fund --prefix build/npm $(MATHJAX) $(AXE)
+	@npm install --silent --fetch-retries=5 --no-save --no-audit --no-fund --prefix build/npm $(MATHJAX) $(AXE)
 	@cp build/npm/node_modules/mathjax/es5/tex-svg.js $@
 
 # Warnings are errors; a link that leads nowhere is a warning.

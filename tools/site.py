@@ -120,11 +120,20 @@ def tried(root: Path) -> list[str]:
             spill = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
             found += [f"{name} is {spill} px too wide at 400 px"] if spill > 0 else []
         page.goto((root / "search.html").resolve().as_uri() + "?q=damping")
-        page.wait_for_timeout(1500)
-        hits = page.evaluate("document.querySelectorAll('#search-results li').length")
-        found += [] if hits else ["search.html finds nothing for damping"]
+        found += [] if _comes(page, "#search-results li") else ["search.html finds nothing for damping"]
         browser.close()
     return found
+
+
+def _comes(page: Any, place: str) -> bool:
+    """Whether something comes to stand at a place of a page, on however busy a machine: nobody waits longer when it comes at once."""
+    from playwright.sync_api import TimeoutError as Late
+
+    try:
+        page.locator(place).first.wait_for(state="attached", timeout=60_000)
+    except Late:
+        return False
+    return True
 
 
 def _noted(url: str, found: list[str]) -> None:
