@@ -213,7 +213,10 @@ def main(arguments: Sequence[str] | None = None, path: Path = LIST, root: Path =
 
         named = sorted({t for m in mutants for t in m.tests})
         heaps = -(-len(named) // TOGETHER)
-        for status, words in pool.map(one, [named[k::heaps] for k in range(heaps)]):
+        shares = [named[k::heaps] for k in range(heaps)]
+        for tests, (status, words) in zip(shares, pool.map(one, shares), strict=True):
+            if status != PASSED:  # once more, as the tests themselves are run again once
+                status, words = one(tests)
             if status != PASSED:
                 print(f"the tests fail without any fault\n{words}")
                 return 1

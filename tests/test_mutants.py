@@ -92,6 +92,15 @@ def test_tests_that_fail_without_a_fault_prove_nothing(tmp_path: Path, capfd: py
     assert "the tests fail without any fault" in capfd.readouterr().out
 
 
+def test_tests_that_fail_once_without_a_fault_are_run_again(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    rule = "tests/test_rule.py"
+    once = (
+        "def test_once():\n    seen = Path('seen')\n    before = seen.exists()\n    seen.touch()\n    assert before\n"
+    )
+    assert tried(tmp_path, NOTICED, **{rule: f"from pathlib import Path\n{LIBRARY[rule]}\n\n{once}"}) == 0
+    assert "1 of 1 mutants noticed" in capfd.readouterr().out
+
+
 def test_a_list_that_does_not_fit_stops_before_anything_runs(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert tried(tmp_path, ("gone", "a > b", "a >= b"), NOTICED, NOTICED) == 1
     said = capfd.readouterr().out
