@@ -13,11 +13,14 @@ from modalscope.comparing.kinship import SAME, kinship, pole_distance, subspace_
 from modalscope.comparing.labels import find_by_name
 from modalscope.comparing.plan import plan
 from modalscope.comparing.run import MethodResult
+from modalscope.identification import cut
 from modalscope.identification.lookup import cell_label
 from modalscope.identification.pipeline import factored
 from modalscope.identification.table import methods
+from modalscope.judging.stabilize import swept
 from modalscope.model import DataError, FrequencyResponse, ImpulseResponse
 from modalscope.preprocess import estimate_correlation
+from modalscope.uncertainty.deviations import deviations_of
 
 #: 40 dB.
 NOISE = 0.01
@@ -70,15 +73,34 @@ def test_every_cell_that_samples_allow_is_a_row_and_the_others_are_noted(clean: 
 def test_rows_of_one_data_matrix_factor_it_once_and_find_what_each_finds_alone(
     workers: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    made = []
+    made, diagrams = [], []
     monkeypatch.setattr(run, "factored", lambda *given: made.append(given) or factored(*given))
+    monkeypatch.setattr(run, "swept", lambda *given, **how: diagrams.append(given) or swept(*given, **how))
     cells, data = ["era/z", "least_squares/z", "alternate/z", "era/s"], chain_lines()
     together = compare(data, cells, orders=ORDERS, workers=workers)
-    assert len(made) == 3
+    # ERA and least squares of lines have one and the same modes
+    assert (len(made), len(diagrams)) == (3, 3)
     for result, cell in zip(together.results, cells, strict=True):
         alone = compare(data, [cell], orders=ORDERS, workers=1).results[0]
-        assert np.array_equal(result.diagram.poles, alone.diagram.poles)
-        assert np.array_equal(result.modes.poles, alone.modes.poles)
+        assert (result.method, result.diagram.method) == (alone.method, alone.method.name)
+        for one, other in ((result.diagram, alone.diagram), (result.modes, alone.modes)):
+            assert np.allclose(one.poles, other.poles, rtol=1e-10, atol=0)
+            assert np.allclose(one.frequencies_std, other.frequencies_std, rtol=1e-6, atol=0, equal_nan=True)
+        assert [str(note) for note in result.diagram.notes] == [str(note) for note in alone.diagram.notes]
+
+
+def test_rows_of_the_same_poles_have_deviations_in_common_and_shapes_of_their_own(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked = []
+    monkeypatch.setattr(cut, "deviations_of", lambda *given: asked.append(given[2]) or deviations_of(*given))
+    era, least_squares = compare(chain(), ["era/time", "least_squares/time"], orders=ORDERS, workers=1).results
+    assert sorted(set(asked)) == sorted(asked)
+    alone = compare(chain(), ["least_squares/time"], orders=ORDERS, workers=1).results[0]
+    assert np.array_equal(least_squares.diagram.shapes, alone.diagram.shapes)
+    assert not np.allclose(least_squares.diagram.shapes, era.diagram.shapes, rtol=1e-6)
+    for name in ("frequencies_std", "damping_ratios_std"):
+        assert np.allclose(getattr(least_squares.diagram, name), getattr(alone.diagram, name), rtol=1e-6)
 
 
 def test_methods_that_are_the_same_have_distance_zero_and_one_vote(clean: Comparison) -> None:

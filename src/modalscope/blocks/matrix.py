@@ -33,6 +33,9 @@ class DataMatrix(ABC):
     #: Whether both sides of a mode are known by its own shape and participation: modes of several orders are then compared at once.
     by_mode: ClassVar[bool] = False
 
+    #: Whether shapes and participation are fitted to the states that the factors give, whatever C and B are.
+    fits_states: ClassVar[bool] = False
+
     # ------------------------------------------------------------------------------------------------ the matrix itself
     @property
     @abstractmethod

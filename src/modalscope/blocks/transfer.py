@@ -136,6 +136,7 @@ class Transfer(PolynomialRows, LineMatrix):
     known_functions: ComplexArray | None = None
     row_shifts: tuple[int, ...] | None = None
     orthogonal: bool = True
+    fits_states = True
 
     @property
     def judged(self) -> FrequencyResponse:

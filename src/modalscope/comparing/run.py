@@ -6,7 +6,8 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from threading import Lock
 from typing import Any
 
@@ -16,7 +17,7 @@ from modalscope.identification.measured import Measured
 from modalscope.identification.method import Method
 from modalscope.identification.pipeline import Factored, factored
 from modalscope.identification.prepare import pose
-from modalscope.identification.sweep import start
+from modalscope.identification.sweep import Sweep, start
 from modalscope.judging.select import select
 from modalscope.judging.stabilize import swept
 from modalscope.modal.rebuilt import fit_of
@@ -88,29 +89,40 @@ class _Count:
                 self._progress(sum(self._done), self._total)
 
 
-class _Once:
-    """The factors of one data matrix, made by the first cell that asks; the others wait for them."""
+class _Group:
+    """What cells that read their models off one data matrix have in common: its factors, and what is the same by several of them."""
 
     def __init__(self) -> None:
-        self._lock = Lock()
-        self._made: Factored | None = None
+        self._factored: Factored | None = None
+        self._done: list[tuple[Sweep, MethodResult]] = []
 
-    def of(self, make: Callable[[], Factored]) -> Factored:
-        with self._lock:
-            if self._made is None:
-                self._made = make()
-            return self._made
+    def factored(self, make: Callable[[], Factored]) -> Factored:
+        """Return the factors, made for the first cell that asks."""
+        if self._factored is None:
+            self._factored = make()
+        return self._factored
+
+    def keep(self, found: Sweep, result: MethodResult) -> None:
+        """Keep what a cell has found."""
+        self._done.append((found, result))
+
+    def with_poles_of(self, found: Sweep) -> Sweep | None:
+        """Return the sweep of a cell that has the same poles at every order; None without one."""
+        return next((other for other, _ in self._done if other.has_poles_of(found)), None)
+
+    def with_modes_of(self, found: Sweep) -> MethodResult | None:
+        """Return the result of a cell that has the same modes at every order; None without one."""
+        return next((result for other, result in self._done if other.has_modes_of(found)), None)
 
 
-def _shared(cells: Sequence[Cell], given: Sequence[Measured]) -> list[_Once]:
-    """Return where each cell finds its factors: rows that read other models off one data matrix have them in common."""
-    once: dict[Any, _Once] = {}
-    found = []
-    for cell, measured in zip(cells, given, strict=True):
+def _grouped(cells: Sequence[Cell], given: Sequence[Measured]) -> list[list[int]]:
+    """Return which cells have their data matrix and its factors in common."""
+    groups: dict[Any, list[int]] = {}
+    for index, (cell, measured) in enumerate(zip(cells, given, strict=True)):
         m, own = cell.method, tuple(sorted(cell.options.items()))
         key = (id(measured), m.domain, m.matrix, m.factor, m.orders, m.options_type, *m.fixed.items(), own, cell.orders)
-        found.append(once.setdefault(key, _Once()))
-    return found
+        groups.setdefault(key, []).append(index)
+    return list(groups.values())
 
 
 def run(
@@ -137,51 +149,71 @@ def run(
     """
     count = _Count(cells, progress)
     given = [measured] * len(cells) if isinstance(measured, Measured) else measured
-    factors = _shared(cells, given)
+    groups = _grouped(cells, given)
 
-    def one(index: int) -> MethodResult:
-        cell = cells[index]
-        found = _one(given[index], cell, factors[index], lambda done, _: count.report(index, done), options)
-        count.report(index, len(cell.orders))
+    def of_group(indices: Sequence[int]) -> list[MethodResult]:
+        group, found = _Group(), []
+        for index in indices:
+            progress = partial(_report, count, index)
+            found.append(_one(given[index], cells[index], group, progress, options))
+            count.report(index, len(cells[index].orders))
         return found
 
     at_once = workers or min(os.cpu_count() or 1, 4)
     if at_once == 1:
-        return tuple(one(i) for i in range(len(cells)))
-    with ThreadPoolExecutor(at_once) as pool:
-        return tuple(pool.map(one, range(len(cells))))
+        found = [of_group(indices) for indices in groups]
+    else:
+        with ThreadPoolExecutor(at_once) as pool:
+            found = list(pool.map(of_group, groups))
+    each = {
+        i: result for indices, part in zip(groups, found, strict=True) for i, result in zip(indices, part, strict=True)
+    }
+    return tuple(each[i] for i in range(len(cells)))
 
 
-def _one(measured: Measured, cell: Cell, once: _Once, progress: Progress, options: dict[str, Any]) -> MethodResult:
+def _report(count: _Count, index: int, done: int, _: int) -> None:
+    count.report(index, done)
+
+
+def _one(measured: Measured, cell: Cell, group: _Group, progress: Progress, options: dict[str, Any]) -> MethodResult:
     started = time.perf_counter()
-    method = cell.method
     try:
-        problem = pose(measured, method, {**cell.options, **options})
-        given = once.of(lambda: factored(problem, cell.orders[-1]))
-        found = start(problem, list(cell.orders), automatic=False, given=given)
-        diagram = swept(found, cell.orders, progress=progress)
-        modes = select(diagram)
-        error = fit_of(modes, diagram.response)
-        moved = moved_by_noise(found, diagram, modes)
+        result = _found(measured, cell, group, progress, options)
     except DataError as trouble:
         failure = " ".join(str(trouble).split())
     except (ValueError, ArithmeticError, MemoryError) as trouble:  # numpy's own: no convergence, no memory
         failure = f"{type(trouble).__name__}: {' '.join(str(trouble).split())}"
     else:
-        return MethodResult(
-            method=method,
-            exact=cell.exact,
-            route=measured.route or "",
-            diagram=diagram,
-            modes=modes,
-            fit_error=error,
-            moved=moved,
-            seconds=time.perf_counter() - started,
-        )
+        return replace(result, seconds=time.perf_counter() - started)
     return MethodResult(
-        method=method,
+        method=cell.method,
         exact=cell.exact,
         route=measured.route or "",
         seconds=time.perf_counter() - started,
         failure=failure,
     )
+
+
+def _found(measured: Measured, cell: Cell, group: _Group, progress: Progress, options: dict[str, Any]) -> MethodResult:
+    """Return what a cell finds; where another cell of its group has the same modes at every order, what that one has found."""
+    method = cell.method
+    problem = pose(measured, method, {**cell.options, **options})
+    given = group.factored(lambda: factored(problem, cell.orders[-1]))
+    found = start(problem, list(cell.orders), automatic=False, given=given)
+    same = group.with_modes_of(found)
+    if same is not None and same.diagram is not None:
+        return replace(same, method=method, exact=cell.exact, diagram=replace(same.diagram, method=method.name))
+    found.take_deviations_of(group.with_poles_of(found))
+    diagram = swept(found, cell.orders, progress=progress)
+    modes = select(diagram)
+    result = MethodResult(
+        method=method,
+        exact=cell.exact,
+        route=measured.route or "",
+        diagram=diagram,
+        modes=modes,
+        fit_error=fit_of(modes, diagram.response),
+        moved=moved_by_noise(found, diagram, modes),
+    )
+    group.keep(found, result)
+    return result
