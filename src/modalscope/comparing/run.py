@@ -18,7 +18,8 @@ from modalscope.identification.method import Method
 from modalscope.identification.pipeline import Factored, factored
 from modalscope.identification.prepare import pose
 from modalscope.identification.sweep import Sweep, start
-from modalscope.judging.select import select
+from modalscope.judging.evidence import Gathered
+from modalscope.judging.select import chosen_of, weighed
 from modalscope.judging.stabilize import swept
 from modalscope.modal.rebuilt import fit_of
 from modalscope.model.checks import DataError
@@ -90,9 +91,16 @@ class _Count:
 
 
 class _Group:
-    """What cells that read their models off one data matrix have in common: its factors, and what is the same by several of them."""
+    """What cells that read their models off one data matrix have in common: its factors, and what is the same by several of them.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    gathered : Gathered
+        What data show, of all groups.
+    """
+
+    def __init__(self, gathered: Gathered) -> None:
+        self.gathered = gathered
         self._factored: Factored | None = None
         self._done: list[tuple[Sweep, MethodResult]] = []
 
@@ -149,10 +157,10 @@ def run(
     """
     count = _Count(cells, progress)
     given = [measured] * len(cells) if isinstance(measured, Measured) else measured
-    groups = _grouped(cells, given)
+    groups, gathered = _grouped(cells, given), Gathered()
 
     def of_group(indices: Sequence[int]) -> list[MethodResult]:
-        group, found = _Group(), []
+        group, found = _Group(gathered), []
         for index in indices:
             progress = partial(_report, count, index)
             found.append(_one(given[index], cells[index], group, progress, options))
@@ -205,7 +213,7 @@ def _found(measured: Measured, cell: Cell, group: _Group, progress: Progress, op
         return replace(same, method=method, exact=cell.exact, diagram=replace(same.diagram, method=method.name))
     found.take_deviations_of(group.with_poles_of(found))
     diagram = swept(found, cell.orders, progress=progress)
-    modes = select(diagram)
+    modes = chosen_of(diagram, weighed(diagram, group.gathered))
     result = MethodResult(
         method=method,
         exact=cell.exact,
