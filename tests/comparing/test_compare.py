@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from modalscope import systems
+from modalscope.blocks.hankel import Hankel
 from modalscope.comparing import CAUSES, Comparison, compare, run
 from modalscope.comparing.agreement import pair
 from modalscope.comparing.identities import check_identities
@@ -92,10 +93,13 @@ def test_rows_of_one_data_matrix_factor_it_once_and_find_what_each_finds_alone(
 def test_rows_of_the_same_poles_have_deviations_in_common_and_shapes_of_their_own(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    asked = []
+    asked, between = [], []
+    projected = Hankel.projected
+    monkeypatch.setattr(Hankel, "projected", lambda *given: between.append(given) or projected(*given))
     monkeypatch.setattr(cut, "deviations_of", lambda *given: asked.append(given[2]) or deviations_of(*given))
     era, least_squares = compare(chain(), ["era/time", "least_squares/time"], orders=ORDERS, workers=1).results
     assert sorted(set(asked)) == sorted(asked)
+    assert len(between) == 1
     alone = compare(chain(), ["least_squares/time"], orders=ORDERS, workers=1).results[0]
     assert np.array_equal(least_squares.diagram.shapes, alone.diagram.shapes)
     assert not np.allclose(least_squares.diagram.shapes, era.diagram.shapes, rtol=1e-6)

@@ -153,8 +153,9 @@ class Gathered:
 
 def _same(one: Response, other: Response) -> bool:
     """Whether two responses are the same data."""
-    facts = ((r.span, r.ambient, r.added_damping, r.values.dtype) for r in (one, other))
-    return len(set(facts)) == 1 and np.array_equal(one.values, other.values)
+    facts = {(r.span, r.ambient, r.added_damping, r.grid is None) for r in (one, other)}
+    arrays = [(one.values, other.values), *([] if one.grid is None or other.grid is None else [(one.grid, other.grid)])]
+    return len(facts) == 1 and all(np.array_equal(*both) for both in arrays)
 
 
 def peaks(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> RealArray:
