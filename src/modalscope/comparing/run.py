@@ -11,11 +11,14 @@ from functools import partial
 from threading import Lock
 from typing import Any
 
+import numpy as np
+
 from modalscope.comparing.moved import Moved, moved_by_noise
 from modalscope.comparing.plan import Cell
 from modalscope.identification.measured import Measured
-from modalscope.identification.method import Method
-from modalscope.identification.pipeline import Factored, factored
+from modalscope.identification.method import Built, Method, Problem
+from modalscope.identification.options import Options
+from modalscope.identification.pipeline import Factored, built, factored
 from modalscope.identification.prepare import pose
 from modalscope.identification.sweep import Sweep, start
 from modalscope.judging.evidence import Gathered
@@ -101,14 +104,20 @@ class _Group:
 
     def __init__(self, gathered: Gathered) -> None:
         self.gathered = gathered
-        self._factored: Factored | None = None
+        self._built: list[Built] = []
+        self._factored: dict[tuple[int, Any], Factored] = {}
         self._done: list[tuple[Sweep, MethodResult]] = []
 
-    def factored(self, make: Callable[[], Factored]) -> Factored:
-        """Return the factors, made for the first cell that asks."""
-        if self._factored is None:
-            self._factored = make()
-        return self._factored
+    def factored(self, problem: Problem, largest: int) -> Factored:
+        """Return the factors of a row's data matrix, each made for the first cell that asks."""
+        mine = built(problem, largest)
+        matrix = next((known for known in self._built if _same_settings(known.settings, mine.settings)), mine)
+        if matrix is mine:
+            self._built.append(mine)
+        key = id(matrix.matrix), problem.method.factor
+        if key not in self._factored:
+            self._factored[key] = factored(problem, largest, mine._replace(matrix=matrix.matrix))
+        return self._factored[key]
 
     def keep(self, found: Sweep, result: MethodResult) -> None:
         """Keep what a cell has found."""
@@ -123,12 +132,22 @@ class _Group:
         return next((result for other, result in self._done if other.has_modes_of(found)), None)
 
 
+def _same_settings(one: Options, other: Options) -> bool:
+    """Whether two rows have made their data matrix in the same way; arrays that were given count as different."""
+
+    def same(a: Any, b: Any) -> bool:
+        return a is b or (type(a) is type(b) and not isinstance(a, np.ndarray) and bool(a == b))
+
+    values = dict(one.items()), dict(other.items())
+    return values[0].keys() == values[1].keys() and all(same(values[0][name], values[1][name]) for name in values[0])
+
+
 def _grouped(cells: Sequence[Cell], given: Sequence[Measured]) -> list[list[int]]:
-    """Return which cells have their data matrix and its factors in common."""
+    """Return which cells may have a data matrix in common."""
     groups: dict[Any, list[int]] = {}
     for index, (cell, measured) in enumerate(zip(cells, given, strict=True)):
-        m, own = cell.method, tuple(sorted(cell.options.items()))
-        key = (id(measured), m.domain, m.matrix, m.factor, m.orders, m.options_type, *m.fixed.items(), own, cell.orders)
+        m, largest = cell.method, cell.orders[-1]
+        key = (id(measured), m.domain, m.takes, m.matrix, m.options_type, *m.fixed.items(), largest)
         groups.setdefault(key, []).append(index)
     return list(groups.values())
 
@@ -206,7 +225,7 @@ def _found(measured: Measured, cell: Cell, group: _Group, progress: Progress, op
     """Return what a cell finds; where another cell of its group has the same modes at every order, what that one has found."""
     method = cell.method
     problem = pose(measured, method, {**cell.options, **options})
-    given = group.factored(lambda: factored(problem, cell.orders[-1]))
+    given = group.factored(problem, cell.orders[-1])
     found = start(problem, list(cell.orders), automatic=False, given=given)
     same = group.with_modes_of(found)
     if same is not None and same.diagram is not None:
