@@ -104,20 +104,26 @@ class _Group:
 
     def __init__(self, gathered: Gathered) -> None:
         self.gathered = gathered
-        self._built: list[Built] = []
+        self._built: dict[Any, Built] = {}
         self._factored: dict[tuple[int, Any], Factored] = {}
         self._done: list[tuple[Sweep, MethodResult]] = []
 
-    def factored(self, problem: Problem, largest: int) -> Factored:
+    def factored(self, problem: Problem, cell: Cell) -> Factored:
         """Return the factors of a row's data matrix, each made for the first cell that asks."""
-        mine = built(problem, largest)
-        matrix = next((known for known in self._built if _same_settings(known.settings, mine.settings)), mine)
-        if matrix is mine:
-            self._built.append(mine)
-        key = id(matrix.matrix), problem.method.factor
+        made, largest = self._made(problem, cell), cell.orders[-1]
+        key = id(made.matrix), problem.method.factor
         if key not in self._factored:
-            self._factored[key] = factored(problem, largest, mine._replace(matrix=matrix.matrix))
+            self._factored[key] = factored(problem, largest, made)
         return self._factored[key]
+
+    def _made(self, problem: Problem, cell: Cell) -> Built:
+        """Return a row's data matrix: that of a row which chooses its sizes alike, or of one whose sizes have come out the same."""
+        sizes = problem.method.orders, tuple(sorted(cell.options.items())), cell.orders
+        if sizes not in self._built:
+            mine = built(problem, cell.orders[-1])
+            same = (known for known in self._built.values() if _same_settings(known.settings, mine.settings))
+            self._built[sizes] = mine._replace(matrix=next(same, mine).matrix)
+        return self._built[sizes]
 
     def keep(self, found: Sweep, result: MethodResult) -> None:
         """Keep what a cell has found."""
@@ -225,7 +231,7 @@ def _found(measured: Measured, cell: Cell, group: _Group, progress: Progress, op
     """Return what a cell finds; where another cell of its group has the same modes at every order, what that one has found."""
     method = cell.method
     problem = pose(measured, method, {**cell.options, **options})
-    given = group.factored(problem, cell.orders[-1])
+    given = group.factored(problem, cell)
     found = start(problem, list(cell.orders), automatic=False, given=given)
     same = group.with_modes_of(found)
     if same is not None and same.diagram is not None:
