@@ -17,8 +17,12 @@ def gradient(rows: int, columns: int, seed: int) -> ConvolvedInfluence:
     return convolved(*(rng.standard_normal(size) + 1j * rng.standard_normal(size) for size in sizes))
 
 
+@pytest.mark.parametrize("whole", [True, False], ids=["whole", "by lags"])
 @pytest.mark.parametrize(("rows", "columns"), [(1, 40), (6, 40), (40, 6), (17, 17)])
-def test_moments_are_those_of_the_samples(rows: int, columns: int) -> None:
+def test_moments_are_those_of_the_samples(
+    rows: int, columns: int, whole: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(convolved_module, "_as_one", lambda *_: whole)
     one, other = gradient(rows, columns, 0), gradient(rows + 3, columns + 8, 1)
     both = one.joined(gradient(rows, columns, 2))
     variance = np.random.default_rng(3).uniform(1, 2, (3, 2))
@@ -46,3 +50,8 @@ def test_poles_some_at_a_time_have_the_moments_of_all(monkeypatch: pytest.Monkey
     assert all(np.allclose(*both, rtol=1e-13, atol=0) for both in zip(one.joint(one, variance), whole, strict=True))
     nothing = one.take(np.arange(0))
     assert nothing.joint(nothing, variance).size.shape == (0,)
+
+
+def test_few_block_rows_of_many_outputs_go_by_lags_and_long_ones_as_a_whole() -> None:
+    assert convolved_module._as_one(1500, 7500, np.ones((7, 6)))
+    assert not convolved_module._as_one(300, 600, np.ones((30, 3)))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from modalscope import systems
+from modalscope.blocks.hankel import Hankel
 from modalscope.comparing import CAUSES, Comparison, compare, run
 from modalscope.comparing.agreement import pair
 from modalscope.comparing.identities import check_identities
@@ -13,11 +14,15 @@ from modalscope.comparing.kinship import SAME, kinship, pole_distance, subspace_
 from modalscope.comparing.labels import find_by_name
 from modalscope.comparing.plan import plan
 from modalscope.comparing.run import MethodResult
+from modalscope.identification import cut
 from modalscope.identification.lookup import cell_label
 from modalscope.identification.pipeline import factored
 from modalscope.identification.table import methods
+from modalscope.judging.select import select
+from modalscope.judging.stabilize import stabilize, swept
 from modalscope.model import DataError, FrequencyResponse, ImpulseResponse
 from modalscope.preprocess import estimate_correlation
+from modalscope.uncertainty.deviations import deviations_of
 
 #: 40 dB.
 NOISE = 0.01
@@ -25,7 +30,7 @@ NOISE = 0.01
 #: Identities hold to 100 eps sigma_1 / sigma_n; at 40 dB the last kept singular value is at most 1e4 times smaller.
 IDENTITY = 1e-9
 
-ORDERS = range(2, 25, 2)
+ORDERS, FEW = range(2, 25, 2), range(4, 15, 2)
 
 
 def chain(seed: int = 0, **changes: object) -> ImpulseResponse:
@@ -35,6 +40,11 @@ def chain(seed: int = 0, **changes: object) -> ImpulseResponse:
 def chain_lines(seed: int = 0) -> FrequencyResponse:
     lines = np.arange(30, 751) * 0.01  # multiples of their spacing, so that the time rows can take them
     return systems.chain5().frequency_response(lines, quantity="acceleration", noise=NOISE, seed=seed)
+
+
+def coarse_lines() -> FrequencyResponse:
+    lines = chain_lines()
+    return FrequencyResponse(values=lines.values[::4], frequencies=lines.frequencies[::4], quantity="acceleration")
 
 
 @pytest.fixture(scope="module")
@@ -70,15 +80,43 @@ def test_every_cell_that_samples_allow_is_a_row_and_the_others_are_noted(clean: 
 def test_rows_of_one_data_matrix_factor_it_once_and_find_what_each_finds_alone(
     workers: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    made = []
+    made, diagrams = [], []
     monkeypatch.setattr(run, "factored", lambda *given: made.append(given) or factored(*given))
-    cells, data = ["era/z", "least_squares/z", "alternate/z", "era/s"], chain_lines()
-    together = compare(data, cells, orders=ORDERS, workers=workers)
-    assert len(made) == 3
+    monkeypatch.setattr(run, "swept", lambda *given, **how: diagrams.append(given) or swept(*given, **how))
+    cells, data = ["era/z", "least_squares/z", "alternate/z", "polyreference/z", "era/s"], coarse_lines()
+    together = compare(data, cells, orders=FEW, workers=workers)
+    # ERA and least squares of lines have one and the same modes, and ERA and the alternate method two factorizations of one matrix
+    assert (len(made), len(diagrams)) == (4, 4)
+    matrices = {id(given[2].matrix): given[2].settings["block_rows"] for given in made}
+    assert len(matrices) == 3
+    assert len(set(matrices.values())) == 2
     for result, cell in zip(together.results, cells, strict=True):
-        alone = compare(data, [cell], orders=ORDERS, workers=1).results[0]
-        assert np.array_equal(result.diagram.poles, alone.diagram.poles)
-        assert np.array_equal(result.modes.poles, alone.modes.poles)
+        name, domain = cell.split("/")
+        sizes = {"block_rows": result.diagram.settings["block_rows"]} if name == "polyreference" else {}
+        alone = stabilize(data, method=name, domain=domain, orders=FEW, **sizes)
+        assert (result.method.name, result.diagram.method) == (name, name)
+        assert np.allclose(result.diagram.poles, alone.poles, rtol=1e-10, atol=0)
+        assert np.allclose(result.diagram.frequencies_std, alone.frequencies_std, rtol=1e-6, atol=0, equal_nan=True)
+        if name == "least_squares":
+            assert [str(note) for note in result.diagram.notes] == [str(note) for note in alone.notes]
+            assert np.allclose(result.modes.poles, select(alone).poles, rtol=1e-10, atol=0)
+
+
+def test_rows_of_the_same_poles_have_deviations_in_common_and_shapes_of_their_own(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked, between = [], []
+    projected = Hankel.projected
+    monkeypatch.setattr(Hankel, "projected", lambda *given: between.append(given) or projected(*given))
+    monkeypatch.setattr(cut, "deviations_of", lambda *given: asked.append(given[2]) or deviations_of(*given))
+    era, least_squares = compare(chain(), ["era/time", "least_squares/time"], orders=ORDERS, workers=1).results
+    assert sorted(set(asked)) == sorted(asked)
+    assert [factors.d.size for _, factors in between].count(ORDERS[-1]) == 1  # identities have theirs
+    alone = compare(chain(), ["least_squares/time"], orders=ORDERS, workers=1).results[0]
+    assert np.array_equal(least_squares.diagram.shapes, alone.diagram.shapes)
+    assert not np.allclose(least_squares.diagram.shapes, era.diagram.shapes, rtol=1e-6)
+    for name in ("frequencies_std", "damping_ratios_std"):
+        assert np.allclose(getattr(least_squares.diagram, name), getattr(alone.diagram, name), rtol=1e-6)
 
 
 def test_methods_that_are_the_same_have_distance_zero_and_one_vote(clean: Comparison) -> None:

@@ -22,6 +22,7 @@ from modalscope.judging.evidence import (
     WHOLE_PEAK,
     Candidate,
     Evidence,
+    Gathered,
     evidence_of,
     judge,
     oscillations,
@@ -126,6 +127,16 @@ def test_evidence_of_lines_is_their_size_and_indicator_on_levelled_outputs() -> 
     # residues of 2 x 3 channels from 10 lines: 2 + 3 numbers of 6 are free
     assert seen.samples == pytest.approx(np.sqrt(10 * 6 / 5))
     assert not seen.ambient
+
+
+def test_what_data_show_is_gathered_once_for_the_same_data_and_anew_for_others() -> None:
+    gathered, shown = Gathered(), []
+    faster, other = samples(rate=60.0), samples(count=50)
+    moved = FrequencyResponse(values=lines().values, frequencies=lines().frequencies ** 1.01)
+    for response in (samples(), samples(), faster, other, samples(added_damping=0.5), lines(), lines(), moved):
+        shown.append(gathered.of(diagram_of(Pole(2), response=response)))
+        assert np.array_equal(shown[-1].level, evidence_of(diagram_of(Pole(2), response=response)).level)
+    assert [shown.index(each) for each in shown] == [0, 0, 2, 3, 4, 5, 5, 7]
 
 
 def test_evidence_of_samples_is_their_transform_on_eight_times_finer_lines() -> None:

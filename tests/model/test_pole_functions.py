@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from modalscope.model import pole_functions
 from modalscope.model.pole_functions import line_functions, sample_functions
 from modalscope.model.poles import powers_of
 
@@ -47,6 +48,15 @@ def test_slopes_stand_behind_the_functions() -> None:
     assert np.array_equal(line_functions(F, None, POLES, slopes=True)[:, :6], line_functions(F, None, POLES))
     assert line_functions(F, None, POLES[:0], slopes=True).shape == (80, 0)
     assert sample_functions(25.0, 0, 30, POLES[:0]).shape == (30, 0)
+
+
+@pytest.mark.parametrize("rate", [None, 20.0])
+def test_functions_of_some_poles_at_a_time_are_those_of_all(
+    rate: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = line_functions(F, rate, POLES, slopes=True)
+    monkeypatch.setattr(pole_functions, "_AT_A_TIME", 2 * F.size)
+    np.testing.assert_array_equal(line_functions(F, rate, POLES, slopes=True), whole)
 
 
 def test_a_pole_that_grows_beyond_all_numbers_has_functions_that_are_numbers() -> None:

@@ -124,7 +124,9 @@ def _of_some(mine: tuple[Convolution, ...], its: tuple[Convolution, ...], varian
     """Return the sums over all pairs of parts; of g with itself a pair and the pair turned round are conjugate, and each is made once."""
     rows, columns = (max(part[side].shape[1] for part in (*mine, *its)) for side in range(2))
     lags = min(rows, columns) - 1
-    lengths = _fast(rows + lags), _fast(columns + lags)
+    whole = _as_one(rows, columns, variance)
+    # what is transformed to the length of g is g by Parseval's theorem
+    lengths = (_fast(rows + columns - 1),) * 2 if whole else (_fast(rows + lags), _fast(columns + lags))
     first = [tuple(_transform(*each) for each in zip(part, lengths, strict=True)) for part in mine]
     second = (
         first if its is mine else [tuple(_transform(*each) for each in zip(part, lengths, strict=True)) for part in its]
@@ -134,11 +136,27 @@ def _of_some(mine: tuple[Convolution, ...], its: tuple[Convolution, ...], varian
         for k, two in enumerate(second):
             if its is mine and k < j:
                 continue
-            found = _pair(one, two, lags, variance)
+            found = _whole_pair(one, two, variance) if whole else _pair(one, two, lags, variance)
             both = its is mine and k > j
             size += 2 * found.size.real if both else found.size
             square += 2 * found.square if both else found.square
     return Moments(size, square)
+
+
+def _as_one(rows: int, columns: int, variance: RealArray) -> bool:
+    """Whether transforms of both sides to the length of g are fewer than those of each side to its own, and of two correlations back."""
+    outputs, inputs = variance.shape
+    own = [_fast(size + min(rows, columns) - 1) for size in (rows, columns)]
+    by_lags = own[0] * (outputs + 2 * inputs) + own[1] * 3 * inputs
+    return bool(_fast(rows + columns - 1) * (outputs + inputs) < by_lags)
+
+
+def _whole_pair(one: tuple[ComplexArray, ...], two: tuple[ComplexArray, ...], variance: RealArray) -> Moments:
+    """Return the moments of two convolutions by transforms as long as both are."""
+    (L, v), (M, w) = one, two
+    size = np.einsum("kfi,kfi->k", _with_conjugate(L, M) @ variance, _with_conjugate(v, w))
+    square = np.einsum("kfi,kfi->k", (L * _mirrored(M)) @ variance, v * _mirrored(w))
+    return Moments(size / L.shape[1], square / L.shape[1])
 
 
 def _pair(one: tuple[ComplexArray, ...], two: tuple[ComplexArray, ...], lags: int, variance: RealArray) -> Moments:

@@ -77,6 +77,8 @@ class Factors:
         How many singular values were not computed, and the sum of their squares, where a range carried the leading ones.
     right : RightFactor, optional
         The right factor on the data's own columns, where Q belongs to a stand-in.
+    between : dict
+        What the data matrix has made of them, for the realizations that read their models off them.
     """
 
     left: RealArray | Product
@@ -88,6 +90,7 @@ class Factors:
     gram: RealArray | None = field(default=None, repr=False)
     rest: tuple[int, float] = (0, 0.0)
     right: RightFactor | None = field(default=None, repr=False)
+    between: dict[str, RealArray] = field(default_factory=dict, repr=False, init=False)
 
     @cached_property
     def P(self) -> RealArray:

@@ -34,15 +34,33 @@ class Leftover:
         With the weights of the lines.
     by : array, (2 F, 2)
         Weighted, real parts above imaginary ones.
+    weights : array, (F,)
+        Of the lines.
     """
 
     points: ComplexArray
     on: ComplexArray
     by: RealArray
+    weights: RealArray
 
     def sums(self, functions: RealArray) -> RealArray:
         """Return <by_i, f> of weighted functions, real parts above imaginary ones, (2 F, c) -> (2, c)."""
         return np.asarray(self.by.T @ functions)
+
+    def of_functions(self, poles: ComplexArray) -> tuple[ComplexArray, RealArray]:
+        """Return <by_i, g> of weighted g = 1 / (x - s), (2, k), and the sum of |g|^2 over both signs and the lines, (k,).
+
+        Parameters
+        ----------
+        poles : array of complex, (k,)
+            s, in the plane of x.
+        """
+        w, x, s = self.weights[:, None], self.points[:, None], np.asarray(poles)
+        ahead, behind = w / (x - s), w / (x.conj() - s)
+        above, below = np.split(self.by.T, 2, axis=1)
+        # real parts are (ahead + behind) / 2, imaginary ones (ahead - behind) / 2j
+        sums = ((above - 1j * below) @ ahead + (above + 1j * below) @ behind) / 2
+        return np.asarray(sums), energy(np.stack([ahead.T, behind.T]))
 
     def of_poles(self, poles: ComplexArray, sums: ComplexArray, lines: slice | IntArray) -> ComplexArray:
         """Return r on some lines at +w and at -w, (2, k, lines).
@@ -85,7 +103,7 @@ def leftover(points: ComplexArray, basis: ComplexArray, weights: RealArray | Non
         on = np.stack([turned, -f])
         by = points.conj() * np.stack([turned, f])
     weighted = by * w
-    return Leftover(points, on * w, np.concatenate([weighted.real, weighted.imag], axis=1).T)
+    return Leftover(points, on * w, np.concatenate([weighted.real, weighted.imag], axis=1).T, w)
 
 
 def energy(functions: Array) -> RealArray:

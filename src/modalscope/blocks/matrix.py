@@ -33,6 +33,9 @@ class DataMatrix(ABC):
     #: Whether both sides of a mode are known by its own shape and participation: modes of several orders are then compared at once.
     by_mode: ClassVar[bool] = False
 
+    #: Whether shapes and participation are fitted to the states that the factors give, whatever C and B are.
+    fits_states: ClassVar[bool] = False
+
     # ------------------------------------------------------------------------------------------------ the matrix itself
     @property
     @abstractmethod
@@ -85,8 +88,14 @@ class DataMatrix(ABC):
         """E0 and E1."""
         self._has_no("shift of its rows")
 
+    def between(self, factors: Factors) -> RealArray:
+        """K = P' H(1) Q, (k, k): all that a truncated realization needs of H(1), made once for all that are read off the factors."""
+        if "K" not in factors.between:
+            factors.between["K"] = self.projected(factors)
+        return factors.between["K"]
+
     def projected(self, factors: Factors) -> RealArray:
-        """K = P' H(1) Q, (k, k): all that a truncated realization needs of H(1)."""
+        """K = P' H(1) Q as it is made."""
         return np.asarray(factors.P.T @ self.shifted(1).times(np.ascontiguousarray(factors.Q)))
 
     def first_rows(self, right: Array, k: int = 0) -> RealArray:

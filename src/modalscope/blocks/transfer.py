@@ -136,6 +136,7 @@ class Transfer(PolynomialRows, LineMatrix):
     known_functions: ComplexArray | None = None
     row_shifts: tuple[int, ...] | None = None
     orthogonal: bool = True
+    fits_states = True
 
     @property
     def judged(self) -> FrequencyResponse:
@@ -226,22 +227,30 @@ class Transfer(PolynomialRows, LineMatrix):
     def compared_functions(self, poles: Array, fit: ModalFit) -> tuple[ComplexArray, Array]:
         """Return `column_functions` on the lines that are compared; see `LineMatrix.compared_functions`.
 
-        The functions g1 - j g2 of the fit are twice 1 / (x - s) times a factor (once, of a real pole), except under the bilinear map: two
-        of their sums give what the polynomials leave. Its share on the lines that are compared is the least that it can be on all.
+        Two sums of 1 / (x - s) give what the polynomials leave. Its share on the lines that are compared is the least that it can be on
+        all.
         """
-        if fit.basis is None or self.plane.scale is None or self.known is not None or not self.orthogonal:
+        if self.known is not None or not self.orthogonal:
             return super().compared_functions(poles, fit)
-        left, reach = self._left, fit.basis.reach if fit.reach is None else fit.reach
-        size = np.where(poles.imag == 0, 1, 2) / self.plane.scale
-        own, other = np.moveaxis(left.sums(fit.basis.functions).reshape(2, -1, 2), 2, 0)
-        sums = np.asarray((own - 1j * other) / size, dtype=complex)
+        left, (sums, whole) = self._left, self._sums(poles, fit)
         found = left.of_poles(poles, sums, self.compared_lines)
-        whole = 2 * (reach / size) ** 2
         seen = energy(found) > SEEN**2 * whole
         little = np.flatnonzero(~seen)
         if little.size:
             seen[little] = energy(left.of_poles(poles[little], sums[:, little], slice(None))) > SEEN**2 * whole[little]
         return found, seen
+
+    def _sums(self, poles: Array, fit: ModalFit) -> tuple[ComplexArray, RealArray]:
+        """Return the two sums of each 1 / (x - s), (2, k), and its energy at +w and -w, (k,).
+
+        The functions g1 - j g2 of the fit are twice 1 / (x - s) times a factor (once, of a real pole), except under the bilinear map.
+        """
+        if fit.basis is None or self.plane.scale is None:
+            return self._left.of_functions(poles)
+        reach = fit.basis.reach if fit.reach is None else fit.reach
+        size = np.where(poles.imag == 0, 1, 2) / self.plane.scale
+        own, other = np.moveaxis(self._left.sums(fit.basis.functions).reshape(2, -1, 2), 2, 0)
+        return np.asarray((own - 1j * other) / size, dtype=complex), 2 * (reach / size) ** 2
 
     @cached_property
     def _left(self) -> Leftover:

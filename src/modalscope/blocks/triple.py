@@ -17,6 +17,9 @@ __all__ = ["Eigen", "ModalFit", "Triple", "inverse_vectors"]
 #: Condition of eigenvectors beyond which their inverse is rounding.
 _DEFECTIVE = 1e13
 
+#: Models of one data matrix are the same to this part of their largest entry: rounding.
+_SAME = 1e-12
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Eigen:
@@ -118,6 +121,44 @@ class Triple:
         assert self.B is not None
         return replace(self, A=self.A.T, B=self.C.T, C=self.B.T, turned=not self.turned)
 
+    def has_poles_of(self, other: Triple) -> bool:
+        """Whether another model from the same factors is this one in other units of its states, and so at every smaller order.
+
+        States of which the row factor is P d^a are those of P d^(1/2) but for d^(a - 1/2): leading blocks stay leading blocks.
+
+        Parameters
+        ----------
+        other : Triple
+        """
+        if (
+            self.factors is None
+            or self.factors is not other.factors
+            or (self.rank, self.turned) != (other.rank, other.turned)
+        ):
+            return False
+        if any(model.span is not None or len(model.A) != model.rank for model in (self, other)):
+            return False
+        return _same(self._balanced(self.A, 1, 1), other._balanced(other.A, 1, 1))
+
+    def has_ends_of(self, other: Triple) -> bool:
+        """Whether B and C of a model with the same poles are the same, too, in the same units of states.
+
+        Parameters
+        ----------
+        other : Triple
+        """
+        if self.B is None or other.B is None:
+            return False
+        ends = ((self.B, other.B, 1, 0), (self.C, other.C, 0, 1))
+        return all(_same(self._balanced(a, *sides), other._balanced(b, *sides)) for a, b, *sides in ends)
+
+    def _balanced(self, values: RealArray, left: int, right: int) -> RealArray:
+        """Return an array of states on either side (0 or 1) for those of P d^(1/2)."""
+        assert self.factors is not None
+        unit = self.factors.d[: self.rank] ** (self.power - 0.5)
+        found = values * unit[:, None] if left else values
+        return np.asarray(found / unit if right else found)
+
     def eigen(self) -> Eigen:
         """Return eigenvalues and vectors of A."""
         known = None if self.known is None else self.known()
@@ -143,6 +184,10 @@ class Triple:
             return None
         X = eigen.left.T if self.turned else eigen.vectors
         return np.asarray(np.linalg.norm(self.span.T @ X, axis=0) / np.linalg.norm(X, axis=0))
+
+
+def _same(one: RealArray, other: RealArray) -> bool:
+    return bool(np.all(np.abs(one - other) <= _SAME * np.max(np.abs(one), initial=0.0)))
 
 
 def inverse_vectors(vectors: Array) -> ComplexArray:

@@ -6,18 +6,23 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from threading import Lock
 from typing import Any
+
+import numpy as np
 
 from modalscope.comparing.moved import Moved, moved_by_noise
 from modalscope.comparing.plan import Cell
 from modalscope.identification.measured import Measured
-from modalscope.identification.method import Method
-from modalscope.identification.pipeline import Factored, factored
+from modalscope.identification.method import Built, Method, Problem
+from modalscope.identification.options import Options
+from modalscope.identification.pipeline import Factored, built, factored
 from modalscope.identification.prepare import pose
-from modalscope.identification.sweep import start
-from modalscope.judging.select import select
+from modalscope.identification.sweep import Sweep, start
+from modalscope.judging.evidence import Gathered
+from modalscope.judging.select import chosen_of, weighed
 from modalscope.judging.stabilize import swept
 from modalscope.modal.rebuilt import fit_of
 from modalscope.model.checks import DataError
@@ -88,29 +93,69 @@ class _Count:
                 self._progress(sum(self._done), self._total)
 
 
-class _Once:
-    """The factors of one data matrix, made by the first cell that asks; the others wait for them."""
+class _Group:
+    """What cells that read their models off one data matrix have in common: its factors, and what is the same by several of them.
 
-    def __init__(self) -> None:
-        self._lock = Lock()
-        self._made: Factored | None = None
+    Parameters
+    ----------
+    gathered : Gathered
+        What data show, of all groups.
+    """
 
-    def of(self, make: Callable[[], Factored]) -> Factored:
-        with self._lock:
-            if self._made is None:
-                self._made = make()
-            return self._made
+    def __init__(self, gathered: Gathered) -> None:
+        self.gathered = gathered
+        self._built: dict[Any, Built] = {}
+        self._factored: dict[tuple[int, Any], Factored] = {}
+        self._done: list[tuple[Sweep, MethodResult]] = []
+
+    def factored(self, problem: Problem, cell: Cell) -> Factored:
+        """Return the factors of a row's data matrix, each made for the first cell that asks."""
+        made, largest = self._made(problem, cell), cell.orders[-1]
+        key = id(made.matrix), problem.method.factor
+        if key not in self._factored:
+            self._factored[key] = factored(problem, largest, made)
+        return self._factored[key]
+
+    def _made(self, problem: Problem, cell: Cell) -> Built:
+        """Return a row's data matrix: that of a row which chooses its sizes alike, or of one whose sizes have come out the same."""
+        sizes = problem.method.orders, tuple(sorted(cell.options.items())), cell.orders
+        if sizes not in self._built:
+            mine = built(problem, cell.orders[-1])
+            same = (known for known in self._built.values() if _same_settings(known.settings, mine.settings))
+            self._built[sizes] = mine._replace(matrix=next(same, mine).matrix)
+        return self._built[sizes]
+
+    def keep(self, found: Sweep, result: MethodResult) -> None:
+        """Keep what a cell has found."""
+        self._done.append((found, result))
+
+    def with_poles_of(self, found: Sweep) -> Sweep | None:
+        """Return the sweep of a cell that has the same poles at every order; None without one."""
+        return next((other for other, _ in self._done if other.has_poles_of(found)), None)
+
+    def with_modes_of(self, found: Sweep) -> MethodResult | None:
+        """Return the result of a cell that has the same modes at every order; None without one."""
+        return next((result for other, result in self._done if other.has_modes_of(found)), None)
 
 
-def _shared(cells: Sequence[Cell], given: Sequence[Measured]) -> list[_Once]:
-    """Return where each cell finds its factors: rows that read other models off one data matrix have them in common."""
-    once: dict[Any, _Once] = {}
-    found = []
-    for cell, measured in zip(cells, given, strict=True):
-        m, own = cell.method, tuple(sorted(cell.options.items()))
-        key = (id(measured), m.domain, m.matrix, m.factor, m.orders, m.options_type, *m.fixed.items(), own, cell.orders)
-        found.append(once.setdefault(key, _Once()))
-    return found
+def _same_settings(one: Options, other: Options) -> bool:
+    """Whether two rows have made their data matrix in the same way; arrays that were given count as different."""
+
+    def same(a: Any, b: Any) -> bool:
+        return a is b or (type(a) is type(b) and not isinstance(a, np.ndarray) and bool(a == b))
+
+    values = dict(one.items()), dict(other.items())
+    return values[0].keys() == values[1].keys() and all(same(values[0][name], values[1][name]) for name in values[0])
+
+
+def _grouped(cells: Sequence[Cell], given: Sequence[Measured]) -> list[list[int]]:
+    """Return which cells may have a data matrix in common."""
+    groups: dict[Any, list[int]] = {}
+    for index, (cell, measured) in enumerate(zip(cells, given, strict=True)):
+        m, largest = cell.method, cell.orders[-1]
+        key = (id(measured), m.domain, m.takes, m.matrix, m.options_type, *m.fixed.items(), largest)
+        groups.setdefault(key, []).append(index)
+    return list(groups.values())
 
 
 def run(
@@ -137,51 +182,71 @@ def run(
     """
     count = _Count(cells, progress)
     given = [measured] * len(cells) if isinstance(measured, Measured) else measured
-    factors = _shared(cells, given)
+    groups, gathered = _grouped(cells, given), Gathered()
 
-    def one(index: int) -> MethodResult:
-        cell = cells[index]
-        found = _one(given[index], cell, factors[index], lambda done, _: count.report(index, done), options)
-        count.report(index, len(cell.orders))
+    def of_group(indices: Sequence[int]) -> list[MethodResult]:
+        group, found = _Group(gathered), []
+        for index in indices:
+            progress = partial(_report, count, index)
+            found.append(_one(given[index], cells[index], group, progress, options))
+            count.report(index, len(cells[index].orders))
         return found
 
     at_once = workers or min(os.cpu_count() or 1, 4)
     if at_once == 1:
-        return tuple(one(i) for i in range(len(cells)))
-    with ThreadPoolExecutor(at_once) as pool:
-        return tuple(pool.map(one, range(len(cells))))
+        found = [of_group(indices) for indices in groups]
+    else:
+        with ThreadPoolExecutor(at_once) as pool:
+            found = list(pool.map(of_group, groups))
+    each = {
+        i: result for indices, part in zip(groups, found, strict=True) for i, result in zip(indices, part, strict=True)
+    }
+    return tuple(each[i] for i in range(len(cells)))
 
 
-def _one(measured: Measured, cell: Cell, once: _Once, progress: Progress, options: dict[str, Any]) -> MethodResult:
+def _report(count: _Count, index: int, done: int, _: int) -> None:
+    count.report(index, done)
+
+
+def _one(measured: Measured, cell: Cell, group: _Group, progress: Progress, options: dict[str, Any]) -> MethodResult:
     started = time.perf_counter()
-    method = cell.method
     try:
-        problem = pose(measured, method, {**cell.options, **options})
-        given = once.of(lambda: factored(problem, cell.orders[-1]))
-        found = start(problem, list(cell.orders), automatic=False, given=given)
-        diagram = swept(found, cell.orders, progress=progress)
-        modes = select(diagram)
-        error = fit_of(modes, diagram.response)
-        moved = moved_by_noise(found, diagram, modes)
+        result = _found(measured, cell, group, progress, options)
     except DataError as trouble:
         failure = " ".join(str(trouble).split())
     except (ValueError, ArithmeticError, MemoryError) as trouble:  # numpy's own: no convergence, no memory
         failure = f"{type(trouble).__name__}: {' '.join(str(trouble).split())}"
     else:
-        return MethodResult(
-            method=method,
-            exact=cell.exact,
-            route=measured.route or "",
-            diagram=diagram,
-            modes=modes,
-            fit_error=error,
-            moved=moved,
-            seconds=time.perf_counter() - started,
-        )
+        return replace(result, seconds=time.perf_counter() - started)
     return MethodResult(
-        method=method,
+        method=cell.method,
         exact=cell.exact,
         route=measured.route or "",
         seconds=time.perf_counter() - started,
         failure=failure,
     )
+
+
+def _found(measured: Measured, cell: Cell, group: _Group, progress: Progress, options: dict[str, Any]) -> MethodResult:
+    """Return what a cell finds; where another cell of its group has the same modes at every order, what that one has found."""
+    method = cell.method
+    problem = pose(measured, method, {**cell.options, **options})
+    given = group.factored(problem, cell)
+    found = start(problem, list(cell.orders), automatic=False, given=given)
+    same = group.with_modes_of(found)
+    if same is not None and same.diagram is not None:
+        return replace(same, method=method, exact=cell.exact, diagram=replace(same.diagram, method=method.name))
+    found.take_deviations_of(group.with_poles_of(found))
+    diagram = swept(found, cell.orders, progress=progress)
+    modes = chosen_of(diagram, weighed(diagram, group.gathered))
+    result = MethodResult(
+        method=method,
+        exact=cell.exact,
+        route=measured.route or "",
+        diagram=diagram,
+        modes=modes,
+        fit_error=fit_of(modes, diagram.response),
+        moved=moved_by_noise(found, diagram, modes),
+    )
+    group.keep(found, result)
+    return result

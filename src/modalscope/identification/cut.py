@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from modalscope.modal.accuracy import indicators_of_all
 from modalscope.modal.eigenmodes import Eigenmodes, eigenmodes, split_extraneous
 from modalscope.modal.rebuilt import modal_model
 from modalscope.modal.together import nests
-from modalscope.model.checks import DataError, IntArray, RealArray
+from modalscope.model.checks import ComplexArray, DataError, IntArray, RealArray
 from modalscope.model.modes import ModalModel
 from modalscope.model.output_levels import output_scale
 from modalscope.model.poles import frequencies_and_damping
@@ -28,6 +29,9 @@ __all__ = ["Cut", "Judged", "Shared", "cut_order", "judged"]
 
 #: Orders are judged together while their states times lines or samples are no more than this: arrays in between stay in the cache.
 _TOGETHER = 100_000
+
+#: Poles are the same to this part of them: deviations are told to three digits.
+_SAME = 1e-8
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -147,6 +151,20 @@ def _checked(pipeline: Pipeline, modal: Eigenmodes) -> Eigenmodes:
     return modal
 
 
+class _Told(NamedTuple):
+    """What is known of the poles of an order, some of which were asked."""
+
+    poles: ComplexArray
+    asked: IntArray
+    deviations: Deviations
+
+    def of(self, poles: ComplexArray, asked: IntArray) -> bool:
+        """Whether these are the same poles, in the same order, and the same ones are asked."""
+        if self.poles.shape != poles.shape or not np.array_equal(self.asked, asked):
+            return False
+        return bool(np.all(np.abs(self.poles - poles) <= _SAME * np.abs(poles)))
+
+
 class Shared:
     """The data that every order is fitted to and the noise in them: what all orders share, computed once.
 
@@ -164,6 +182,7 @@ class Shared:
         self._complex = bool(np.iscomplexobj(self._response.values))
         self._weighted = getattr(self._matrix, "weights", None) is not None
         self.noise = noise_of(self._response, pipeline.problem.records) if deviations else None
+        self._told: dict[int, _Told] = {}
 
     def cut(self, found: Judged | DataError) -> Cut:
         """Return one order with the standard deviations of its poles, where they are wanted, or raise what stands in its place.
@@ -230,10 +249,25 @@ class Shared:
 
     def deviations(self, order: int, model: Triple, modal: Eigenmodes, index: IntArray) -> Deviations | None:
         """Return the standard deviations of some poles; None where they were not asked."""
-        noise, pipeline = self.noise_beside(modal), self._pipeline
-        if noise is None:
+        if self.noise is None:
             return None
-        return deviations_of(self._matrix, pipeline.realization, order, model, modal, index, noise)
+        known = self._told.get(order)
+        if known is not None and known.of(modal.poles, index):
+            return known.deviations
+        noise = self.noise_beside(modal)
+        assert noise is not None
+        found = deviations_of(self._matrix, self._pipeline.realization, order, model, modal, index, noise)
+        self._told[order] = _Told(modal.poles, index, found)
+        return found
+
+    def take_deviations_of(self, other: Shared) -> None:
+        """Take the deviations that are known of the same poles: they follow from the poles and the data alone.
+
+        Parameters
+        ----------
+        other : Shared
+        """
+        self._told.update(other._told)
 
     def noise_beside(self, modal: Eigenmodes) -> Noise | None:
         """Return the noise, given what no residues at the poles of a model explain, whatever its own shapes leave."""

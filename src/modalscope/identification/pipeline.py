@@ -8,13 +8,13 @@ from typing import Any
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Triple
-from modalscope.identification.method import Method, Problem
+from modalscope.identification.method import Built, Method, Problem
 from modalscope.model.checks import check_count
 from modalscope.model.notes import Note
 from modalscope.model.response import Response
 from modalscope.realizations.realization import Realization
 
-__all__ = ["Factored", "Pipeline", "factor", "factored", "realized"]
+__all__ = ["Factored", "Pipeline", "built", "factor", "factored", "realized"]
 
 #: What the columns of a sequence without inputs are, and participation with them.
 _PARTICIPATION = {
@@ -111,8 +111,8 @@ def factor(problem: Problem, largest: int) -> Pipeline:
     return realized(problem, factored(problem, largest))
 
 
-def factored(problem: Problem, largest: int) -> Factored:
-    """Return the data matrix of a row and its factors.
+def built(problem: Problem, largest: int) -> Built:
+    """Return the data matrix of a row.
 
     Parameters
     ----------
@@ -120,9 +120,22 @@ def factored(problem: Problem, largest: int) -> Factored:
     largest : int
         As in `factor`.
     """
-    row = problem.method
-    matrix, settings, chosen = row.matrix(problem, check_count("order", largest))
-    return Factored(matrix, settings, chosen, row.factor(matrix.observable, largest, settings.factorization))
+    return problem.method.matrix(problem, check_count("order", largest))
+
+
+def factored(problem: Problem, largest: int, given: Built | None = None) -> Factored:
+    """Return the data matrix of a row and its factors.
+
+    Parameters
+    ----------
+    problem : Problem
+    largest : int
+        As in `factor`.
+    given : Built, optional
+        The matrix, where another row has made the same one: what it keeps for its products is then made once.
+    """
+    matrix, settings, chosen = built(problem, largest) if given is None else given
+    return Factored(matrix, settings, chosen, problem.method.factor(matrix.observable, largest, settings.factorization))
 
 
 def realized(problem: Problem, given: Factored) -> Pipeline:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Sequence
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from modalscope.blocks.threads import one_thread
+from modalscope.blocks.triple import Triple
 from modalscope.identification.cut import Cut, Judged, Shared, judged
 from modalscope.identification.options import AllOptions
 from modalscope.identification.orders import checked_orders
@@ -54,6 +56,43 @@ class Sweep:
     def noise_beside(self, cut: Cut) -> Noise | None:
         """Return the noise, given what a model leaves of the data; None where no deviations were asked."""
         return self._measured.noise_beside(cut.modal)
+
+    def has_poles_of(self, other: Sweep) -> bool:
+        """Whether another sweep over the same factors has the same poles at every order.
+
+        Parameters
+        ----------
+        other : Sweep
+        """
+        return self.orders == other.orders and self._model.has_poles_of(other._model)
+
+    def has_modes_of(self, other: Sweep) -> bool:
+        """Whether another sweep over the same factors has the same modes at every order, and says the same of them.
+
+        Parameters
+        ----------
+        other : Sweep
+        """
+        if not self.has_poles_of(other):
+            return False
+        mine, its = self.pipeline, other.pipeline
+        said = mine.notes == its.notes and mine.settings == its.settings
+        return said and (mine.matrix.fits_states or self._model.has_ends_of(other._model))
+
+    @cached_property
+    def _model(self) -> Triple:
+        """The model of the largest order, as it was realized."""
+        return self.pipeline.realization.triple(self.orders[-1])
+
+    def take_deviations_of(self, other: Sweep | None) -> None:
+        """Take the deviations that a sweep with the same poles has found.
+
+        Parameters
+        ----------
+        other : Sweep, optional
+        """
+        if other is not None:
+            self._measured.take_deviations_of(other._measured)
 
     def cut(self, order: int) -> Cut:
         """Return one order; the sweep stays where it is.

@@ -17,7 +17,7 @@ from modalscope.model.checks import Array, RealArray
 __all__ = ["ChannelFits"]
 
 #: Numbers in the matrices M of channels that are held, and in columns of channels that are made at a time.
-_HELD, _TOGETHER = 1 << 23, 1 << 21
+_HELD, _TOGETHER = 1 << 23, 1 << 19
 
 #: Columns of length one that stand so far out of the span of those before them have an inverse by Cholesky's factor.
 _WELL_APART = 1e-5

@@ -14,6 +14,7 @@ from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.diagram import StabilizationDiagram
 from modalscope.model.output_levels import output_scale
 from modalscope.model.poles import frequencies_and_damping, poles_from
+from modalscope.model.response import Response
 
 __all__ = [
     "CERTAIN",
@@ -25,6 +26,7 @@ __all__ = [
     "UNCERTAIN",
     "Candidate",
     "Evidence",
+    "Gathered",
     "Own",
     "evidence_of",
     "judge",
@@ -125,6 +127,35 @@ def evidence_of(diagram: StabilizationDiagram) -> Evidence:
     f, curves, level = (np.concatenate(part) for part in zip(*parts, strict=True))
     size = np.sqrt(response.count * outputs * inputs / (outputs + inputs))
     return Evidence(f, level, np.sqrt(curves) if ambient else curves, float(size), ambient, response.added_damping)
+
+
+class Gathered:
+    """What data show, gathered once for all diagrams of the same ones: rows of one domain have the same lines or samples."""
+
+    def __init__(self) -> None:
+        self._known: list[tuple[Response, Evidence]] = []
+
+    def of(self, diagram: StabilizationDiagram) -> Evidence:
+        """Return what the data of a diagram show.
+
+        Parameters
+        ----------
+        diagram : StabilizationDiagram
+        """
+        response = diagram.response
+        for other, known in self._known:
+            if response is other or _same(response, other):
+                return known
+        found = evidence_of(diagram)
+        self._known.append((response, found))
+        return found
+
+
+def _same(one: Response, other: Response) -> bool:
+    """Whether two responses are the same data."""
+    facts = {(r.span, r.ambient, r.added_damping, r.grid is None) for r in (one, other)}
+    arrays = [(one.values, other.values), *([] if one.grid is None or other.grid is None else [(one.grid, other.grid)])]
+    return len(facts) == 1 and all(np.array_equal(*both) for both in arrays)
 
 
 def peaks(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> RealArray:

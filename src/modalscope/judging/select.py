@@ -10,7 +10,7 @@ import numpy as np
 
 from modalscope.blocks.threads import one_thread
 from modalscope.judging.counted import counted
-from modalscope.judging.evidence import Candidate, evidence_of, oscillations
+from modalscope.judging.evidence import Candidate, Gathered, evidence_of, oscillations
 from modalscope.judging.likely import has_likelihood, likely
 from modalscope.judging.no_structure import beside_structure, harmonics_of_diagram, told_of_errors, told_why_none
 from modalscope.judging.outcome import modes_of
@@ -98,17 +98,19 @@ class Weighed(NamedTuple):
 
 
 @one_thread
-def weighed(diagram: StabilizationDiagram) -> Weighed:
+def weighed(diagram: StabilizationDiagram, gathered: Gathered | None = None) -> Weighed:
     """Return all that might be a mode, by the rule that suits the data: what takes the time of `select`, whatever is chosen then.
 
     Parameters
     ----------
     diagram : StabilizationDiagram
+    gathered : Gathered, optional
+        What data show, where several diagrams of the same ones are weighed.
     """
     poles = oscillations(diagram)
     if diagram.exact_rank is not None:
         return Weighed(poles, _exact(diagram, poles))
-    evidence = evidence_of(diagram)
+    evidence = evidence_of(diagram) if gathered is None else gathered.of(diagram)
     found = likely(diagram, poles, evidence) if has_likelihood(diagram) else None
     poles, candidates = found or counted(diagram, poles, evidence)
     return Weighed(poles, beside_structure(diagram, candidates))

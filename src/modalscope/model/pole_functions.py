@@ -9,6 +9,9 @@ from modalscope.model.poles import is_real, powers_of, to_discrete
 
 __all__ = ["line_functions", "of_pairs", "sample_functions"]
 
+#: Numbers of a function of some poles that are made at a time: all that lies in between stays in the cache.
+_AT_A_TIME = 12_000
+
 #: Real and imaginary part.
 _Parts = tuple[RealArray, RealArray]
 
@@ -24,19 +27,26 @@ def line_functions(frequencies: RealArray, rate: float | None, poles: Array, *, 
     complex numbers do.
     """
     x, p, chain = _points(frequencies, rate, poles)
+    found = np.empty((1 + slopes, p.size, 2, 2, x.size))
+    step = max(_AT_A_TIME // max(x.size, 1), 1)
+    for some in (slice(first, first + step) for first in range(0, p.size, step)):
+        _fill(found[:, some], x, p[some], None if chain is None else chain[some])
+    return found.reshape(-1, 2 * x.size).T
+
+
+def _fill(found: RealArray, x: ComplexArray, p: ComplexArray, chain: ComplexArray | None) -> None:
+    """Lay the functions of some poles into their place, (1 or 2, n, 2, 2, F)."""
     own, pair = _inverse(x, p), _inverse(x, p.conj())
     alone = is_real(p)  # exp(j pi) is -1 but for rounding
     pairs = [(own, tuple(np.where(alone[:, None], 0, part) for part in pair) if np.any(alone) else pair)]
-    if slopes:
+    if len(found) > 1:
         pairs.append((_squared(own, chain), _squared(pair, None if chain is None else chain.conj())))
-    found = np.empty((len(pairs), p.size, 2, 2, x.size))
     for to, ((g, g_imag), (h, h_imag)) in zip(found, pairs, strict=True):
         np.add(g, h, out=to[:, 0, 0])
         np.add(g_imag, h_imag, out=to[:, 0, 1])
         np.subtract(h_imag, g_imag, out=to[:, 1, 0])
         np.subtract(g, h, out=to[:, 1, 1])
     found[0, alone, 1] = 0
-    return found.reshape(-1, 2 * x.size).T
 
 
 def of_pairs(own: ComplexArray, pair: ComplexArray, alone: Array) -> ComplexArray:

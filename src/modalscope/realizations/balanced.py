@@ -77,7 +77,7 @@ def balanced(matrix: DataMatrix, factors: Factors) -> Balanced:
     -------
     Balanced
     """
-    K, root = matrix.projected(factors), np.sqrt(factors.d)
+    K, root = matrix.between(factors), np.sqrt(factors.d)
     with np.errstate(divide="ignore", invalid="ignore"):
         A = K / np.outer(root, root)
     C, B = first_blocks(matrix, factors)

@@ -63,7 +63,7 @@ def regression(matrix: DataMatrix, factors: Factors) -> Regression:
     """
     d = factors.d
     with np.errstate(divide="ignore", invalid="ignore"):
-        A = matrix.projected(factors) / d
+        A = matrix.between(factors) / d
         CA = matrix.first_rows(factors.Q / d, 1)
     first = matrix.first_columns(factors)
     B = None if first is None else np.ascontiguousarray((first * d).T)
