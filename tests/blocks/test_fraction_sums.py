@@ -24,7 +24,7 @@ def response(inputs: int, low: float, high: float, snr: float = 40.0) -> Frequen
 def influence(frf: FrequencyResponse, degree: int, weights: np.ndarray | None = None) -> FractionInfluence:
     matrix = fraction(frf, degree=degree + 3, weights=weights)
     realization = fraction_companion(matrix, matrix.factors)
-    found = realization.influence(degree, realization.triple(degree).eigen())
+    found = realization.influence([(degree, realization.triple(degree).eigen())])
     assert isinstance(found, FractionInfluence)
     return found
 

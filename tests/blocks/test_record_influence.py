@@ -15,7 +15,7 @@ from modalscope.blocks.record_influence import RecordInfluence
 from modalscope.identification.cut import Cut, cut_order
 from modalscope.model.record_transform import record_spectra
 from modalscope.model.records import Records
-from modalscope.uncertainty.deviations import deviations_of
+from modalscope.uncertainty.deviations import Asked, deviations_of
 from modalscope.uncertainty.influence import PoleInfluence, influence_on
 from modalscope.uncertainty.noise import White
 from tests.blocks.test_record_lines import runs_of
@@ -118,9 +118,8 @@ def test_lines_of_a_long_record_that_are_kept_stand_for_the_others(monkeypatch: 
         cut = cut_order(pipeline, ORDER, deviations=False)
         every, noise = np.arange(4), White(np.ones((4, 1)), "here", True)
         assert pipeline.matrix.told.each.sum() == pipeline.response.whole.count
-        return deviations_of(
-            pipeline.matrix, pipeline.realization, ORDER, cut.triple, cut.modal, every, noise
-        ).damping_ratio
+        asked = Asked(ORDER, cut.triple, cut.modal, every, noise)
+        return deviations_of(pipeline.matrix, pipeline.realization, asked)[0].damping_ratio
 
     whole = deviations()
     monkeypatch.setattr(record_influence, "_TOLD", 1500)

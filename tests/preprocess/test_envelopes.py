@@ -7,7 +7,7 @@ import pytest
 
 from modalscope.model import Signals
 from modalscope.preprocess import envelopes
-from modalscope.preprocess.envelopes import envelope, narrow_band
+from modalscope.preprocess.envelopes import lines_around, narrow_band, steady_bands
 from modalscope.preprocess.whole_spectrum import Spectrum
 
 
@@ -34,11 +34,16 @@ def test_no_band_that_is_unlikely_is_passed_over(hum: float) -> None:
     t = np.arange(20_000) / 50
     y = np.random.default_rng(1).standard_normal((t.size, 3)) + hum * np.sin(2 * np.pi * 12.3 * t)[:, None]
     spectrum = Spectrum.of(Signals(outputs=y, sampling_rate=50.0))
-    for f in np.linspace(8.0, 20.0, 100):
-        seen, band = envelope(spectrum, f, 0.02 * f), narrow_band(spectrum, f, 0.02 * f)
-        assert seen is not None
-        assert band is not None
-        assert band.chance > 1e-3 or seen.least_chance(spectrum.step) <= band.chance
+    f = np.linspace(8.0, 20.0, 100)
+    first, count = lines_around(spectrum, f, 0.02 * f)
+    bands = [narrow_band(spectrum, each, 0.02 * each) for each in f]
+    for chance in (1e-3, 1e-5):
+        seen = {part.first: part.band(spectrum.step) for part in steady_bands(spectrum, first, count, chance)}
+        for start, band in zip(first, bands, strict=True):
+            assert band is not None
+            assert band.chance >= chance or seen[start].chance == pytest.approx(band.chance, rel=1e-9)
+        assert len(seen) < 50  # nearly all that are passed over are so by the bound
+    assert lines_around(spectrum, np.array([0.05, 25.0, 5.0]), np.array([0.02, 0.1, 0.1]))[1].tolist() == [0, 0, 41]
 
 
 def test_more_values_with_the_same_envelope_are_less_likely() -> None:

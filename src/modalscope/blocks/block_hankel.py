@@ -22,8 +22,8 @@ _SLOWER = 4
 #: Complex numbers in an array in between.
 _AT_A_TIME = 1_000_000
 
-#: Samples whose products with the others are taken together.
-_TOGETHER = 16
+#: Samples whose products with the others are taken together, and rows of the matrix.
+_TOGETHER, _ROWS = 16, 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,10 +135,13 @@ class BlockHankel:
         if self.by_transforms:
             return self._correlated(self._transform.swapaxes(1, 2), self.block_columns, left)
         outputs, Z = self.values.shape[1], crew().place(left)
-        total = self._row(0).T @ Z[:outputs]
         used = np.flatnonzero(np.any(left, axis=1))
-        for i in range(1, used[-1] // outputs + 1 if used.size else 1):
-            total += self._row(i).T @ Z[i * outputs : (i + 1) * outputs]
+        stop, step = used[-1] // outputs + 1 if used.size else 1, max(_ROWS // outputs, 1)
+        total: Any = 0
+        for i in range(0, stop, step):
+            last = min(i + step, stop)
+            rows = namespace(self.strip).concat([self._row(k) for k in range(i, last)])
+            total = total + rows.T @ Z[i * outputs : last * outputs]
         return fetched(total)
 
     def gram(self) -> RealArray:

@@ -3,7 +3,8 @@
     g_oi[t] = sum_(a + b = t) L_o[a] v_i[b],   sum_t g h* = sum_u P(u) Q(-u),
 
 P the correlation of the rows L with those of h over the lags u, outputs summed, and Q that of the columns. Only lags shorter than the
-shorter side are needed: rows of few blocks meet columns of many without ever being as long.
+shorter side are needed: many rows of few blocks meet columns of many without ever being as long. Where rows and columns are few the
+transforms of both over all samples are less: their products are summed as they are.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ __all__ = ["Convolution", "ConvolvedInfluence", "convolved", "transformed"]
 
 
 #: Numbers of rows and columns that are transformed at a time.
-_AT_A_TIME = 100_000
+_AT_A_TIME = 20_000
 
 
 class Convolution(NamedTuple):
@@ -86,9 +87,9 @@ class ConvolvedInfluence(SampleInfluence):
 
     def joint(self, other: SampleInfluence, variance: RealArray, fading: Array | None = None) -> Moments:
         """Return the moments under noise of this variance, on average over the samples."""
-        if fading is not None or variance.ndim != 2 or not isinstance(other, ConvolvedInfluence):
+        if fading is not None or variance.ndim == 3 or not isinstance(other, ConvolvedInfluence):
             return super().joint(other, variance, fading)
-        return _moments(self.parts, other.parts, variance)
+        return _moments(self.parts, other.parts, variance if variance.ndim == 2 else variance[:, 0])
 
     def take(self, index: Array) -> ConvolvedInfluence:
         """Return the gradients of some poles."""
@@ -111,8 +112,8 @@ def _moments(mine: tuple[Convolution, ...], its: tuple[Convolution, ...], varian
     most = max(2 * _AT_A_TIME // each, 1)
     found = []
     for start in range(0, max(len(mine[0].rows), 1), most):
-        own = _some(mine, start, most)
-        found.append(_of_some(own, own if its is mine else _some(its, start, most), variance))
+        own, level = _some(mine, start, most), variance if variance.ndim == 2 else variance[start : start + most]
+        found.append(_of_some(own, own if its is mine else _some(its, start, most), level))
     return Moments(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
 
@@ -122,11 +123,7 @@ def _some(parts: tuple[Convolution, ...], start: int, most: int) -> tuple[Convol
 
 def _of_some(mine: tuple[Convolution, ...], its: tuple[Convolution, ...], variance: RealArray) -> Moments:
     """Return the sums over all pairs of parts; of g with itself a pair and the pair turned round are conjugate, and each is made once."""
-    rows, columns = (max(part[side].shape[1] for part in (*mine, *its)) for side in range(2))
-    lags = min(rows, columns) - 1
-    whole = _as_one(rows, columns, variance)
-    # what is transformed to the length of g is g by Parseval's theorem
-    lengths = (_fast(rows + columns - 1),) * 2 if whole else (_fast(rows + lags), _fast(columns + lags))
+    lags, lengths = _lengths((*mine, *its))
     first = [tuple(_transform(*each) for each in zip(part, lengths, strict=True)) for part in mine]
     second = (
         first if its is mine else [tuple(_transform(*each) for each in zip(part, lengths, strict=True)) for part in its]
@@ -136,35 +133,39 @@ def _of_some(mine: tuple[Convolution, ...], its: tuple[Convolution, ...], varian
         for k, two in enumerate(second):
             if its is mine and k < j:
                 continue
-            found = _whole_pair(one, two, variance) if whole else _pair(one, two, lags, variance)
+            found = _pair(one, two, lags, variance)
             both = its is mine and k > j
             size += 2 * found.size.real if both else found.size
             square += 2 * found.square if both else found.square
     return Moments(size, square)
 
 
-def _as_one(rows: int, columns: int, variance: RealArray) -> bool:
-    """Whether transforms of both sides to the length of g are fewer than those of each side to its own, and of two correlations back."""
-    outputs, inputs = variance.shape
-    own = [_fast(size + min(rows, columns) - 1) for size in (rows, columns)]
-    by_lags = own[0] * (outputs + 2 * inputs) + own[1] * 3 * inputs
-    return bool(_fast(rows + columns - 1) * (outputs + inputs) < by_lags)
+def _lengths(parts: tuple[Convolution, ...]) -> tuple[int | None, tuple[int, int]]:
+    """Return the lags at which rows and columns meet, and the lengths of their transforms; of lags None where all samples cost less."""
+    (rows, outputs), (columns, inputs) = (np.max([part[side].shape[1:] for part in parts], axis=0) for side in range(2))
+    lags, whole = int(min(rows, columns)) - 1, _fast(int(rows + columns) - 1)
+    each = _fast(int(rows) + lags), _fast(int(columns) + lags)
+    back = 2 * inputs * sum(each)
+    return (
+        (None, (whole, whole))
+        if whole * (outputs + inputs) < outputs * each[0] + inputs * each[1] + back
+        else (lags, each)
+    )
 
 
-def _whole_pair(one: tuple[ComplexArray, ...], two: tuple[ComplexArray, ...], variance: RealArray) -> Moments:
-    """Return the moments of two convolutions by transforms as long as both are."""
-    (L, v), (M, w) = one, two
-    size = np.einsum("kfi,kfi->k", _with_conjugate(L, M) @ variance, _with_conjugate(v, w))
-    square = np.einsum("kfi,kfi->k", (L * _mirrored(M)) @ variance, v * _mirrored(w))
-    return Moments(size / L.shape[1], square / L.shape[1])
-
-
-def _pair(one: tuple[ComplexArray, ...], two: tuple[ComplexArray, ...], lags: int, variance: RealArray) -> Moments:
+def _pair(
+    one: tuple[ComplexArray, ...], two: tuple[ComplexArray, ...], lags: int | None, variance: RealArray
+) -> Moments:
     """Return the moments of two convolutions by the transforms of their rows and columns."""
     (L, v), (M, w) = one, two
-    by_rows = [_lags(product @ variance, lags) for product in (_with_conjugate(L, M), L * _mirrored(M))]
-    by_columns = [_lags(product, lags)[:, ::-1] for product in (_with_conjugate(v, w), v * _mirrored(w))]
-    return Moments(*(np.einsum("kui,kui->k", P, Q) for P, Q in zip(by_rows, by_columns, strict=True)))
+    by_rows = [_with_conjugate(L, M), L * _mirrored(M)]
+    by_columns: list[Array] = [_with_conjugate(v, w), v * _mirrored(w)]
+    pairs = zip(by_rows, by_columns, strict=True)
+    if lags is None:
+        each = (np.swapaxes(P, 1, 2) @ Q / L.shape[1] for P, Q in pairs)
+        return Moments(*(np.sum(found * variance, axis=(1, 2)) for found in each))
+    met = ((_lags(P @ variance, lags), _lags(Q, lags)[:, ::-1]) for P, Q in pairs)
+    return Moments(*(np.einsum("kui,kui->k", P, Q) for P, Q in met))
 
 
 def _with_conjugate(one: ComplexArray, two: ComplexArray) -> Array:

@@ -8,6 +8,7 @@ every line, or at every frequency of its Fourier transform over the samples, and
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple, Self
 
@@ -34,16 +35,18 @@ def all_lines(count: int) -> Lines:
 class Outer(NamedTuple):
     """left[k, f, o] right[k, f, i]: an array (k, F, l, m) that is never formed."""
 
-    left: ComplexArray
-    right: ComplexArray
+    left: Array
+    right: Array
 
     def times(self, other: Outer) -> Outer:
         """Return the products of the entries, an outer product again."""
         return Outer(self.left * other.left, self.right * other.right)
 
-    def conjugate(self) -> Outer:
-        """Return the conjugate entries."""
-        return Outer(self.left.conj(), self.right.conj())
+    def times_conjugate(self, other: Outer) -> Outer:
+        """Return the products of the entries with conjugate ones: of the same their squares, real numbers."""
+        if other is self:
+            return Outer(*(np.asarray(part.real**2 + part.imag**2, dtype=float) for part in self))
+        return Outer(self.left * other.left.conj(), self.right * other.right.conj())
 
     def take(self, index: Array) -> Outer:
         """Return the entries of some k."""
@@ -97,7 +100,7 @@ class Influence(ABC):
         other : Influence
             Of the same response on the other poles.
         variance : array, (l, m) or (F, l, m)
-            E|noise|^2 of the values; of lines it may differ from line to line.
+            E|noise|^2 of the values; of lines it may differ from line to line. Of `ConvolvedInfluence` also (k, 1, l, m), one a pole.
         fading : array, optional
             What an exponential window makes of it. Of samples, (N,): the variance of each over the average. Of lines, (F,): the
             correlation of one with that k lines below it. By default every value stands alone.
@@ -141,15 +144,18 @@ class LineInfluence(Influence):
         if fading is not None:
             return self._faded(other, variance, fading)
         used = variance if variance.ndim == 2 else variance[self.lines.used]
-        mine = (self.direct, self.mirrored)
-        direct, mirrored = (
-            tuple(Outer(one.left * self.lines.each[:, None], one.right) for one in part) for part in mine
-        )
-        sides = ((direct, other.direct), (mirrored, other.mirrored))
-        size = sum(one.times(two.conjugate()).summed(used) for own, its in sides for one in own for two in its)
-        square = np.asarray(sum(one.times(two).summed(used) for one in direct for two in other.mirrored), dtype=complex)
-        swapped = 0 if other is self else sum(one.times(two).summed(used) for one in mirrored for two in other.direct)
-        return Moments(np.asarray(size), 2 * square if other is self else square + swapped)
+        each = self.lines.each[:, None]
+
+        def summed(products: Iterable[Outer]) -> Array:
+            weighted = (Outer(one.left, one.right * each) for one in products)
+            return np.asarray(sum(one.summed(used) for one in weighted))
+
+        sides = ((self.direct, other.direct), (self.mirrored, other.mirrored))
+        size = summed(one.times_conjugate(two) for own, its in sides for one in own for two in its)
+        square = summed(one.times(two) for one in self.direct for two in other.mirrored)
+        if other is self:
+            return Moments(size, np.asarray(2 * square, dtype=complex))
+        return Moments(size, square + summed(one.times(two) for one in self.mirrored for two in other.direct))
 
     def _faded(self, other: LineInfluence, variance: RealArray, fading: Array) -> Moments:
         """Return sum a C a'* + b C* b'* and sum a C b' + b C* a', with C the covariance of the lines' noise, pole by pole."""
@@ -220,7 +226,7 @@ class SampleInfluence(Influence):
             return self._faded(other, variance, fading)
         length = max(self._length, other._length)
         pairs = [(one.lengthened(length), two.lengthened(length)) for one in self.terms for two in other.terms]
-        size: Array = np.sum([one.times(two.conjugate()).summed(variance) for one, two in pairs], axis=0)
+        size: Array = np.sum([one.times_conjugate(two).summed(variance) for one, two in pairs], axis=0)
         square: Array = np.sum([one.times(_backwards(two)).summed(variance) for one, two in pairs], axis=0)
         return Moments(np.asarray(size / length), np.asarray(square / length, dtype=complex))
 

@@ -163,7 +163,7 @@ class RowsOnLines(DataMatrix):
                 "Use method='era' or 'least_squares', or leave row_shifts out.",
             )
 
-    def pencil(self, left: Array, values: Array, *, tall: bool) -> ComplexArray:
+    def pencil(self, left: Array, values: Array, *, tall: bool) -> Any:
         """Return L_j on all q + 1 block rows, of which H(0) may keep some."""
         F = np.zeros((len(left), self.outputs * self.block_rows), dtype=complex)
         F[:, self.kept_rows] = left

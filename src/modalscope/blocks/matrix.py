@@ -12,8 +12,9 @@ from modalscope.blocks.costs import Cost
 from modalscope.blocks.evolved import Evolved, ModalSide
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.influence import Influence, Lines
+from modalscope.blocks.left_rows import LeftRows
 from modalscope.blocks.operators import Operator
-from modalscope.blocks.real_products import real_times
+from modalscope.blocks.real_products import times_real
 from modalscope.blocks.shift import RowShift
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
@@ -128,7 +129,7 @@ class DataMatrix(ABC):
         return factors
 
     # ---------------------------------------------------------------------------------------------------------- influence
-    def pencil(self, left: Array, values: Array, *, tall: bool) -> ComplexArray:
+    def pencil(self, left: Array, values: Array, *, tall: bool) -> Any:
         """Return L_j with L_j dH = F_j (dH(1) - x_j dH(0)), one row on the whole matrix a pole: (k, rows).
 
         Parameters
@@ -142,6 +143,18 @@ class DataMatrix(ABC):
         """
         return self.row_shift.pencil(left, values, self.tall().shape[0])
 
+    def left_rows(self, basis: RealArray, *, tall: bool) -> Any:
+        """Return what gives the pencils of rows F_j = s_j P' by their s_j, kept for all orders.
+
+        Parameters
+        ----------
+        basis : array, (rows, n)
+            P.
+        tall : bool
+            As in `pencil`.
+        """
+        return LeftRows(self, basis, tall)
+
     def right_vectors(self, factors: Factors, coefficients: Array) -> Any:
         """Return columns v_j of the matrix from their coefficients in the factors' own, Q X: an array, or what `influence` makes one of.
 
@@ -150,14 +163,14 @@ class DataMatrix(ABC):
         factors : Factors
         coefficients : array, (n, k)
         """
-        return np.asarray(real_times(factors.Q[:, : len(coefficients)], coefficients))
+        return times_real(coefficients.T, factors.Q[:, : len(coefficients)].T).T  # a vector lies in one piece
 
-    def influence(self, left: Array, right: Any, lines: Lines | None = None) -> Influence:
+    def influence(self, left: Any, right: Any, lines: Lines | None = None) -> Influence:
         """Return the gradient of left_j dH right_j by the response: the adjoint of what makes the matrix of the response.
 
         Parameters
         ----------
-        left : array, (k, rows)
+        left
             As `pencil` gives them.
         right
             As `right_vectors` gives them.

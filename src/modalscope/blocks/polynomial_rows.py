@@ -9,7 +9,7 @@ import numpy as np
 from modalscope.blocks.influence import LineInfluence, Lines, Outer, all_lines
 from modalscope.blocks.lines import RowsOnLines
 from modalscope.blocks.plane import Plane
-from modalscope.blocks.polynomials import both_sums, evaluate
+from modalscope.blocks.polynomials import evaluate
 from modalscope.blocks.shift import RowShift
 from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.model.response import Response
@@ -96,15 +96,16 @@ class PolynomialRows(RowsOnLines):
         """Return p_k(x) / p_0 at the poles."""
         return evaluate(self.recurrence, 1.0, poles)[self.block_indices(blocks)]
 
-    def influence(self, left: Array, right: Any, lines: Lines | None = None) -> LineInfluence:
-        """Return the gradient: q = sum_k L_k p_k(x) by output times the right vector by input, on dH; the mirror image on dH*.
+    def influence(self, left: Any, right: Any, lines: Lines | None = None) -> LineInfluence:
+        """Return the gradient: the row on the lines by output times the right vector by input, on dH; the mirror image on dH*.
+
+        The rows come as a `LinePencil`.
 
         What is eliminated is orthogonal to the right vectors already.
         """
         kept = all_lines(self.response.count) if lines is None else lines
         index = kept.used
-        L = left.reshape(len(left), -1, self.outputs)
-        at, mirrored = both_sums(self.polynomials(index), np.asarray(L / self.output_scale, dtype=complex))
+        at, mirrored = left.on(index)
         w = 0.5 if self.weights is None else self.weights[index] / 2
         real, imaginary = right.parts(index)
         upper, lower = (real - 1j * imaginary), (real + 1j * imaginary)

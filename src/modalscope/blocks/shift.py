@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from modalscope.blocks.real_products import real_times
 from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
 
 __all__ = ["RowShift"]
@@ -81,7 +82,7 @@ class RowShift:
             return L
         h = self.recurrence
         blocks = F.reshape(len(F), h.shape[1], self.block)
-        L += np.einsum("ki,fio->fko", h, blocks).reshape(len(F), -1)
+        L += real_times(h, blocks).reshape(len(F), -1)
         L[:, : F.shape[1]] -= x * F
         return L
 

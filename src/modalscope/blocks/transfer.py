@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from modalscope.blocks.costs import Cost, costs_of
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.initial_terms import initial_terms
+from modalscope.blocks.left_rows import FunctionRows, LinePencil, line_pencil
 from modalscope.blocks.leftover import Leftover, energy, leftover
 from modalscope.blocks.line_products import LineProducts
 from modalscope.blocks.lines import SEEN, LineMatrix, kept_block_rows, real_columns
@@ -217,7 +218,7 @@ class Transfer(PolynomialRows, LineMatrix):
         The state x follows from [Re X, Im X] with X(x_i) = (x_i I - A)^-1 B, so that a modal coordinate has the columns
         (g(x) + g(x*)) / 2 and (g(x) - g(x*)) / 2j with g = 1 / (x - s_j).
         """
-        x = self.plane.point(self.response.frequencies)[:, None]
+        x = self._points[:, None]
         g, mirrored = 1 / (x - poles), 1 / (x.conj() - poles)
         w = 1.0 if self.weights is None else self.weights[:, None]
         whole = np.vstack([w * (g + mirrored) / 2, w * (g - mirrored) / 2j])
@@ -254,7 +255,29 @@ class Transfer(PolynomialRows, LineMatrix):
 
     @cached_property
     def _left(self) -> Leftover:
-        return leftover(self.plane.point(self.response.frequencies), self.basis, self.weights)
+        return leftover(self._points, self.basis, self.weights)
+
+    def left_rows(self, basis: RealArray, *, tall: bool) -> FunctionRows:
+        """Return what gives rows of a left factor as functions of the lines."""
+        return FunctionRows(
+            self._row_polynomials,
+            self._points,
+            basis.reshape(-1, self.outputs, basis.shape[1]) / self.output_scale[:, None],
+        )
+
+    def pencil(self, left: Array, values: Array, *, tall: bool) -> LinePencil:
+        """Return rows as functions of the lines."""
+        return line_pencil(
+            self._row_polynomials, self._points, left.reshape(len(left), -1, self.outputs) / self.output_scale, values
+        )
+
+    @property
+    def _row_polynomials(self) -> ComplexArray:
+        return self.basis[:, self.block_indices(self.block_rows)]
+
+    @cached_property
+    def _points(self) -> ComplexArray:
+        return self.plane.point(self.response.frequencies)
 
     def residue_scale(self, poles: Array) -> ComplexArray:
         """Participation in this plane for participation of the modes: (k,)."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from modalscope.blocks.real_products import real_times
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.modal_basis import ModalBasis
 
-__all__ = ["Eigen", "ModalFit", "Triple", "inverse_vectors"]
+__all__ = ["Eigen", "ModalFit", "Triple", "inverse_vectors", "padded"]
 
 #: Condition of eigenvectors beyond which their inverse is rounding.
 _DEFECTIVE = 1e13
@@ -200,3 +200,12 @@ def inverse_vectors(vectors: Array) -> ComplexArray:
     if np.linalg.norm(X, 1) * np.linalg.norm(inverse, 1) < _DEFECTIVE:
         return inverse
     return np.asarray(np.linalg.pinv(X), dtype=complex)
+
+
+def padded(rows: Sequence[Array]) -> ComplexArray:
+    """Return rows of several orders below each other, zeros behind those that are shorter than the longest."""
+    found, start = np.zeros((sum(map(len, rows)), max(part.shape[1] for part in rows)), dtype=complex), 0
+    for part in rows:
+        found[start : start + len(part), : part.shape[1]] = part
+        start += len(part)
+    return found

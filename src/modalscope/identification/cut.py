@@ -16,16 +16,15 @@ from modalscope.identification.pipeline import Pipeline
 from modalscope.modal.accuracy import indicators_of_all
 from modalscope.modal.eigenmodes import Eigenmodes, eigenmodes, split_extraneous
 from modalscope.modal.rebuilt import modal_model
-from modalscope.modal.together import nests
 from modalscope.model.checks import ComplexArray, DataError, IntArray, RealArray
 from modalscope.model.modes import ModalModel
 from modalscope.model.output_levels import output_scale
 from modalscope.model.poles import frequencies_and_damping
-from modalscope.uncertainty.deviations import Deviations, deviations_of
+from modalscope.uncertainty.deviations import Asked, Deviations, deviations_of
 from modalscope.uncertainty.noise import Noise, noise_of
 from modalscope.uncertainty.residual import residual_variance, unexplained_energy
 
-__all__ = ["Cut", "Judged", "Shared", "cut_order", "judged"]
+__all__ = ["Cut", "Shared", "cut_order", "judged"]
 
 #: Orders are judged together while their states times lines or samples are no more than this: arrays in between stay in the cache.
 _TOGETHER = 100_000
@@ -87,29 +86,8 @@ def cut_order(pipeline: Pipeline, order: int, *, deviations: bool = True) -> Cut
     return Shared(pipeline, deviations).of_order(order)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Judged:
-    """One order before it is known what noise does to it.
-
-    Parameters
-    ----------
-    order : int
-    model : Triple
-    modal : Eigenmodes
-        With what its poles can contribute, where that was made.
-    indicators : mapping of name to array (k,)
-    misfit : float
-    """
-
-    order: int
-    model: Triple
-    modal: Eigenmodes
-    indicators: Mapping[str, RealArray]
-    misfit: float
-
-
-def judged(pipeline: Pipeline, orders: Sequence[int], measured: Shared) -> list[Judged | DataError]:
-    """Return the first of some orders judged, or why there is none: as many of them as are better judged together, at least one.
+def judged(pipeline: Pipeline, orders: Sequence[int], measured: Shared) -> list[Cut | DataError]:
+    """Return the first of some orders, or why there is none: as many of them as are better judged together, at least one.
 
     Parameters
     ----------
@@ -128,20 +106,12 @@ def judged(pipeline: Pipeline, orders: Sequence[int], measured: Shared) -> list[
             found.append(error)
             continue
         size += len(model.A) * pipeline.response.count
-        if size > _TOGETHER or not (pipeline.matrix.fitted.by_mode and nests(model)):
+        if size > _TOGETHER or not (pipeline.matrix.fitted.by_mode and model.span is None):
             break
     good = [part for part in found if not isinstance(part, DataError)]
     modes = measured.with_bases([modal for _, _, modal in good])
-    parts = [(model, modal) for (_, model, _), modal in zip(good, modes, strict=True)]
-    indicators = indicators_of_all(pipeline.matrix, parts) if parts else []
-    each = iter(zip(good, modes, indicators, strict=True))
-    return [part if isinstance(part, DataError) else _of_part(*next(each), measured) for part in found]
-
-
-def _of_part(
-    part: tuple[int, Triple, Eigenmodes], modal: Eigenmodes, indicators: Mapping[str, RealArray], measured: Shared
-) -> Judged:
-    return Judged(part[0], part[1], modal, indicators, measured.misfit(modal))
+    cuts = iter(measured.cuts([(order, model, modal) for (order, model, _), modal in zip(good, modes, strict=True)]))
+    return [part if isinstance(part, DataError) else next(cuts) for part in found]
 
 
 def _checked(pipeline: Pipeline, modal: Eigenmodes) -> Eigenmodes:
@@ -184,30 +154,70 @@ class Shared:
         self.noise = noise_of(self._response, pipeline.problem.records) if deviations else None
         self._told: dict[int, _Told] = {}
 
-    def cut(self, found: Judged | DataError) -> Cut:
-        """Return one order with the standard deviations of its poles, where they are wanted, or raise what stands in its place.
+    def cuts(self, parts: Sequence[tuple[int, Triple, Eigenmodes]]) -> list[Cut]:
+        """Return orders with their indicators, and the standard deviations of their poles, where they are wanted.
 
         Parameters
         ----------
-        found : Judged or DataError
+        parts : sequence of (int, Triple, Eigenmodes)
+            Of one order, or of several that are judged together.
         """
-        if isinstance(found, DataError):
-            raise found
-        model, modal, matrix = found.model, found.modal, self._pipeline.matrix
+        if not parts:
+            return []
+        indicators = indicators_of_all(self._pipeline.matrix, [part[1:] for part in parts])
+        reported = [self._reported(model, modal) for _, model, modal in parts]
+        std = self._deviations(parts, reported)
+        return [self._cut(*each) for each in zip(parts, reported, indicators, std, strict=True)]
+
+    def _deviations(
+        self, parts: Sequence[tuple[int, Triple, Eigenmodes]], reported: Sequence[IntArray]
+    ) -> list[Deviations | None]:
+        """Return the standard deviations of some poles of every order, those that are known as they are; None where none were wanted."""
+        if self.noise is None:
+            return [None] * len(parts)
+        asked = []
+        for part, which in zip(parts, reported, strict=True):
+            order, _, modal = part
+            known, noise = self._told.get(order), self.noise_beside(modal)
+            if noise is not None and (known is None or not known.of(modal.poles, which)):
+                asked.append(Asked(*part, which, noise))
+        for one, found in zip(asked, deviations_of(self._matrix, self._pipeline.realization, *asked), strict=True):
+            self._told[one.order] = _Told(one.modal.poles, one.which, found)
+        return [self._told[order].deviations for order, _, _ in parts]
+
+    def take_deviations_of(self, other: Shared) -> None:
+        """Take the deviations that are known of the same poles: they follow from the poles and the data alone.
+
+        Parameters
+        ----------
+        other : Shared
+        """
+        self._told.update(other._told)
+
+    def _reported(self, model: Triple, modal: Eigenmodes) -> IntArray:
+        """Return the poles that a rank explains and that lie in the band."""
         kept, _ = split_extraneous(modal, model)
         f, _ = frequencies_and_damping(modal.poles)
         low, high = self._pipeline.reported_band
-        reported = kept[(f[kept] >= low) & (f[kept] <= high)]
-        std = self.deviations(found.order, model, modal, reported)
+        return np.asarray(kept[(f[kept] >= low) & (f[kept] <= high)])
+
+    def _cut(
+        self,
+        part: tuple[int, Triple, Eigenmodes],
+        reported: IntArray,
+        indicators: Mapping[str, RealArray],
+        std: Deviations | None,
+    ) -> Cut:
+        order, model, modal = part
         bare = replace(modal, fit=replace(modal.fit, basis=None))  # every order's columns together would be large
         return Cut(
-            order=found.order,
+            order=order,
             triple=model,
             modal=bare,
-            wrapped=partial(modal_model, matrix, bare, found.indicators),
+            wrapped=partial(modal_model, self._pipeline.matrix, bare, indicators),
             reported=reported,
-            indicators=found.indicators,
-            misfit=found.misfit,
+            indicators=indicators,
+            misfit=self.misfit(modal),
             std=std,
         )
 
@@ -223,7 +233,10 @@ class Shared:
         DataError
             An order that cannot be given.
         """
-        return self.cut(judged(self._pipeline, [order], self)[0])
+        (found,) = judged(self._pipeline, [order], self)
+        if isinstance(found, DataError):
+            raise found
+        return found
 
     def with_bases(self, several: Sequence[Eigenmodes]) -> list[Eigenmodes]:
         """Return modes with what their poles can contribute, made once for all, where the misfit is not known by the fit.
@@ -246,28 +259,6 @@ class Shared:
     def misfit(self, modes: Eigenmodes) -> float:
         """Return the norm of what modes leave of the level data over that of the data: from the fit where it knows, else rebuilt."""
         return self._misfit.of_fit(modes.poles, modes.fit) if modes.fit.misfit is None else modes.fit.misfit
-
-    def deviations(self, order: int, model: Triple, modal: Eigenmodes, index: IntArray) -> Deviations | None:
-        """Return the standard deviations of some poles; None where they were not asked."""
-        if self.noise is None:
-            return None
-        known = self._told.get(order)
-        if known is not None and known.of(modal.poles, index):
-            return known.deviations
-        noise = self.noise_beside(modal)
-        assert noise is not None
-        found = deviations_of(self._matrix, self._pipeline.realization, order, model, modal, index, noise)
-        self._told[order] = _Told(modal.poles, index, found)
-        return found
-
-    def take_deviations_of(self, other: Shared) -> None:
-        """Take the deviations that are known of the same poles: they follow from the poles and the data alone.
-
-        Parameters
-        ----------
-        other : Shared
-        """
-        self._told.update(other._told)
 
     def noise_beside(self, modal: Eigenmodes) -> Noise | None:
         """Return the noise, given what no residues at the poles of a model explain, whatever its own shapes leave."""

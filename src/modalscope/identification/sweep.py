@@ -12,7 +12,7 @@ import numpy as np
 
 from modalscope.blocks.threads import one_thread
 from modalscope.blocks.triple import Triple
-from modalscope.identification.cut import Cut, Judged, Shared, judged
+from modalscope.identification.cut import Cut, Shared, judged
 from modalscope.identification.options import AllOptions
 from modalscope.identification.orders import checked_orders
 from modalscope.identification.pipeline import Factored, Pipeline, factor, realized
@@ -45,7 +45,7 @@ class Sweep:
         self.pipeline = pipeline = pipeline.in_turn() if _every(self.orders) else pipeline
         self.notes: list[Note] = []
         self._left = deque(self.orders)
-        self._ahead: deque[Judged | DataError] = deque()
+        self._ahead: deque[Cut | DataError] = deque()
         self._measured = Shared(pipeline, deviations)
 
     @property
@@ -132,10 +132,9 @@ class Sweep:
             if not self._ahead:
                 self._ahead.extend(judged(self.pipeline, tuple(self._left), self._measured))
             order, found = self._left.popleft(), self._ahead.popleft()
-            try:
-                return self._measured.cut(found)
-            except DataError as error:
-                self.notes.append(Note("orders left out", {"order": order}, f"order {order} left out: {error.found}"))
+            if not isinstance(found, DataError):
+                return found
+            self.notes.append(Note("orders left out", {"order": order}, f"order {order} left out: {found.found}"))
         raise StopIteration
 
 

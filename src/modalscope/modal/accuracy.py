@@ -11,8 +11,8 @@ from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Triple
 from modalscope.modal.eigenmodes import Eigenmodes
 from modalscope.modal.evolution import followed
-from modalscope.modal.indicators import cluster_mpc, clusters, mac, modal_singular_values, mpc, mpd
-from modalscope.modal.together import Part, together
+from modalscope.modal.indicators import cluster_mpc, mac, modal_singular_values, mpc, mpd, repeated
+from modalscope.modal.together import Part, nests, together
 from modalscope.model.checks import RealArray
 
 __all__ = ["indicators_of", "indicators_of_all"]
@@ -33,8 +33,10 @@ def indicators_of_all(matrix: DataMatrix, parts: Sequence[Part]) -> list[dict[st
     ----------
     matrix : DataMatrix
     parts : sequence of (Triple, Eigenmodes)
-        One order, or several whose models nest (see `together`).
+        One order, or several: those whose models nest go together.
     """
+    if len(parts) > 1 and not all(nests(model) for model, _ in parts):
+        return [indicators_of(matrix, *part) for part in parts]
     model, modes = together(parts)
     found = _of_factors(matrix, model, modes)
     found["mpc"] = mpc(modes.shapes)
@@ -50,9 +52,9 @@ def indicators_of_all(matrix: DataMatrix, parts: Sequence[Part]) -> list[dict[st
 def _within_order(found: dict[str, RealArray], modes: Eigenmodes) -> None:
     """Complete what modes of one order say of each other: repeated ones, and which is the strongest."""
     collinear, strength = found["mpc"], found["msv"]
-    for group in clusters(modes.poles):
+    for group in repeated(modes.poles):
         # poles this close with one shape are one mode that was split, not repeated modes
-        if group.size > 1 and np.max(mac(modes.shapes[:, group]) - np.eye(group.size)) < SPLIT_SHAPE:
+        if np.max(mac(modes.shapes[:, group]) - np.eye(group.size)) < SPLIT_SHAPE:
             collinear[group] = cluster_mpc(modes.shapes[:, group])
     if "emac" in found:
         found["cmi"] = found["emac"] * collinear

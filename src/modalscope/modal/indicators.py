@@ -31,6 +31,7 @@ __all__ = [
     "mpc",
     "mpd",
     "prominence",
+    "repeated",
     "weighted_mean",
 ]
 
@@ -171,10 +172,23 @@ def clusters(poles: ArrayLike, width: float = 2e-3) -> list[Array]:
     list of arrays
         Indices into `poles`; every pole stands in one group.
     """
+    several = repeated(poles, width)
+    alone = np.setdiff1d(np.arange(np.size(poles)), np.concatenate(several)) if several else np.arange(np.size(poles))
+    return sorted([*several, *alone[:, None]], key=lambda group: int(group[0]))
+
+
+def repeated(poles: ArrayLike, width: float = 2e-3) -> list[Array]:
+    """Return the groups of `clusters` that have more than one pole.
+
+    Parameters
+    ----------
+    poles, width
+        As in `clusters`.
+    """
     s = np.asarray(poles, dtype=np.complex128)
     some = _alike_in_size(s, width)
     near = np.abs(s[some, None] - s[some]) <= width * np.maximum(np.abs(s[some, None]), np.abs(s[some]))
-    left, groups = set(range(some.size)), [np.array([i]) for i in np.setdiff1d(np.arange(s.size), some)]
+    left, groups = set(range(some.size)), []
     while left:
         group, edge = set(), {min(left)}
         while edge:
@@ -182,7 +196,7 @@ def clusters(poles: ArrayLike, width: float = 2e-3) -> list[Array]:
             edge = {int(j) for i in edge for j in np.flatnonzero(near[i])} - group
         groups.append(some[sorted(group)])
         left -= group
-    return sorted(groups, key=lambda group: int(group[0]))
+    return [group for group in groups if group.size > 1]
 
 
 def _alike_in_size(s: ComplexArray, width: float) -> Array:

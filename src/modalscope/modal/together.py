@@ -6,9 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from modalscope.blocks.triple import Eigen, ModalFit, Triple
+from modalscope.blocks.triple import Eigen, ModalFit, Triple, padded
 from modalscope.modal.eigenmodes import Eigenmodes
-from modalscope.model.checks import Array, ComplexArray
 
 __all__ = ["Part", "nests", "together"]
 
@@ -35,19 +34,10 @@ def together(parts: Sequence[Part]) -> Part:
     modes = [modal for _, modal in parts]
     eigen = Eigen(
         np.concatenate([modal.eigen.values for modal in modes]),
-        _padded([modal.eigen.vectors.T for modal in modes], largest.rank).T,
-        _padded([modal.eigen.left for modal in modes], largest.rank),
+        padded([modal.eigen.vectors.T for modal in modes]).T,
+        padded([modal.eigen.left for modal in modes]),
     )
     return largest, Eigenmodes(np.concatenate([m.poles for m in modes]), eigen, _side_by_side([m.fit for m in modes]))
-
-
-def _padded(rows: Sequence[Array], size: int) -> ComplexArray:
-    """Return rows below each other, zeros behind those that are shorter."""
-    found, start = np.zeros((sum(map(len, rows)), size), dtype=complex), 0
-    for part in rows:
-        found[start : start + len(part), : part.shape[1]] = part
-        start += len(part)
-    return found
 
 
 def _side_by_side(fits: Sequence[ModalFit]) -> ModalFit:

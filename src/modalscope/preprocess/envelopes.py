@@ -17,12 +17,13 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as sla
+from numpy.typing import ArrayLike
 from scipy import fft, special
 
-from modalscope.model.checks import ComplexArray, RealArray
+from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.preprocess.whole_spectrum import Spectrum
 
-__all__ = ["FEWEST", "Envelope", "Narrow", "envelope", "narrow_band"]
+__all__ = ["FEWEST", "Envelope", "Narrow", "lines_around", "narrow_band", "steady_bands"]
 
 #: No structure is taken to be less damped than this: a narrower resonance could not be told from a line.
 _LEAST_DAMPING = 0.001
@@ -57,7 +58,7 @@ class Narrow(NamedTuple):
     @property
     def chance(self) -> float:
         """How often random vibration has an envelope as steady as this."""
-        return _chance(_unsteadiness(self.values), self.worth)
+        return _chance(float(_unsteadiness(self.values)), self.worth)
 
 
 class Envelope(NamedTuple):
@@ -90,12 +91,6 @@ class Envelope(NamedTuple):
         worth = _independent(power, step, centre, self._seconds(step))
         return Narrow(self.values, worth, centre, spread, float(np.sum(np.abs(self.lines) ** 2)))
 
-    def least_chance(self, step: float) -> float:
-        """Return what the band's chance is not below where that is a thousandth or less: a bound without another transform."""
-        count = self.combined.shape[1]
-        half = _half_width((self.first + count) * step, step)
-        return _chance(_unsteadiness(self.values), _most_independent(count, step, half, self._seconds(step)))
-
     def _seconds(self, step: float) -> float:
         return float((1 - 2 * _ENDS) * self.lines.shape[0] / step)
 
@@ -109,27 +104,65 @@ def narrow_band(spectrum: Spectrum, frequency: float, width: float) -> Narrow | 
     frequency, width : float
         Hz.
     """
-    seen = envelope(spectrum, frequency, width)
-    return None if seen is None else seen.band(spectrum.step)
+    (first,), (count,) = lines_around(spectrum, np.array([frequency]), width)
+    if not count:
+        return None
+    cut = spectrum.lines[:, first : first + count]
+    combined = cut @ _strongest(cut.reshape(-1, cut.shape[2]))
+    return Envelope(int(first), cut, combined, _values(combined).ravel()).band(spectrum.step)
 
 
-def envelope(spectrum: Spectrum, frequency: float, width: float) -> Envelope | None:
-    """Return what `narrow_band` looks at, before anything is told of it.
+def lines_around(spectrum: Spectrum, frequencies: RealArray, widths: ArrayLike) -> tuple[IntArray, IntArray]:
+    """Return the first lines of bands and how many each has; 0 of those that have too few, or reach beyond the last line.
 
     Parameters
     ----------
     spectrum : Spectrum
-    frequency, width : float
+    frequencies, widths : array, (n,)
         Hz.
     """
-    first = max(math.ceil((frequency - width / 2) / spectrum.step), 1)
-    last = int((frequency + width / 2) / spectrum.step)
-    if last - first + 1 < FEWEST or last >= spectrum.lines.shape[1]:
-        return None
-    cut = spectrum.lines[:, first : last + 1]
-    Z = cut @ _strongest(cut.reshape(-1, cut.shape[2]))
-    inside, window = _middle(Z.shape[1])
-    return Envelope(first, cut, Z, (fft.ifft(Z, axis=1)[:, inside] / window).ravel())
+    half = np.asarray(widths) / 2
+    first = np.maximum(np.ceil((frequencies - half) / spectrum.step), 1).astype(int)
+    last = ((frequencies + half) / spectrum.step).astype(int)
+    count = last - first + 1
+    return first, np.where((count < FEWEST) | (last >= spectrum.lines.shape[1]), 0, count)
+
+
+def steady_bands(spectrum: Spectrum, first: IntArray, count: IntArray, chance: float) -> list[Envelope]:
+    """Return the bands whose chance may be below a given one, a thousandth or less: those of as many lines are looked at together.
+
+    Parameters
+    ----------
+    spectrum : Spectrum
+    first, count : array of int, (n,)
+        Lines of the bands, at least `FEWEST`.
+    chance : float
+    """
+    cuts = [spectrum.lines[:, a : a + n] for a, n in zip(first.tolist(), count.tolist(), strict=True)]
+    combined = [cut @ _strongest(cut.reshape(-1, cut.shape[2])) for cut in cuts]
+    limits, found = _steadiest(spectrum, first, count, chance), {}
+    for n in np.unique(count):
+        alike = np.flatnonzero(count == n)
+        values = _values(np.stack([combined[i] for i in alike])).reshape(alike.size, -1)
+        for j in np.flatnonzero(_unsteadiness(values) < limits[alike]):
+            i = int(alike[j])
+            found[i] = Envelope(int(first[i]), cuts[i], combined[i], values[j])
+    return [found[i] for i in sorted(found)]
+
+
+def _values(combined: ComplexArray) -> ComplexArray:
+    """Return z(t) in the middle of every run from the lines of a combination of outputs, (..., n)."""
+    inside, window = _middle(combined.shape[-1])
+    return np.asarray(fft.ifft(combined, axis=-1)[..., inside] / window)
+
+
+def _steadiest(spectrum: Spectrum, first: IntArray, count: IntArray, chance: float) -> RealArray:
+    """Return g of bands from which on their chance is no smaller than a given one: a bound without another transform."""
+    half = np.maximum(_LEAST_DAMPING * (first + count), 0.5)
+    seconds = (1 - 2 * _ENDS) * spectrum.lines.shape[0] / spectrum.step
+    n = _most_independent(count, spectrum.step, half, seconds)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(n < 2, 0.0, special.gammaincinv((n - 1) / 2, chance) * (1 + (n + 1) / (6 * n)) / n)
 
 
 @lru_cache(maxsize=4)
@@ -145,21 +178,21 @@ def _strongest(lines: ComplexArray) -> ComplexArray:
     if lines.shape[0] < lines.shape[1]:
         own = _last_vector(lines @ lines.conj().T) @ lines.conj()
         return np.asarray(own / max(float(np.linalg.norm(own)), _TINY))
-    return _last_vector(lines.conj().T @ lines)
+    return _last_vector(sla.blas.zherk(1.0, lines.T, lower=1)).conj()  # of the conjugate matrix: no copy is made
 
 
 def _last_vector(gram: ComplexArray) -> ComplexArray:
     """Return the eigenvector of the largest eigenvalue alone, which takes half of the time of all."""
-    _, vectors, _, _, info = sla.lapack.zheevr(gram, range="I", il=len(gram), iu=len(gram))
+    _, vectors, _, _, info = sla.lapack.zheevr(gram, lower=1, range="I", il=len(gram), iu=len(gram))
     if info != 0:
         raise np.linalg.LinAlgError(f"zheevr ended with {info}")
     return np.asarray(vectors[:, 0])
 
 
-def _unsteadiness(values: ComplexArray) -> float:
-    """Return g = ln mean |z|^2 - mean ln |z|^2."""
+def _unsteadiness(values: ComplexArray) -> RealArray:
+    """Return g = ln mean |z|^2 - mean ln |z|^2 of every row."""
     squares = np.maximum(values.real**2 + values.imag**2, _TINY)
-    return math.log(np.add.reduce(squares) / squares.size) - float(np.add.reduce(np.log(squares))) / squares.size
+    return np.asarray(np.log(np.mean(squares, axis=-1)) - np.mean(np.log(squares), axis=-1))
 
 
 def _chance(g: float, n: float) -> float:
@@ -175,16 +208,16 @@ def _half_width(centre: float, step: float) -> float:
     return max(_LEAST_DAMPING * centre / step, 0.5)
 
 
-def _most_independent(count: int, step: float, half: float, seconds: float) -> float:
+def _most_independent(count: Array, step: float, half: Array, seconds: float) -> RealArray:
     """Return what `_independent` never exceeds with so many lines.
 
     A transform of `count` powers that sum to P is no smaller than P cos(w (count - 1) / 2) up to w = pi / (count - 1). Its square times
     exp(-2 h w) has an integral in closed form, and a sum at `4 count` places in all, or more, stays above that by less than one term.
     """
-    a, b = 2 * half, count - 1
-    fades = math.exp(-a * math.pi / b)
+    a, b = 2 * np.asarray(half), np.asarray(count) - 1
+    fades = np.exp(-a * np.pi / b)
     both = ((1 - fades) / a + a * (1 + fades) / (a**2 + b**2)) / (2 * np.pi) - 1 / (4 * count)
-    return seconds * step / both if both > 0 else math.inf
+    return np.asarray(np.divide(seconds * step, both, out=np.full(np.shape(both), np.inf), where=both > 0))
 
 
 def _independent(power: RealArray, step: float, centre: float, seconds: float) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 from modalscope.model.checks import Array
 from modalscope.model.notes import Note
 from modalscope.model.signals import Signals
-from modalscope.preprocess.envelopes import FEWEST, Narrow, envelope, narrow_band
+from modalscope.preprocess.envelopes import FEWEST, Narrow, lines_around, narrow_band, steady_bands
 from modalscope.preprocess.whole_spectrum import Spectrum
 
 __all__ = ["HARMONIC", "Line", "find_lines", "harmonic_notes", "lines_in"]
@@ -92,19 +92,12 @@ def lines_in(spectrum: Spectrum, band: tuple[float, float] | None = None) -> tup
         Hz.
     """
     low, high = (0.0, np.inf) if band is None else band
-    looked, steady = 0, []
-    for width in _WIDTHS:
-        f = FEWEST * spectrum.step / width * 1.2
-        while f * (1 + width) < spectrum.rate / 2:
-            part = envelope(spectrum, f, width * f) if low <= f <= high else None
-            if part is not None:
-                looked += 1
-                least = part.least_chance(spectrum.step)
-                if least < _CHANCE:
-                    steady.append((least, part))
-            f *= 1 + width / 4
-    bar = _CHANCE / max(looked, 1)
-    bands = [part.band(spectrum.step) for least, part in steady if least < bar]
+    f, widths = (np.concatenate(both) for both in zip(*(_ladder(spectrum, width) for width in _WIDTHS), strict=True))
+    inside = (low <= f) & (f <= high)
+    first, count = lines_around(spectrum, f[inside], widths[inside])
+    first, count = first[count > 0], count[count > 0]
+    bar = _CHANCE / max(first.size, 1)
+    bands = [part.band(spectrum.step) for part in steady_bands(spectrum, first, count, bar)]
     found = _apart([(band.chance, band) for band in bands if band.chance < bar])
     found = _apart([*found, *_of_the_same_shaft(spectrum, [band for _, band in found])])
     lines = [
@@ -113,6 +106,15 @@ def lines_in(spectrum: Spectrum, band: tuple[float, float] | None = None) -> tup
         if low <= b.centre <= high
     ]
     return tuple(sorted(lines, key=lambda line: line.frequency))
+
+
+def _ladder(spectrum: Spectrum, width: float) -> tuple[Array, Array]:
+    """Return the middles of bands of one relative width, a quarter of it apart, and their widths, Hz."""
+    lowest, highest = FEWEST * spectrum.step / width * 1.2, spectrum.rate / 2 / (1 + width)
+    steps = max(int(np.log(highest / lowest) / np.log1p(width / 4)) + 2, 1)
+    f = np.multiply.accumulate(np.concatenate([[lowest], np.full(steps, 1 + width / 4)]))
+    f = f[f * (1 + width) < spectrum.rate / 2]
+    return f, width * f
 
 
 def _apart(pairs: list[tuple[float, Narrow]]) -> list[tuple[float, Narrow]]:

@@ -10,7 +10,6 @@ import numpy as np
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.nested import NestedEigen
-from modalscope.blocks.real_products import times_real
 from modalscope.blocks.triple import Eigen, Triple
 from modalscope.model.checks import Array, RealArray
 from modalscope.realizations.realization import Realization, Sides
@@ -52,16 +51,10 @@ class Balanced(Realization):
         """Return the same models, each with eigenvalues from those of the order before."""
         return replace(self, nested=NestedEigen(self.A))
 
-    def sides(self, n: int, eigen: Eigen) -> tuple[Sides, ...]:
+    def sides(self, n: int, eigen: Eigen) -> Sides:
         """Return F = y d^-1/2 P' and v = Q d^-1/2 x."""
         root = np.sqrt(self.factors.d[:n])
-        left = times_real(eigen.left / root, self.factors.P[:, :n].T)
-        return (
-            Sides(
-                self.matrix.pencil(left, eigen.values, tall=False),
-                self.matrix.right_vectors(self.factors, eigen.vectors / root[:, None]),
-            ),
-        )
+        return Sides(eigen.left / root, eigen.vectors / root[:, None])
 
 
 def balanced(matrix: DataMatrix, factors: Factors) -> Balanced:

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.linalg as sla
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
+from modalscope.blocks.real_products import times_real
 from modalscope.blocks.shift import RowShift
 from modalscope.blocks.triple import Eigen, Triple
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
@@ -119,16 +121,16 @@ class NullSpaceCompanion(Realization):
         span = np.linalg.qr(before)[0] if n < block * r else None
         return Triple(companion_matrix(R, self.shift, r), self.B, C, n, span=span)
 
-    def sides(self, n: int, eigen: Eigen) -> tuple[Sides, ...]:
+    def sides(self, n: int, eigen: Eigen) -> Sides:
         """Return F = y, whose states are the block rows, and v = Q d^-1 (E0 P)# x."""
         before = self.P[: self.shift.block * self.matrix.block_rows, :n]
-        inner = sla.solve(self.gram[:n, :n], before.T @ eigen.vectors, assume_a="pos", check_finite=False)
-        return (
-            Sides(
-                self.matrix.pencil(eigen.left, eigen.values, tall=True),
-                self.matrix.right_vectors(self.factors, inner / self.factors.d[:n, None]),
-            ),
-        )
+        inner = sla.solve(self.gram[:n, :n], times_real(eigen.vectors.T, before).T, assume_a="pos", check_finite=False)
+        return Sides(eigen.left, np.asarray(inner / self.factors.d[:n, None], dtype=complex))
+
+    def pairs(self, sides: Sides, values: ComplexArray) -> tuple[tuple[Any, Any], ...]:
+        """Return the rows as they are."""
+        left = self.matrix.pencil(sides.left, values, tall=True)
+        return ((left, self.matrix.right_vectors(self.factors, sides.right)),)
 
     def reduced(self, how: str) -> Realization:
         """Return models of minimum order; see `modalscope.realizations.reduction`."""
@@ -199,28 +201,32 @@ class LeastSquaresCompanion(Realization):
         B = None if self.B is None else self.B[:n]
         return Triple(companion_matrix(R, self.shift, p), B, C, min(n, self.factors.rank))
 
-    def sides(self, n: int, eigen: Eigen) -> tuple[Sides, ...]:
+    def sides(self, n: int, eigen: Eigen) -> Sides:
+        """Return y and (H H')^-1 x."""
+        L = self._triangle[:n, :n]
+        if L.shape[1] < n:  # more rows than columns: the regression is of minimum norm
+            return super().sides(n, eigen)
+        half = sla.solve_triangular(L, eigen.vectors, lower=True, check_finite=False)
+        return Sides(eigen.left, sla.solve_triangular(L, half, lower=True, trans="T", check_finite=False))
+
+    def pairs(self, sides: Sides, values: ComplexArray) -> tuple[tuple[Any, Any], ...]:
         """Return F = y with v = H' (H H')^-1 x, and what follows from the rest of the regression, changed rows times what they leave.
 
         With R = H_p H' (H H')^-1 and E = H_p - R H the change is dR = [(dH_p - R dH) H' + E dH'] (H H')^-1.
         """
-        block, L = self.shift.block, self._triangle[:n, :n]
-        if L.shape[1] < n:  # more rows than columns: the regression is of minimum norm
-            return super().sides(n, eigen)
-        left = np.zeros((len(eigen.values), self.stand_in.shape[0]), dtype=complex)
-        left[:, block : n + block] = eigen.left
-        left[:, :n] -= eigen.values[:, None] * eigen.left
-        weights = np.zeros_like(left)
-        half = sla.solve_triangular(L, eigen.vectors, lower=True, check_finite=False)
-        weights[:, :n] = sla.solve_triangular(L, half, lower=True, trans="T", check_finite=False).T
-        return (Sides(left, self._columns(weights)), Sides(weights, self._columns(left)))
+        (k, n), block = sides.left.shape, self.shift.block
+        left, weights = np.zeros((2, k, self.stand_in.shape[0]), dtype=complex)
+        left[:, block : n + block] = sides.left
+        left[:, :n] -= values[:, None] * sides.left
+        weights[:, :n] = sides.right.T
+        columns = self._columns(np.vstack([weights, left]))
+        return ((left, columns[:, :k]), (weights, columns[:, k:]))
 
     def _columns(self, left: Array) -> ComplexArray:
         """Return H' X' of the rows without weights, (columns, k)."""
         rows = (left if self.shift.weight is None else left / self.shift.weight).T
-        both = self.matrix.tall().transposed_times(np.hstack([rows.real, rows.imag]))
-        real, imaginary = np.split(both, 2, axis=1)
-        return np.asarray(real + 1j * imaginary)
+        both = self.matrix.tall().transposed_times(np.ascontiguousarray(rows).view(np.float64))
+        return np.ascontiguousarray(both.T[::2] + 1j * both.T[1::2]).T  # a vector lies in one piece
 
     def _last_block_row(self, n: int) -> RealArray:
         """Return L[p, :p] L[:p, :p]^-1; where these blocks have lost rank the minimum-norm one, if they give the next at all."""

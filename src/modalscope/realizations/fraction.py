@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.fraction import Fraction
 from modalscope.blocks.triple import Eigen, Triple
-from modalscope.model.checks import DataError
+from modalscope.model.checks import ComplexArray, DataError
 from modalscope.realizations.realization import Realization, Sides
 
 __all__ = ["FractionCompanion", "ReciprocalTriple", "fraction_companion"]
@@ -62,7 +63,7 @@ class FractionCompanion(Realization):
         A[: size - m, m:] = np.eye(size - m)
         return ReciprocalTriple(A, None, np.zeros((0, size)), size)
 
-    def sides(self, n: int, eigen: Eigen) -> tuple[Sides, ...]:
+    def sides(self, n: int, eigen: Eigen) -> Sides:
         """Return y z^2 / (y x) and r, the first block of the right eigenvector x: dmu = -y dA r / (y x), z = 1 / mu.
 
         r spans the null space of I + sum_j z^j A_j; the other blocks follow from the last, x_i = z (x_(i+1) - A_i r).
@@ -78,7 +79,11 @@ class FractionCompanion(Realization):
             following = z[:, None] * (following - r @ A[i].T)
             x[:, i] = following
         scale = z**2 / np.sum(eigen.left * x.reshape(z.size, -1), axis=1)
-        return (Sides(scale[:, None] * eigen.left, r.T),)
+        return Sides(scale[:, None] * eigen.left, r.T)
+
+    def pairs(self, sides: Sides, values: ComplexArray) -> tuple[tuple[Any, Any], ...]:
+        """Return both as they are, of one order."""
+        return (sides,)
 
 
 def fraction_companion(matrix: Fraction, factors: Factors) -> FractionCompanion:

@@ -3,23 +3,33 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.influence import Influence, Lines
 from modalscope.blocks.matrix import DataMatrix
-from modalscope.blocks.triple import Eigen, Triple
+from modalscope.blocks.triple import Eigen, Triple, padded
 from modalscope.model.checks import ComplexArray, DataError
 
 __all__ = ["Realization", "Sides"]
 
 
 class Sides(NamedTuple):
-    """One row and one column of the data matrix for each of k poles, as its `influence` takes them."""
+    """One row and one column of the data matrix for each of k poles by their coefficients, in bases that serve all orders.
+
+    Attributes
+    ----------
+    left : array of complex, (k, a)
+    right : array of complex, (b, k)
+    """
 
     left: ComplexArray
-    right: Any
+    right: ComplexArray
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -54,8 +64,8 @@ class Realization(ABC):
         """Return the same models for every order in turn: where they are nested, eigenvalues of one follow from those of the one before."""
         return self
 
-    def sides(self, n: int, eigen: Eigen) -> tuple[Sides, ...]:
-        """Return L and v with dx_j = L_j dH v_j for eigenvalues of the model of order n; several pairs stand for their sum.
+    def sides(self, n: int, eigen: Eigen) -> Sides:
+        """Return what `pairs` takes of eigenvalues of the model of order n: small arrays, of which those of several orders go together.
 
         Parameters
         ----------
@@ -74,19 +84,39 @@ class Realization(ABC):
             "Leave the reduction out, or use method='alternate'.",
         )
 
-    def influence(self, n: int, eigen: Eigen, lines: Lines | None = None) -> Influence:
-        """Return the gradient of eigenvalues of order n by the response as it was factored.
+    def pairs(self, sides: Sides, values: ComplexArray) -> tuple[tuple[Any, Any], ...]:
+        """Return L and v with dx_j = L_j dH v_j, as `DataMatrix.influence` takes them; several pairs stand for their sum.
 
         Parameters
         ----------
-        n : int
-        eigen : Eigen
+        sides : Sides
+        values : array of complex, (k,)
+            The eigenvalues.
+        """
+        return ((self.left_rows.pencil(sides.left, values), self.matrix.right_vectors(self.factors, sides.right)),)
+
+    @cached_property
+    def left_rows(self) -> Any:
+        """What the left coefficients are those of: by default of P."""
+        return self.matrix.left_rows(self.factors.P, tall=False)
+
+    def influence(self, parts: Sequence[tuple[int, Eigen]], lines: Lines | None = None) -> Influence:
+        """Return the gradient of eigenvalues of one order, or of several, by the response as it was factored.
+
+        Parameters
+        ----------
+        parts : sequence of (int, Eigen)
+            Orders with eigenvalues of their models.
         lines : Lines, optional
             Those that stand for all; see `DataMatrix.influence`.
         """
-        found = [self.matrix.influence(side.left, side.right, lines) for side in self.sides(n, eigen)]
-        total = found[0]
-        for more in found[1:]:
+        each = [self.sides(n, eigen) for n, eigen in parts]
+        sides = (
+            each[0] if len(each) == 1 else Sides(padded([s.left for s in each]), padded([s.right.T for s in each]).T)
+        )
+        pairs = self.pairs(sides, np.concatenate([eigen.values for _, eigen in parts]))
+        total, *others = (self.matrix.influence(left, right, lines) for left, right in pairs)
+        for more in others:
             total = total.joined(more)
         return total
 

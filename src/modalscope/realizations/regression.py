@@ -8,7 +8,6 @@ import numpy as np
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
-from modalscope.blocks.real_products import times_real
 from modalscope.blocks.triple import Eigen, Triple
 from modalscope.model.checks import Array, RealArray
 from modalscope.realizations.realization import Realization, Sides
@@ -39,13 +38,9 @@ class Regression(Realization):
         C = np.asarray(np.linalg.lstsq(A.T, self.CA[:, :n].T, rcond=None)[0].T, dtype=float)
         return Triple(A, None if self.B is None else self.B[:n], C, n, self.factors, power=0.0)
 
-    def sides(self, n: int, eigen: Eigen) -> tuple[Sides, ...]:
+    def sides(self, n: int, eigen: Eigen) -> Sides:
         """Return F = y P' and v = Q d^-1 x."""
-        left = times_real(eigen.left, self.factors.P[:, :n].T)
-        right = eigen.vectors / self.factors.d[:n, None]
-        return (
-            Sides(self.matrix.pencil(left, eigen.values, tall=False), self.matrix.right_vectors(self.factors, right)),
-        )
+        return Sides(eigen.left, eigen.vectors / self.factors.d[:n, None])
 
 
 def regression(matrix: DataMatrix, factors: Factors) -> Regression:

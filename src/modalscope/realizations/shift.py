@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 import scipy.linalg as sla
@@ -11,7 +12,6 @@ import scipy.linalg as sla
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.nested import NestedEigen
-from modalscope.blocks.real_products import times_real
 from modalscope.blocks.triple import Eigen, Triple
 from modalscope.model.checks import DataError, RealArray
 from modalscope.realizations.balanced import first_blocks
@@ -106,18 +106,16 @@ class Shift(Realization):
             return replace(self, nested=NestedEigen(under @ over, over, np.asarray(np.linalg.inv(over))))
         return self
 
-    def sides(self, n: int, eigen: Eigen) -> tuple[Sides, ...]:
+    def sides(self, n: int, eigen: Eigen) -> Sides:
         """Return F = y d^-1/2 (E0 P)# and v = Q d^-1/2 x."""
         root = np.sqrt(self.factors.d[:n])
-        before, _ = self.matrix.row_shift.split(self.factors.P[:, :n])
         states = sla.solve(self.gram[:n, :n], (eigen.left / root).T, assume_a="pos", check_finite=False).T
-        left = times_real(states, before.T)
-        return (
-            Sides(
-                self.matrix.pencil(left, eigen.values, tall=True),
-                self.matrix.right_vectors(self.factors, eigen.vectors / root[:, None]),
-            ),
-        )
+        return Sides(states, eigen.vectors / root[:, None])
+
+    @cached_property
+    def left_rows(self) -> Any:
+        """E0 P."""
+        return self.matrix.left_rows(self.matrix.row_shift.split(self.factors.P)[0], tall=True)
 
 
 def shift(matrix: DataMatrix, factors: Factors) -> Shift:

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from modalscope.blocks.influence import Lines
+from modalscope.blocks.convolved import ConvolvedInfluence
+from modalscope.blocks.influence import Lines, Moments
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Triple
 from modalscope.modal.eigenmodes import Eigenmodes
-from modalscope.model.checks import Array, DataError, IntArray, RealArray
+from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray
 from modalscope.model.response import Response
 from modalscope.realizations.realization import Realization
 from modalscope.uncertainty.covariance import deviations_of_poles
-from modalscope.uncertainty.influence import influence_on
-from modalscope.uncertainty.noise import Noise
+from modalscope.uncertainty.influence import PoleInfluence, influence_on_all
+from modalscope.uncertainty.noise import Noise, White
 
-__all__ = ["Deviations", "deviations_of", "lines_for_all"]
+__all__ = ["Asked", "Deviations", "deviations_of", "lines_for_all"]
 
 #: Lines that one stands for at most: a power of two.
 _MOST = 8
@@ -29,6 +32,10 @@ _NEAR = 3
 _WAVE = 8
 
 
+#: Poles times samples times channels of a side that are taken together: more of them need memory that is given back each time.
+_TOGETHER = 100_000
+
+
 class Deviations(NamedTuple):
     """Standard deviations of frequencies (Hz) and damping ratios, (k,) each; NaN where they are withheld."""
 
@@ -36,45 +43,97 @@ class Deviations(NamedTuple):
     damping_ratio: RealArray
 
 
-def deviations_of(
-    matrix: DataMatrix,
-    realization: Realization,
-    order: int,
-    model: Triple,
-    modal: Eigenmodes,
-    index: IntArray,
-    noise: Noise,
-) -> Deviations:
-    """Return the standard deviations of some poles of a model.
+class Asked(NamedTuple):
+    """Poles of a model whose deviations are asked.
 
-    Parameters
+    Attributes
     ----------
-    matrix : DataMatrix
-    realization : Realization
     order : int
     model : Triple
         Of that order.
     modal : Eigenmodes
         Its poles.
-    index : array of int
+    which : array of int
         Those that are asked; the others are NaN.
     noise : Noise
     """
-    found = Deviations(*(np.full(modal.poles.size, np.nan) for _ in range(2)))
-    if not index.size:
-        return found
-    lines = lines_for_all(matrix.judged, modal.poles, matrix.block_rows) if matrix.thinned else None
+
+    order: int
+    model: Triple
+    modal: Eigenmodes
+    which: IntArray
+    noise: Noise
+
+
+#: What is asked, and where it is put.
+_Some = tuple[Asked, Deviations]
+
+
+def deviations_of(matrix: DataMatrix, realization: Realization, *asked: Asked) -> list[Deviations]:
+    """Return the standard deviations of some poles of models: of several orders at once where there are no lines, which differ with them.
+
+    Parameters
+    ----------
+    matrix : DataMatrix
+    realization : Realization
+    *asked : Asked
+    """
+    found = [Deviations(*(np.full(one.modal.poles.size, np.nan) for _ in range(2))) for one in asked]
+    some = [(one, place) for one, place in zip(asked, found, strict=True) if one.which.size]
+    for group in _groups(some, matrix.judged):
+        if not _fill(matrix, realization, group) and len(group) > 1:
+            for each in group:
+                _fill(matrix, realization, [each])
+    return found
+
+
+def _groups(some: Sequence[_Some], response: Response) -> list[list[_Some]]:
+    """Return orders that are taken together."""
+    each, size = response.count * sum(response.values.shape[1:]), np.inf
+    groups: list[list[_Some]] = []
+    for one in some:
+        more = one[0].which.size * each
+        size = size + more if response.grid is None else np.inf
+        if size > _TOGETHER:
+            groups, size = [*groups, []], more
+        groups[-1].append(one)
+    return groups
+
+
+def _fill(matrix: DataMatrix, realization: Realization, some: Sequence[_Some]) -> bool:
+    """Put the deviations of models in their places; False for a way of reading poles off whose first order is not known."""
+    asked = [one for one, _ in some]
+    lines = lines_for_all(matrix.judged, asked[0].modal.poles, matrix.block_rows) if matrix.thinned else None
+    parts = [(one.order, one.model, one.modal.eigen.take(one.which)) for one in asked]
     with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
         try:
-            influence = influence_on(matrix, realization, order, model, modal.eigen.take(index), lines)
-        except DataError:  # a way of reading poles off whose first order is not known
-            return found
-        covariance = noise.moments(influence).covariance
-        poles = modal.poles[index] + matrix.judged.added_damping
-        f, zeta = deviations_of_poles(poles, covariance)
-    found.frequency[index] = f
-    found.damping_ratio[index] = np.where(noise.damping_is_told(poles), zeta, np.nan)
-    return found
+            influence = influence_on_all(matrix, realization, parts, lines)
+        except DataError:
+            return False
+        moments = _moments(influence, [one.noise for one in asked], [one.which.size for one in asked])
+        poles: ComplexArray = np.concatenate([one.modal.poles[one.which] for one in asked])
+        poles = poles + matrix.judged.added_damping
+        f, zeta = deviations_of_poles(poles, moments.covariance)
+    start = 0
+    for one, place in some:
+        own = slice(start, start := start + one.which.size)
+        place.frequency[one.which] = f[own]
+        place.damping_ratio[one.which] = np.where(one.noise.damping_is_told(poles[own]), zeta[own], np.nan)
+    return True
+
+
+def _moments(influence: PoleInfluence, noises: Sequence[Noise], counts: Sequence[int]) -> Moments:
+    """Return what noise does to the poles of several orders, as it is seen beside each of them."""
+    first, ends = noises[0], np.cumsum([0, *counts])
+    if all(noise is first for noise in noises):
+        return first.moments(influence)
+    white = [noise.variance for noise in noises if isinstance(noise, White) and noise.fading is None]
+    if isinstance(influence.gradient, ConvolvedInfluence) and len(white) == len(noises):
+        return influence.joint(influence, np.repeat(np.stack(white)[:, None], counts, axis=0))
+    each = (
+        noise.moments(influence.take(np.arange(a, b))) for noise, (a, b) in zip(noises, pairwise(ends), strict=True)
+    )
+    return Moments(*(np.concatenate(part) for part in zip(*each, strict=True)))
 
 
 def lines_for_all(response: Response, poles: Array, degree: int) -> Lines | None:

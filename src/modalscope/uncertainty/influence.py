@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ from modalscope.blocks.triple import Eigen, Triple
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.realizations.realization import Realization
 
-__all__ = ["PoleInfluence", "influence_on", "slope_to_s"]
+__all__ = ["PoleInfluence", "influence_on", "influence_on_all", "slope_to_s"]
 
 #: Relative step by which the map to continuous poles is differenced: it is analytic, along the ray of the pole.
 _STEP = 1e-6
@@ -54,17 +55,22 @@ class PoleInfluence:
 def influence_on(
     matrix: DataMatrix, realization: Realization, order: int, model: Triple, eigen: Eigen, lines: Lines | None = None
 ) -> PoleInfluence:
-    """Return how the response moves some eigenvalues of a model.
+    """Return how the response moves some eigenvalues of a model; see `influence_on_all`."""
+    return influence_on_all(matrix, realization, [(order, model, eigen)], lines)
+
+
+def influence_on_all(
+    matrix: DataMatrix, realization: Realization, parts: Sequence[tuple[int, Triple, Eigen]], lines: Lines | None = None
+) -> PoleInfluence:
+    """Return how the response moves some eigenvalues of a model, or of those of several orders.
 
     Parameters
     ----------
     matrix : DataMatrix
     realization : Realization
-    order : int
-    model : Triple
-        Cut out of the realization, with inputs and outputs in their own places.
-    eigen : Eigen
-        Those of its eigenvalues that are asked.
+    parts : sequence of (int, Triple, Eigen)
+        Orders with their models, cut out of the realization, with inputs and outputs in their own places; of the eigenvalues those that
+        are asked.
     lines : Lines, optional
         Those that stand for all; see `DataMatrix.influence`.
 
@@ -73,7 +79,11 @@ def influence_on(
     DataError
         The row has no first-order formula.
     """
-    factored = Eigen(eigen.values, eigen.left.T, eigen.vectors.T) if model.turned else eigen
+    factored = [
+        (order, Eigen(eigen.values, eigen.left.T, eigen.vectors.T) if model.turned else eigen)
+        for order, model, eigen in parts
+    ]
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        found = realization.influence(order, factored, lines)
-        return PoleInfluence(matrix.as_measured(found), slope_to_s(matrix, eigen.values))
+        found = realization.influence(factored, lines)
+        values = np.concatenate([eigen.values for _, _, eigen in parts])
+        return PoleInfluence(matrix.as_measured(found), slope_to_s(matrix, values))

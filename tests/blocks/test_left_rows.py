@@ -1,0 +1,31 @@
+"""Rows of a left factor as functions of the lines: the recurrence is multiplication by x there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from modalscope.blocks.left_rows import FunctionRows, line_pencil
+from modalscope.blocks.polynomials import both_sums, orthogonal_basis
+from modalscope.blocks.shift import RowShift
+from tests.support import relative
+
+DEGREE, OUTPUTS, STATES = 9, 3, 5
+
+
+@pytest.mark.parametrize("circle", [False, True])
+@pytest.mark.parametrize("lines", [np.arange(40), np.array([3, 4, 17, 38])])
+def test_pencils_on_lines_are_those_of_the_recurrence(circle: bool, lines: np.ndarray) -> None:
+    rng, angles = np.random.default_rng(0), np.linspace(0.2, 2.0, 40)
+    points = np.exp(1j * angles) if circle else 1j * angles
+    basis, recurrence = orthogonal_basis(points, DEGREE)
+    P, scale = rng.standard_normal((DEGREE, OUTPUTS, STATES)), rng.uniform(1, 2, OUTPUTS)
+    states = rng.standard_normal((4, STATES - 1)) + 1j * rng.standard_normal((4, STATES - 1))
+    values = 0.9 * np.exp(1j * rng.uniform(0.3, 1.5, 4))
+    F = np.einsum("kn,qln->kql", states, P[:, :, : STATES - 1])
+    rows = RowShift(block=OUTPUTS, recurrence=recurrence).pencil(F.reshape(4, -1), values, OUTPUTS * (DEGREE + 1))
+    expected = both_sums(basis[lines], rows.reshape(4, -1, OUTPUTS) / scale)
+    of_states = FunctionRows(basis[:, :DEGREE], points, P / scale[:, None]).pencil(states, values)
+    for found in (of_states, line_pencil(basis[:, :DEGREE], points, F / scale, values)):
+        for own, its in zip(found.on(lines), expected, strict=True):
+            assert relative(own, its) < 1e-12
