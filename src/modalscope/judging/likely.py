@@ -45,9 +45,9 @@ def has_likelihood(diagram: StabilizationDiagram) -> bool:
 def likely(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> tuple[Poles, list[Candidate]] | None:
     """Return modes and all other groups of poles that agree over orders, these with what speaks against them.
 
-    A rich model that lacks a mode leaves a coloured residual, too: that of the modes, completed, decides then; and so do skirts of modes
-    outside the band, which are told by poles there (`skirts`). Where these do not make the residual white, they stay out: what is
-    left is then known line by line. None where samples leave a coloured one.
+    A rich model that lacks a mode leaves a coloured residual, too, and skirts of modes outside the band do (`skirts`): that of the modes,
+    completed, decides then beside the skirts that they need. These stay out where they do not make it white. None where samples leave a
+    coloured one.
 
     Parameters
     ----------
@@ -68,12 +68,10 @@ def likely(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> t
         sides = (poles.shape if arena.problem.turned else poles.participation)[starts] / arena.problem.varying
         return contest(arena, poles.pole[starts] - added, sides, doubted=doubted)
 
-    floor = seen = floor_of(response, rich - added)
-    outside = skirts(response) if floor.colour.coloured else steady[:0]
-    if outside.size:
-        seen = floor_of(response, np.concatenate([rich, outside]) - added)
-    arena = replace(divided(seen, outside), brief=seen.colour.coloured)
-    found = outcome(arena, seen.colour.coloured)
+    floor = floor_of(response, rich - added)
+    doubted = floor.colour.coloured
+    arena = replace(divided(floor, skirts(response)) if doubted else divided(floor), brief=doubted)
+    found = outcome(arena, doubted)
     if found is None and response.grid is not None:
         arena = replace(divided(by_line(floor, response.count)), brief=True, coloured=True)
         # half spectra err as long as their correlations last, by no rule of a + b |H|^2: there orders have to show a mode
