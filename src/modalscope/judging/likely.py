@@ -60,9 +60,8 @@ def likely(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> t
     rich = diagram.poles[diagram.order_of_pole == diagram.orders[int(np.argmin(diagram.fit_errors))]]
     starts, steady, added = _starts(poles, groups), rich[rich.imag == 0], response.added_damping
 
-    def divided(floor: Floor, *candidates: ComplexArray) -> Arena:
-        held = needed_beside(response, poles.pole[starts], np.concatenate([steady, *candidates])) - added
-        return _arena(response, floor, held)
+    def beside(*candidates: ComplexArray) -> ComplexArray:
+        return needed_beside(response, poles.pole[starts], np.concatenate([steady, *candidates])) - added
 
     def outcome(arena: Arena, doubted: bool) -> Outcome | None:
         sides = (poles.shape if arena.problem.turned else poles.participation)[starts] / arena.problem.varying
@@ -70,10 +69,13 @@ def likely(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> t
 
     floor = floor_of(response, rich - added)
     doubted = floor.colour.coloured
-    arena = replace(divided(floor, skirts(response)) if doubted else divided(floor), brief=doubted)
+    held = beside(skirts(response)) if doubted else beside()
+    outside = held[held.imag > 0]
+    seen = floor_of(response, np.concatenate([rich - added, outside])) if outside.size else floor
+    arena = replace(_arena(response, seen, held), brief=doubted)
     found = outcome(arena, doubted)
     if found is None and response.grid is not None:
-        arena = replace(divided(by_line(floor, response.count)), brief=True, coloured=True)
+        arena = replace(_arena(response, by_line(floor, response.count), beside()), brief=True, coloured=True)
         # half spectra err as long as their correlations last, by no rule of a + b |H|^2: there orders have to show a mode
         arena = replace(arena, recounted=not response.of_correlations)
         arena = replace(arena, whole=_whole(arena, floor))
