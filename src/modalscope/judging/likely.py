@@ -45,9 +45,8 @@ def has_likelihood(diagram: StabilizationDiagram) -> bool:
 def likely(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> tuple[Poles, list[Candidate]] | None:
     """Return modes and all other groups of poles that agree over orders, these with what speaks against them.
 
-    A rich model that lacks a mode leaves a coloured residual, too, and skirts of modes outside the band do (`skirts`): that of the modes,
-    completed, decides then beside the skirts that they need. These stay out where they do not make it white. None where samples leave a
-    coloured one.
+    A rich model that lacks a mode leaves a coloured residual, too: that of the modes, completed, decides then. So do skirts of modes
+    outside the band: they take part where they make that of the rich model white. None where samples leave a coloured one.
 
     Parameters
     ----------
@@ -67,15 +66,16 @@ def likely(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> t
         sides = (poles.shape if arena.problem.turned else poles.participation)[starts] / arena.problem.varying
         return contest(arena, poles.pole[starts] - added, sides, doubted=doubted)
 
-    floor = floor_of(response, rich - added)
-    doubted = floor.colour.coloured
-    held = beside(skirts(response)) if doubted else beside()
-    outside = held[held.imag > 0]
-    seen = floor_of(response, np.concatenate([rich - added, outside])) if outside.size else floor
-    arena = replace(_arena(response, seen, held), brief=doubted)
+    floor, held = floor_of(response, rich - added), beside()
+    seen, more, doubted = floor, held, floor.colour.coloured
+    if doubted:
+        more = beside(skirts(response))
+        seen = floor_of(response, np.concatenate([rich - added, more[more.imag > 0]]))
+    skirted = doubted and not seen.colour.coloured
+    arena = replace(_arena(response, seen, more) if skirted else _arena(response, floor, held), brief=doubted)
     found = outcome(arena, doubted)
     if found is None and response.grid is not None:
-        arena = replace(_arena(response, by_line(floor, response.count), beside()), brief=True, coloured=True)
+        arena = replace(_arena(response, by_line(floor, response.count), held), brief=True, coloured=True)
         # half spectra err as long as their correlations last, by no rule of a + b |H|^2: there orders have to show a mode
         arena = replace(arena, recounted=not response.of_correlations)
         arena = replace(arena, whole=_whole(arena, floor))
