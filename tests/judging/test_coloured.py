@@ -33,6 +33,11 @@ def test_a_narrow_mode_that_few_orders_show_is_found_where_it_is() -> None:
     assert judged(range(80006, 80007)).tolist() == [1, 1, 0]
 
 
+def test_skirts_do_not_hide_errors_that_they_do_not_make_white() -> None:
+    # beside three poles for skirts nineteen poles, many without damping, followed all errors to the noise
+    assert judged(range(40068, 40069)).tolist() == [1, 1, 0]
+
+
 @pytest.mark.study
 def test_study_of_structures_with_coloured_errors() -> None:
     """The line of docs/selection.md, on seeds that nothing was developed on."""

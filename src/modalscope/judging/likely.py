@@ -12,6 +12,7 @@ import numpy as np
 from modalscope.identification.beside import needed_beside
 from modalscope.identification.likelihood import whitened
 from modalscope.identification.richer import Floor, by_line, floor_of
+from modalscope.identification.skirts import skirts
 from modalscope.identification.whitening import search_bound
 from modalscope.judging.arena import Arena
 from modalscope.judging.contest import Outcome, contest
@@ -44,8 +45,8 @@ def has_likelihood(diagram: StabilizationDiagram) -> bool:
 def likely(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> tuple[Poles, list[Candidate]] | None:
     """Return modes and all other groups of poles that agree over orders, these with what speaks against them.
 
-    A rich model that lacks a mode leaves a coloured residual, too: that of the modes, completed, decides then. None where samples leave
-    a coloured one.
+    A rich model that lacks a mode leaves a coloured residual, too: that of the modes, completed, decides then. So do skirts of modes
+    outside the band: they take part where they make that of the rich model white. None where samples leave a coloured one.
 
     Parameters
     ----------
@@ -55,20 +56,26 @@ def likely(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> t
     evidence : Evidence
     """
     response, groups = diagram.as_measured, _groups(poles)
-    best = diagram.order_of_pole == diagram.orders[int(np.argmin(diagram.fit_errors))]
-    floor = floor_of(response, diagram.poles[best] - response.added_damping)
-    starts = _starts(poles, groups)
-    steady = diagram.poles[best & (diagram.poles.imag == 0)]
-    steady = needed_beside(response, poles.pole[starts], steady) - response.added_damping
+    rich = diagram.poles[diagram.order_of_pole == diagram.orders[int(np.argmin(diagram.fit_errors))]]
+    starts, steady, added = _starts(poles, groups), rich[rich.imag == 0], response.added_damping
+
+    def beside(*candidates: ComplexArray) -> ComplexArray:
+        return needed_beside(response, poles.pole[starts], np.concatenate([steady, *candidates])) - added
 
     def outcome(arena: Arena, doubted: bool) -> Outcome | None:
         sides = (poles.shape if arena.problem.turned else poles.participation)[starts] / arena.problem.varying
-        return contest(arena, poles.pole[starts] - response.added_damping, sides, doubted=doubted)
+        return contest(arena, poles.pole[starts] - added, sides, doubted=doubted)
 
-    arena = replace(_arena(response, floor, steady), brief=floor.colour.coloured)
-    found = outcome(arena, floor.colour.coloured)
+    floor, held = floor_of(response, rich - added), beside()
+    seen, more, doubted = floor, held, floor.colour.coloured
+    if doubted:
+        more = beside(skirts(response))
+        seen = floor_of(response, np.concatenate([rich - added, more[more.imag > 0]]))
+    skirted = doubted and not seen.colour.coloured
+    arena = replace(_arena(response, seen, more) if skirted else _arena(response, floor, held), brief=doubted)
+    found = outcome(arena, doubted)
     if found is None and response.grid is not None:
-        arena = replace(_arena(response, by_line(floor, response.count), steady), brief=True, coloured=True)
+        arena = replace(_arena(response, by_line(floor, response.count), held), brief=True, coloured=True)
         # half spectra err as long as their correlations last, by no rule of a + b |H|^2: there orders have to show a mode
         arena = replace(arena, recounted=not response.of_correlations)
         arena = replace(arena, whole=_whole(arena, floor))
