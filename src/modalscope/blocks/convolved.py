@@ -74,6 +74,7 @@ class ConvolvedInfluence(SampleInfluence):
     parts : tuple of Convolution
     """
 
+    noise_by_pole = True
     parts: tuple[Convolution, ...]
 
     def __init__(self, parts: tuple[Convolution, ...]) -> None:

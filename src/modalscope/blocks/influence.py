@@ -10,7 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 from scipy.linalg import matmul_toeplitz
@@ -91,6 +91,9 @@ class Moments(NamedTuple):
 class Influence(ABC):
     """The gradient of poles by the values of a response."""
 
+    #: Whether every pole may be held against a noise of its own.
+    noise_by_pole: ClassVar[bool] = False
+
     @abstractmethod
     def joint(self, other: Self, variance: RealArray, fading: Array | None = None) -> Moments:
         """Return what one noise does to these poles and to as many others together.
@@ -100,7 +103,7 @@ class Influence(ABC):
         other : Influence
             Of the same response on the other poles.
         variance : array, (l, m) or (F, l, m)
-            E|noise|^2 of the values; of lines it may differ from line to line. Of `ConvolvedInfluence` also (k, 1, l, m), one a pole.
+            E|noise|^2 of the values; of lines it may differ from line to line. Where `noise_by_pole` also (k, 1, l, m), one a pole.
         fading : array, optional
             What an exponential window makes of it. Of samples, (N,): the variance of each over the average. Of lines, (F,): the
             correlation of one with that k lines below it. By default every value stands alone.

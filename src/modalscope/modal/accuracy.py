@@ -11,7 +11,8 @@ from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Triple
 from modalscope.modal.eigenmodes import Eigenmodes
 from modalscope.modal.evolution import followed
-from modalscope.modal.indicators import cluster_mpc, mac, modal_singular_values, mpc, mpd, repeated
+from modalscope.modal.indicators import cluster_mpc, mac, modal_singular_values, mpc, mpd
+from modalscope.modal.neighbours import repeated
 from modalscope.modal.together import Part, nests, together
 from modalscope.model.checks import RealArray
 

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from modalscope.modal.amplitudes import agreement, coherence
 from modalscope.modal.indicator_functions import cmif, mmif, prominence
+from modalscope.modal.neighbours import repeated
 from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_axes, complex_array
 from modalscope.model.entries import plainly
 from modalscope.model.keywords import named
@@ -31,7 +32,6 @@ __all__ = [
     "mpc",
     "mpd",
     "prominence",
-    "repeated",
     "weighted_mean",
 ]
 
@@ -175,37 +175,6 @@ def clusters(poles: ArrayLike, width: float = 2e-3) -> list[Array]:
     several = repeated(poles, width)
     alone = np.setdiff1d(np.arange(np.size(poles)), np.concatenate(several)) if several else np.arange(np.size(poles))
     return sorted([*several, *alone[:, None]], key=lambda group: int(group[0]))
-
-
-def repeated(poles: ArrayLike, width: float = 2e-3) -> list[Array]:
-    """Return the groups of `clusters` that have more than one pole.
-
-    Parameters
-    ----------
-    poles, width
-        As in `clusters`.
-    """
-    s = np.asarray(poles, dtype=np.complex128)
-    some = _alike_in_size(s, width)
-    near = np.abs(s[some, None] - s[some]) <= width * np.maximum(np.abs(s[some, None]), np.abs(s[some]))
-    left, groups = set(range(some.size)), []
-    while left:
-        group, edge = set(), {min(left)}
-        while edge:
-            group |= edge
-            edge = {int(j) for i in edge for j in np.flatnonzero(near[i])} - group
-        groups.append(some[sorted(group)])
-        left -= group
-    return [group for group in groups if group.size > 1]
-
-
-def _alike_in_size(s: ComplexArray, width: float) -> Array:
-    """Return the indices, in order, of numbers whose moduli are nearer to another's than `width`: no others can be neighbours."""
-    size = np.abs(s)
-    by_size = np.argsort(size)
-    apart = np.diff(size[by_size]) > width * size[by_size[1:]] * (1 + 1e-12)  # a difference of moduli is rounded
-    alone = np.append(True, apart)[: s.size] & np.append(apart, True)[: s.size]
-    return np.sort(by_size[~alone])
 
 
 @plainly

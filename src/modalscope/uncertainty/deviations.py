@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modalscope.blocks.convolved import ConvolvedInfluence
 from modalscope.blocks.influence import Lines, Moments
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Triple
@@ -128,7 +127,7 @@ def _moments(influence: PoleInfluence, noises: Sequence[Noise], counts: Sequence
     if all(noise is first for noise in noises):
         return first.moments(influence)
     white = [noise.variance for noise in noises if isinstance(noise, White) and noise.fading is None]
-    if isinstance(influence.gradient, ConvolvedInfluence) and len(white) == len(noises):
+    if influence.gradient.noise_by_pole and len(white) == len(noises):
         return influence.joint(influence, np.repeat(np.stack(white)[:, None], counts, axis=0))
     each = (
         noise.moments(influence.take(np.arange(a, b))) for noise, (a, b) in zip(noises, pairwise(ends), strict=True)
