@@ -7,6 +7,7 @@ level, so that it is no product of an output's and an input's.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -43,12 +44,14 @@ class Structure:
         return float(np.abs(self.poles).max() / (2 * np.pi))
 
 
-def random_structure(seed: int) -> Structure:
-    """Return 5 to 12 modes of 3 to 8 outputs and 1 to 3 inputs, damping .3 to 3 %, frequencies over a band of 1 to 10 or less."""
+def random_structure(
+    seed: int | Sequence[int], modes: tuple[int, int] = (5, 12), band: tuple[float, float] = (3, 8)
+) -> Structure:
+    """Return 5 to 12 modes of 3 to 8 outputs and 1 to 3 inputs, damping .3 to 3 %, frequencies over a band of 1 to 8 or less."""
     rng = np.random.default_rng(seed)
-    n, l, m = int(rng.integers(5, 13)), int(rng.integers(3, 9)), int(rng.integers(1, 4))
+    n, l, m = int(rng.integers(modes[0], modes[1] + 1)), int(rng.integers(3, 9)), int(rng.integers(1, 4))
     while True:
-        f = np.sort(np.exp(rng.uniform(0, np.log(rng.uniform(3, 8)), n)))
+        f = np.sort(np.exp(rng.uniform(0, np.log(rng.uniform(*band)), n)))
         if n == 1 or np.min(np.diff(f) / f[:-1]) >= GAP:
             break
     zeta = np.exp(rng.uniform(np.log(0.003), np.log(0.03), n))

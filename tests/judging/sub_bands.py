@@ -13,9 +13,8 @@ from modalscope.model import FrequencyResponse
 from modalscope.model.checks import Array, RealArray
 from modalscope.model.modes import ModalModel
 from modalscope.model.pairing import assign
-from modalscope.model.poles import poles_from
 from tests.judging.coloured import unit_errors, white_errors
-from tests.judging.hard import GAP, NEAR, QUANTITIES, Structure, gains_of, lines_of
+from tests.judging.hard import NEAR, Structure, gains_of, lines_of, random_structure
 from tests.judging.narrow import Narrow, narrow_gains
 
 #: What lies within so many half bandwidths of an end may be listed or not.
@@ -80,19 +79,8 @@ class SubBand:
 
 
 def many_modes(seed: int) -> Structure:
-    """Return 12 to 20 modes as in `random_structure`, over a band of 1 to 6 or more."""
-    rng = np.random.default_rng([seed, 21])
-    n, l, m = int(rng.integers(12, 21)), int(rng.integers(3, 9)), int(rng.integers(1, 4))
-    while True:
-        f = np.sort(np.exp(rng.uniform(0, np.log(rng.uniform(6, 15)), n)))
-        if np.min(np.diff(f) / f[:-1]) >= GAP:
-            break
-    zeta = np.exp(rng.uniform(np.log(0.003), np.log(0.03), n))
-    shapes = rng.standard_normal((l, n)) * np.exp(0.7 * rng.standard_normal(n))
-    quantity = QUANTITIES[int(rng.integers(3))]
-    s = poles_from(10 * f, zeta)
-    R = np.einsum("on,in->noi", shapes, shapes[rng.choice(l, m, replace=False)]) / (2j * s.imag)[:, None, None]
-    return Structure(s, R * (s ** QUANTITIES.index(quantity))[:, None, None], quantity)
+    """Return 12 to 20 modes over a band of 1 to 6 or more."""
+    return random_structure([seed, 21], (12, 20), (6, 15))
 
 
 def sub_band(seed: int, decibel: float, *, coloured: bool = False) -> SubBand:
