@@ -36,7 +36,7 @@ def structure_with_pair(seed: int, low: float, high: float, *, inputs: int = 2, 
         shapes = rng.standard_normal((OUTPUTS, 6))
         if alike:
             shapes[:, 1] = shapes[:, 0] * rng.uniform(0.6, 1.6)
-        if alike or (mac(shapes[:, :2])[0, 1] < UNLIKE and _sees(shapes[:inputs])):
+        if (alike or mac(shapes[:, :2])[0, 1] < UNLIKE) and _sees(shapes[:inputs]):
             break
     s = poles_from(f, zeta)
     return Structure(s, np.einsum("on,in->noi", shapes, shapes[:inputs]) / (2j * s.imag)[:, None, None], "displacement")
