@@ -178,8 +178,10 @@ class Shared:
         asked = []
         for part, which in zip(parts, reported, strict=True):
             order, _, modal = part
-            known, noise = self._told.get(order), self.noise_beside(modal)
-            if noise is not None and (known is None or not known.of(modal.poles, which)):
+            known = self._told.get(order)
+            if known is None or not known.of(modal.poles, which):
+                noise = self.noise_beside(modal)
+                assert noise is not None
                 asked.append(Asked(*part, which, noise))
         for one, found in zip(asked, deviations_of(self._matrix, self._pipeline.realization, *asked), strict=True):
             self._told[one.order] = _Told(one.modal.poles, one.which, found)
