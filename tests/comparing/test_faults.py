@@ -10,8 +10,9 @@ import pytest
 
 from modalscope import systems
 from modalscope.comparing import Comparison, compare
-from modalscope.model import FrequencyResponse, ImpulseResponse
-from modalscope.preprocess import estimate_correlation
+from modalscope.comparing.channels import without_dead
+from modalscope.model import FrequencyResponse, ImpulseResponse, Signals
+from modalscope.preprocess import estimate_correlation, merge
 
 NOISE = 0.01
 METHODS = ["era/time", "alternate/time", "prce/time"]
@@ -65,6 +66,19 @@ def test_a_channel_that_never_changes_is_dead() -> None:
     values = np.array(clean.values)
     values[:, 2] = 1.0
     assert channels(run(replace(clean, values=values)), "dead channel") == {"4:+X"}
+
+
+def test_a_channel_that_is_dead_in_one_setup_alone_stays() -> None:
+    rng = np.random.default_rng(0)
+    first, second = (
+        Signals(outputs=rng.standard_normal((500, 3)), sampling_rate=1.0, output_dofs=("1:+X", "2:+X", f"{k}:+X"))
+        for k in (3, 4)
+    )
+    still = first.outputs.copy()
+    still[:, 1:] = 0
+    living, causes = without_dead(merge([replace(first, outputs=still), second]))
+    assert [cause.channel for cause in causes] == ["3:+X"]
+    assert "2:+X" in living.output_dofs
 
 
 def test_a_channel_in_another_unit_is_not_dead() -> None:

@@ -29,18 +29,26 @@ _MIXED, _REPAIRED = 0.02, 1 / 3
 
 
 def without_dead(data: Data) -> tuple[Data, list[Cause]]:
-    """Return the data without dead channels, and one finding for each; data of dead channels alone stay as they are."""
-    causes: list[Cause] = []
+    """Return the data without dead channels, and one finding for each; data of dead channels alone stay as they are.
+
+    A channel that is dead in one of several setups alone stays: another one may need it.
+    """
+    dead: dict[str, dict[str, str]] = {}
     kept: dict[str, list[str]] = {}
     for side, flat, labels in sides_of(data):
-        dead = {finding.channels[0]: finding.reason for finding in dead_channels(flat, labels)}
-        dead = dead if len(dead) < len(labels) else {}
-        kept.setdefault(f"{side}s", []).extend(dof for dof in labels if dof not in dead)
-        if dead:
-            causes += [Cause("dead channel", f"{side} {dof} was left out: {why}", dof) for dof, why in dead.items()]
-    return (
-        data.select(**{side: tuple(dict.fromkeys(dofs)) for side, dofs in kept.items()}) if causes else data
-    ), causes
+        found = {finding.channels[0]: finding.reason for finding in dead_channels(flat, labels)}
+        found = found if len(found) < len(labels) else {}
+        dead[side] = dead.get(side, {}) | found
+        kept.setdefault(side, []).extend(dof for dof in labels if dof not in found)
+    causes = [
+        Cause("dead channel", f"{side} {dof} was left out: {why}", dof)
+        for side, found in dead.items()
+        for dof, why in found.items()
+        if dof not in kept[side]
+    ]
+    if not causes:
+        return data, []
+    return data.select(**{f"{side}s": tuple(dict.fromkeys(dofs)) for side, dofs in kept.items()}), causes
 
 
 def channel_causes(response: Response, rebuilt: Array, poles: Array, best: float = np.inf) -> list[Cause]:
