@@ -116,7 +116,7 @@ class BlockHankel:
         step = max(_AT_A_TIME // (lines * max(rows, inner)), 1)
         for c in range(0, k, step):
             X = crew().place(np.ascontiguousarray(right[:, c : c + step]).reshape(-1, inner, min(step, k - c)))
-            product = transform @ fft.rfft(X, n=self._length, axis=0).conj()
+            product = transform @ fft.ihfft(X, n=self._length, axis=0, norm="forward")  # conjugates, not scaled
             found[:, :, c : c + step] = fetched(fft.irfft(product, n=self._length, axis=0)[:blocks])
         return found.reshape(blocks * rows, k)
 

@@ -26,8 +26,8 @@ _QR, _CHOLESKY, _EIGEN, _SINGULAR = 5.0, 2.0, 2.0, 4.0
 #: Operations that exact directions in the noise are worth: half a second.
 _PATIENCE = 2e10
 
-#: Products with the matrix that a randomized range takes, and orthogonalizations of its sides.
-_PRODUCTS, _SIDES = 7, 3
+#: Directions of a randomized range by those that are carried, each of which takes a product from either side.
+_DIRECTIONS = 2
 
 
 class Cost(NamedTuple):
@@ -81,8 +81,9 @@ def costs_of(matrix: Operator, wanted: int) -> tuple[Cost, ...]:
         return (dense,)
     product = matrix.product_operations * k
     both = 8.0 * k * (rows + columns)
-    sides = _CHOLESKY * _SIDES * 4.0 * k**2 * (rows + columns)
-    found = [dense, Cost("randomized", _PRODUCTS * product + sides, 3 * both)]
+    sides = _CHOLESKY * 2.0 * _DIRECTIONS * (_DIRECTIONS + 1) * k**2 * (rows + columns)
+    ranged = 2 * _DIRECTIONS * product + sides
+    found = [dense, Cost("randomized", ranged, (_DIRECTIONS + 1) * both)]
     if matrix.gram_operations is not None:
         eigen = _EIGEN * (4 / 3 * columns**3 + 4 * columns**2 * k)
         refined = 2 * product + _CHOLESKY * 4.0 * k**2 * rows

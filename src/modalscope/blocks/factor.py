@@ -182,7 +182,7 @@ def _by(route: str, matrix: Operator, wanted: int, *, asked: bool) -> Factors | 
         return _by_products(matrix, by_lanczos(matrix, wanted), wanted, "Lanczos")
     if route == "randomized":
         found = by_range(matrix, min(wanted + EXTRA, columns))
-        how = f"randomized range with {found.powers} powers"
+        how = f"randomized range of {found.directions} directions"
         return _by_products(matrix, found, wanted, how) if found.reached or asked else None
     if route == "gram":
         gram = matrix.gram()

@@ -1,4 +1,4 @@
-"""Leading singular vectors of large matrices by their products: a randomized range with powers, and Lanczos."""
+"""Leading singular vectors of large matrices by their products: a randomized Krylov range, and Lanczos."""
 
 from __future__ import annotations
 
@@ -12,12 +12,22 @@ from modalscope.model.checks import RealArray
 
 __all__ = ["Triplets", "by_lanczos", "by_range"]
 
-#: Powers of the range to begin with, and at most.
-_POWERS, _MOST = 2, 8
+#: Blocks that as many directions as are carried come in: of smaller ones fewer products serve, of larger ones each is quicker.
+_BLOCKS = 4
+
+#: Directions of a range at least, so that the last one carried is known to about a tenth in noise alone, and at most, in multiples of
+#: those that are carried.
+_LEAST, _MOST = 2, 4
 
 #: Directions this many times above the last one carried stand out of the bulk that a range cannot resolve; they must be singular
 #: vectors to this share of the bulk, which is noise, or to rounding of the largest.
 _ABOVE, _SHARE, _ROUNDING = 2.0, 0.01, 1e-13
+
+#: Columns that keep this part of their length, however combined, have nothing in common with a basis but rounding once its part is
+#: taken off; others take it off again, so many times at most.
+_KEPT, _PASSES = 0.1, 4
+
+_TINY = float(np.finfo(float).tiny)
 
 
 class Triplets(NamedTuple):
@@ -30,26 +40,68 @@ class Triplets(NamedTuple):
     Q : array, (columns, k)
     reached : bool
         Whether those that stand out are singular vectors to the accuracy asked.
-    powers : int
-        Products with H H' that it took.
+    directions : int
+        How many there are in the range that they lie in.
     """
 
     P: RealArray
     d: RealArray
     Q: RealArray
     reached: bool
-    powers: int
+    directions: int
+
+
+class _Basis:
+    """Orthonormal columns that grow by blocks.
+
+    Parameters
+    ----------
+    rows, most : int
+        Their length, and how many there may be.
+    """
+
+    def __init__(self, rows: int, most: int) -> None:
+        self._all, self.size = np.empty((rows, most), order="F"), 0
+
+    @property
+    def columns(self) -> RealArray:
+        """Those that there are, (rows, size)."""
+        return self._all[:, : self.size]
+
+    def beside(self, block: RealArray) -> RealArray:
+        """Return what a block, (rows, b), has beside the columns that there are."""
+        return np.asarray(block - self.columns @ (self.columns.T @ block))
+
+    def grow(self, block: RealArray) -> tuple[RealArray, RealArray]:
+        """Add what a block, (rows, b), has beside the columns that there are; return it, orthonormal, and the block in all of them.
+
+        Where a block has lost rank directions without meaning take the place of those that it does not have.
+        """
+        known, rest = self.columns, block
+        common = seen = known.T @ block
+        for _ in range(_PASSES):
+            size = np.linalg.norm(rest, axis=0)
+            rest = rest - known @ seen
+            new = orthonormal(rest)
+            if np.linalg.svd(new.T @ rest / np.maximum(size, _TINY), compute_uv=False)[-1] > _KEPT:
+                break
+            rest, seen = new, known.T @ new
+        self._all[:, self.size : self.size + new.shape[1]] = new
+        self.size += new.shape[1]
+        return new, np.vstack([common, new.T @ block])
 
 
 def by_range(matrix: Operator, carried: int, seed: int = 0) -> Triplets:
-    """Return leading triplets by a randomized range, with as many powers as the accuracy takes.
+    """Return leading triplets from the Krylov space of H'H and some random directions, as large as the accuracy takes.
 
-    The error of a direction falls by (d_last / d)^2 with every power; those within a factor of two of the last are bulk, which no
-    factorization separates steadily.
+    With blocks of orthonormal U and V made by turns from H V_j and H' U_j, H V = U B and H' U = V B' but for the last block. With
+    B = X diag(d) Y', P = U X and Q = V Y, H Q = P d holds to rounding, and H' P - Q d is what V misses of H' U_last times the last
+    rows of X. Directions within a factor of two of the last one carried are bulk, which no factorization separates steadily.
 
     Parameters
     ----------
     matrix : Operator
+        As many rows as columns, or more.
     carried : int
         Directions, with those to spare.
     seed : int
@@ -57,25 +109,27 @@ def by_range(matrix: Operator, carried: int, seed: int = 0) -> Triplets:
 
     References
     ----------
-    Halko, Martinsson and Tropp, "Finding structure with randomness", SIAM Review 53 (2011).
+    Golub, Luk and Overton, "A block Lanczos method for computing the singular values and corresponding singular vectors of a matrix",
+    ACM Transactions on Mathematical Software 7 (1981); Musco and Musco, "Randomized block Krylov methods for stronger and faster
+    approximate singular value decomposition", NIPS (2015).
     """
-    Q: RealArray = np.random.default_rng(seed).standard_normal((matrix.shape[1], carried))
-    for power in range(_MOST + 1):
-        left = orthonormal(matrix.times(np.ascontiguousarray(Q)))
-        back = matrix.transposed_times(left)
-        if power < _POWERS:
-            Q = orthonormal(back)
-            continue
-        U, d, Vt = np.linalg.svd(back.T, full_matrices=False)
-        P, turned = left @ U, np.ascontiguousarray(Vt.T)
-        out = np.flatnonzero(d > _ABOVE * d[-1])
-        # H'P = Q d holds by construction; H Q = P d says how far the range is from an invariant one
-        missed = np.linalg.norm(matrix.times(turned[:, out]) - P[:, out] * d[out], axis=0)
-        reached = bool(np.all(missed <= max(_SHARE * d[-1], _ROUNDING * d[0])))
-        if reached or power == _MOST:
-            break
-        Q = turned
-    return Triplets(P, d, turned, reached, power)
+    rows, columns = matrix.shape
+    least, most = (min(times * carried, columns) for times in (_LEAST, _MOST))
+    U, V, B = _Basis(rows, most), _Basis(columns, most), np.zeros((most, most))
+    last, _ = V.grow(np.random.default_rng(seed).standard_normal((columns, -(-carried // _BLOCKS))))
+    while True:
+        start, n = U.size, V.size
+        left, B[:n, start:n] = U.grow(matrix.times(last))
+        rest = V.beside(matrix.transposed_times(left))
+        if n >= least:
+            X, d, Yt = np.linalg.svd(B[:n, :n])
+            d = d[:carried]
+            out = np.flatnonzero(d > _ABOVE * d[-1])
+            missed = np.linalg.norm(rest @ X[start:, out], axis=0)
+            reached = bool(np.all(missed <= max(_SHARE * d[-1], _ROUNDING * d[0])))
+            if reached or n == most:
+                return Triplets(U.columns @ X[:, :carried], d, V.columns @ Yt[:carried].T, reached, n)
+        last, _ = V.grow(rest[:, : most - n])
 
 
 def by_lanczos(matrix: Operator, wanted: int, seed: int = 0) -> Triplets:
@@ -103,4 +157,4 @@ def by_lanczos(matrix: Operator, wanted: int, seed: int = 0) -> Triplets:
     _, Q = eigsh(operator, k=wanted, v0=start, tol=0)
     left = orthonormal(matrix.times(np.ascontiguousarray(Q[:, ::-1])))
     U, d, Vt = np.linalg.svd(matrix.transposed_times(left).T, full_matrices=False)
-    return Triplets(left @ U, d, np.ascontiguousarray(Vt.T), True, 0)
+    return Triplets(left @ U, d, np.ascontiguousarray(Vt.T), True, wanted)
