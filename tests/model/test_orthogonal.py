@@ -46,6 +46,11 @@ def test_what_columns_see_of_data_is_what_an_orthogonal_basis_sees(rows: int, ap
     np.testing.assert_allclose(R * sign / np.abs(S).max(axis=0), S / np.abs(S).max(axis=0), atol=error)
 
 
+def test_no_columns_see_nothing() -> None:
+    seen, R = resolved(np.zeros((9, 0)), np.ones((9, 4)))
+    assert (seen.shape, R.shape) == ((0, 4), (0, 0))
+
+
 def test_the_span_of_scaled_columns_has_no_dependent_and_no_empty_directions() -> None:
     rng = np.random.default_rng(8)
     X = rng.standard_normal((200, 4)) * [1.0, 1e8, 1e-8, 1.0]

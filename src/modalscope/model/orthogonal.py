@@ -30,7 +30,7 @@ def resolved(X: RealArray, data: RealArray) -> tuple[RealArray, RealArray]:
 
     Columns are brought to one length for that. The first basis X R1^-1, by substitution row by row, is orthonormal but for eps times the
     squared condition; where its own Gram matrix shows that to be small, the second factor leaves rounding. It is applied to what the first
-    basis sees of the data: Q is never made.
+    basis sees of the data, as reflections are to the data: Q is never made.
 
     Parameters
     ----------
@@ -42,6 +42,8 @@ def resolved(X: RealArray, data: RealArray) -> tuple[RealArray, RealArray]:
     ----------
     Yamamoto et al., "Roundoff error analysis of the CholeskyQR2 algorithm", Electronic Transactions on Numerical Analysis 44 (2015).
     """
+    if not X.size:  # no modes: LAPACK has no reflections for them
+        return np.zeros((0, data.shape[1])), np.zeros((0, X.shape[1]))
     gram = X.T @ X
     scale = np.sqrt(np.diag(gram))
     first = _triangle(gram / np.outer(scale, scale)) if len(X) > _MANY_ROWS else None
@@ -57,8 +59,8 @@ def resolved(X: RealArray, data: RealArray) -> tuple[RealArray, RealArray]:
         if second is not None:
             found = sla.solve_triangular(second, seen, trans=1, check_finite=False)
             return np.asarray(found), np.asarray(second @ first)
-    Q, R = sla.qr(X / scale, mode="economic", check_finite=False)
-    return np.asarray(Q.T @ data, dtype=float), np.asarray(R * scale, dtype=float)
+    mirrored, R = sla.qr_multiply(X / scale, data.T, mode="right", overwrite_a=True)
+    return np.asarray(mirrored.T, dtype=float), np.asarray(R * scale, dtype=float)
 
 
 def spanning(columns: RealArray) -> tuple[RealArray, RealArray]:
