@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
+from modalscope.model.line_filters import line_filters
 from modalscope.model.poles import poles_from
 from modalscope.model.response import Response
 from modalscope.model.window import line_step
@@ -26,8 +27,8 @@ _TOGETHER, REACH, _FEW = 32, 30.0, 8
 #: Samples to this part of the first, far below rounding, tell nothing: rows are divided by no less than 1e-7 of each other.
 _FADED = 1e-25
 
-#: Numbers held at a time.
-_HELD = 1 << 23
+#: Numbers held at a time, and numbers of a function of some poles: what lies in between stays in the cache.
+_HELD, _AT_A_TIME = 1 << 23, 12_000
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -62,6 +63,7 @@ def strongest_peaks(
     left : array, (K, l, m)
         Whitened residual, on rows divided by `rows`.
     rows : array, (K,)
+        The same for both parts of a line.
     known : array of complex
         Poles that are there already: nothing is taken within half a half bandwidth of them.
     least : float
@@ -107,12 +109,13 @@ def amplitudes(response: Response, left: RealArray, rows: RealArray, poles: Arra
     response, left, rows
         As in `strongest_peaks`.
     poles : array of complex, (n,)
+        Oscillations.
     """
-    A = np.empty((poles.size, left[0].size), dtype=complex)
-    flat = left.reshape(len(left), -1)
-    for some, parts in _side_by_side(response, rows, poles, len(left)):
-        size = np.sum([np.sum(g**2, axis=0) for g, _ in parts], axis=0).reshape(-1, 2).sum(axis=1) / 2
-        A[some] = _sums(parts, flat) / np.sqrt(np.maximum(size, 1e-300))[:, None]
+    divided = (left / rows[:, None, None]).reshape(len(left), -1)
+    quiet = _of_places(response, rows) ** -2.0
+    A = np.empty((poles.size, divided.shape[1]), dtype=complex)
+    for some, used, g, squares in _side_by_side(response, poles, len(left)):
+        A[some] = _sums(g, used, divided) / np.sqrt(np.maximum(squares @ quiet[used], 1e-300))[:, None]
     return A.reshape(-1, *left.shape[1:])
 
 
@@ -131,33 +134,51 @@ def amplitudes_by_channel(
     """
     shape, w = (poles.size, *left.shape[1:]), weights.reshape(len(weights), -1)
     A, sizes = np.empty((poles.size, w.shape[1]), dtype=complex), np.empty((poles.size, w.shape[1]))
-    weighted = (weights * left.reshape(-1, *weights.shape)).reshape(len(left), -1)
-    for some, parts in _side_by_side(response, rows, poles, len(left)):
-        squares, (_, lines) = np.sum([g**2 for g, _ in parts], axis=0), parts[0]
-        sizes[some] = np.sum((squares.T @ w[lines]).reshape(-1, 2, w.shape[1]), axis=1) / 2
-        A[some] = _sums(parts, weighted)
+    weighted = (weights / rows.reshape(-1, len(weights), 1, 1) * left.reshape(-1, *weights.shape)).reshape(
+        len(left), -1
+    )
+    w = w / _of_places(response, rows)[:, None] ** 2
+    for some, used, g, squares in _side_by_side(response, poles, len(left)):
+        sizes[some] = squares @ w[used]
+        A[some] = _sums(g, used, weighted)
     sizes = np.maximum(sizes, 1e-300)
-    return (A / sizes).reshape(shape), (np.abs(A) ** 2 / sizes).reshape(shape)
+    return (A / sizes).reshape(shape), ((A.real**2 + A.imag**2) / sizes).reshape(shape)
+
+
+def _of_places(response: Response, rows: RealArray) -> RealArray:
+    """Return the deviations of samples, or of lines, whose real and imaginary parts have one."""
+    return rows if response.grid is None else rows[: len(rows) // 2]
 
 
 def _side_by_side(
-    response: Response, rows: RealArray, poles: Array, count: int
-) -> Iterator[tuple[IntArray, list[tuple[RealArray, slice]]]]:
-    """Yield which poles, neighbours of one damping together, with their divided functions on the rows that they show in, piece by piece."""
+    response: Response, poles: Array, count: int
+) -> Iterator[tuple[IntArray, slice, RealArray, RealArray]]:
+    """Yield some poles, the lines or samples that they show in, their functions there (n, 2, r, F) and half their squares (n, F).
+
+    Neighbours of one damping share their lines; r are real and imaginary parts, or samples alone.
+    """
     order = np.argsort(-poles.real / np.abs(poles), kind="stable")
     few = min(_TOGETHER, max(1, _HELD // (2 * count)))
-    for first in range(0, poles.size, few):
-        some = order[first : first + few]
-        lines = _near(response, poles[some], count)
-        g = response.functions(poles[some], lines=lines)
-        pieces = [lines] if response.grid is None else [lines, slice(lines.start + count // 2, lines.stop + count // 2)]
-        each = np.split(g, len(pieces))
-        yield some, [(part / rows[used, None], used) for part, used in zip(each, pieces, strict=True)]
+    for near in (order[first : first + few] for first in range(0, poles.size, few)):
+        used = _near(response, poles[near], count)
+        step = max(_AT_A_TIME // (used.stop - used.start), 1)
+        for some in (near[first : first + step] for first in range(0, near.size, step)):
+            yield some, used, *_filters(response, poles[some], used)
 
 
-def _sums(parts: list[tuple[RealArray, slice]], data: RealArray) -> ComplexArray:
-    """Return <g1, E> + j <g2, E> of all poles, (n, c), from the pieces of their functions and data (K, c)."""
-    sums = np.sum([g.T @ data[used] for g, used in parts], axis=0)
+def _filters(response: Response, poles: Array, used: slice) -> tuple[RealArray, RealArray]:
+    """Return the functions g1 and g2 of poles on lines or samples, and half the sum of their squares at each; see `line_filters`."""
+    if response.grid is not None:
+        return line_filters(response.grid[used], response.sampling_rate, poles)
+    g = response.functions(poles, lines=used).T.reshape(poles.size, 2, 1, -1)
+    return g, np.einsum("njrf,njrf->nf", g, g) / 2
+
+
+def _sums(g: RealArray, used: slice, data: RealArray) -> ComplexArray:
+    """Return <g1, E> + j <g2, E> of all poles, (n, c), from their functions on some lines and data (K, c)."""
+    n, _, parts, _ = g.shape
+    each = data.reshape(parts, -1, data.shape[1])[:, used]
+    sums = np.sum([g[:, :, r].reshape(2 * n, -1) @ each[r] for r in range(parts)], axis=0)
     return np.asarray(sums[::2] + 1j * sums[1::2])
 
 
