@@ -72,7 +72,14 @@ class Outcome(Optimum):
         """
         point = self.descent.point
         kept = np.setdiff1d(np.arange(len(point.poles)), others)
-        less = point.problem.at(point.poles[kept], point.sides[kept])
+        # what is left of the functions lies in the span of all
+        less = replace(
+            point,
+            poles=point.poles[kept],
+            sides=point.sides[kept],
+            own=point.own[:, kept],
+            derived=point.derived[:, kept],
+        )
         covariance = self.noise * inverse(normal(less, less.fitted())[0])
         at = 2 * point.sides.shape[1] * np.flatnonzero(kept == first)
         f, zeta = deviations_of_poles(point.poles[[first]], pole_blocks(covariance, at))

@@ -35,5 +35,7 @@ def one_residue(response: Response, pole: complex, parts: ComplexArray, residues
     )
     size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     whole = np.stack([residues.real, residues.imag], axis=1).reshape(functions.shape[1], -1)
-    found = np.linalg.lstsq(columns / size, functions @ whole, rcond=None)[0][-2:] / size[-2:, None]
+    # of what all give together the columns see no more than what they see of each function: these are few, and channels many
+    seen = np.linalg.lstsq(columns / size, functions, rcond=None)[0][-2:] / size[-2:, None]
+    found = seen @ whole
     return np.asarray((found[0] + 1j * found[1]).reshape(residues.shape[1:]))
