@@ -106,7 +106,8 @@ def test_white_noise_and_smooth_errors_of_the_response_each_have_their_own_corre
         even = np.append(errors.even, np.zeros(3))[2] if apart else 1.0
         own = np.sqrt(s2[700] * s2[700 + apart]) * correlation
         rest = np.sqrt((1 - s2[700]) * (1 - s2[700 + apart])) * even
-        assert errors.covariances(slice(2, 3), pair)[0, 0, 0, 1] == pytest.approx(own + rest)
+        divided = pair * np.sqrt(errors.variance[:, 1, 0])
+        assert errors.covariances(slice(2, 3), divided)[0, 0, 0, 1] == pytest.approx(own + rest)
 
 
 def test_a_narrow_resonance_lasts_beyond_the_lobe_of_a_window_and_a_coherent_line_does_not() -> None:

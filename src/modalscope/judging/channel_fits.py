@@ -17,7 +17,7 @@ from modalscope.model.checks import Array, RealArray
 __all__ = ["ChannelFits"]
 
 #: Numbers in the matrices M of channels that are held, and in columns of channels that are made at a time.
-_HELD, _TOGETHER = 1 << 23, 1 << 19
+_HELD, _TOGETHER = 1 << 23, 1 << 18
 
 #: Columns of length one that stand so far out of the span of those before them have an inverse by Cholesky's factor.
 _WELL_APART = 1e-5
@@ -68,17 +68,17 @@ class ChannelFits:
             weights = weights.copy()
             weights[without] = 0
         a, B = np.empty((channels, len(which), 2)), np.empty((channels, told, 2, 2))
+        parts = _side_by_side(columns)
+        weighted = (weights * self._data.reshape(-1, *weights.shape)).reshape(self._data.shape)
         step = max(_TOGETHER // (columns.shape[1] * max(2 * told, 1)), 1)
         for some in (slice(first, first + step) for first in range(0, channels, step)):
             # rows are those of a symmetric matrix
             back = self._inverses(some, without, beside)[:, own]
-            level = np.tile(weights[:, some].T, 2)
-            target = columns @ (level * self._data[:, some].T).T
-            a[some] = np.einsum("cik,kc->ci", back, target).reshape(-1, len(which), 2)
-            from_errors = (back[:, : 2 * told].reshape(-1, len(columns)) @ columns).reshape(len(back), 2 * told, -1)
-            from_errors *= np.sqrt(level, out=level)[:, None]
-            real, imag = np.split(from_errors, 2, axis=2)
-            B[some] = self._errors.covariances(some, (real + 1j * imag).reshape(-1, told, 2, real.shape[2])) / 2
+            a[some] = np.einsum("cik,kc->ci", back, columns @ weighted[:, some]).reshape(-1, len(which), 2)
+            rows = (back[:, : 2 * told].reshape(-1, len(columns)) @ parts).view(np.complex128)
+            if without is not None:
+                rows[:, without] = 0
+            B[some] = self._errors.covariances(some, rows.reshape(len(back), told, 2, -1)) / 2
         return a, B
 
     def _inverses(self, some: slice, without: Array | None, beside: RealArray | None) -> RealArray:
@@ -109,6 +109,11 @@ class ChannelFits:
                 return found
             self._known = found
         return self._known[0][some], self._known[1][some]
+
+
+def _side_by_side(columns: RealArray) -> RealArray:
+    """Return columns (k, 2 F) with the real and the imaginary part of every line side by side."""
+    return np.ascontiguousarray(columns.reshape(len(columns), 2, -1).transpose(0, 2, 1)).reshape(columns.shape)
 
 
 def _products(left: RealArray, right: RealArray, weights: RealArray) -> RealArray:
