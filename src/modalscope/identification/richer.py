@@ -224,15 +224,19 @@ def parts_of_level(power: RealArray, even: RealArray, size: RealArray) -> tuple[
     unit = np.maximum(power.mean(axis=0), 1e-300)  # a channel of zeros has no size
     power = power / unit
     e, s = (each / np.maximum(each.mean(axis=0), 1e-300) for each in (even, size))
-    level = np.ones_like(power)
+    level, weights, weighted = np.ones_like(power), np.empty_like(power), np.empty_like(power)
     a, b = np.zeros((2, len(unit)))
-    for _ in range(_LEVEL_ROUNDS):
-        weights = 1 / (level * level)
-        weighted = weights * s
+    for _ in range(_LEVEL_ROUNDS):  # all in their own places: arrays are large
+        np.multiply(level, level, out=weights)
+        np.reciprocal(weights, out=weights)
+        np.multiply(weights, s, out=weighted)
         ee, es, ss = e**2 @ weights, e @ weighted, np.einsum("fc,fc->c", s, weighted)
-        pe, ps = e @ (weights * power), np.einsum("fc,fc->c", power, weighted)
-        a, b = _neither_negative(ee, es, ss, pe, ps)
-        level = np.maximum(a * e[:, None] + b * s, 1e-6)
+        ps = np.einsum("fc,fc->c", power, weighted)
+        weights *= power
+        a, b = _neither_negative(ee, es, ss, e @ weights, ps)
+        np.multiply(s, b, out=level)
+        level += np.multiply.outer(e, a, out=weights)
+        np.maximum(level, 1e-6, out=level)
     own = np.minimum(b * s, level)
     return (level - own) * unit, own * unit
 

@@ -131,8 +131,8 @@ def _at_lags(u: Array) -> RealArray:
     lags = min(_LAGS, len(u))
     size = sfft.next_fast_len(len(u) + lags)
     spectra = sfft.fft(u.T, size) if np.iscomplexobj(u) else sfft.rfft(u.T, size)
-    parts = spectra.view(np.float64).reshape(len(spectra), -1, 2)
-    power = np.einsum("ckr,ckr->k", parts, parts)
+    parts = spectra.view(np.float64)
+    power = np.einsum("ck,ck->k", parts, parts).reshape(-1, 2).sum(axis=1)
     back = sfft.ifft(power).real if np.iscomplexobj(u) else sfft.irfft(power, size)
     return np.asarray(back[1:lags])
 
