@@ -28,7 +28,7 @@ _TOGETHER, REACH, _FEW = 32, 30.0, 8
 _FADED = 1e-25
 
 #: Numbers held at a time, and numbers of a function of some poles: what lies in between stays in the cache.
-_HELD, _AT_A_TIME = 1 << 23, 12_000
+_HELD, _AT_A_TIME = 1 << 23, 48_000
 
 
 @dataclass(frozen=True, eq=False, slots=True)
