@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from modalscope.identification.descent import descend
+from modalscope.identification.information import inverse, normal
 from modalscope.identification.likelihood import Whitened, whitened
 from modalscope.identification.whitening import search_bound
 from modalscope.judging.arena import Arena
@@ -16,6 +17,7 @@ from modalscope.judging.contest import contest, gains_beside, staying
 from modalscope.judging.likeness import ONE_SHAPE, collinear
 from modalscope.model import FrequencyResponse
 from modalscope.model.poles import poles_from
+from modalscope.uncertainty.covariance import deviations_of_poles, pole_blocks
 from tests.judging.made import NUDGE, at_angle
 
 F = np.linspace(5, 25, 400)
@@ -259,3 +261,16 @@ def test_of_new_poles_that_share_one_peak_the_one_that_stands_out_less_goes_firs
     assert staying(poles, np.array([0.7, 0.5, 0.6, 1.2])).tolist() == [True, False, False, True]
     assert staying(poles, np.array([0.7, 1.5, 0.6, 1.2])).tolist() == [False, True, False, True]
     assert staying(poles[:0], np.zeros(0)).tolist() == []
+
+
+def test_deviations_of_a_mode_for_its_parts_are_those_of_the_model_without_them() -> None:
+    found = contest(arena_of(data()), POLES, PARTS.astype(complex))
+    assert found is not None
+    point, at = found.descent.point, int(np.argmin(np.abs(found.poles - POLES[1])))
+    other = int(np.argmin(np.abs(found.poles - POLES[2])))
+    kept = np.delete(np.arange(len(found.poles)), other)
+    alone = point.problem.at(point.poles[kept], point.sides[kept])
+    covariance = found.noise * inverse(normal(alone, alone.fitted())[0])
+    n = int(np.flatnonzero(kept == at)[0])
+    f, zeta = deviations_of_poles(point.poles[[at]], pole_blocks(covariance, 2 * point.sides.shape[1] * np.array([n])))
+    assert found.as_one(at, np.array([other])) == pytest.approx((f[0], zeta[0]), rel=1e-9)
