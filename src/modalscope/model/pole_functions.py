@@ -9,8 +9,8 @@ from modalscope.model.poles import is_real, powers_of, to_discrete
 
 __all__ = ["line_functions", "of_pairs", "sample_functions"]
 
-#: Numbers of a function of some poles that are made at a time: all that lies in between stays in the cache.
-_AT_A_TIME = 12_000
+#: Numbers of a function of some poles that are made at a time: what lies in between stays in the cache, and calls are few.
+_AT_A_TIME = 32_000
 
 #: Real and imaginary part.
 _Parts = tuple[RealArray, RealArray]
