@@ -1,4 +1,10 @@
-"""Descent to the optimum of the likelihood: Levenberg and Marquardt's steps, held among decaying oscillations."""
+"""Descent to the optimum of the likelihood: Levenberg and Marquardt's steps, held among decaying oscillations.
+
+The damping follows the fall of the misfit over what the linear model promised: where that holds but in part it stays as it is, so that
+of a curved valley no other step is a trial in vain.
+
+Source: H. B. Nielsen, "Damping parameter in Marquardt's method", IMM-REP-1999-05, Technical University of Denmark.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +33,9 @@ _HOPED = 300.0
 #: Columns of J of length one that stand so far out of the span of those before them: their products have digits enough.
 _WELL_APART = 1e-4
 
-_FIRST, _LESS, _MORE, _MOST = 1e-3, 6.0, 8.0, 1e10
+#: Damping at first, at least and at most; what it falls to where the misfit falls as promised, and how it rises, faster every time.
+_FIRST, _LEAST, _MOST = 1e-3, 1e-15, 1e10
+_LESS, _MORE = 1 / 3, 2.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -92,14 +100,17 @@ def descend(
         decided = decisive is not None and not decisive <= cost <= decisive + _HOPED * step.promised
         if decided or step.promised <= tolerance * cost or cost <= _ROUNDING**2 * size:
             return Descent(point, fitted, cost, True, "", iteration)
+        more = _MORE
         while True:
-            trial = problem.at(*point.moved(_held(step.damped(damping), point, problem.light.sampling_rate)))
+            moved = _held(step.damped(damping), point, problem.light.sampling_rate)
+            trial = problem.at(*point.moved(moved))
             found = trial.fitted()
             lower = trial.cost(found)
             if lower < cost:
-                point, fitted, cost, damping = trial, found, lower, max(damping / _LESS, 1e-15)
+                damping = max(damping * _lessening(cost - lower, step.fall(moved)), _LEAST)
+                point, fitted, cost = trial, found, lower
                 break
-            damping *= _MORE
+            damping, more = damping * more, more * _MORE
             if damping > _MOST:
                 steep = step.promised > 1e-8 * cost
                 return Descent(point, fitted, cost, not steep, "no step lowers the misfit" if steep else "", iteration)
@@ -123,9 +134,9 @@ class _Step:
             self.promised = float(there @ there)
             return
         self.values, self.vectors = np.linalg.eigh(self.whole)
-        self.slope = self.vectors.T @ self.slope
+        self.along = self.vectors.T @ self.slope
         known = self.values > 1e-12 * max(self.values.max(initial=0.0), 1e-300)
-        self.promised = float(np.sum(self.slope[known] ** 2 / self.values[known]))
+        self.promised = float(np.sum(self.along[known] ** 2 / self.values[known]))
 
     def damped(self, damping: float) -> ComplexArray:
         if self.apart:
@@ -133,8 +144,19 @@ class _Step:
             factor = sla.cho_factor(stiff, lower=True, overwrite_a=True, check_finite=False)
             step = sla.cho_solve(factor, self.slope, check_finite=False) / self.scale
         else:
-            step = self.vectors @ (self.slope / (np.maximum(self.values, 0) + damping)) / self.scale
+            step = self.vectors @ (self.along / (np.maximum(self.values, 0) + damping)) / self.scale
         return np.asarray(step[::2] + 1j * step[1::2])
+
+    def fall(self, step: ComplexArray) -> float:
+        """Return by how much a step lowers the squared misfit of the linear model."""
+        h = np.stack([step.real, step.imag], axis=-1).reshape(-1) * self.scale
+        return float(2 * h @ self.slope - h @ self.whole @ h)
+
+
+def _lessening(fall: float, promised: float) -> float:
+    """Return the factor of the damping after a step: one where the misfit has fallen by half of what was promised, two by nothing of it."""
+    held = min(fall / promised, 1.0) if promised > 0 else 1.0
+    return max(_LESS, 1 - (2 * held - 1) ** 3)
 
 
 def _held(step: ComplexArray, point: Point, rate: float | None) -> ComplexArray:
