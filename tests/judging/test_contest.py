@@ -256,10 +256,13 @@ def test_a_descent_that_is_decided_ends() -> None:
     assert descend(problem, start, sides, decisive=1.01 * whole.cost).cost < 1.01 * whole.cost
 
 
-def test_of_new_poles_that_share_one_peak_the_one_that_stands_out_less_goes_first() -> None:
+def test_of_new_poles_that_share_one_peak_the_one_that_stands_out_most_stays_for_another_round() -> None:
     poles = poles_from(np.array([10.0, 10.1, 12.0, 13.0]), np.full(4, 0.01))
     assert staying(poles, np.array([0.7, 0.5, 0.6, 1.2])).tolist() == [True, False, False, True]
     assert staying(poles, np.array([0.7, 1.5, 0.6, 1.2])).tolist() == [False, True, False, True]
+    # of three on one peak the other two go at once: what a second one does beside the first shows when that is left
+    three = poles_from(np.array([10.0, 10.05, 10.1]), np.full(3, 0.01))
+    assert staying(three, np.array([0.6, 0.7, 0.5])).tolist() == [False, True, False]
     assert staying(poles[:0], np.zeros(0)).tolist() == []
 
 

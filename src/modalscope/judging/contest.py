@@ -182,7 +182,7 @@ def gains_beside(arena: Arena, found: Outcome, poles: Array) -> RealArray:
 
 
 def staying(poles: ComplexArray, standing: RealArray) -> Array:
-    """Return which new poles stay, (n,): those that stand out, and those that share a peak with one that does less.
+    """Return which new poles stay, (n,): those that stand out, and of those that share a peak and do not the one that does most.
 
     Parameters
     ----------
@@ -192,7 +192,8 @@ def staying(poles: ComplexArray, standing: RealArray) -> Array:
     """
     near = np.abs(poles.imag[:, None] - poles.imag) < -(poles.real[:, None] + poles.real)
     rank = np.argsort(np.argsort(standing))
-    return np.asarray((standing > 1) | np.any(near & (rank[:, None] > rank) & (standing <= 1), axis=1))
+    first = np.all(~near | (rank[:, None] >= rank), axis=1)
+    return np.asarray((standing > 1) | (first & (near.sum(axis=1) > 1)))
 
 
 def _with_peaks(state: State, tried: ComplexArray) -> tuple[tuple[ComplexArray, ComplexArray], ComplexArray]:
