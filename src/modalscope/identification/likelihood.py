@@ -28,6 +28,9 @@ __all__ = ["Fitted", "Point", "Whitened", "across", "whitened"]
 #: Singular values below this part of the largest are rounding: exactly repeated poles leave nothing of their own.
 _RANK = 1e-11
 
+#: Columns are made without the terms first where one keeps less than this part of its square beside them: digits would be lost.
+_OWN = 1e-2
+
 #: Orthogonal columns P W as (P, W), or P alone: a step does not need their product.
 _Span = tuple[RealArray, RealArray | None]
 
@@ -88,21 +91,29 @@ class Whitened:
         return both[:, : 2 * len(poles)], both[:, 2 * len(poles) :]
 
     def _columns(self, poles: Array, slopes: bool) -> RealArray:
+        both = self._whole_columns(poles, slopes)
+        return _less_terms(both, self.terms) if self.terms.shape[1] else both
+
+    def _whole_columns(self, poles: Array, slopes: bool) -> RealArray:
         both = self.light.functions(poles, slopes=slopes)
         both /= self.rows[:, None]
-        return _less_terms(both, self.terms) if self.terms.shape[1] else both
+        return both
 
     def at(self, poles: ComplexArray, sides: ComplexArray, *, slopes: bool = True) -> Point:
         """Return the likelihood at poles (n,) and unit vectors (n, p), and all that a step needs unless there is to be none."""
-        Q, R, Z, beyond = self.compressed(self._columns(poles, slopes))
+        columns = self._whole_columns if self.swift else self._columns
+        Q, R, Z, beyond = self.compressed(columns(poles, slopes))
         g, e = R[:, : 2 * len(poles)], R[:, 2 * len(poles) :]
         Z, beyond = Z.reshape(len(Z), *self.data.shape[1:]), beyond.reshape(self.data.shape[1:])
         return Point(self, poles, sides, g[:, ::2] - 1j * g[:, 1::2], e[:, ::2] - 1j * e[:, 1::2], Z, beyond, Q)
 
     def compressed(self, columns: RealArray) -> tuple[_Span, RealArray, RealArray, RealArray]:
-        """Return orthogonal Q as a `_Span`, in the columns' place, R of columns Q R, Q'Y of the data, squares of the rest by channel."""
+        """Return orthogonal Q as a `_Span`, in the columns' place, R of columns Q R, Q'Y of the data, squares of the rest by channel.
+
+        Where products are enough the columns are whole: the terms' part is taken off the products.
+        """
         flat = self.data.reshape(len(self.data), self.data[0].size)
-        return _by_products(columns, flat, self.energy) if self.swift else _by_reflections(columns, flat)
+        return _by_products(columns, flat, self.energy, self.terms) if self.swift else _by_reflections(columns, flat)
 
     def peaks(self, left: RealArray, known: Array, least: float) -> list[Peak]:
         """Return the strongest oscillation in a whitened residual (K, q, p), its sides in the scale of the data; see `strongest_peaks`."""
@@ -138,10 +149,16 @@ def _by_reflections(columns: RealArray, flat: RealArray) -> tuple[_Span, RealArr
 
 
 def _by_products(
-    columns: RealArray, flat: RealArray, energy: RealArray | None = None
+    columns: RealArray, flat: RealArray, energy: RealArray | None, terms: RealArray
 ) -> tuple[_Span, RealArray, RealArray, RealArray]:
-    """Return the same from products alone; see `spanning`."""
-    W, R = spanning(columns)
+    """Return the same of whole columns, less their part in terms that the data have no part in, from products alone; see `spanning`."""
+    gram, seen = columns.T @ columns, terms.T @ columns
+    whole = np.diag(gram).copy()
+    gram -= seen.T @ seen
+    if np.any(np.diag(gram) < _OWN * whole):
+        columns = _less_terms(columns, terms)
+        gram = columns.T @ columns
+    W, R = spanning(gram)
     Z = W.T @ (columns.T @ flat)
     energy = np.einsum("kq,kq->q", flat, flat) if energy is None else energy
     beyond = np.maximum(energy - np.sum(Z**2, axis=0), 0)
@@ -252,11 +269,12 @@ class Point:
     def span(self) -> RealArray:
         """Orthonormal columns, from compressed rows to rows, (K, 4 n)."""
         P, W = self.basis
-        return P if W is None else P @ W
+        return P if W is None else _less_terms(P @ W, self.problem.terms)
 
     def spanned(self, coefficients: RealArray) -> RealArray:
         """Return `span` times coefficients (4 n, k), on the rows."""
-        return np.asarray(self.span @ coefficients)
+        P, W = self.basis
+        return np.asarray(P @ coefficients if W is None else _less_terms(P @ (W @ coefficients), self.problem.terms))
 
     def columns(self) -> ComplexArray:
         """Return b g of every mode, complex columns (4 n p, n): a coefficient c contributes Re(c b g)."""

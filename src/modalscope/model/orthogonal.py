@@ -63,13 +63,13 @@ def resolved(X: RealArray, data: RealArray) -> tuple[RealArray, RealArray]:
     return np.asarray(mirrored.T, dtype=float), np.asarray(R * scale, dtype=float)
 
 
-def spanning(columns: RealArray) -> tuple[RealArray, RealArray]:
-    """Return W and R of columns P (K, k), from their products: P W is orthonormal, and P = P W R.
+def spanning(gram: RealArray) -> tuple[RealArray, RealArray]:
+    """Return W and R of columns P (K, k), from their products P'P (k, k): P W is orthonormal, and P = P W R.
 
     With columns of length one P'P = V L V', W = V L^-1/2 and R = L^1/2 V', without directions that products cannot tell from dependent
     ones.
     """
-    W, R, _ = _spanned(columns)
+    W, R, _ = _spanned(gram)
     return W, R
 
 
@@ -80,13 +80,13 @@ def less(data: RealArray, columns: RealArray) -> RealArray:
     data that are explained to 1e-4 by the orthogonal basis.
     """
     columns = _finite(columns)
-    return _less(data, columns, _spanned(columns)[0])
+    return _less(data, columns, _spanned(columns.T @ columns)[0])
 
 
 def energy_left(data: RealArray, columns: RealArray) -> RealArray:
     """Return the sums of squares of `less(data, columns)`, (q,): as differences where digits allow, else of the values themselves."""
     columns = _finite(columns)
-    W, _, spread = _spanned(columns)
+    W, _, spread = _spanned(columns.T @ columns)
     whole, seen = np.einsum("kq,kq->q", data, data), W.T @ (columns.T @ data)
     left = whole - np.einsum("kq,kq->q", seen, seen)
     # a direction is known to rounding times the condition, and takes that share of all others with it
@@ -106,9 +106,8 @@ def _finite(columns: RealArray) -> RealArray:
     return np.asarray(columns / np.where(size > 0, size, 1.0))
 
 
-def _spanned(columns: RealArray) -> tuple[RealArray, RealArray, RealArray]:
+def _spanned(gram: RealArray) -> tuple[RealArray, RealArray, RealArray]:
     """Return W and R as `spanning` does, and by how much smaller than the largest each direction is, squared."""
-    gram = columns.T @ columns
     size = np.sqrt(np.diag(gram))
     used = np.flatnonzero(size)
     values, vectors = np.linalg.eigh(gram[np.ix_(used, used)] / np.outer(size[used], size[used]))
