@@ -244,6 +244,21 @@ def test_steps_by_products_are_those_by_reflections() -> None:
     assert np.allclose(swift.fitted.gain, exact.fitted.gain, rtol=1e-6)
 
 
+@pytest.mark.parametrize("apart", [1e-2, 1e-6])
+def test_products_tell_what_a_pole_adds_beside_a_term_close_to_it(apart: float) -> None:
+    """Beside a pole that is free in every channel at a part of the frequency: a half bandwidth, and a ten-thousandth of it."""
+    sides = (PARTS / np.linalg.norm(PARTS, axis=1, keepdims=True)).astype(complex)
+    fixed, rows = POLES[:1] * (1 + apart), np.ones(2 * F.size)
+    exact, swift = (
+        whitened(data(), fixed, (0,), rows, np.full(3, NOISE), np.ones(2), swift=way).at(POLES, sides)
+        for way in (False, True)
+    )
+    assert swift.cost(swift.fitted()) == pytest.approx(exact.cost(exact.fitted()), rel=1e-9)
+    span = swift.span
+    assert np.max(np.abs(swift.problem.terms.T @ span)) < 1e-9
+    assert np.allclose(span.T @ span, np.eye(span.shape[1]), atol=1e-4)
+
+
 def test_a_descent_that_is_decided_ends() -> None:
     problem = problem_of(data())
     sides = (PARTS / np.linalg.norm(PARTS, axis=1, keepdims=True)).astype(complex)
