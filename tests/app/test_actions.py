@@ -26,6 +26,12 @@ def test_choices_outside_of_a_new_band_go() -> None:
     assert (banded.taken, banded.refused, banded.bands) == ((3.0,), (), ((1.0, 10.0),))
 
 
+def test_without_bands_again_all_choices_stay() -> None:
+    chosen = acted(acted(PLAIN, "set", {"bands": [[1, 10]]}), "take", {"frequency": 3})
+    cleared = acted(acted(chosen, "refuse", {"frequency": 5}), "set", {"bands": []})
+    assert (cleared.taken, cleared.refused, cleared.bands) == ((3.0,), (5.0,), ())
+
+
 def test_only_what_poles_depend_on_makes_them_new() -> None:
     same = [("take", {"frequency": 3}), ("name", {"frequency": 3, "name": "x"}), ("set", {"refine": False})]
     other = [

@@ -8,10 +8,10 @@ from hypothesis import given, settings, strategies as st
 
 import modalscope as ms
 from modalscope.io.columns import Column, Table, contents_from_table
-from modalscope.io.columns.axis import roundest, sampling_of
+from modalscope.io.columns.axis import grain_of, roundest, sampling_of
 from modalscope.io.columns.roles import role_by_words, spoken_roles
 from modalscope.io.columns.words import UNITS, is_unit, kind_of_unit, plain_unit
-from modalscope.io.text.cells import Dialect, complex_of, is_value, number_of
+from modalscope.io.text.cells import Dialect, complex_of, is_value, number_of, split
 from tests.support import refused
 
 ROWS = np.arange(400)
@@ -46,6 +46,20 @@ def test_a_lost_sample_is_found_and_a_coarse_clock_is_none() -> None:
     assert abs(found.rate - 1024) < found.doubt < 4
     refused("they do not increase", sampling_of, np.array([0.0, 1.0, 0.5, 2.0]))
     refused("there is one sample", sampling_of, np.array([0.0]))
+
+
+def test_times_a_hundredth_off_a_multiple_are_no_multiples() -> None:
+    # 3 is 300 hundredths, 0.0123 and 1.0004 are none: the latter are 123 and 10 004 parts of 1e-4
+    assert grain_of(np.array([0.0, 0.01, 3.0])) == 0.01
+    assert grain_of(np.array([0.0, 0.0123, 1.0004])) == 1e-4
+    # 0.005 and 0.009 are nearly 0, and 1.005 nearly 1, in whole seconds
+    assert grain_of(np.array([0.0, 0.005, 0.009, 1.005])) == 1e-3
+
+
+def test_commas_pair_cells_only_where_their_number_is_even() -> None:
+    both = Dialect(delimiter=",", decimal=",", paired=True)
+    assert split("1,5,-2,25", both) == ["1,5", "-2,25"]
+    assert split("1,5,-2", both) == ["1", "5", "-2"]
 
 
 @given(st.floats(1, 1e5), st.floats(0, 1))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from modalscope.identification.likelihood import Whitened, whitened
 from modalscope.identification.whitening import search_bound
 from modalscope.judging.arena import Arena
 from modalscope.judging.contenders import State, noise_beneath, standing
-from modalscope.judging.contest import contest, gains_beside, staying
+from modalscope.judging.contest import _doubtful, contest, gains_beside, staying
 from modalscope.judging.likeness import ONE_SHAPE, collinear
 from modalscope.model import FrequencyResponse
 from modalscope.model.poles import poles_from
@@ -279,6 +280,16 @@ def test_of_new_poles_that_share_one_peak_the_one_that_stands_out_most_stays_for
     three = poles_from(np.array([10.0, 10.05, 10.1]), np.full(3, 0.01))
     assert staying(three, np.array([0.6, 0.7, 0.5])).tolist() == [False, True, False]
     assert staying(poles[:0], np.zeros(0)).tolist() == []
+
+
+def test_below_two_bars_a_mode_that_stands_alone_is_in_doubt() -> None:
+    # 10 to 16 Hz with 1 %: far apart; of a bar of 10 gains of 15 and 19 are less than two, 21 and 100 are not
+    poles, arena = (
+        poles_from(np.array([10.0, 12.0, 14.0, 16.0]), np.full(4, 0.01)),
+        SimpleNamespace(bar=10.0, coloured=False),
+    )
+    gain = np.array([19.0, 100.0, 15.0, 21.0])
+    assert _doubtful(SimpleNamespace(poles=poles, gain=gain, arena=arena)) == [2, 0]  # type: ignore[arg-type]
 
 
 def test_deviations_of_a_mode_for_its_parts_are_those_of_the_model_without_them() -> None:

@@ -55,6 +55,17 @@ def test_correlated_errors_leave_a_wide_mode_the_share_that_a_plain_sum_says() -
     assert lag_factor(r, half) == pytest.approx(1 + T / np.sum(np.abs(g) ** 2), rel=1e-3)
 
 
+@pytest.mark.parametrize(("correlation", "found"), [((), 1), (tuple(0.8 ** np.arange(1, 30)), 0)])
+def test_a_peak_of_correlated_errors_stands_out_less(correlation: tuple[float, ...], found: int) -> None:
+    # a resonance at 22 Hz that explains half the bar of white errors, twice what a peak needs; its half bandwidth is 4.4 lines,
+    # and 1 + 2 sum .8^i / (1 + (i / 8.8)^2) = 7.2 times the variance leaves it less than a third of what a peak needs
+    errors, s = errors_of(2.0, correlation), poles_from(22.0, 0.01)
+    g = (1 / (2j * np.pi * F - s))[:, None, None] * np.outer(SHAPES[:, 3], PARTS[3])
+    left = np.concatenate([g.real, g.imag])
+    left *= np.sqrt(errors.bar / 2 / np.sum(left**2))
+    assert len(replace(errors, left=left).peaks(6)[0]) == found
+
+
 def test_the_bound_of_free_residues_lies_above_the_quantile_of_chi_squared() -> None:
     for channels in (1, 6, 42):
         exact = chi2.isf(1e-3 / 400, 2 * channels)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from modalscope.judging.growth import ORDERS_END
 from modalscope.judging.outcome import modes_of
 from modalscope.judging.select import select
 from modalscope.judging.tracking import Poles
-from modalscope.judging.verdict import Trial, verdicts
+from modalscope.judging.verdict import Trial, _shown_by, verdicts
 from modalscope.model import FrequencyResponse
 from modalscope.model.poles import poles_from
 from tests.judging.made import Pole, diagram_of, poles_of
@@ -282,6 +283,34 @@ def test_of_coloured_data_what_noise_may_explain_is_no_mode_at_however_many_orde
     assert weak.members.size == len(ORDERS)
     assert any("noise alone may explain" in why for why in weak.against) is not listed
     assert all(not c.against for c in found if c.frequency > 10)
+
+
+@pytest.mark.parametrize(("away", "mode"), [(0.9, 0), (1.1, -1), (2.0, -1)])
+def test_a_group_shows_a_mode_within_a_half_bandwidth(away: float, mode: int) -> None:
+    # 10 Hz with 1 %: .1 Hz; the group's own is as wide and a hundredth more at most
+    group = poles_of(*(Pole(n, f=10 + 0.101 * away) for n in ORDERS))
+    settled, residues = poles_from(np.array([10.0]), np.array([0.01])), (np.array([[1.0], [0.0]]), None)
+    trial = SimpleNamespace(settled=settled, poles=group, found=SimpleNamespace(residues=residues))
+    assert _shown_by(trial, [np.arange(len(ORDERS))]) == [mode]  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("standing", "listed"), [(2.0, True), (1.2, False)])
+def test_what_tells_more_of_a_mode_tells_more_of_where_it_lies(
+    standing: float, listed: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # at 4 of 20 orders its gain is counted again: twice the bar, where the first count said one. Deviations of .4 are .2 then, less
+    # than the .3 of a mode; at 1.2 bars they are .33
+    made = [*(p for j in (1, 2, 3) for p in shown(j)), *shown(0, ORDERS[:4])]
+    trial, groups = trial_of(*made, coloured=True)
+    monkeypatch.setattr(Trial, "recounted", lambda self, which: np.full(len(which), standing))
+    monkeypatch.setattr(Trial, "left_open", lambda self, j, host: (0.4, 0.4) if j == at else (0.1, 0.1))
+    at = int(np.argmin(trial.settled.imag))
+    gain = trial.found.gain.copy()
+    gain[at] = trial.arena.bar
+    found = verdicts(replace(trial, found=replace(trial.found, gain=gain)), groups)
+    mode = next(c for c in found if abs(c.frequency - 9) < 0.1)
+    assert mode.gain == pytest.approx(standing * trial.bar)
+    assert (not mode.against) is listed
 
 
 # -------------------------------------------------------------------------------------------------------------- the whole way

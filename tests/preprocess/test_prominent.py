@@ -7,7 +7,7 @@ import pytest
 import scipy
 
 from modalscope.model import Signals
-from modalscope.preprocess.prominent import levels_of, prominent_span
+from modalscope.preprocess.prominent import Levels, levels_of, prominent_span
 from tests.judging.ambient_records import random_structure
 
 
@@ -31,6 +31,15 @@ def test_a_line_of_a_machine_moves_no_level() -> None:
 def test_chance_shows_something_in_one_record_of_a_thousand() -> None:
     seen = sum(prominent_span(levels_of(record(seed, 5000, 1 + seed % 5))) is not None for seed in range(60))
     assert seen <= 2  # .06 are expected; neighbouring bins are not quite independent
+
+
+@pytest.mark.parametrize("trials", [1, 50])
+def test_the_more_heights_are_looked_at_the_higher_chance_may_reach(trials: int) -> None:
+    # the mean of three bins of 2 n lines, n = 10 (ln 2)^2 / 1.5 worth each: a gamma variable of shape 3 n over 3 n, and all
+    # heights of 20 bins together exceed their bars in one record of a thousand
+    shape = 3 * 10 * np.log(2) ** 2 / 1.5
+    bars = Levels(np.arange(1.0, 21), np.full(20, 10.0), np.ones((20, 1))).bars(trials)
+    assert scipy.stats.gamma.sf(bars * shape, shape) * 20 * trials == pytest.approx(np.full(20, 1e-3))
 
 
 @pytest.mark.parametrize("seed", range(3))

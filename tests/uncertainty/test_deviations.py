@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,8 +13,9 @@ import modalscope as ms
 from modalscope.blocks.influence import Moments
 from modalscope.identification.cut import cut_order
 from modalscope.systems import chain5
+from modalscope.uncertainty import deviations, noise as noise_module
 from modalscope.uncertainty.covariance import deviations_of_poles
-from modalscope.uncertainty.deviations import lines_for_all
+from modalscope.uncertainty.deviations import Asked, deviations_of, lines_for_all
 from modalscope.uncertainty.influence import influence_on
 from modalscope.uncertainty.noise import Parts, Residual, Unknown, White, noise_of
 from modalscope.uncertainty.of_modes import typical_deviation
@@ -73,6 +75,31 @@ def test_under_an_exponential_window_errors_are_as_large_as_their_deviations(on_
     found = [errors(windowed(k, on_lines), 10, method="era", domain=domain) for k in range(15)]
     ratio = np.array([apart / std for apart, std in found])
     assert np.mean(ratio**2) == pytest.approx(1, abs=4 * np.sqrt(2 / ratio.size))
+
+
+def test_the_damping_of_a_window_is_taken_off_before_deviations_are_told(monkeypatch):
+    # a pole -5 + 4j under a window exp(-2 t) is s = -3 + 4j, |s| = 5. Its real part alone is uncertain, by .1:
+    # f = |s| / 2 pi changes with it by -3 / 5 / 2 pi, zeta = -Re s / |s| by -(Im s)^2 / |s|^3 = -16 / 125
+    monkeypatch.setattr(deviations, "influence_on_all", lambda *_: None)
+    monkeypatch.setattr(deviations, "_moments", lambda *_: Moments(np.array([0.01]), np.array([0.01 + 0j])))
+    matrix = SimpleNamespace(
+        thinned=False, judged=SimpleNamespace(added_damping=2.0, grid=(), count=1, values=np.ones((1, 1)))
+    )
+    modal = SimpleNamespace(poles=np.array([-5 + 4j]), eigen=np.zeros(1))
+    noise = SimpleNamespace(damping_is_told=lambda poles: poles == -3 + 4j)
+    found = deviations_of(matrix, None, Asked(2, None, modal, np.array([0]), noise))[0]
+    assert found.frequency[0] == pytest.approx(0.1 * 0.6 / (2 * np.pi))
+    assert found.damping_ratio[0] == pytest.approx(0.1 * 16 / 125)
+
+
+def test_squares_of_the_deviations_of_parts_sum_to_the_variance_of_the_mean(monkeypatch):
+    # five parts of as many products: 1, 2, 3, 4, 5 have the variance 10 / 4, their mean a fifth of it
+    values = np.arange(1.0, 6).reshape(5, 1, 1, 1) * np.ones((1, 3, 1, 1))
+    blocks = SimpleNamespace(values=values, mean=values.mean(axis=0), pairs=np.full((5, 3), 7.0), sums=values)
+    monkeypatch.setattr(noise_module, "correlation_blocks", lambda *_, **__: blocks)
+    correlation = SimpleNamespace(ambient=True, count=2, values=np.ones((2, 1, 1)), input_dofs=("1",))
+    parts = noise_of(correlation, SimpleNamespace(runs=1, samples=100, sampling_rate=10.0))
+    assert np.sum(parts.deviations**2, axis=0) == pytest.approx(np.full((2, 1, 1), 0.5))
 
 
 @pytest.mark.parametrize("on_lines", [False, True])
