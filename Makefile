@@ -109,7 +109,7 @@ licences: setup
 	@$(BIN)/python -m tools.licences
 
 # Each in an environment of its own. Earlier packages beside newer ones warn of each other: that is nobody's fault here.
-VERSIONED := tests/io tests/model tests/blocks tests/realizations tests/plot tests/methods/test_exact_identities.py
+VERSIONED := tests/io tests/data tests/blocks tests/realizations tests/plot tests/methods/test_exact_identities.py
 
 versions: setup
 	@for which in min:lowest-direct new:highest; do \
@@ -120,7 +120,7 @@ versions: setup
 		$(SINGLE) $(QUIET_PLOTS) $$place/bin/python -m pytest -q -n $(WORKERS) -W default -p no:cacheprovider $(VERSIONED) || exit 1; \
 	done
 
-# TESTS="tests/model tests/io" tries a part.
+# TESTS="tests/data tests/io" tries a part.
 release-check: setup
 	@$(BIN)/mypy --python-version 3.13
 	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m tools.release --workers $(WORKERS) $(if $(TESTS),--tests $(TESTS))

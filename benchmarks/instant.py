@@ -102,14 +102,14 @@ def cases() -> list[Case]:
         ),
         Case(
             "1600 x 1600 Hankel matrix, order 40",
-            without("modalscope.blocks.costs._PATIENCE", 0, lambda: diagram(square, 40, **sized)),
+            without("modalscope.blocks.factor._PATIENCE", 0, lambda: diagram(square, 40, **sized)),
             lambda: diagram(square, 40, factorization="dense", **sized),
             np.inf,
         ),
         Case(
             "SSI-data, 15 channels x 20 000",
             of_record,
-            without("modalscope.blocks.projection.triangle_of", lambda _: None, of_record),
+            without("modalscope.blocks.projections.triangle_of", lambda _: None, of_record),
         ),
         Case(
             "correlations 8 x 8, 50 000 samples",

@@ -17,8 +17,8 @@ import pytest
 
 import modalscope as ms
 from modalscope import preprocess, systems
+from modalscope.doctor import Finding
 from modalscope.identification.options import AllOptions
-from modalscope.preprocess import Finding
 from tests.test_docstrings import CALLABLES
 
 pd = pytest.importorskip("pandas")

@@ -20,11 +20,11 @@ from numpy.typing import ArrayLike
 from scipy.optimize import linear_sum_assignment
 
 from modalscope import systems
+from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, Signals, StateSpace
+from modalscope.data.poles import frequencies_and_damping, one_of_each_pair, poles_from
+from modalscope.data.response import Response
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
-from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, Signals, StateSpace
-from modalscope.model.poles import frequencies_and_damping, one_of_each_pair, poles_from
-from modalscope.model.response import Response
 
 #: The project, and the measured beam that comes with it.
 ROOT = Path(__file__).resolve().parents[1]
@@ -43,7 +43,7 @@ FIVE = {name: systems.catalog()[name] for name in ("chain5", "ring5", "close4", 
 #: Noise of the identities' tests, dB.
 SNR_DB = 20.0
 
-#: How modalscope says that an extra is missing (`modalscope.model.extras`), as it is or within the text of another error.
+#: How modalscope says that an extra is missing (`modalscope.numerics.extras`), as it is or within the text of another error.
 WANTED = re.compile(
     r"(?P<package>[\w.-]+) is not installed\.[\s\\n]+Run: pip install [\\'\"]*(?P<extra>modalscope\[\w+\])"
 )

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from modalscope.data.poles import poles_from
+from modalscope.data.record_residual import UNMEASURED, excess
+from modalscope.data.record_transform import record_spectra
+from modalscope.data.records import Records, as_records
 from modalscope.identification.routes import usual_route
-from modalscope.model.poles import poles_from
-from modalscope.model.record_residual import UNMEASURED, excess
-from modalscope.model.record_transform import record_spectra
-from modalscope.model.records import Records, as_records
 from tests.shaker import Shaker, forces_of, shaker
 
 

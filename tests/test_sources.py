@@ -12,7 +12,7 @@ import pytest
 
 import modalscope as ms
 from modalscope import preprocess
-from modalscope.model.sources import check_source
+from modalscope.data.channels import check_source
 from modalscope.systems import chain5
 from tests.support import refused
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 
 import modalscope
-from modalscope.model.version import VERSION
+from modalscope.data.analysis import VERSION
 from tests.support import ROOT
 
 

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.signal import lfilter, ss2tf
 
-from modalscope.model import ModalModel, Signals
-from modalscope.model.checks import Array, RealArray
-from modalscope.model.poles import poles_from
+from modalscope.data import ModalModel, Signals
+from modalscope.data.poles import poles_from
+from modalscope.numerics.checks import Array, RealArray
 
 #: Storeys, each with a place in x and one in y.
 STOREYS = 16

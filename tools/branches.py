@@ -20,10 +20,9 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from modalscope.identification.method import DOMAINS
+from modalscope.data.channels import KINDS
+from modalscope.identification.method import DOMAINS, Takes
 from modalscope.identification.table import methods
-from modalscope.identification.takes import Takes
-from modalscope.model.channels import KINDS
 
 SOURCE = Path(__file__).resolve().parents[1] / "src" / "modalscope"
 

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope import systems
-from modalscope.model.checks import RealArray
+from modalscope.numerics.checks import RealArray
 
 __all__ = [
     "collinearity",

@@ -4,7 +4,7 @@
 against the installed wheel by every Python that is found: all of them without extras, and with extras every file of which anything was
 skipped for want of one, which is all that extras can change. The page is then served from that environment with no Node to be found, and
 the five starts of the documentation are made from nothing.
-`--tests tests/model` runs a part of them.
+`--tests tests/data` runs a part of them.
 """
 
 from __future__ import annotations

@@ -15,6 +15,23 @@ from warnings import warn
 if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the same place when it is first asked for
     from modalscope import plot as plot, preprocess as preprocess, systems as systems
     from modalscope.comparing import Comparison as Comparison, compare as compare
+    from modalscope.data import (
+        DataError as DataError,
+        FrequencyResponse as FrequencyResponse,
+        Geometry as Geometry,
+        ImpulseResponse as ImpulseResponse,
+        ModalModel as ModalModel,
+        Note as Note,
+        Records as Records,
+        Setups as Setups,
+        Signals as Signals,
+        StabilizationDiagram as StabilizationDiagram,
+        StateSpace as StateSpace,
+        StoredResponse as StoredResponse,
+        StoredSignals as StoredSignals,
+    )
+    from modalscope.data.analysis import Analysis as Analysis
+    from modalscope.data.results import Result as Result
     from modalscope.identification.dwell import Dwell as Dwell, tuned_dwell as tuned_dwell
     from modalscope.identification.identify import (
         Identification as Identification,
@@ -34,27 +51,10 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
     from modalscope.modal.indicators import mac as mac
     from modalscope.modal.mass_change import scale_by_mass as scale_by_mass
     from modalscope.modal.pairing import comac as comac, pair_modes as pair_modes
-    from modalscope.modal.several import merge_modes as merge_modes
+    from modalscope.modal.setups import merge_modes as merge_modes
     from modalscope.modal.shapes import fit_residues as fit_residues
-    from modalscope.model import (
-        DataError as DataError,
-        FrequencyResponse as FrequencyResponse,
-        Geometry as Geometry,
-        ImpulseResponse as ImpulseResponse,
-        ModalModel as ModalModel,
-        Note as Note,
-        Records as Records,
-        Setups as Setups,
-        Signals as Signals,
-        StabilizationDiagram as StabilizationDiagram,
-        StateSpace as StateSpace,
-        StoredResponse as StoredResponse,
-        StoredSignals as StoredSignals,
-    )
-    from modalscope.model.analysis import Analysis as Analysis
-    from modalscope.model.crew import working as working
-    from modalscope.model.result import Result as Result
-    from modalscope.plot.web.widget import widget as widget
+    from modalscope.numerics.executors import working as working
+    from modalscope.plot.web.alive import widget as widget
     from modalscope.preprocess import (
         estimate_correlation as estimate_correlation,
         estimate_frf as estimate_frf,
@@ -93,9 +93,9 @@ _HOMES = {
     "modal.indicators": ("mac",),
     "modal.mass_change": ("scale_by_mass",),
     "modal.pairing": ("comac", "pair_modes"),
-    "modal.several": ("merge_modes",),
+    "modal.setups": ("merge_modes",),
     "modal.shapes": ("fit_residues",),
-    "model": (
+    "data": (
         "DataError",
         "FrequencyResponse",
         "Geometry",
@@ -110,10 +110,10 @@ _HOMES = {
         "StoredResponse",
         "StoredSignals",
     ),
-    "model.crew": ("working",),
-    "model.analysis": ("Analysis",),
-    "model.result": ("Result",),
-    "plot.web.widget": ("widget",),
+    "numerics.executors": ("working",),
+    "data.analysis": ("Analysis",),
+    "data.results": ("Result",),
+    "plot.web.alive": ("widget",),
     "published.selfcheck": ("selfcheck",),
     "preprocess": ("estimate_correlation", "estimate_frf", "estimate_markov", "merge"),
     "preprocess.ods": ("ods",),

@@ -18,9 +18,9 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.app.limits import Limits
+from modalscope.app.guard import Limits
+from modalscope.data.analysis import Analysis
 from modalscope.io.analysis import write_analysis
-from modalscope.model.analysis import Analysis
 from modalscope.workflow.sources import source_of_file
 
 __all__ = ["HOSTILE", "Served", "built", "served", "test_files", "until"]

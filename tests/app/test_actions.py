@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from modalscope.app.actions import acted, diagrams_key
-from modalscope.model.analysis import Analysis, SourceFile
+from modalscope.data.analysis import Analysis, SourceFile
 from tests.support import refused
 
 PLAIN = Analysis(files=(SourceFile(path="a.uff"),))

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import modalscope as ms
-from modalscope.app.limits import Limits
+from modalscope.app.guard import Limits
 from modalscope.io.analysis import analysis_from
 from tests.app.server import SMALL, Served, served, until
 

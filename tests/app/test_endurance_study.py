@@ -14,7 +14,7 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
-from modalscope.app.limits import Limits
+from modalscope.app.guard import Limits
 from tests.app.server import Served, served, test_files, until
 
 WINDOWS = 50

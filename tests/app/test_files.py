@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from modalscope.app.files import Shelf
-from modalscope.model import DataError
+from modalscope.data import DataError
 from tests.support import refused
 
 

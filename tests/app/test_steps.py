@@ -12,12 +12,11 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.app.head import result_head
-from modalscope.app.steps import Stages
+from modalscope.app.steps import Stages, result_head
 from modalscope.app.tasks import TASKS, compared_view
 from modalscope.app.worker import told
-from modalscope.model import DataError
-from modalscope.model.analysis import Analysis
+from modalscope.data import DataError
+from modalscope.data.analysis import Analysis
 from modalscope.workflow.sources import source_of_file
 from tests.support import refused
 

@@ -7,10 +7,10 @@ import pytest
 import scipy.linalg as sla
 
 from modalscope import systems
-from modalscope.blocks.canonical import CanonicalProjection, canonical_projection
 from modalscope.blocks.factor import factorize
+from modalscope.blocks.projections import CanonicalProjection, canonical_projection
+from modalscope.data import Signals
 from modalscope.identification.lookup import find_method
-from modalscope.model import Signals
 from modalscope.realizations.shift import shift
 from tests.support import built
 

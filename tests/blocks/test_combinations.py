@@ -8,9 +8,9 @@ import pytest
 from modalscope import FrequencyResponse, ImpulseResponse, identify, stabilize
 from modalscope.blocks import combinations as module
 from modalscope.blocks.combinations import combinations
-from modalscope.model.checks import locked
-from modalscope.model.output_levels import output_scale
-from modalscope.model.poles import poles_from
+from modalscope.data.poles import poles_from
+from modalscope.data.response import output_scale
+from modalscope.numerics.checks import locked
 from tests.support import relative
 
 MODES, OUTPUTS, INPUTS = 6, 200, 2

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.blocks import convolved as convolved_module
-from modalscope.blocks.convolved import ConvolvedInfluence, convolved
-from modalscope.blocks.influence import SampleInfluence
+from modalscope.blocks import influence as convolved_module
+from modalscope.blocks.influence import ConvolvedInfluence, SampleInfluence, convolved
 from tests.support import relative
 
 

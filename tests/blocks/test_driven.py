@@ -11,8 +11,8 @@ from hypothesis import given, settings, strategies as st
 
 from modalscope.blocks.driven import driven_projection, intervals
 from modalscope.blocks.factor import factorize
+from modalscope.data import Records, Signals, StateSpace
 from modalscope.modal.eigenmodes import eigenmodes, state_space
-from modalscope.model import Records, Signals, StateSpace
 from modalscope.realizations.shift import shift
 from tests.support import match_poles, random_system, refused, relative
 

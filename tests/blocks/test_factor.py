@@ -7,15 +7,14 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from modalscope.blocks import block_hankel, costs
-from modalscope.blocks.block_hankel import BlockHankel
-from modalscope.blocks.costs import costs_of
-from modalscope.blocks.factor import factorize, left_factor
+from modalscope.blocks import factor as costs, structure as block_hankel
+from modalscope.blocks.factor import costs_of, factorize, left_factor
 from modalscope.blocks.hankel import hankel
-from modalscope.blocks.operators import DenseMatrix
-from modalscope.model import DataError, ImpulseResponse
-from modalscope.model.memory import set_allowed_memory
-from modalscope.model.poles import frequencies_and_damping, poles_from
+from modalscope.blocks.structure import BlockHankel
+from modalscope.data import DataError, ImpulseResponse
+from modalscope.data.poles import frequencies_and_damping, poles_from
+from modalscope.numerics.operators import DenseMatrix
+from modalscope.numerics.resources import set_allowed_memory
 from modalscope.realizations.balanced import balanced
 from modalscope.realizations.order import recommend_order
 from tests.support import add_noise, match_poles, relative

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from modalscope import FrequencyResponse
-from modalscope.blocks.arc_nodes import Arc, moments_on, nodes_needed, weights_at
-from modalscope.blocks.fraction import fraction
-from modalscope.blocks.fraction_influence import FractionInfluence
+from modalscope.blocks.fraction import Arc, FractionInfluence, fraction, moments_on, nodes_needed, weights_at
 from modalscope.blocks.influence import LineInfluence
-from modalscope.realizations.fraction import fraction_companion
+from modalscope.realizations.companion import fraction_companion
 from tests.support import add_noise, random_system, relative
 
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.blocks.block_hankel import BlockHankel
-from modalscope.blocks.compression import leading_directions, random_projection, selection, sums
-from modalscope.blocks.hankel import hankel
-from modalscope.blocks.operators import DenseMatrix
-from modalscope.model import DataError, ImpulseResponse
+from modalscope.blocks.hankel import hankel, leading_directions, random_projection, selection, sums
+from modalscope.blocks.structure import BlockHankel
+from modalscope.data import DataError, ImpulseResponse
+from modalscope.numerics.operators import DenseMatrix
 from tests.support import EPS, relative
 
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.blocks.left_rows import FunctionRows, line_pencil
+from modalscope.blocks.matrix import FunctionRows, RowShift, line_pencil
 from modalscope.blocks.polynomials import both_sums, orthogonal_basis
-from modalscope.blocks.shift import RowShift
 from tests.support import relative
 
 DEGREE, OUTPUTS, STATES = 9, 3, 5

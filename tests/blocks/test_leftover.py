@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.blocks.leftover import energy, leftover
-from modalscope.blocks.polynomials import orthogonal_basis
+from modalscope.blocks.polynomials import energy, leftover, orthogonal_basis
 
 DEGREE = 9
 

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from modalscope import FrequencyResponse, stabilize
-from modalscope.blocks import line_products, transfer as module
-from modalscope.blocks.line_products import LineProducts
-from modalscope.blocks.transfer import transfer
-from modalscope.model.poles import poles_from
+from modalscope.blocks import transfer as line_products, transfer as module
+from modalscope.blocks.transfer import LineProducts, transfer
+from modalscope.data.poles import poles_from
 from tests.support import relative
 
 #: Rounding of some thousand additions and products.

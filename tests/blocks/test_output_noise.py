@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.blocks.output_noise import noise_beside_quietest
-from modalscope.blocks.record_lines import RecordLines, record_lines
-from modalscope.model.record_transform import record_spectra
-from modalscope.model.records import as_records
+from modalscope.blocks.records import RecordLines, noise_beside_quietest, record_lines
+from modalscope.data.record_transform import record_spectra
+from modalscope.data.records import as_records
 from tests.shaker import Shaker, shaker
 from tests.support import relative
 

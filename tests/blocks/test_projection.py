@@ -8,7 +8,7 @@ from hypothesis import given, settings, strategies as st
 
 import modalscope as ms
 from modalscope.blocks.factor import factorize
-from modalscope.blocks.projection import projection
+from modalscope.blocks.projections import projection
 from modalscope.realizations.shift import shift
 
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.blocks.record_lines import record_lines
-from modalscope.blocks.run_columns import RunColumns
-from modalscope.model.record_transform import record_spectra
-from modalscope.model.records import Records
+from modalscope.blocks.records import RunColumns, record_lines
+from modalscope.data.record_transform import record_spectra
+from modalscope.data.records import Records
 from tests.blocks.test_record_lines import runs_of
 from tests.support import random_system
 

@@ -7,17 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from modalscope.blocks import record_influence
-from modalscope.blocks.few_points import few_points
+from modalscope.blocks import records as record_influence
 from modalscope.blocks.influence import LineInfluence
-from modalscope.blocks.polynomials import orthogonal_basis
-from modalscope.blocks.record_influence import RecordInfluence
-from modalscope.identification.cut import Cut, cut_order
-from modalscope.model.record_transform import record_spectra
-from modalscope.model.records import Records
-from modalscope.uncertainty.deviations import Asked, deviations_of
-from modalscope.uncertainty.influence import PoleInfluence, influence_on
-from modalscope.uncertainty.noise import White
+from modalscope.blocks.polynomials import few_points, orthogonal_basis
+from modalscope.blocks.records import RecordInfluence
+from modalscope.data.record_transform import record_spectra
+from modalscope.data.records import Records
+from modalscope.identification.sweep import Cut, cut_order
+from modalscope.likelihood.covariance import PoleInfluence, influence_on
+from modalscope.likelihood.deviations import Asked, deviations_of
+from modalscope.likelihood.noise import White
 from tests.blocks.test_record_lines import runs_of
 from tests.support import built, random_system, relative
 

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from modalscope import DataError, FrequencyResponse, ModalModel, Signals, StateSpace, identify, refine, systems
-from modalscope.blocks.record_lines import RecordLines, record_lines
-from modalscope.blocks.run_columns import RunColumns
+from modalscope.blocks.records import RecordLines, RunColumns, record_lines
 from modalscope.blocks.transfer import transfer
+from modalscope.data.record_transform import record_spectra
+from modalscope.data.records import Records
 from modalscope.identification.pipeline import Pipeline
 from modalscope.modal.eigenmodes import eigenmodes
-from modalscope.model.record_transform import record_spectra
-from modalscope.model.records import Records
 from tests.support import built, match_poles, random_system, relative
 
 #: Poles inside the band, and what follows from them by least squares.
@@ -308,9 +307,9 @@ def test_chunks_of_lines_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None
     spectra = record_spectra(records)
     whole = record_lines(spectra, domain="z", block_rows=5)
     basis = spectra.basis(poles_of(ss))
-    monkeypatch.setattr("modalscope.blocks.run_columns._NUMBERS", 512)
-    monkeypatch.setattr("modalscope.blocks.record_gram._NUMBERS", 512)
-    monkeypatch.setattr("modalscope.model.driven_basis._NUMBERS", 2048)
+    monkeypatch.setattr("modalscope.blocks.records._NUMBERS", 512)
+    monkeypatch.setattr("modalscope.blocks.records._NUMBERS", 512)
+    monkeypatch.setattr("modalscope.data.driven_basis._NUMBERS", 2048)
     pieces = record_lines(spectra, domain="z", block_rows=5)
     assert relative(pieces.triangle @ pieces.triangle.T, whole.triangle @ whole.triangle.T) < 1e-12
     again = spectra.basis(poles_of(ss))

@@ -11,9 +11,9 @@ import pytest
 from modalscope import ImpulseResponse, stabilize
 from modalscope.blocks.factor import factorize
 from modalscope.blocks.hankel import hankel
+from modalscope.data.poles import poles_from
+from modalscope.modal.accuracy import followed
 from modalscope.modal.eigenmodes import eigenmodes
-from modalscope.modal.evolution import followed
-from modalscope.model.poles import poles_from
 from modalscope.realizations.balanced import balanced
 from tests.support import relative
 

@@ -9,9 +9,8 @@ from hypothesis import given, settings, strategies as st
 from modalscope import DataError, ImpulseResponse, identify
 from modalscope.blocks.factor import factorize
 from modalscope.blocks.hankel import hankel
-from modalscope.blocks.shifted import shifted
+from modalscope.blocks.shifted import shifted, shifted_transfer, window_lines
 from modalscope.blocks.transfer import transfer
-from modalscope.blocks.windows import shifted_transfer, window_lines
 from modalscope.realizations.balanced import balanced, projected_general
 from modalscope.realizations.regression import regression
 from modalscope.realizations.shift import shift

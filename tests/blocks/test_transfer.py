@@ -9,11 +9,10 @@ from hypothesis import given, settings, strategies as st
 from modalscope import DataError, FrequencyResponse, identify
 from modalscope.blocks.factor import factorize
 from modalscope.blocks.lines import line_weights
-from modalscope.blocks.plane import plane_of
-from modalscope.blocks.polynomials import evaluate, orthogonal_basis, remainders
+from modalscope.blocks.polynomials import evaluate, orthogonal_basis, plane_of, remainders
+from modalscope.blocks.shifted import model_transfer
 from modalscope.blocks.transfer import transfer
 from modalscope.blocks.triple import ModalFit
-from modalscope.blocks.windows import model_transfer
 from tests.support import EPS, FIVE, add_noise, match_poles, random_system, relative
 
 #: Rounding of a few hundred additions and products.

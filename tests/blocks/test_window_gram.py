@@ -7,9 +7,8 @@ import pytest
 from scipy.signal import lfilter
 
 from modalscope import Signals, stabilize
-from modalscope.blocks import projection as module
-from modalscope.blocks.projection import projection
-from modalscope.blocks.window_gram import triangle_of, window_gram
+from modalscope.blocks import projections as module
+from modalscope.blocks.projections import projection, triangle_of, window_gram
 from tests.support import relative
 
 ROUNDING = 1e-12

@@ -14,7 +14,7 @@ import pytest
 import modalscope as ms
 from modalscope.cli import main
 from modalscope.cli.commands import names
-from modalscope.io.marks import is_ours
+from modalscope.io.atomic import is_ours
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.cli import main
-from modalscope.io.marks import is_ours
+from modalscope.io.atomic import is_ours
 from modalscope.reporting import report
 from tests.support import refused
 

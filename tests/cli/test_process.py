@@ -146,7 +146,7 @@ def test_a_signal_is_one_line_and_no_temporary_file(tmp_path: Path, test_file: P
 SLOW_SUMS = """
 import sys, time
 from modalscope.io import stored as of_files
-from modalscope.model import stored
+from modalscope.data import stored
 from modalscope.preprocess import saved_sums
 stored._BESIDE = of_files._PARTS = 10**9
 saved_sums._SECONDS = saved_sums._TIMES = 0.0

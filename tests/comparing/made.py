@@ -10,9 +10,9 @@ import numpy as np
 from modalscope.comparing.agreement import Group
 from modalscope.comparing.kinship import Kinship
 from modalscope.comparing.run import MethodResult
+from modalscope.data.modes import ModalModel
+from modalscope.data.poles import poles_from
 from modalscope.identification.lookup import find_method
-from modalscope.model.modes import ModalModel
-from modalscope.model.poles import poles_from
 
 #: Methods of the time domain, by what they are called in a comparison.
 ERA, ALTERNATE, POLY, LEAST, PRCE = (

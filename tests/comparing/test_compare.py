@@ -11,18 +11,17 @@ from modalscope.comparing import CAUSES, Comparison, compare, run
 from modalscope.comparing.agreement import pair
 from modalscope.comparing.identities import check_identities
 from modalscope.comparing.kinship import SAME, kinship, pole_distance, subspace_angle
-from modalscope.comparing.labels import find_by_name
-from modalscope.comparing.plan import plan
-from modalscope.comparing.run import MethodResult
-from modalscope.identification import cut
+from modalscope.comparing.result import find_by_name
+from modalscope.comparing.run import MethodResult, plan
+from modalscope.data import DataError, FrequencyResponse, ImpulseResponse
+from modalscope.identification import sweep as cut
 from modalscope.identification.lookup import cell_label
 from modalscope.identification.pipeline import factored
 from modalscope.identification.table import methods
 from modalscope.judging.select import select
 from modalscope.judging.stabilize import stabilize, swept
-from modalscope.model import DataError, FrequencyResponse, ImpulseResponse
+from modalscope.likelihood.deviations import deviations_of
 from modalscope.preprocess import estimate_correlation
-from modalscope.uncertainty.deviations import deviations_of
 
 #: 40 dB.
 NOISE = 0.01

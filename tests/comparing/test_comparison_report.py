@@ -11,7 +11,7 @@ from modalscope import plot, systems
 from modalscope.cli import main
 from modalscope.comparing import Comparison, compare
 from modalscope.reporting import report
-from modalscope.reporting.scripts import comparison_script
+from modalscope.reporting.record import comparison_script
 
 matplotlib.use("Agg")
 

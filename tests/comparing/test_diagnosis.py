@@ -11,15 +11,14 @@ import pytest
 
 from modalscope.comparing.agreement import Group
 from modalscope.comparing.causes import CAUSES, Cause
-from modalscope.comparing.diagnosis import HEAVY, disagreements, mode_causes
-from modalscope.comparing.falling import order_cause
-from modalscope.comparing.further import changed
+from modalscope.comparing.comparison import changed
+from modalscope.comparing.diagnosis import HEAVY, disagreements, mode_causes, order_cause
 from modalscope.comparing.run import MethodResult
 from modalscope.comparing.scatter import Biased, Scatter
+from modalscope.data import FrequencyResponse, ImpulseResponse
+from modalscope.data.modes import ModalModel
+from modalscope.data.poles import poles_from
 from modalscope.judging.evidence import LEAST_PEAK, LEAST_SIGNAL
-from modalscope.model import FrequencyResponse, ImpulseResponse
-from modalscope.model.modes import ModalModel
-from modalscope.model.poles import poles_from
 from tests.comparing.made import ALL, ALTERNATE, ERA, POLY, PRCE, group, result
 from tests.judging.made import NUDGE, Pole, diagram_of
 

@@ -10,8 +10,8 @@ import pytest
 
 from modalscope import systems
 from modalscope.comparing import Comparison, compare
-from modalscope.comparing.channels import without_dead
-from modalscope.model import FrequencyResponse, ImpulseResponse, Signals
+from modalscope.comparing.diagnosis import without_dead
+from modalscope.data import FrequencyResponse, ImpulseResponse, Signals
 from modalscope.preprocess import estimate_correlation, merge
 
 NOISE = 0.01

@@ -11,14 +11,13 @@ import pytest
 import modalscope as ms
 from modalscope.blocks.influence import Outer, SampleInfluence
 from modalscope.comparing.agreement import Group
-from modalscope.comparing.moved import Moved
-from modalscope.comparing.run import MethodResult
+from modalscope.comparing.run import MethodResult, Moved
 from modalscope.comparing.scatter import Scatter, stated
-from modalscope.model import ImpulseResponse
-from modalscope.model.poles import poles_from
+from modalscope.data import ImpulseResponse
+from modalscope.data.poles import poles_from
+from modalscope.likelihood.covariance import PoleInfluence
+from modalscope.likelihood.noise import Noise, Parts, White
 from modalscope.systems import chain5
-from modalscope.uncertainty.influence import PoleInfluence
-from modalscope.uncertainty.noise import Noise, Parts, White
 from tests.comparing.made import ALTERNATE, ERA, LEAST, group, result
 
 #: The normal quantile of 95 %.
@@ -156,7 +155,7 @@ def test_methods_differ_over_many_seeds_as_the_deviation_of_their_difference_say
 
 def deviation(c: ms.Comparison, k: int, kind: str) -> float:
     """Return the deviation of the difference of two methods, from covariances of each with itself and the other."""
-    from modalscope.comparing.moved import covariance
+    from modalscope.comparing.run import covariance
 
     a, b = (r.moved for r in c.results)
     assert a is not None

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from modalscope.comparing.causes import Cause
-from modalscope.comparing.certified import Tried, interval_trouble
-from modalscope.comparing.scatter import Scatter
+from modalscope.comparing.scatter import Scatter, Tried, interval_trouble
 from modalscope.comparing.verdict import GRADES, Trust, judge, words
+from modalscope.data.modes import ModalModel
 from modalscope.judging.certificate import Certificate
-from modalscope.model.modes import ModalModel
 from tests.comparing.made import ALL, ERA, PRCE, group, result
 from tests.judging.made import NUDGE
 

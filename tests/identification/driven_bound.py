@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from modalscope.model.poles import frequencies_and_damping, poles_from
-from modalscope.model.record_spectra import RecordSpectra
+from modalscope.data.poles import frequencies_and_damping, poles_from
+from modalscope.data.record_spectra import RecordSpectra
 
 #: Relative step of the central differences.
 STEP = 1e-6

@@ -7,9 +7,8 @@ import re
 import pytest
 
 import modalscope as ms
-from modalscope.identification.field_words import POINTERS
-from modalscope.identification.lookup import find_method
-from modalscope.model import DataError
+from modalscope.data import DataError
+from modalscope.identification.lookup import POINTERS, find_method
 
 #: Name in the field, and the row that it is.
 ROWS = {

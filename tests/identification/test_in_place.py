@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.identification.in_place import in_place
+from modalscope.identification.refine import in_place
 from tests.support import FIVE, add_noise
 
 NAMES = (

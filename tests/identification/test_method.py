@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from modalscope.data import ImpulseResponse
 from modalscope.identification.lookup import find_method
+from modalscope.identification.method import has_decayed
 from modalscope.identification.table import methods
-from modalscope.identification.takes import has_decayed
-from modalscope.model import ImpulseResponse
 from modalscope.systems import chain5
 
 SAMPLES = chain5().impulse_response(400)

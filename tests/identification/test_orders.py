@@ -8,8 +8,8 @@ import pytest
 from modalscope import DataError
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.fraction import fraction
+from modalscope.data import FrequencyResponse, ImpulseResponse
 from modalscope.identification.orders import BLOCKS, DEGREES, STATES, checked_orders
-from modalscope.model import FrequencyResponse, ImpulseResponse
 
 
 def factors(kept: int, rank: int) -> Factors:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from modalscope import FrequencyResponse, ImpulseResponse, Signals, stabilize
+from modalscope.data import DataError
 from modalscope.identification.plan import plan
-from modalscope.model import DataError
-from modalscope.model.memory import allowed_memory, check_fits, in_words, set_allowed_memory
+from modalscope.numerics.resources import allowed_memory, check_fits, in_words, set_allowed_memory
 from tests.support import FIVE
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from modalscope import DataError
+from modalscope.data import FrequencyResponse, ImpulseResponse, Signals
+from modalscope.data.record_spectra import RecordSpectra
 from modalscope.identification.lookup import find_method
 from modalscope.identification.prepare import measure, pose, prepare
 from modalscope.identification.table import methods
-from modalscope.model import FrequencyResponse, ImpulseResponse, Signals
-from modalscope.model.record_spectra import RecordSpectra
 from modalscope.preprocess import decimate, estimate_correlation
 from tests.support import built
 

@@ -10,9 +10,9 @@ import pytest
 from scipy.stats import chi2
 
 import modalscope as ms
+from modalscope.data import FrequencyResponse, ImpulseResponse, ModalModel
+from modalscope.data.poles import poles_from
 from modalscope.modal.rebuilt import fit_of
-from modalscope.model import FrequencyResponse, ImpulseResponse, ModalModel
-from modalscope.model.poles import poles_from
 from tests.identification.bound import bound, shape_bound
 from tests.support import BEAM, FIVE, add_noise, refused
 

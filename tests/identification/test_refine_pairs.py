@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.model.poles import frequencies_and_damping
+from modalscope.data.poles import frequencies_and_damping
 from tests.identification.bound import compressed_bound
 from tests.identification.test_refine import clean_data, start
 from tests.support import add_noise

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.identification.driven import whitened_records
-from modalscope.identification.information import normal
-from modalscope.model.poles import poles_from
-from modalscope.model.record_transform import record_spectra
-from modalscope.model.records import Records, as_records
+from modalscope.data.poles import poles_from
+from modalscope.data.record_transform import record_spectra
+from modalscope.data.records import Records, as_records
+from modalscope.likelihood.descent import normal
+from modalscope.likelihood.driven import whitened_records
 from tests.identification.driven_bound import record_bound
 from tests.shaker import shaker
 from tests.support import match_poles, random_system, refused

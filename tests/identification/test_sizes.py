@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from modalscope.data import FrequencyResponse, ImpulseResponse, Signals
 from modalscope.identification.sizes import (
     companion_windows,
     default_blocks,
@@ -13,7 +14,6 @@ from modalscope.identification.sizes import (
     default_shifts,
     default_windows,
 )
-from modalscope.model import FrequencyResponse, ImpulseResponse, Signals
 
 
 def samples(count: int, outputs: int = 2, inputs: int = 3, kind: str = "dirac") -> ImpulseResponse:

@@ -20,8 +20,8 @@ import h5py  # noqa: F401 - loaded once, before the copies are made
 import scipy.io  # noqa: F401
 
 import modalscope.io as mio
+from modalscope.data import DataError
 from modalscope.io.analysis import read_analysis
-from modalscope.model import DataError
 
 #: What a reader may add to the memory of the process: 500 MB, or twenty times the file.
 LEAST, TIMES = 500_000_000, 20

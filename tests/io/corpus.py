@@ -10,8 +10,8 @@ import scipy.io
 
 import modalscope as ms
 import modalscope.io as mio
+from modalscope.data.analysis import Analysis, SourceFile
 from modalscope.io.analysis import write_analysis
-from modalscope.model.analysis import Analysis, SourceFile
 from tests.io import samples
 
 h5py = pytest.importorskip("h5py")

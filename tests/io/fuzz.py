@@ -109,7 +109,7 @@ def damaged(corpus: list[Path], seed: int, index: int) -> tuple[Path, str, bytes
 
 def work(corpus: Path, seed: int, first: int, stop: int, place: Path) -> None:
     """Read the damaged files of these numbers."""
-    from modalscope.model import DataError
+    from modalscope.data import DataError
     from tests.io.apart import read
 
     walk_in_a_copy()

@@ -7,8 +7,8 @@ import json
 import numpy as np
 import pytest
 
+from modalscope.data.analysis import Analysis, SourceFile
 from modalscope.io.analysis import analysis_to, read_analysis, write_analysis
-from modalscope.model.analysis import Analysis, SourceFile
 from tests.support import refused
 
 

@@ -5,7 +5,7 @@ import io
 import pytest
 
 import modalscope.io as mio
-from modalscope.model import Signals
+from modalscope.data import Signals
 from tests.io import samples
 from tests.support import refused
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from modalscope.data import DataError, Geometry, StabilizationDiagram
 from modalscope.io import survey
-from modalscope.model import DataError, Geometry, StabilizationDiagram
 from modalscope.systems import chain5
 
 SUFFIXES = [".npz", ".json"]

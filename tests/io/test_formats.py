@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import modalscope.io as mio
-from modalscope.model import DataError
+from modalscope.data import DataError
 from tests.io import samples
 from tests.support import refused
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import modalscope.io as mio
+from modalscope.data import DataError, Signals
 from modalscope.io.limits import Room, room
-from modalscope.model import DataError, Signals
 from tests.io.bombs import BOMBS
 from tests.support import ROOT, refused
 

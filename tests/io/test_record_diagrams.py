@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.model.record_spectra import RecordSpectra
+from modalscope.data.record_spectra import RecordSpectra
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".json"])

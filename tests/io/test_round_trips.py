@@ -6,7 +6,7 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 from hypothesis.extra import numpy as hnp
 
 import modalscope.io as mio
-from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, ModalModel, Signals
+from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, ModalModel, Signals
 from tests.io import samples
 
 FEW = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -12,7 +12,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.io import read, survey, write
-from modalscope.model.errors import DataError
+from modalscope.numerics.checks import DataError
 
 h5py = pytest.importorskip("h5py")
 
@@ -76,7 +76,7 @@ def test_a_record_that_is_large_beside_the_memory_stays_in_its_file(
 ) -> None:
     for path in files(tmp_path, samples):
         assert isinstance(read(path), ms.Signals)
-    monkeypatch.setattr("modalscope.model.memory._allowed", 3 * samples.nbytes)
+    monkeypatch.setattr("modalscope.numerics.resources._allowed", 3 * samples.nbytes)
     for path in (tmp_path / "whole.h5", tmp_path / "three.zarr"):
         assert isinstance(read(path), ms.StoredSignals)
         assert isinstance(read(path, stored=False), ms.Signals)
@@ -88,7 +88,7 @@ def test_rate_and_units_may_come_from_elsewhere(tmp_path: Path, samples: Any) ->
         file["time"] = np.arange(SAMPLES) / RATE
     stored = read(tmp_path / "a.h5", stored=True, rename={"y": "outputs"}, units="g")
     assert stored.sampling_rate == pytest.approx(RATE)
-    from modalscope.model.si import si_form
+    from modalscope.data.units import si_form
 
     turned, notes = si_form(stored)
     assert "converted to SI" in str(notes[0])

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from modalscope.data import stored as stored_response
+from modalscope.data.poles import poles_from
 from modalscope.io import survey
-from modalscope.model import stored_response
-from modalscope.model.errors import DataError
-from modalscope.model.poles import poles_from
+from modalscope.numerics.checks import DataError
 from tests.support import relative
 
 zarr = pytest.importorskip("zarr", reason="zarr is not installed: pip install 'modalscope[zarr]'")

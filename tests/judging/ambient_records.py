@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from modalscope.model import Signals, StateSpace
+from modalscope.data import Signals, StateSpace
 
 Array = NDArray[np.float64]
 

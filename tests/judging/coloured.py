@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from modalscope.model import FrequencyResponse
-from modalscope.model.checks import ComplexArray, RealArray
+from modalscope.data import FrequencyResponse
+from modalscope.numerics.checks import ComplexArray, RealArray
 from tests.judging.hard import Structure, lines_of
 
 #: Relative scatter of resonances from input to input, part of the response that lines err by, lines that err together, white noise in dB.

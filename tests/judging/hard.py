@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.identification.likelihood import whitened
-from modalscope.identification.whitening import levels_of
-from modalscope.model import FrequencyResponse, ImpulseResponse
-from modalscope.model.checks import Array, ComplexArray, RealArray
-from modalscope.model.modes import ModalModel
-from modalscope.model.pairing import assign
-from modalscope.model.poles import poles_from
+from modalscope.data import FrequencyResponse, ImpulseResponse
+from modalscope.data.modes import ModalModel
+from modalscope.data.poles import poles_from
+from modalscope.likelihood.likelihood import whitened
+from modalscope.likelihood.whitening import levels_of
+from modalscope.numerics.checks import Array, ComplexArray, RealArray
+from modalscope.numerics.statistics import assign
 
 #: Neighbours differ by this part of the frequency at least.
 GAP = 0.02

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from modalscope.data import FrequencyResponse, ImpulseResponse
+from modalscope.data.poles import poles_from
+from modalscope.data.results import StabilizationDiagram
 from modalscope.judging.tracking import Poles
-from modalscope.model import FrequencyResponse, ImpulseResponse
-from modalscope.model.diagram import StabilizationDiagram
-from modalscope.model.poles import poles_from
 
 #: A step to either side of a threshold: far above rounding, far below what the rule means.
 NUDGE = 1e-3

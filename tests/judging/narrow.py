@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from modalscope.model import FrequencyResponse
-from modalscope.model.checks import IntArray, RealArray
+from modalscope.data import FrequencyResponse
+from modalscope.numerics.checks import IntArray, RealArray
 from tests.judging.coloured import pole_columns, unit_errors, white_errors
 from tests.judging.hard import Structure, lines_of, random_structure
 

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.identification.information import inverse, normal
-from modalscope.identification.likelihood import whitened
-from modalscope.identification.whitening import levels_of
+from modalscope.data.modes import ModalModel
+from modalscope.data.poles import poles_from
+from modalscope.likelihood.descent import inverse, normal
+from modalscope.likelihood.likelihood import whitened
+from modalscope.likelihood.whitening import levels_of
 from modalscope.modal.indicators import mac
-from modalscope.model.checks import ComplexArray, RealArray
-from modalscope.model.modes import ModalModel
-from modalscope.model.poles import poles_from
+from modalscope.numerics.checks import ComplexArray, RealArray
 from tests.judging.hard import Structure
 
 #: Outputs, and shapes of a pair are less alike than this.

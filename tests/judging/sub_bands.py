@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from modalscope.model import FrequencyResponse
-from modalscope.model.checks import Array, RealArray
-from modalscope.model.modes import ModalModel
-from modalscope.model.pairing import assign
+from modalscope.data import FrequencyResponse
+from modalscope.data.modes import ModalModel
+from modalscope.numerics.checks import Array, RealArray
+from modalscope.numerics.statistics import assign
 from tests.judging.coloured import unit_errors, white_errors
 from tests.judging.hard import NEAR, Structure, gains_of, lines_of, random_structure
 from tests.judging.narrow import Narrow, narrow_gains

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from modalscope import DataError
+from modalscope.data.modes import ModalModel
+from modalscope.data.poles import poles_from
 from modalscope.judging.bands import merge_bands
-from modalscope.model.modes import ModalModel
-from modalscope.model.poles import poles_from
 from tests.judging.made import NUDGE, at_angle
 
 #: Tolerances that are the defaults.

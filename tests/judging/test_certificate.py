@@ -9,10 +9,9 @@ import pytest
 
 import modalscope as ms
 from modalscope.judging import certificate
-from modalscope.judging.certificate import Calibration, calibration
-from modalscope.judging.replicates import replicates_of
+from modalscope.judging.certificate import Calibration, calibration, replicates_of
+from modalscope.likelihood.noise import coloured
 from modalscope.systems import chain5
-from modalscope.uncertainty.drawn import coloured
 from tests.support import refused
 
 TRUTH = chain5().modes()

@@ -8,9 +8,16 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.judging.certificate import LARGEST_BIAS, LEAST_COVERAGE, RATIOS, Calibration, calibration, certified
-from modalscope.judging.replicates import replicates_of
-from modalscope.model.checks import BoolArray, RealArray
+from modalscope.judging.certificate import (
+    LARGEST_BIAS,
+    LEAST_COVERAGE,
+    RATIOS,
+    Calibration,
+    calibration,
+    certified,
+    replicates_of,
+)
+from modalscope.numerics.checks import BoolArray, RealArray
 from modalscope.systems import chain5
 from tests.tables import Table
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.judging import channel_fits
-from modalscope.judging.channel_fits import ChannelFits
-from modalscope.judging.coloured_errors import ColouredErrors
-from modalscope.model.checks import RealArray
+from modalscope.judging import recount as channel_fits
+from modalscope.judging.recount import ChannelFits, ColouredErrors
+from modalscope.numerics.checks import RealArray
 
 LINES, SHAPE = 60, (3, 2)
 rng = np.random.default_rng(3)

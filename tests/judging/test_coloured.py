@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.model.checks import IntArray
+from modalscope.numerics.checks import IntArray
 from tests.judging.coloured import coloured_gains, coloured_response
 from tests.judging.hard import random_structure, score
 

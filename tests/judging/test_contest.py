@@ -8,17 +8,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from modalscope.identification.descent import descend
-from modalscope.identification.information import inverse, normal
-from modalscope.identification.likelihood import Whitened, whitened
-from modalscope.identification.whitening import search_bound
+from modalscope.data import FrequencyResponse
+from modalscope.data.poles import poles_from
 from modalscope.judging.arena import Arena
-from modalscope.judging.contenders import State, noise_beneath, standing
-from modalscope.judging.contest import _doubtful, contest, gains_beside, staying
-from modalscope.judging.likeness import ONE_SHAPE, collinear
-from modalscope.model import FrequencyResponse
-from modalscope.model.poles import poles_from
-from modalscope.uncertainty.covariance import deviations_of_poles, pole_blocks
+from modalscope.judging.contest import State, _doubtful, contest, gains_beside, noise_beneath, standing, staying
+from modalscope.judging.tracking import ONE_SHAPE, collinear
+from modalscope.likelihood.covariance import deviations_of_poles, pole_blocks
+from modalscope.likelihood.descent import descend, inverse, normal
+from modalscope.likelihood.likelihood import Whitened, whitened
+from modalscope.likelihood.whitening import search_bound
 from tests.judging.made import NUDGE, at_angle
 
 F = np.linspace(5, 25, 400)

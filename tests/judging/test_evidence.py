@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from modalscope.data import FrequencyResponse, ImpulseResponse
+from modalscope.data.poles import poles_from
 from modalscope.judging.evidence import (
     CERTAIN,
     LEAST_ORDERS,
@@ -29,8 +31,6 @@ from modalscope.judging.evidence import (
     peaks,
     sentence,
 )
-from modalscope.model import FrequencyResponse, ImpulseResponse
-from modalscope.model.poles import poles_from
 from tests.judging.made import NUDGE, Pole, diagram_of, poles_of, response_of
 
 #: Two outputs of root mean square 1 and 2 over three inputs.

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.judging.growth import grown
-from modalscope.model.diagram import StabilizationDiagram
+from modalscope.data.results import StabilizationDiagram
+from modalscope.judging.stabilize import grown
 from tests.judging.made import Pole, diagram_of, response_of
 from tests.support import add_noise
 

@@ -9,12 +9,12 @@ import pytest
 from scipy.signal import lfilter
 
 import modalscope as ms
-from modalscope.model import Signals
-from modalscope.model.output_levels import output_scale, root_mean_squares
-from modalscope.model.poles import poles_from
-from modalscope.model.record_residual import DELAY, UNMEASURED
-from modalscope.model.record_transform import record_spectra
-from modalscope.model.records import as_records
+from modalscope.data import Signals
+from modalscope.data.poles import poles_from
+from modalscope.data.record_residual import DELAY, UNMEASURED
+from modalscope.data.record_transform import record_spectra
+from modalscope.data.records import as_records
+from modalscope.data.response import output_scale, root_mean_squares
 
 RATE = 50.0
 F, ZETA = np.array([2.1, 4.4, 6.8, 9.2]), np.array([0.004, 0.006, 0.01, 0.008])

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from modalscope.identification.richer import floor_of
-from modalscope.judging import likely
+from modalscope.data.poles import poles_from
+from modalscope.judging import verdict as likely
 from modalscope.judging.arena import Arena
 from modalscope.judging.evidence import evidence_of
-from modalscope.model.poles import poles_from
+from modalscope.likelihood.reference_model import floor_of
 from tests.judging.made import diagram_of, poles_of
 from tests.judging.test_contest import F, data
 from tests.judging.test_verdict import ALL, OFF, ORDERS, POLES

@@ -7,7 +7,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.modal.indicators import mac
-from modalscope.model.checks import IntArray
+from modalscope.numerics.checks import IntArray
 from tests.judging.hard import score
 from tests.judging.narrow import FEWEST, narrow_case, narrow_gains
 

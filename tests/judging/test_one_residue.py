@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.judging.one_residue import one_residue
+from modalscope.data import FrequencyResponse
+from modalscope.data.poles import poles_from
+from modalscope.judging.verdict import one_residue
 from modalscope.modal.indicators import mac
-from modalscope.model import FrequencyResponse
-from modalscope.model.poles import poles_from
 
 F = np.linspace(8, 13, 500)
 POLE = complex(poles_from(10.0, 0.01))

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from modalscope.data import FrequencyResponse, ImpulseResponse
+from modalscope.data.modes import ModalModel
+from modalscope.data.response import Response
 from modalscope.judging import outcome as outcomes
 from modalscope.judging.evidence import Candidate
 from modalscope.judging.outcome import modes_of
 from modalscope.modal.indicators import mac
-from modalscope.model import FrequencyResponse, ImpulseResponse
-from modalscope.model.modes import ModalModel
-from modalscope.model.response import Response
 from tests.judging.made import Pole, at_angle, diagram_of, poles_of, response_of
 
 #: Two modes that no channel and no scaling can exchange.

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.model.checks import IntArray
+from modalscope.numerics.checks import IntArray
 from tests.judging.hard import frequency_response, impulse_response
 from tests.judging.pairs import apart_in_deviations, both_found, listed_in_pair, structure_with_pair
 

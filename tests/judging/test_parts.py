@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from modalscope.judging.growth import ORDERS_END
-from modalscope.judging.parts import SPLIT, Part, cut_of, holds_too_little, joined_diagram, joined_modes
-from modalscope.model import FrequencyResponse, ImpulseResponse
-from modalscope.model.diagram import StabilizationDiagram
-from modalscope.model.modes import ModalModel
-from modalscope.model.notes import Note
-from modalscope.model.poles import poles_from
+from modalscope.data import FrequencyResponse, ImpulseResponse
+from modalscope.data.modes import ModalModel
+from modalscope.data.notes import Note
+from modalscope.data.poles import poles_from
+from modalscope.data.results import StabilizationDiagram
+from modalscope.judging.bands import SPLIT, Part, cut_of, holds_too_little, joined_diagram, joined_modes
+from modalscope.judging.stabilize import ORDERS_END
 from tests.judging.made import Pole, diagram_of
 
 #: Resonances crowd below 9 and above 20 Hz.

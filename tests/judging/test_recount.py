@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from modalscope.identification.descent import descend
-from modalscope.identification.likelihood import whitened
-from modalscope.identification.whitening import free_bound, lag_factor
-from modalscope.judging.coloured_errors import ColouredErrors, errors_of as told_errors
-from modalscope.judging.recount import Recount, inverse, recount_of
-from modalscope.model.checks import RealArray
-from modalscope.model.poles import poles_from
+from modalscope.data.poles import poles_from
+from modalscope.judging.recount import ColouredErrors, Recount, errors_of as told_errors, inverse, recount_of
+from modalscope.likelihood.descent import descend
+from modalscope.likelihood.likelihood import whitened
+from modalscope.likelihood.whitening import free_bound, lag_factor
+from modalscope.numerics.checks import RealArray
 from tests.judging.test_contest import NOISE, PARTS, POLES, SHAPES, F, arena_of, data
 
 

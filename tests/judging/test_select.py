@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from modalscope import DataError
-from modalscope.judging.counted import _none_twice
-from modalscope.judging.evidence import Candidate
+from modalscope.data.results import StabilizationDiagram
+from modalscope.judging.evidence import Candidate, _none_twice
 from modalscope.judging.select import select
-from modalscope.modal.sufficient import SLACK
-from modalscope.model.diagram import StabilizationDiagram
+from modalscope.judging.stabilize import SLACK
 from tests.judging.made import NUDGE, Pole, at_angle, diagram_of, poles_of, response_of
 
 ONE = Pole(2, 8, 0.02, shape=(1, 2), part=(0.5, 1, -2))

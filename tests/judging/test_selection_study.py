@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.model.checks import IntArray
-from modalscope.model.poles import poles_from
+from modalscope.data.poles import poles_from
+from modalscope.numerics.checks import IntArray
 from tests.judging.hard import (
     Structure,
     deviations_of,

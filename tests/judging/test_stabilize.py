@@ -11,10 +11,10 @@ import pytest
 
 from modalscope import DataError, stabilize
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
-from modalscope.identification.cut import Cut
-from modalscope.judging.stability import TOLERANCES, stable_against
+from modalscope.data import FrequencyResponse, ImpulseResponse, ModalModel, Signals
+from modalscope.identification.sweep import Cut
+from modalscope.judging.stabilize import TOLERANCES, stable_against
 from modalscope.modal.eigenmodes import Eigenmodes
-from modalscope.model import FrequencyResponse, ImpulseResponse, ModalModel, Signals
 from tests.judging.made import NUDGE, Pole, at_angle, response_of
 
 ONE = Pole(2, 8, 0.02, shape=(1, 0.2), part=(0.5, 1, -2))

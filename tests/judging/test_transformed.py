@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.model import FrequencyResponse
+from modalscope.data import FrequencyResponse
 from tests.judging.hard import Structure, gains_of, lines_of, random_structure, score
 
 BEAM = Path(__file__).parents[2] / "examples" / "beam_hammer" / "beam_hammer.uff"

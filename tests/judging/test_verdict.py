@@ -8,17 +8,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from modalscope.data import FrequencyResponse
+from modalscope.data.poles import poles_from
 from modalscope.judging import recount
 from modalscope.judging.arena import Arena
 from modalscope.judging.contest import contest
 from modalscope.judging.evidence import Candidate, evidence_of
-from modalscope.judging.growth import ORDERS_END
 from modalscope.judging.outcome import modes_of
 from modalscope.judging.select import select
+from modalscope.judging.stabilize import ORDERS_END
 from modalscope.judging.tracking import Poles
 from modalscope.judging.verdict import Trial, _shown_by, verdicts
-from modalscope.model import FrequencyResponse
-from modalscope.model.poles import poles_from
 from tests.judging.made import Pole, diagram_of, poles_of
 from tests.judging.test_contest import NOISE, PARTS, POLES, SHAPES, F, arena_of, data
 

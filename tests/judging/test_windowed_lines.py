@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.identification.whitening import colour, told_under_window
-from modalscope.model import FrequencyResponse
-from modalscope.model.checks import ComplexArray, RealArray
+from modalscope.data import FrequencyResponse
+from modalscope.likelihood.whitening import colour, told_under_window
+from modalscope.numerics.checks import ComplexArray, RealArray
 
 RATE, SAMPLES, LAST = 20.0, 512, 0.01
 TIME = np.arange(SAMPLES) / RATE

@@ -7,11 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 import modalscope as ms
-from modalscope.identification.method import Method
-from modalscope.identification.takes import Takes
-from modalscope.model import FrequencyResponse, ImpulseResponse, ModalModel
-from modalscope.model.pairing import assign
-from modalscope.model.poles import frequencies_and_damping, poles_from
+from modalscope.data import FrequencyResponse, ImpulseResponse, ModalModel
+from modalscope.data.poles import frequencies_and_damping, poles_from
+from modalscope.identification.method import Method, Takes
+from modalscope.numerics.statistics import assign
 from tests.identification.bound import compressed_bound
 from tests.support import add_noise
 

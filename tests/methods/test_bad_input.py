@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from modalscope.data import DataError, ImpulseResponse, StateSpace
 from modalscope.identification.identify import identify
-from modalscope.model import DataError, ImpulseResponse, StateSpace
 from tests.support import FIVE, add_noise, match_poles, relative
 
 CHAIN = FIVE["chain5"]()

@@ -8,11 +8,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.blocks.compression import random_projection
 from modalscope.blocks.factor import Factors, factorize, left_factor
-from modalscope.blocks.hankel import hankel
+from modalscope.blocks.hankel import hankel, random_projection
+from modalscope.data import ImpulseResponse
 from modalscope.identification.identify import identify
-from modalscope.model import ImpulseResponse
 from modalscope.realizations.balanced import balanced, projected_general
 from modalscope.realizations.companion import null_space_companion
 from modalscope.realizations.regression import regression, regression_matrix
@@ -265,7 +264,7 @@ def test_i13_indicators_do_not_depend_on_coordinates(case):
 def test_i13_evolution_is_invariant_under_similarity(case):
     """The factors' own sides: V T and T^-1 W with the model (T^-1 A T, T^-1 B, C T)."""
     from modalscope.blocks.triple import Eigen, ModalFit, Triple
-    from modalscope.modal.evolution import followed
+    from modalscope.modal.accuracy import followed
 
     def sides(model: Triple, X: np.ndarray) -> list[np.ndarray]:
         Xi = np.linalg.inv(X)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from modalscope.data import ImpulseResponse
 from modalscope.identification.identify import identify
-from modalscope.model import ImpulseResponse
 from tests.support import FIVE, add_noise, built, relative
 
 #: One formula against another on the same numbers: rounding, times the condition of the data at 20 dB.

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from modalscope import DataError, FrequencyResponse, Identification, StateSpace
-from modalscope.blocks.windows import model_transfer
+from modalscope.blocks.shifted import model_transfer
 from modalscope.identification.identify import assemble
 from tests.support import EPS, FIVE, built, random_system
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
+from modalscope.data import ImpulseResponse, StateSpace
+from modalscope.data.poles import to_continuous
 from modalscope.identification.identify import identify
-from modalscope.model import ImpulseResponse, StateSpace
-from modalscope.model.poles import to_continuous
 from tests.support import FIVE, match_poles, pole_tolerance, random_systems, relative
 
 METHODS = [

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from modalscope.data.poles import frequencies_and_damping
 from modalscope.identification.identify import identify
-from modalscope.model.poles import frequencies_and_damping
 from tests.support import FIVE, add_noise
 
 RUNS = 120

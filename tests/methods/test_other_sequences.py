@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from modalscope.data import ImpulseResponse, Signals
 from modalscope.identification.identify import identify
-from modalscope.model import ImpulseResponse, Signals
 from tests.support import FIVE, match_poles, relative
 
 CHAIN = FIVE["chain5"]()

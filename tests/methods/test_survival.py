@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.blocks.compression import leading_directions, random_projection, selection, sums
-from modalscope.blocks.operators import DenseMatrix
+from modalscope.blocks.hankel import leading_directions, random_projection, selection, sums
+from modalscope.data import DataError
 from modalscope.identification.identify import identify
-from modalscope.model import DataError
+from modalscope.numerics.operators import DenseMatrix
 from modalscope.systems import Structure
 from tests.support import FIVE, match_poles, relative
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from modalscope.modal.explained import explained, explains_enough, share_explained
+from modalscope.modal.rebuilt import explained, explains_enough, share_explained
 
 
 @pytest.mark.parametrize(("error", "share"), [(0.0, 1.0), (0.6, 0.64), (1.0, 0.0), (3.0, 0.0), (np.nan, 0.0)])

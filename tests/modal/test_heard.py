@@ -5,9 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from modalscope.modal.heard import heard_lines, of_noise
-from modalscope.modal.rebuilt import fit_error_heard, fit_of
-from modalscope.model import FrequencyResponse, ModalModel
+from modalscope.data import FrequencyResponse, ModalModel
+from modalscope.modal.rebuilt import fit_error_heard, fit_of, heard_lines, of_noise
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.modal.indicator_functions import cmif, mmif, prominence
-from modalscope.model import DataError, FrequencyResponse
+from modalscope.data import DataError, FrequencyResponse
+from modalscope.modal.indicators import cmif, mmif, prominence
 from tests.support import FIVE
 
 

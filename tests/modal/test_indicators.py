@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from modalscope import systems
+from modalscope.data import DataError
 from modalscope.modal.indicators import (
     amplitude_coherence,
     cluster_mpc,
@@ -20,7 +21,6 @@ from modalscope.modal.indicators import (
     prominence,
     weighted_mean,
 )
-from modalscope.model import DataError
 
 RNG = np.random.default_rng(4)
 SHAPES = RNG.standard_normal((6, 3)) + 1j * RNG.standard_normal((6, 3))

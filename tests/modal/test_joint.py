@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from modalscope.modal.joint import joint_residues
-from modalscope.model import FrequencyResponse, ImpulseResponse
-from modalscope.model.modes import ModalModel
-from modalscope.model.poles import poles_from
-from modalscope.model.response import Response
+from modalscope.data import FrequencyResponse, ImpulseResponse
+from modalscope.data.modes import ModalModel
+from modalscope.data.poles import poles_from
+from modalscope.data.response import Response
+from modalscope.modal.shapes import joint_residues
 from tests.support import relative
 
 seeds = st.integers(0, 2**32 - 1)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.model import DataError
+from modalscope.data import DataError
 from modalscope.systems import chain
 
 MASSES, SPRINGS = np.array([2.0, 1.0, 1.5, 1.0, 3.0]), np.array([900.0, 800, 700, 600, 500])

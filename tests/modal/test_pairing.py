@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from modalscope.data import DataError, ModalModel
 from modalscope.modal.pairing import comac, pair_modes
-from modalscope.model import DataError, ModalModel
 
 SHAPES = np.array([[1.0, 1.0, 1.0], [2.0, 0.5, -1.0], [3.0, -1.0, 0.5]])
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from modalscope.data.response import Response
 from modalscope.modal.rebuilt import fit_error, fit_error_of, fit_of
-from modalscope.model.response import Response
 from modalscope.systems import chain5
 
 MODES = replace(chain5().modes(), feedthrough=None)
@@ -45,7 +45,7 @@ def test_pieces_give_the_fit_error_of_the_whole() -> None:
     whole, channel = fit_error(noisy.values, noisy.values_of(model))
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(
-            "modalscope.model.impulse.HELD", 7 * noisy.values[0].size
+            "modalscope.data.impulse.HELD", 7 * noisy.values[0].size
         )  # pieces of sixteen samples, the fewest
         pieces = list(noisy.beside(model))
     assert len(pieces) == 19

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from modalscope.modal.between import steps_of_groups, with_repeatability
+from modalscope.data import DataError, ImpulseResponse, ModalModel
+from modalscope.data.poles import poles_from
 from modalscope.modal.indicators import mac
-from modalscope.modal.several import merge_modes
-from modalscope.model import DataError, ImpulseResponse, ModalModel
-from modalscope.model.poles import poles_from
+from modalscope.modal.setups import merge_modes, steps_of_groups, with_repeatability
 from modalscope.systems import chain5
 
 MODES = chain5().modes()

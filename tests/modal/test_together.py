@@ -10,14 +10,13 @@ import pytest
 
 from modalscope import DataError, ImpulseResponse, Signals, estimate_correlation
 from modalscope.blocks.triple import ModalFit
-from modalscope.identification import cut as cutting
-from modalscope.identification.cut import Shared, cut_order, judged
+from modalscope.data.poles import poles_from
+from modalscope.data.response import output_scale
+from modalscope.identification import sweep as cutting
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
-from modalscope.identification.sweep import Sweep
+from modalscope.identification.sweep import Shared, Sweep, cut_order, judged
 from modalscope.modal.rebuilt import fit_error, rebuilt
-from modalscope.model.output_levels import output_scale
-from modalscope.model.poles import poles_from
 from tests.support import FIVE, relative
 
 ORDERS = tuple(range(1, 25))

@@ -6,8 +6,8 @@ from functools import cache
 
 import numpy as np
 
+from modalscope.data import FrequencyResponse, ModalModel, StabilizationDiagram
 from modalscope.identification.options import LineOptions
-from modalscope.model import FrequencyResponse, ModalModel, StabilizationDiagram
 from modalscope.systems import chain5
 
 #: Poles that the diagram has beside those of the chain.

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from modalscope import plot
-from modalscope.model import DataError, ImpulseResponse, Signals
+from modalscope.data import DataError, ImpulseResponse, Signals
 from modalscope.plot._style import decimals, dodge
 from modalscope.plot.diagrams import indicator_curves
 from modalscope.preprocess import decomposition

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from modalscope import plot
+from modalscope.data import DataError
 from modalscope.modal import indicators
-from modalscope.model import DataError
 from tests.plot import examples
 
 

@@ -8,8 +8,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from modalscope import plot
+from modalscope.data import DataError
 from modalscope.modal.rebuilt import rebuilt
-from modalscope.model import DataError
 from tests.plot import examples
 
 

@@ -9,8 +9,8 @@ from matplotlib.collections import LineCollection, PathCollection, PolyCollectio
 from matplotlib.figure import Figure
 
 from modalscope import plot
-from modalscope.model import DataError, Geometry, ModalModel
-from modalscope.model.poles import poles_from
+from modalscope.data import DataError, Geometry, ModalModel
+from modalscope.data.poles import poles_from
 from modalscope.plot._camera import oblique, view_of
 from modalscope.plot.shapes import in_phase
 from tests.plot import examples

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 import modalscope as ms
-from modalscope.model.crew import working
+from modalscope.numerics.executors import working
 
 #: Lags of the correlations.
 LAGS = 200

@@ -15,9 +15,9 @@ import numpy as np
 from scipy.signal import cont2discrete, lfilter
 
 import modalscope as ms
-from modalscope.model import DataError, FrequencyResponse, Signals
-from modalscope.model.checks import Array
-from modalscope.preprocess import examine
+from modalscope.data import DataError, FrequencyResponse, Signals
+from modalscope.doctor import examine
+from modalscope.numerics.checks import Array
 from modalscope.systems import chain5, close4, heavy4, iasc_asce, ring5
 
 RATE, LINES = 40.0, np.arange(0.2, 9, 0.01)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from modalscope.model import DataError, Signals
+from modalscope.data import DataError, Signals
 from modalscope.preprocess import decimate, detrend, differentiate, estimate_frf, filter_band, integrate
 from modalscope.systems import chain5
 

@@ -5,7 +5,7 @@ import pytest
 import scipy.linalg as sla
 from scipy import signal
 
-from modalscope.model import DataError, Signals
+from modalscope.data import DataError, Signals
 from modalscope.preprocess import (
     correlation_blocks,
     decomposition,

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from modalscope.data import Signals
 from modalscope.identification.prepare import measure
-from modalscope.model import Signals
-from modalscope.preprocess.driven_band import struck_band
+from modalscope.preprocess.excited_band import struck_band
 from modalscope.systems import chain5
 
 RATE = 64.0

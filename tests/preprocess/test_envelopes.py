@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.model import Signals
-from modalscope.preprocess import envelopes
-from modalscope.preprocess.envelopes import lines_around, narrow_band, steady_bands
-from modalscope.preprocess.whole_spectrum import Spectrum
+from modalscope.data import Signals
+from modalscope.preprocess import harmonics as envelopes
+from modalscope.preprocess.harmonics import Spectrum, lines_around, narrow_band, steady_bands
 
 
 @pytest.mark.parametrize("count", [12, 37, 400])

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from modalscope.model import DataError, Signals
-from modalscope.preprocess import estimate_frf, examine, exponential_decay
+from modalscope.data import DataError, Signals
+from modalscope.doctor import examine
+from modalscope.preprocess import estimate_frf, exponential_decay
 from modalscope.preprocess.excitation import find_excitation
 from modalscope.preprocess.impacts import find_hits, room_of, whole_series
 from modalscope.preprocess.spectra import Segments, cross_spectra, effective_averages

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.model import Signals
+from modalscope.data import Signals
 from modalscope.preprocess.harmonics import HARMONIC, find_lines, harmonic_notes, shaft_orders
 from tests.judging.ambient_records import beside_a_machine, random_structure
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.model import Signals
+from modalscope.data import Signals
 from modalscope.preprocess import remove_harmonics
 from modalscope.preprocess.harmonics import find_lines
 from modalscope.preprocess.harmonics_removed import _Track

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from modalscope import Signals, estimate_correlation
-from modalscope.preprocess import lag_sums
-from modalscope.preprocess.lag_sums import LagSum
+from modalscope.preprocess import stored_correlation as lag_sums
+from modalscope.preprocess.stored_correlation import LagSum
 
 #: Rounding of sums of some thousand products, of the largest sum.
 ROUNDING = 1e-13

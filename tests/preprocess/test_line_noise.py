@@ -10,11 +10,11 @@ import pytest
 from scipy.signal import lfilter
 
 import modalscope as ms
+from modalscope.data.poles import poles_from
+from modalscope.data.record_spectra import RecordSpectra
+from modalscope.data.record_transform import record_spectra
+from modalscope.data.records import Records
 from modalscope.identification.prepare import prepare
-from modalscope.model.poles import poles_from
-from modalscope.model.record_spectra import RecordSpectra
-from modalscope.model.record_transform import record_spectra
-from modalscope.model.records import Records
 from modalscope.preprocess import line_noise as lines
 from modalscope.preprocess.line_noise import DRIFT, level_lines, line_noise
 from tests.shaker import shaker

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.model import Signals
+from modalscope.data import Signals
 from modalscope.preprocess import estimate_frf, force_correlation, local_models, partial_coherence, principal_forces
-from modalscope.preprocess.resolution import leakage_note, narrowest_peak
+from modalscope.preprocess.frf import leakage_note, narrowest_peak
 from tests.support import random_system, refused, relative
 
 MODEL = random_system(np.random.default_rng(5), outputs=2, inputs=2, modes=3, damping=(0.005, 0.02), direct=True)

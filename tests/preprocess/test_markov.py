@@ -5,7 +5,7 @@ import pytest
 import scipy.linalg as sla
 from hypothesis import given, settings
 
-from modalscope.model import DataError, Signals, StateSpace
+from modalscope.data import DataError, Signals, StateSpace
 from modalscope.preprocess import estimate_markov, estimate_observer
 from tests.support import add_noise, match_poles, random_system, random_systems, relative
 

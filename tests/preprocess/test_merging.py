@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, Signals
+from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, Signals
 from modalscope.preprocess import estimate_frf, merge
 from modalscope.systems import chain5
 from tests.support import random_system, relative

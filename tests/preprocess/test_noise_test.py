@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.signal
 
-from modalscope.model import Signals
-from modalscope.preprocess.noise_test import NOISE, UNSEEN, noise_notes
-from modalscope.preprocess.prominent import levels_of
+from modalscope.data import Signals
+from modalscope.preprocess.bands import NOISE, UNSEEN, levels_of, noise_notes
 from tests.judging.ambient_records import random_structure
 
 

@@ -5,9 +5,9 @@ import pytest
 from scipy import signal
 
 import modalscope as ms
-from modalscope.model import Signals, StateSpace
+from modalscope.data import Signals, StateSpace
 from modalscope.preprocess import estimate_markov, estimate_observer
-from modalscope.preprocess.regression import regression
+from modalscope.preprocess.markov import regression
 from tests.support import match_poles, random_system, refused, relative
 
 

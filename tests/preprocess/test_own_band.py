@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from modalscope.model import Signals
-from modalscope.preprocess.own_band import CHOSEN, own_bands, taken_down
-from modalscope.preprocess.prominent import levels_of
+from modalscope.data import Signals
+from modalscope.preprocess.bands import CHOSEN, levels_of, own_bands, taken_down
 from modalscope.systems import chain5
 from tests.judging.ambient_records import random_structure
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import scipy
 
-from modalscope.model import Signals
-from modalscope.preprocess.prominent import Levels, levels_of, prominent_span
+from modalscope.data import Signals
+from modalscope.preprocess.bands import Levels, levels_of, prominent_span
 from tests.judging.ambient_records import random_structure
 
 

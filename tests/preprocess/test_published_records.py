@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from modalscope.model import Signals
-from modalscope.preprocess import estimate_correlation, estimate_frf, examine, filter_band, merge
+from modalscope.data import Signals
+from modalscope.doctor import examine
+from modalscope.preprocess import estimate_correlation, estimate_frf, filter_band, merge
 from tests.support import measured
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 import modalscope as ms
-from modalscope.model import Signals
-from modalscope.preprocess.references import spanning_outputs
+from modalscope.data import Signals
+from modalscope.preprocess.correlation import spanning_outputs
 from modalscope.systems import chain5
 
 

@@ -7,12 +7,12 @@ import pytest
 from scipy.signal import lfilter
 
 import modalscope as ms
+from modalscope.data import Signals
+from modalscope.data.poles import poles_from
+from modalscope.data.record_spectra import RecordSpectra
 from modalscope.identification.prepare import measure
-from modalscope.model import Signals
-from modalscope.model.poles import poles_from
-from modalscope.model.record_spectra import RecordSpectra
-from modalscope.preprocess.own_band import CHOSEN
-from modalscope.preprocess.resonant_band import left_over, resonant_band
+from modalscope.preprocess.bands import CHOSEN
+from modalscope.preprocess.excited_band import left_over, resonant_band
 
 LINES, RATE = 2000, 100.0
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from modalscope.data.impulse import ImpulseResponse
 from modalscope.identification.identify import identify
-from modalscope.model.impulse import ImpulseResponse
-from modalscope.preprocess.slower_correlation import slower_correlation
+from modalscope.preprocess.correlation import slower_correlation
 from modalscope.systems import chain5
 from tests.support import match_poles
 

@@ -9,14 +9,12 @@ import pytest
 from scipy.signal import lfilter
 
 import modalscope as ms
-from modalscope.preprocess import examine
-from modalscope.preprocess.causality_checks import delayed, exchanged
+from modalscope.doctor import examine
+from modalscope.doctor.delays import delayed, exchanged
+from modalscope.doctor.prediction import unexplained
+from modalscope.doctor.responses import odd_phases
+from modalscope.doctor.samples import jumps, lone_outputs, wraps
 from modalscope.preprocess.impacts import clipped_samples
-from modalscope.preprocess.joint_prediction import unexplained
-from modalscope.preprocess.lone_checks import lone_outputs
-from modalscope.preprocess.phase_checks import odd_phases
-from modalscope.preprocess.sample_checks import wraps
-from modalscope.preprocess.slip_checks import jumps
 from modalscope.systems import chain5, over4
 from tests.preprocess import spoilt
 from tests.preprocess.spoilt import FAULTS, is_found, sound

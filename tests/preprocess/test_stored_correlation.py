@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.model.crew import working
-from modalscope.model.errors import DataError
-from modalscope.model.stored import StoredSignals
-from modalscope.preprocess import correlation_blocks, decimate, examine, filter_band, saved_sums, stored_correlation
-from modalscope.preprocess.filtered_rows import settling
+from modalscope.data.stored import StoredSignals
+from modalscope.doctor import examine
+from modalscope.numerics import sums as saved_sums
+from modalscope.numerics.checks import DataError
+from modalscope.numerics.executors import working
+from modalscope.preprocess import correlation_blocks, decimate, filter_band, stored_correlation
+from modalscope.preprocess.conditioning import settling
 
 RATE, SAMPLES, CHANNELS = 50.0, 30_000, 4
 
@@ -198,7 +200,7 @@ def test_nan_is_found_where_it_is_read(record: ms.Signals) -> None:
 
 
 def test_modes_are_those_of_the_record_in_memory(record: ms.Signals, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("modalscope.model.stored._BESIDE", 10**9)  # it stays where it is stored
+    monkeypatch.setattr("modalscope.data.stored._BESIDE", 10**9)  # it stays where it is stored
     settings = {"band": (0.2, 12.0), "orders": range(2, 31, 2)}
     found, expected = (ms.stabilize(each, **settings) for each in (stored(record), record))
     np.testing.assert_allclose(found.frequencies, expected.frequencies, rtol=1e-6)
@@ -217,7 +219,7 @@ def test_what_needs_all_of_it_says_so(record: ms.Signals, monkeypatch: pytest.Mo
     thing = stored(record)
     np.testing.assert_array_equal(thing.load().outputs, record.outputs)
     assert thing.select(outputs=[1]).load().outputs.shape == (SAMPLES, 1)
-    monkeypatch.setattr("modalscope.model.memory._allowed", 1_000_000)
+    monkeypatch.setattr("modalscope.numerics.resources._allowed", 1_000_000)
     with pytest.raises(DataError, match="a record of 30000 samples in memory"):
         thing.load()
     with pytest.raises(DataError, match="correlations of 4 channels with 4 references over 2000 lags"):
@@ -226,6 +228,6 @@ def test_what_needs_all_of_it_says_so(record: ms.Signals, monkeypatch: pytest.Mo
         ms.estimate_correlation(thing, lags=20, window="hann")
     with pytest.raises(DataError, match="expected Signals"):
         ms.preprocess.detrend(thing)
-    monkeypatch.setattr("modalscope.model.stored._BESIDE", 10**9)
+    monkeypatch.setattr("modalscope.data.stored._BESIDE", 10**9)
     with pytest.raises(DataError, match="it projects records"):
         ms.stabilize(thing.select(outputs=[0]), method="ssi-data", band=(0.2, 12.0))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from modalscope.model import DataError
+from modalscope.data import DataError
 from modalscope.preprocess import estimate_frf
 from modalscope.preprocess.zoom import chirp_z
 from modalscope.systems import chain5

@@ -14,16 +14,15 @@ import pytest
 from matplotlib import style
 
 import modalscope as ms
+from modalscope.data import DataError, ModalModel, StabilizationDiagram
 from modalscope.identification.options import LineOptions
-from modalscope.model import DataError, ModalModel, StabilizationDiagram
 from modalscope.reporting import report, sections
-from modalscope.reporting.banded import bands_of
 from modalscope.reporting.document import write_page
 from modalscope.reporting.figures import shape_svg
 from modalscope.reporting.html import Section
 from modalscope.reporting.modes import figures_of
-from modalscope.reporting.record import data_section
-from modalscope.reporting.scripts import identification_script, stabilization_script
+from modalscope.reporting.record import data_section, identification_script, stabilization_script
+from modalscope.reporting.sections import bands_of
 from modalscope.systems import chain5
 from tests.judging.ambient_records import random_structure
 from tests.plot import examples

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from modalscope.model import ModalModel, Signals
+from modalscope.data import ModalModel, Signals
 from modalscope.reporting.document import Origin
 from modalscope.reporting.grades import ALIKE, alike_pairs, grades, half_widths
 from modalscope.reporting.html import table

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.model import ImpulseResponse
-from modalscope.model.modes import ModalModel
-from modalscope.model.poles import poles_from
+from modalscope.data import ImpulseResponse
+from modalscope.data.modes import ModalModel
+from modalscope.data.poles import poles_from
+from modalscope.reporting.html import decimals, frequency, heading, list_some, percent, value
 from modalscope.reporting.modes import summary_section
-from modalscope.reporting.numbers import decimals, frequency, heading, list_some, percent, value
 from tests.judging.made import Pole, diagram_of
 
 

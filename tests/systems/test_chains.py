@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from modalscope import systems
-from modalscope.model import DataError
+from modalscope.data import DataError
 from tests.support import EPS
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from modalscope import systems
-from modalscope.model import DataError
+from modalscope.data import DataError
 
 
 def test_iasc_asce_has_the_published_frequencies() -> None:

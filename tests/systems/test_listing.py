@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from modalscope import systems
-from modalscope.model import DataError
+from modalscope.data import DataError
 from tests.support import FIVE
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from modalscope import systems
-from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, Signals
-from modalscope.systems.trial import KINDS, trial
+from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, Signals
+from modalscope.systems.listing import KINDS, trial
 
 EXPECTED = {"frf": FrequencyResponse, "impulse": ImpulseResponse, "records": Signals, "ambient": Signals}
 

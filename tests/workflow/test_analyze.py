@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.model import FrequencyResponse, ImpulseResponse
+from modalscope.data import FrequencyResponse, ImpulseResponse
 from tests.support import BEAM
 
 BAND = (100.0, 1200.0)

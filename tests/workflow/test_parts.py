@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.judging.parts import SPLIT
+from modalscope.judging.bands import SPLIT
 from tests.support import BEAM
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.reporting.scripts import identification_script, result_script, stabilization_script
+from modalscope.reporting.record import identification_script, result_script, stabilization_script
 
 RNG = np.random.default_rng(1)
 CHAIN = ms.systems.chain5()

@@ -4,7 +4,7 @@ import numpy as np
 
 import modalscope as ms
 from modalscope.blocks.fraction import fraction
-from modalscope.realizations.fraction import fraction_companion
+from modalscope.realizations.companion import fraction_companion
 
 
 def _response(data):

@@ -7,11 +7,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
+from modalscope.data import DataError
+from modalscope.data.analysis import Analysis, SourceFile
+from modalscope.data.modes import named_near
 from modalscope.io.analysis import analysis_to
-from modalscope.model import DataError
-from modalscope.model.analysis import Analysis, SourceFile
-from modalscope.model.checks import check_number, check_positive
-from modalscope.model.mode_names import named_near
+from modalscope.numerics.checks import check_number, check_positive
 
 __all__ = ["ACTIONS", "acted", "diagrams_key"]
 

@@ -10,9 +10,26 @@ from multiprocessing.connection import Connection
 from threading import Thread
 from typing import Any, Protocol
 
-from modalscope.app import child
-
 __all__ = ["Crew", "Hand"]
+
+
+# --------------------------------------------------------------------------------------------------------------- child
+# Where a process of its own begins: what computes is loaded there, not in the server.
+
+
+def main(pipe: Connection) -> None:
+    """Load all that computes, and serve the pipe.
+
+    Parameters
+    ----------
+    pipe : Connection
+    """
+    from modalscope.app.worker import main as serve
+
+    serve(pipe)
+
+
+# ---------------------------------------------------------------------------------------------------------------- crew
 
 #: Takes what a process sends: (kind, job or number of a question, payload); "ended" with the exit code is the last.
 Hear = Callable[[str, int, Any], None]
@@ -31,7 +48,7 @@ class Hand:
         context = multiprocessing.get_context("spawn")
         self._loop, self._hear = loop, None
         self._pipe, theirs = context.Pipe()
-        self.process = context.Process(target=child.main, args=(theirs,), daemon=True, name="modalscope")
+        self.process = context.Process(target=main, args=(theirs,), daemon=True, name="modalscope")
         self.process.start()
         theirs.close()
         self._early: list[tuple[str, int, Any]] = []

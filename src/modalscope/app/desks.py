@@ -14,12 +14,11 @@ from typing import Any
 from modalscope.app.crew import Crew
 from modalscope.app.desk import Desk
 from modalscope.app.files import Shelf
-from modalscope.app.limits import Limits
+from modalscope.app.guard import Limits
+from modalscope.data import DataError
+from modalscope.data.analysis import VERSION, Analysis, SourceFile
 from modalscope.io.analysis import analysis_from, analysis_to, read_analysis
 from modalscope.io.atomic import replacing
-from modalscope.model import DataError
-from modalscope.model.analysis import Analysis, SourceFile
-from modalscope.model.version import VERSION
 
 __all__ = ["Desks"]
 

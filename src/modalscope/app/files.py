@@ -9,9 +9,29 @@ from contextlib import suppress
 from pathlib import Path
 from secrets import token_hex
 
-from modalscope.model import DataError
+from modalscope.data import DataError
 
-__all__ = ["Shelf"]
+__all__ = ["FORMATS", "Shelf"]
+
+
+# ------------------------------------------------------------------------------------------------------------- formats
+# What can be exported.
+
+#: The suffix, and what is told of it.
+FORMATS = {
+    ".json": "modes with everything that is known of them, and the analysis",
+    ".csv": "a table of the modes",
+    ".uff": "universal file, dataset 55",
+    ".unv": "universal file, dataset 55",
+    ".npz": "NumPy arrays",
+    ".mat": "MATLAB arrays",
+    ".h5": "HDF5 arrays",
+    ".html": "the report: one file, pictures and all",
+    ".analysis.json": "the document: every choice, to do it again",
+}
+
+
+# --------------------------------------------------------------------------------------------------------------- files
 
 #: Suffixes of data that the folder's listing shows, and of documents.
 _SHOWN = (".uff", ".unv", ".npz", ".mat", ".h5", ".hdf5", ".csv", ".txt", ".asc", ".tsv", ".dat", ".lvm", ".xlsx")

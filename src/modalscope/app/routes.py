@@ -16,11 +16,10 @@ from starlette.routing import Route
 
 from modalscope.app.desk import Desk
 from modalscope.app.desks import Desks
-from modalscope.app.files import too_large
-from modalscope.app.formats import FORMATS
+from modalscope.app.files import FORMATS, too_large
+from modalscope.data import DataError
+from modalscope.data.analysis import VERSION
 from modalscope.identification.table import methods
-from modalscope.model import DataError
-from modalscope.model.version import VERSION
 from modalscope.plot.web.blob import plain
 
 __all__ = ["routes"]

@@ -19,10 +19,9 @@ from starlette.staticfiles import StaticFiles
 
 from modalscope.app.desks import Desks
 from modalscope.app.files import Shelf
-from modalscope.app.guard import Guard
-from modalscope.app.limits import Limits
+from modalscope.app.guard import Guard, Limits
 from modalscope.app.routes import routes
-from modalscope.model import DataError
+from modalscope.data import DataError
 
 __all__ = ["STATIC", "Page", "built", "page", "place_of_ours", "serve", "server_of"]
 

@@ -9,22 +9,55 @@ from dataclasses import replace
 from typing import Any
 
 from modalscope.app.actions import diagrams_key
-from modalscope.app.head import result_head
+from modalscope.data import DataError, ModalModel, Note, StabilizationDiagram
+from modalscope.data.analysis import Analysis
+from modalscope.data.results import Result
+from modalscope.doctor.examine import examine
+from modalscope.identification.lookup import cell_label
 from modalscope.io.analysis import analysis_to
 from modalscope.judging.select import Weighed, chosen_of, weighed
-from modalscope.model import DataError, ModalModel, Note, StabilizationDiagram
-from modalscope.model.analysis import Analysis
-from modalscope.model.result import Result
+from modalscope.modal.rebuilt import explained
 from modalscope.plot.web.modes import modes_blob
-from modalscope.plot.web.poles import channel_blob, cut_view, overview_blob, poles_blob
-from modalscope.preprocess.quality import examine
+from modalscope.plot.web.poles import channel_blob, cut_view, fit_of_bands, overview_blob, poles_blob
+from modalscope.reporting.record import result_script
 from modalscope.workflow.analyze import concluded
 from modalscope.workflow.chosen import modes_chosen
 from modalscope.workflow.parts import Look, looked_at
 from modalscope.workflow.replay import check_same
 from modalscope.workflow.sources import opened
 
-__all__ = ["Stages"]
+__all__ = ["Stages", "result_head"]
+
+
+# ---------------------------------------------------------------------------------------------------------------- head
+# What is told of a result beside its modes.
+
+
+def result_head(result: Result) -> dict[str, Any]:
+    """Return what is told of a result beside its modes.
+
+    Parameters
+    ----------
+    result : Result
+    """
+    first = result.diagrams[0]
+    head: dict[str, Any] = {
+        "label": cell_label(first.method, first.domain),
+        "orders": [first.orders[0], first.orders[-1]] if first.orders else [],
+        "settings": [dict(settings.items()) for settings in result.settings],
+        "notes": [note.to_dict() for note in result.notes],
+        "findings": [finding._asdict() for finding in result.findings],
+        "script": result_script(result),
+        "columns": list(first.response.columns),
+    }
+    if len(result.modes) and not result.analysis.apart:
+        left = fit_of_bands(result.modes, result.diagrams)
+        if left is not None:
+            head |= {"fit_error": left[0], "explained": explained(left[0])}
+    return head
+
+
+# --------------------------------------------------------------------------------------------------------------- steps
 
 Tell = Callable[..., None]
 

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from modalscope.app.formats import FORMATS
+from modalscope.app.files import FORMATS
+from modalscope.data import DataError
 from modalscope.io import write
-from modalscope.model import DataError
 
 if TYPE_CHECKING:  # what is asked for rarely is loaded then
     from modalscope.app.steps import Stages

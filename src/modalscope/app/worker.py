@@ -9,8 +9,8 @@ from typing import Any
 
 from modalscope.app.steps import Stages
 from modalscope.app.tasks import TASKS
+from modalscope.data import DataError
 from modalscope.io.analysis import analysis_from
-from modalscope.model import DataError
 
 __all__ = ["main"]
 

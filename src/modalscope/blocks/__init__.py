@@ -1,1 +1,1 @@
-"""Floor 1: block data matrices and their factors."""
+"""Block data matrices and their factors."""

@@ -9,17 +9,37 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.blocks.orthonormal import orthonormal
-from modalscope.blocks.real_products import real_times
-from modalscope.model.checks import Array, RealArray, sealed
-from modalscope.model.response import Response
+from modalscope.blocks.evolved import ModalSide
+from modalscope.blocks.influence import Influence
+from modalscope.blocks.matrix import DataMatrix
+from modalscope.blocks.triple import Eigen, Misfit, ModalFit, Triple
+from modalscope.data.impulse import ImpulseResponse
+from modalscope.data.notes import Note
+from modalscope.data.response import Response
+from modalscope.data.stored import StoredResponse
+from modalscope.numerics.checks import Array, ComplexArray, RealArray, sealed
+from modalscope.numerics.operators import real_times
+from modalscope.numerics.orthonormal import orthonormal
+from modalscope.numerics.resources import check_fits
 
-__all__ = ["Combinations", "Found", "OutputRows", "combinations", "enough", "found_combinations", "labelled"]
+__all__ = [
+    "Combinations",
+    "CombinedOutputs",
+    "Found",
+    "OutputRows",
+    "combinations",
+    "combined",
+    "enough",
+    "found_combinations",
+    "labelled",
+]
+
 
 #: A response of one kind or the other.
 Some = TypeVar("Some", bound=Response)
@@ -278,3 +298,176 @@ class _InMemory:
         """Return columns U'X as lines or samples of r outputs, (K, r, m)."""
         values = np.ascontiguousarray(columns.reshape(-1, self.count, self.each).transpose(1, 0, 2))
         return values.view(complex) if np.iscomplexobj(self.values) else values
+
+
+# ------------------------------------------------------------------------------------------------------------ combined
+# The data matrix of few combinations of many outputs; its models and modes are those of all outputs.
+
+
+@dataclass(frozen=True, eq=False)
+class CombinedOutputs(DataMatrix):
+    """A data matrix of combinations U'D^-1 H, whose models are taken back by D U: one product gives the shapes of all outputs.
+
+    Parameters
+    ----------
+    response : Response
+        As it was measured.
+    few : Combinations
+    inner : DataMatrix
+        Of the combinations.
+    """
+
+    response: Response
+    few: Combinations
+    inner: DataMatrix
+
+    @property
+    def judged(self) -> Response:
+        """The response of all outputs; of long records the lines that tell."""
+        return self.response.judging()
+
+    @property
+    def fitted(self) -> DataMatrix:
+        """The matrix of the combinations."""
+        return self.inner
+
+    @property
+    def observable(self) -> DataMatrix:
+        """The matrix that is factored: that of the combinations."""
+        return self.inner.observable
+
+    @property
+    def outputs(self) -> int:
+        """Outputs of the response."""
+        return len(self.few.U)
+
+    @property
+    def block_rows(self) -> int:
+        """Blocks in a column of H(0)."""
+        return self.inner.block_rows
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a result made from this matrix must say."""
+        return self.inner.warnings
+
+    def describe(self) -> str:
+        """Say what the matrix is, in words."""
+        return f"{self.inner.describe()}; {self.few.words}"
+
+    def to_s(self, poles: Array) -> ComplexArray:
+        """Continuous poles, rad/s."""
+        return self.inner.to_s(poles)
+
+    def from_s(self, poles: Array) -> ComplexArray:
+        """The matrix' own poles."""
+        return self.inner.from_s(poles)
+
+    @property
+    def dt(self) -> float | None:
+        """Sampling interval of the identified system; None when it is continuous."""
+        return self.inner.dt
+
+    def model(self, triple: Triple) -> Triple:
+        """Return the model of the combinations, in which all orders are judged."""
+        return self.inner.model(triple)
+
+    def of_all_outputs(self, model: Triple) -> Triple:
+        """Return the model of all outputs."""
+        return replace(model, C=self.few.spread(model.C))
+
+    def as_measured(self, influence: Influence) -> Influence:
+        """Refuse: the gradient is known by the combinations alone."""
+        self._has_no("way back to single outputs")
+
+    def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
+        """Return the fit to the combinations, its shapes and terms spread over all outputs; what was discarded is left as well."""
+        found = self.inner.fit(model, eigen)
+        own = self._misfit.of_fit(self.to_s(eigen.values), found) if found.misfit is None else found.misfit
+        discarded = self.few.discarded
+        return replace(
+            found,
+            shapes=self.few.spread(found.shapes),
+            terms=self.few.spread(found.terms.transpose(1, 0, 2)).transpose(1, 0, 2),
+            basis=None,
+            fitted=replace(found, basis=None),
+            misfit=float(np.sqrt((1 - discarded) * own**2 + discarded)),
+        )
+
+    @cached_property
+    def _misfit(self) -> Misfit:
+        response = self.few.response
+        return Misfit(response, np.ones(response.values.shape[1]))
+
+    def row_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
+        """Return the rows of the combinations."""
+        return self.inner.row_side(model, eigen, fit.fitted or fit)
+
+    def column_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
+        """Return the columns, which all outputs share."""
+        return self.inner.column_side(model, eigen, fit.fitted or fit)
+
+
+# ------------------------------------------------------------------------------------------------- stored combinations
+# Responses that stay in their file through few combinations of their outputs, in memory.
+
+#: Combinations: what diagrams of eighty states need.
+COUNT = 120
+
+#: Copies of the sketch's size that are there at a time.
+_COPIES = 3
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """A stored response as rows of outputs; see `OutputRows`."""
+
+    stored: StoredResponse
+
+    @property
+    def outputs(self) -> int:
+        """How many there are."""
+        return len(self.stored.output_dofs)
+
+    @property
+    def columns(self) -> int:
+        """Samples of one output, input by input."""
+        return self.stored.samples * len(self.stored.input_dofs)
+
+    def parts(self) -> Iterator[tuple[slice, RealArray]]:
+        """Yield outputs as rows."""
+        return self.stored.parts()
+
+
+def combined(stored: StoredResponse, count: int = COUNT) -> tuple[ImpulseResponse, Note]:
+    """Return the response of combinations of the outputs, and what they leave out.
+
+    Poles, participation and everything that is judged over all outputs together are those of the whole; shapes belong to the
+    combinations, see `modalscope.modal.full_field`.
+
+    Parameters
+    ----------
+    stored : StoredResponse
+    count : int
+        How many.
+
+    Raises
+    ------
+    DataError
+        Samples that do not read, or a sketch that is too large for the memory.
+    """
+    rows = _Rows(stored)
+    check_fits(
+        f"combinations of {rows.outputs} outputs of {rows.columns} samples each",
+        8.0 * _COPIES * 16 * count * rows.columns,
+        "Store fewer samples.",
+    )
+    found = found_combinations(rows, count, keep=False)
+    few = len(found.columns)
+    values: RealArray = found.columns.reshape(few, stored.samples, -1).transpose(1, 0, 2)
+    text = (
+        f"{rows.outputs} stored outputs are seen through {few} combinations, which leave out {found.discarded:.2g} of their energy; "
+        "full_field gives the shapes of all of them"
+    )
+    note = Note("combinations", {"outputs": rows.outputs, "combinations": few, "discarded": found.discarded}, text)
+    return labelled(stored.part(0, 1), values, None, few), note

@@ -8,7 +8,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.numerics.checks import Array, ComplexArray, RealArray
 
 __all__ = ["Agreement", "Compared", "Evolved", "ModalSide", "OnLines", "compared", "squares"]
 

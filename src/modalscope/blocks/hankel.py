@@ -6,33 +6,239 @@ to the samples and keeps that structure; anything else is a `GeneralHankel`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy import fft
 
-from modalscope.blocks.block_hankel import BlockHankel
-from modalscope.blocks.compression import adds_channels
-from modalscope.blocks.convolved import ConvolvedInfluence, convolved
-from modalscope.blocks.costs import Cost, costs_of
-from modalscope.blocks.evolved import Evolved, ModalSide
-from modalscope.blocks.factor import Factors
-from modalscope.blocks.influence import Lines
-from modalscope.blocks.layout import block_shifts
-from modalscope.blocks.operators import Operator
-from modalscope.blocks.real_products import real_times
-from modalscope.blocks.row_sums import RowSums, projected_by_gram
-from modalscope.blocks.sample_fit import fit_of_samples
-from modalscope.blocks.sampled import SampledMatrix
-from modalscope.blocks.shift import RowShift
-from modalscope.blocks.side import Side, side_of
+from modalscope.blocks.evolved import Agreement, Compared, Evolved, ModalSide, compared, squares
+from modalscope.blocks.factor import Cost, Factors, costs_of, factorize
+from modalscope.blocks.influence import ConvolvedInfluence, Lines, convolved
+from modalscope.blocks.matrix import RowShift
+from modalscope.blocks.structure import BlockHankel, SampledMatrix, Side, block_shifts, side_of
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
-from modalscope.model.checks import Array, DataError, RealArray
-from modalscope.model.impulse import ImpulseResponse
+from modalscope.data.impulse import ImpulseResponse
+from modalscope.numerics.checks import Array, ComplexArray, DataError, IntArray, RealArray, check_count
+from modalscope.numerics.operators import DenseMatrix, Operator, real_times
 
-__all__ = ["Hankel", "hankel"]
+__all__ = ["Hankel", "fit_of_samples", "hankel", "leading_directions", "random_projection", "selection", "sums"]
+
+
+# ---------------------------------------------------------------------------------------------------------- sample fit
+# Modes of a model of samples, referred to the impulse.
+
+
+def fit_of_samples(response: ImpulseResponse, model: Triple, eigen: Eigen) -> ModalFit:
+    """Return shapes C X, participation X^-1 B referred to the impulse (Eqs. 15-16), and the direct term."""
+    assert model.B is not None
+    participation = eigen.left @ model.B
+    if response.first_sample:
+        participation = participation / eigen.values[:, None] ** response.first_sample
+    known = response.feedthrough
+    direct = np.zeros(response.values.shape[1:]) if known is None else known
+    return ModalFit(np.asarray(model.C @ eigen.vectors), participation, direct[None])
+
+
+# --------------------------------------------------------------------------------------------------------- compression
+# Row compressions T for a small computer (Eqs. 31-41): selection, sums, random projection, leading directions.
+#
+# Each function returns an array for the option `row_compression` (or `column_compression`). With as many columns as there are
+# outputs it is T_0 and acts within every block row, I (x) T_0, which every realization survives. With as many columns as H(0) has
+# rows it is T_r, which leaves nothing of the row shift: it serves "era", "least_squares" and the controllable forms. What is needed is
+# that the rank of T V equals the order; what is wanted is that noise is not raised with it.
+
+
+def selection(kept: Iterable[int], rows: int) -> RealArray:
+    """Return T that keeps some rows, (len(kept), rows).
+
+    Parameters
+    ----------
+    kept : iterable of int
+        Rows to keep, counted from zero.
+    rows : int
+        Outputs, or rows of H(0).
+
+    Raises
+    ------
+    DataError
+        A row that does not exist.
+
+    Examples
+    --------
+    >>> selection([0, 2], 3)
+    array([[1., 0., 0.],
+           [0., 0., 1.]])
+    """
+    index = [int(i) for i in kept]
+    outside = [i for i in index if not 0 <= i < rows]
+    if outside or not index:
+        raise DataError(
+            f"rows 0 to {rows - 1} can be kept",
+            f"{outside[0]} was asked" if outside else "none was asked",
+            "Correct the indices.",
+        )
+    return np.eye(rows)[index]
+
+
+def sums(groups: Sequence[Sequence[int]], rows: int) -> RealArray:
+    """Return T that adds rows up, one sum a group, (len(groups), rows).
+
+    A mode whose sum over a group vanishes, as an antisymmetric one over symmetric sensors, is lost with it, and of repeated
+    modes all but one: `identify` repeats that warning in the notes of its result. Sums are also the noisiest of the four.
+
+    Raises
+    ------
+    DataError
+        A row that does not exist.
+
+    Examples
+    --------
+    >>> sums([[0, 1], [2]], 3)
+    array([[1., 1., 0.],
+           [0., 0., 1.]])
+    """
+    return np.array([selection(group, rows).sum(axis=0) for group in groups])
+
+
+def random_projection(kept: int, rows: int, *, seed: int = 0) -> RealArray:
+    """Return T with orthonormal random rows, (kept, rows), the same for the same seed.
+
+    Its rank is full with probability one, but a random direction sees little of a weak mode: in noise the damping found is worse by one or
+    two decades than that of `leading_directions` with as many rows.
+    """
+    if not 1 <= check_count("kept", kept) <= rows:
+        raise DataError(f"{kept} random directions were asked", f"there are {rows} rows", f"Keep at most {rows}.")
+    square = np.random.default_rng(seed).standard_normal((rows, kept))
+    return np.ascontiguousarray(np.linalg.qr(square)[0].T)
+
+
+def leading_directions(matrix: Operator, kept: int) -> RealArray:
+    """Return T = P_n', the leading left singular directions of a matrix, (kept, rows): with them nothing of rank n is lost.
+
+    Parameters
+    ----------
+    matrix : Operator
+        H(0), for T_r; or for T_0 the samples side by side, `DenseMatrix` of (outputs, samples x inputs).
+    kept : int
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from modalscope.numerics.operators import DenseMatrix
+    >>> abs(leading_directions(DenseMatrix(np.diag([3.0, 1.0])), 1)).round(6)
+    array([[1., 0.]])
+    """
+    if check_count("kept", kept) > min(matrix.shape):
+        raise DataError(
+            f"{kept} leading directions were asked",
+            f"the matrix is {matrix.shape[0]} x {matrix.shape[1]}",
+            f"Keep at most {min(matrix.shape)}.",
+        )
+    return np.ascontiguousarray(factorize(matrix, kept).P.T)
+
+
+def adds_channels(T: RealArray) -> bool:
+    """Whether T sums rows: entries of one value only, and more than one in a row."""
+    return bool(np.all((T == 0) | (T.max() == T)) and np.any(np.count_nonzero(T, axis=1) > 1))
+
+
+# ------------------------------------------------------------------------------------------------------------ row sums
+# The rows of a block Hankel matrix in modal coordinates by sums over the samples: the left factor is never made.
+#
+# Block i of the row factor is the samples Y(i), Y(i + 1), ... times one small array X, so that every sum over blocks with weights g_i is
+# a sum of the samples with the convolution of g and X.
+
+#: Rows that lie within this part of the columns of each other are taken together: a quarter more is multiplied, mostly by zeros.
+_NEAR = 4
+
+
+def projected_by_gram(matrix: BlockHankel, factors: Factors) -> RealArray:
+    """Return K = P' H(1) Q = d^-1 Q' (H(0)' H(1)) Q: all block columns of H(0)' H(1) but the last are those of the Gram matrix.
+
+    Parameters
+    ----------
+    matrix : BlockHankel
+        H(0).
+    factors : Factors
+        With the Gram matrix H(0)' H(0).
+    """
+    gram, Q, m = factors.gram, factors.Q, matrix.values.shape[2]
+    assert gram is not None
+    first, columns = matrix.first + matrix.block_columns, matrix.shape[0]
+    last = matrix.values[first : first + matrix.block_rows].reshape(columns, m)
+    product = gram[:, m:] @ Q[:-m] + matrix.transposed_times(last) @ Q[-m:]
+    return np.asarray(Q.T @ product / factors.d[:, None])
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class RowSums:
+    """Rows P d^a of a Hankel matrix beside what modes must give there.
+
+    Parameters
+    ----------
+    matrix : BlockHankel
+    right : array of complex, (columns, k)
+        X = Q d^-1 times the states: H X are the rows in modal coordinates.
+    states : array of complex, (N, k)
+        Those of the orthonormal P, which tell the size of the rows.
+    first : array of complex, (l, k)
+        The block that starts the evolution.
+    evolution : array of complex, (K, k)
+        g_k.
+    """
+
+    matrix: BlockHankel
+    right: ComplexArray
+    states: ComplexArray
+    first: ComplexArray
+    evolution: ComplexArray
+
+    def compare(self, agreement: Agreement, step: Callable[[Array], Array]) -> Compared:
+        """Compare all blocks by their sums, and by agreement the one that `step` chooses; see `ModalSide`."""
+        chosen = step(self.evolution)
+        inner = np.sum(self.first * self._sums().conj(), axis=0)
+        return compared(inner, squares(self.states), self._at(chosen), self.first, self.evolution, chosen, agreement)
+
+    @property
+    def _blocks(self) -> ComplexArray:
+        """X by block columns, (blocks, m, k)."""
+        return self.right.reshape(-1, self.matrix.values.shape[2], self.right.shape[1])
+
+    def _sums(self) -> ComplexArray:
+        """Return sum_i conj(g_i) H_i X over the block rows H_i, (l, k)."""
+        X = self._blocks
+        length = len(self.evolution) + len(X) - 1
+        whole = fft.next_fast_len(length)  # the sum of two numbers of blocks is often prime
+        spectrum = fft.fft(X, n=whole, axis=0)
+        spectrum *= fft.fft(self.evolution.conj(), n=whole, axis=0)[:, None]
+        return self._of_samples(fft.ifft(spectrum, axis=0, overwrite_x=True)[:length], 0)
+
+    def _at(self, chosen: Array) -> ComplexArray:
+        """Return H_i X of the block row that is chosen for each mode, (l, k): of rows close to each other by one product."""
+        X, by_row = self._blocks, np.argsort(chosen, kind="stable")
+        found, near = np.empty((self.matrix.values.shape[1], len(chosen)), dtype=complex), max(len(X) // _NEAR, 1)
+        while by_row.size:
+            first = chosen[by_row[0]]
+            some = by_row[chosen[by_row] < first + near]
+            filters = np.zeros((chosen[some[-1]] - first + len(X), *X.shape[1:-1], some.size), dtype=complex)
+            for j, k in enumerate(some):
+                start = chosen[k] - first
+                filters[start : start + len(X), :, j] = X[:, :, k]
+            found[:, some] = self._of_samples(filters, int(first))
+            by_row = by_row[some.size :]
+        return found
+
+    def _of_samples(self, filters: ComplexArray, first: int) -> ComplexArray:
+        """Return the samples from `first` on times filters (samples, m, k), (l, k)."""
+        columns = np.ascontiguousarray(filters).reshape(-1, filters.shape[2]).view(np.float64)
+        product = self.matrix.samples_times(columns, first)
+        return np.asarray(np.ascontiguousarray(product).view(np.complex128))
+
+
+# -------------------------------------------------------------------------------------------------------------- hankel
 
 
 def hankel(
@@ -65,7 +271,7 @@ def hankel(
         Positive weights: one an output (an input), or one a row (a column) of H(0).
     row_compression, column_compression : array, optional
         T_0 (q, l), applied within every block row, or T_r (q, rows of H(0)), applied to whole columns after the weights (Eq. 31);
-        the same for columns. `modalscope.blocks.compression` makes them.
+        the same for columns. `modalscope.blocks.hankel` makes them.
 
     Returns
     -------
@@ -104,7 +310,6 @@ def hankel(
     columns = side_of("column", inputs, t, column_subsets, column_weights, column_compression)
     if rows.structured and columns.structured:
         return Hankel(response, rows, columns)
-    from modalscope.blocks.general_hankel import GeneralHankel
 
     return GeneralHankel(response, rows, columns)
 
@@ -289,3 +494,113 @@ class Hankel(SampledMatrix):
                 "of repeated ones) are lost, and noise weighs more",
             )
         return ()
+
+
+# ------------------------------------------------------------------------------------------------------ general hankel
+# Block Hankel matrices in full generality (Eqs. 20-21, 31): uneven shifts, subsets of channels, weights and compression of whole columns.
+#
+# Block (j, i) of H(k) is Y_{J_j I_i}(s_j + k + t_i) = C_{J_j} A^{s_j} A^k A^{t_i} B_{I_i}: any sensors in every block row but the
+# first, any inputs in every block column but the first, any shifts. There is no structure to use: the matrix is an array.
+
+
+@dataclass(frozen=True, eq=False)
+class GeneralHankel(Hankel):
+    """A block Hankel matrix whose blocks are chosen, weighted or combined as they like (made by `hankel`)."""
+
+    def _matrix(self, rows: Side, k: int) -> DenseMatrix:
+        (s, outputs), (t, inputs) = rows.entries, self.columns.entries
+        H = rows.apply(self.values[s[:, None] + k + t, outputs[:, None], inputs])
+        return DenseMatrix(np.ascontiguousarray(self.columns.apply(H.T).T))
+
+    def shifted(self, k: int) -> DenseMatrix:
+        """Return H(k), weighted and compressed."""
+        return self._matrix(self.rows, k)
+
+    def tall(self) -> DenseMatrix:
+        """Return H(0) with one more block row, the rows of H(0) and of H(1) together.
+
+        Raises
+        ------
+        DataError
+            Shifts that are not consecutive, or compression over whole columns: A cannot be read off a row shift then.
+        """
+        return self._matrix(self._tall_rows, 0)
+
+    @cached_property
+    def _tall_rows(self) -> Side:
+        asked = "a realization from the row shift was asked (alternate, polyreference and prce in this form)"
+        others = "use the other form (controllable when this is the observable one), or method='era' or 'least_squares'"
+        if self.rows.over is not None:
+            raise DataError(
+                asked,
+                "a compression over whole columns leaves nothing of that shift",
+                f"Compress within blocks (one column a channel), or {others}.",
+            )
+        shifts = self.rows.shifts
+        if not np.array_equal(shifts, np.arange(shifts.size)):
+            last = int(np.flatnonzero(shifts != np.arange(shifts.size))[0]) - 1
+            raise DataError(
+                asked,
+                f"the shifts are not consecutive: {shifts[last + 1]} follows {shifts[last]}",
+                f"Use consecutive shifts, or {others}.",
+            )
+        return self.rows.taller()
+
+    @cached_property
+    def row_shift(self) -> RowShift:
+        """E0 and E1 for factors of `tall()`: every row that has itself one sample later in the matrix, and that row."""
+        side = self._tall_rows
+        place = {(int(a), int(b)): i for i, (a, b) in enumerate(side.entries.T)}
+        pairs = [(i, place[(a + 1, b)]) for (a, b), i in place.items() if (a + 1, b) in place]
+        before, after = np.array(pairs).T
+        whole = self.rows.whole
+        return RowShift(block=self.values.shape[1], before=before, after=after, weight=side.weights, whole=whole)
+
+    def pencil(self, left: Array, values: Array, *, tall: bool) -> ComplexArray:
+        """Return L_j on the rows of whole consecutive blocks, of which the matrix has some."""
+        if tall:
+            entries = self._tall_rows.entries
+            return _scattered(self.row_shift.pencil(left, values, entries.shape[1]), entries, self.values.shape[1])
+        F, entries = self.rows.taken_back(left), self.rows.entries
+        both = np.hstack([entries, entries + np.array([[1], [0]])])
+        return _scattered(np.hstack([-np.asarray(values)[:, None] * F, F]), both, self.values.shape[1])
+
+    def influence(self, left: Array, right: Array, lines: Lines | None = None) -> ConvolvedInfluence:
+        """Return the gradient; columns are taken back to whole consecutive blocks first."""
+        v = _scattered(self.columns.taken_back(right.T), self.columns.entries, self.values.shape[2])
+        return super().influence(left, v.T, lines)
+
+    def row_blocks(self, P: Array) -> RealArray | None:
+        """Return a left factor (rows, k) by block rows, (blocks, l', k); None where the blocks are not whole."""
+        return super().row_blocks(P) if self.rows.structured else None
+
+    def column_blocks(self, Q: Array) -> RealArray | None:
+        """Return a right factor (columns, k) by block columns, (blocks, m', k); None where the blocks are not whole."""
+        return super().column_blocks(Q) if self.columns.structured else None
+
+    def first_rows(self, right: Array, k: int = 0) -> RealArray:
+        """Return E_l' H(k) X of the uncompressed, unweighted first block row: C = E_l' H(0) Q d^-1/2 (Eqs. 28, 39)."""
+        t, inputs = self.columns.entries
+        row = self._column_values[t + k, :, inputs]
+        return np.asarray(self.columns.apply(row).T @ right)
+
+    def first_block_column(self, *, tall: bool = False) -> RealArray:
+        """Return H(0) E_m, or that of `tall()`, with the inputs themselves: B of the companion forms (Eqs. 53, 54, 65)."""
+        rows = self._tall_rows if tall else self.rows
+        s, outputs = rows.entries
+        return rows.apply(self._row_values[s, outputs])
+
+    def first_columns(self, factors: Factors) -> RealArray:
+        """Return X (m, k) such that B = d^1/2 X' (Eqs. 28, 37): the first rows of Q, or from P where columns are combined."""
+        if self.columns.within is None and self.columns.over is None:
+            inputs = self.response.values.shape[2]
+            w = self.columns.weights
+            return factors.Q[:inputs] if w is None else factors.Q[:inputs] / w[:inputs, None]
+        return self._first_columns_from(factors)
+
+
+def _scattered(rows: Array, entries: IntArray, channels: int) -> ComplexArray:
+    """Return rows (k, entries) summed into whole blocks by shift and channel, (k, channels x blocks)."""
+    blocks = np.zeros((int(entries[0].max()) + 1, channels, len(rows)), dtype=complex)
+    np.add.at(blocks, (entries[0], entries[1]), rows.T)
+    return np.ascontiguousarray(blocks.reshape(-1, len(rows)).T)

@@ -15,19 +15,29 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.blocks.costs import Cost, cost_of_triangle
 from modalscope.blocks.evolved import ModalSide, OnLines
-from modalscope.blocks.factor import Factors
-from modalscope.blocks.matrix import DataMatrix
-from modalscope.blocks.operators import DenseMatrix, Operator
-from modalscope.blocks.real_products import real_times
-from modalscope.blocks.shift import RowShift
-from modalscope.blocks.sums import TriangleSum
+from modalscope.blocks.factor import Cost, Factors, cost_of_triangle
+from modalscope.blocks.influence import LineInfluence, Lines, Outer, all_lines
+from modalscope.blocks.matrix import DataMatrix, RowShift
+from modalscope.blocks.polynomials import Plane, evaluate
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
-from modalscope.model.checks import Array, ComplexArray, DataError, IntArray, RealArray, real_array
-from modalscope.model.frequency import FrequencyResponse
+from modalscope.data.frequency import FrequencyResponse
+from modalscope.data.response import Response
+from modalscope.numerics.checks import Array, ComplexArray, DataError, IntArray, RealArray, real_array
+from modalscope.numerics.operators import DenseMatrix, Operator, real_times
+from modalscope.numerics.sums import TriangleSum
 
-__all__ = ["SEEN", "LineMatrix", "RowsOnLines", "VectorsOnLines", "kept_block_rows", "line_weights", "real_columns"]
+__all__ = [
+    "SEEN",
+    "LineMatrix",
+    "PolynomialRows",
+    "RowsOnLines",
+    "VectorsOnLines",
+    "kept_block_rows",
+    "line_weights",
+    "real_columns",
+]
+
 
 #: So many lines of each input are compared for the indicators of the columns.
 _COMPARED = 1000
@@ -295,3 +305,103 @@ class LineColumns:
         back = factors.P[:, :n] / factors.d[:n]
         pick = slice(None) if kept.size == matrix.triangle.shape[0] else kept
         return np.stack([matrix.columns_array(i)[:, pick] @ back for i in range(matrix.inputs)])
+
+
+# ----------------------------------------------------------------------------------------------------- polynomial rows
+# Block rows C p_k(A) of polynomials orthogonal on lines: their shift is the recurrence, and shapes are read off all of them.
+
+
+class PolynomialRows(RowsOnLines):
+    """A matrix whose rows are [C p_0(A); ...; C p_q(A)] times states, outputs divided by their scale.
+
+    A concrete matrix has the fields below.
+    """
+
+    response: Response
+    plane: Plane
+    basis: ComplexArray
+    recurrence: RealArray
+    output_scale: RealArray
+    weights: RealArray | None
+
+    @property
+    def block_rows(self) -> int:
+        """Blocks in a column of H(0), which is the degree q."""
+        return int(self.recurrence.shape[1])
+
+    @property
+    def full_shift(self) -> RowShift:
+        """E0 drops the last block, E1 = h' (x) I."""
+        return RowShift(block=self.outputs, recurrence=self.recurrence)
+
+    @property
+    def first_value(self) -> float:
+        """p_0, the constant of the basis."""
+        return float(self.basis[0, 0].real)
+
+    def polynomials(self, lines: slice | IntArray) -> ComplexArray:
+        """Return p_k on some lines, (lines, q + 1)."""
+        return np.asarray(self.basis[lines])
+
+    def first_rows(self, right: Array, k: int = 0) -> RealArray:
+        """Return (first block row of H(k) / p_0) X, such that C = first_rows(Q d^-1/2)."""
+        head = self.triangle[: self.outputs]
+        if k == 1:  # x p_0 = h_00 p_0 + h_10 p_1
+            head = self.recurrence[0, 0] * head + self.recurrence[1, 0] * self.triangle[self.outputs : 2 * self.outputs]
+        return np.asarray(self.output_scale[:, None] * (head @ right) / self.first_value)
+
+    def first_block(self, shapes: Array) -> Array:
+        """Return C p_0 for shapes C, in the scale of the rows."""
+        return np.asarray(shapes) / self.output_scale[:, None] * self.first_value
+
+    def shapes(self, V: Array, poles: Array) -> ComplexArray:
+        """Return the shapes c of modes from their columns [c p_0; c p_1; ...] of the row factor, by least squares over all blocks.
+
+        The first block alone would do, but far from the axis the polynomials grow beyond 1e15, and it is rounding beside them.
+
+        Parameters
+        ----------
+        V : array of complex, (l K, k)
+            Row factor times eigenvectors.
+        poles : array of complex, (k,)
+            In the plane of the polynomials.
+        """
+        blocks = np.asarray(V).reshape(-1, self.outputs, len(poles))
+        p = evaluate(self.recurrence, self.first_value, poles)[self.block_indices(len(blocks))]
+        size = np.max(np.abs(p), axis=0)
+        p = p / size
+        c = np.einsum("kn,kln->ln", p.conj(), blocks) / np.sum(np.abs(p) ** 2, axis=0) / size
+        return np.asarray(self.output_scale[:, None] * c)
+
+    def to_s(self, poles: Array) -> ComplexArray:
+        """Continuous poles, rad/s."""
+        return self.plane.to_s(poles)
+
+    def from_s(self, poles: Array) -> ComplexArray:
+        """Poles in the plane of the polynomials."""
+        return self.plane.from_s(poles)
+
+    @property
+    def dt(self) -> float | None:
+        """Sampling interval of the identified system; None in the s-domain and under the bilinear map."""
+        return self.plane.dt
+
+    def evolution(self, poles: Array, blocks: int) -> ComplexArray:
+        """Return p_k(x) / p_0 at the poles."""
+        return evaluate(self.recurrence, 1.0, poles)[self.block_indices(blocks)]
+
+    def influence(self, left: Any, right: Any, lines: Lines | None = None) -> LineInfluence:
+        """Return the gradient: the row on the lines by output times the right vector by input, on dH; the mirror image on dH*.
+
+        The rows come as a `LinePencil`.
+
+        What is eliminated is orthogonal to the right vectors already.
+        """
+        kept = all_lines(self.response.count) if lines is None else lines
+        index = kept.used
+        at, mirrored = left.on(index)
+        w = 0.5 if self.weights is None else self.weights[index] / 2
+        real, imaginary = right.parts(index)
+        upper, lower = (real - 1j * imaginary), (real + 1j * imaginary)
+        half = np.broadcast_to(w, index.shape)[:, None]
+        return LineInfluence((Outer(at, upper * half),), (Outer(mirrored, lower * half),), kept)

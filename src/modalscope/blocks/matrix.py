@@ -3,25 +3,216 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar, NoReturn
 
 import numpy as np
 
-from modalscope.blocks.costs import Cost
 from modalscope.blocks.evolved import Evolved, ModalSide
-from modalscope.blocks.factor import Factors
+from modalscope.blocks.factor import Cost, Factors
 from modalscope.blocks.influence import Influence, Lines
-from modalscope.blocks.left_rows import LeftRows
-from modalscope.blocks.operators import Operator
-from modalscope.blocks.real_products import times_real
-from modalscope.blocks.shift import RowShift
+from modalscope.blocks.polynomials import both_sums
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
-from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
-from modalscope.model.response import Response
-from modalscope.model.statespace import StateSpace
+from modalscope.data.response import Response
+from modalscope.data.statespace import StateSpace
+from modalscope.numerics.checks import Array, ComplexArray, DataError, IntArray, RealArray
+from modalscope.numerics.operators import Operator, real_times, times_real
 
-__all__ = ["DataMatrix"]
+__all__ = ["DataMatrix", "FunctionRows", "LinePencil", "RowShift", "line_pencil"]
+
+
+# --------------------------------------------------------------------------------------------------------------- shift
+# E0 and E1: the two row selections, or recurrences, that a realization reads the state matrix off.
+
+
+@dataclass(frozen=True, eq=False)
+class RowShift:
+    """E0 and E1 with (E1 V) = (E0 V) A for the row factor V = [C g_0; C g_1; ...] of the matrix with one block row more.
+
+    In the time domain both select rows. On a polynomial basis E1 combines the block rows by the basis' recurrence
+    x p_k = sum_j h_jk p_j, so that E1 = h' (x) I.
+
+    Parameters
+    ----------
+    before, after : array of int, optional
+        Rows that E0 and E1 select.
+    recurrence : array, (degree + 1, degree), optional
+        h, when E1 combines.
+    block : int
+        Rows in a block.
+    weight : array, optional
+        Row weights that the factor still carries; they are removed first.
+    mixing : array, (rows, rows), optional
+        What takes the factor's rows back where they were mixed by a full triangle.
+    whole : bool
+        Whether every block row holds all `block` channels, as companion forms need.
+    """
+
+    block: int
+    before: IntArray | None = None
+    after: IntArray | None = None
+    recurrence: RealArray | None = None
+    weight: RealArray | None = None
+    mixing: RealArray | None = None
+    whole: bool = True
+
+    def unweighted(self, V: Array) -> RealArray:
+        """Return V without the row weights, or taken back by the mixing."""
+        if self.mixing is not None:
+            return np.asarray(self.mixing @ V)
+        return V if self.weight is None else V / self.weight[:, None]
+
+    def split(self, V: Array) -> tuple[RealArray, RealArray]:
+        """Return E0 V and E1 V."""
+        V = self.unweighted(V)
+        if self.recurrence is None:
+            assert self.before is not None
+            assert self.after is not None
+            return _rows(V, self.before), _rows(V, self.after)
+        h = self.recurrence
+        blocks = V.reshape(h.shape[0], self.block, -1)
+        combined = np.tensordot(h.T, blocks, axes=1).reshape(h.shape[1] * self.block, -1)
+        return V[: h.shape[1] * self.block], combined
+
+    def pencil(self, left: Array, values: Array, rows: int) -> ComplexArray:
+        """Return L_j = F_j E1 - x_j F_j E0 on the rows that E0 and E1 were given, (k, rows), without weights or mixing.
+
+        Parameters
+        ----------
+        left : array, (k, rows of E0)
+            F_j, one a row.
+        values : array of complex, (k,)
+            x_j.
+        rows : int
+        """
+        F, x = np.asarray(left), np.asarray(values)[:, None]
+        L = np.zeros((len(F), rows), dtype=complex)
+        if self.recurrence is None:
+            assert self.before is not None
+            assert self.after is not None
+            L[:, _place(self.after)] = F
+            L[:, _place(self.before)] -= x * F
+            return L
+        h = self.recurrence
+        blocks = F.reshape(len(F), h.shape[1], self.block)
+        L += real_times(h, blocks).reshape(len(F), -1)
+        L[:, : F.shape[1]] -= x * F
+        return L
+
+
+def _rows(V: Array, index: IntArray) -> RealArray:
+    """Select rows: a view when they are consecutive, as they are for whole blocks."""
+    return np.asarray(V[_place(index)])
+
+
+def _place(index: IntArray) -> slice | IntArray:
+    """Return rows that are consecutive as a slice, which takes no time, others as they are."""
+    first, last = int(index[0]), int(index[-1])
+    if last - first + 1 == index.size and np.array_equal(index, np.arange(first, last + 1)):
+        return slice(first, last + 1)
+    return index
+
+
+# ----------------------------------------------------------------------------------------------------------- left rows
+# Rows of a left factor by what takes its states to them: what depends on the data alone is made once, for the poles of all orders.
+
+
+@dataclass(frozen=True, eq=False)
+class LeftRows:
+    """Rows F_j = s_j P' on those of a data matrix.
+
+    Parameters
+    ----------
+    matrix : DataMatrix
+    basis : array, (rows, n)
+        P.
+    tall : bool
+        As in `DataMatrix.pencil`.
+    """
+
+    matrix: DataMatrix
+    basis: RealArray
+    tall: bool
+
+    def pencil(self, states: Array, values: Array) -> Any:
+        """Return what `DataMatrix.pencil` does of F, by s (k, n' <= n)."""
+        left = times_real(states, self.basis[:, : states.shape[1]].T)
+        return self.matrix.pencil(left, values, tall=self.tall)
+
+
+@dataclass(frozen=True, eq=False)
+class LinePencil:
+    """What rows F_j (E1 - x_j E0) of polynomials are on lines: (x - x_j) sum_k F_k p_k(x), for E1 is multiplication by x there.
+
+    Parameters
+    ----------
+    sums : callable
+        Lines -> sum_k F_k p_k and sum_k F_k p_k* on them, (k, lines, l) each.
+    values : array of complex, (k,)
+        x_j.
+    points : array of complex, (F,)
+        x of all lines.
+    """
+
+    sums: Callable[[IntArray], tuple[ComplexArray, ComplexArray]]
+    values: Array
+    points: ComplexArray
+
+    def on(self, lines: IntArray) -> tuple[ComplexArray, ComplexArray]:
+        """Return the rows at some lines and at their mirror images, (k, lines, l) each."""
+        (at, mirrored), x = self.sums(lines), self.points[lines]
+        at *= (x - self.values[:, None])[:, :, None]
+        mirrored *= (x.conj() - self.values[:, None])[:, :, None]
+        return at, mirrored
+
+
+def line_pencil(polynomials: ComplexArray, points: ComplexArray, left: Array, values: Array) -> LinePencil:
+    """Return the pencil of rows F_j (k, q, l), outputs in their own unit; polynomials (F, q) of the block rows."""
+    F = np.asarray(left, dtype=complex)
+    return LinePencil(lambda lines: both_sums(polynomials[lines], F), values, points)
+
+
+@dataclass(frozen=True, eq=False)
+class FunctionRows:
+    """Rows F_j = s_j P' whose blocks are polynomials: functions of the lines.
+
+    Parameters
+    ----------
+    polynomials : array of complex, (F, q)
+        Of the block rows.
+    points : array of complex, (F,)
+    basis : array, (q, l, n)
+        P, outputs in their own unit.
+    """
+
+    polynomials: ComplexArray
+    points: ComplexArray
+    basis: RealArray
+
+    @cached_property
+    def functions(self) -> RealArray:
+        """Real and imaginary parts of sum_k p_k P_k on all lines, (2, n, F, l)."""
+        (lines, blocks), channels = self.polynomials.shape, self.basis.shape[1:]
+        parts = np.stack([self.polynomials.real, self.polynomials.imag]) @ self.basis.reshape(blocks, -1)
+        return np.ascontiguousarray(np.moveaxis(parts.reshape(2, lines, *channels), 3, 1))
+
+    def pencil(self, states: Array, values: Array) -> LinePencil:
+        """Return the rows of F (E1 - x E0), by s (k, n' <= n)."""
+
+        def sums(lines: IntArray) -> tuple[ComplexArray, ComplexArray]:
+            some = self.functions[:, : states.shape[1]]
+            some = some if lines.size == len(self.points) else some[:, :, lines]
+            shape = len(states), lines.size, some.shape[3]
+            real, imaginary = (times_real(states, part.reshape(len(part), -1)).reshape(shape) for part in some)
+            imaginary *= 1j
+            return real + imaginary, real - imaginary
+
+        return LinePencil(sums, values, self.points)
+
+
+# -------------------------------------------------------------------------------------------------------------- matrix
 
 
 class DataMatrix(ABC):

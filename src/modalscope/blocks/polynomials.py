@@ -7,12 +7,33 @@ weighted sum over the points and their conjugates.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
 import numpy as np
+import scipy.linalg as sla
 from numpy.typing import ArrayLike
 
-from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_choice
+from modalscope.data.poles import to_continuous, to_discrete
+from modalscope.data.response import Response
+from modalscope.numerics.checks import Array, ComplexArray, DataError, IntArray, RealArray, check_choice
 
-__all__ = ["basis_on", "both_sums", "evaluate", "following", "orthogonal_basis", "remainders"]
+__all__ = [
+    "Few",
+    "Leftover",
+    "Plane",
+    "basis_on",
+    "both_sums",
+    "chosen_points",
+    "evaluate",
+    "few_points",
+    "following",
+    "leftover",
+    "orthogonal_basis",
+    "plane_of",
+    "remainders",
+]
 
 
 def orthogonal_basis(
@@ -126,3 +147,317 @@ def remainders(recurrence: RealArray, first: float, points: ArrayLike, count: in
             shifted = x * parts[i, :, k] + carried
             parts[i, :, k + 1] = (shifted - parts[i, :, : k + 1] @ recurrence[: k + 1, k]) / recurrence[k + 1, k]
     return parts[:, :-1]
+
+
+# --------------------------------------------------------------------------------------------------------------- plane
+# Where the lines of a response lie: the s-plane, scaled to the band, or a z-plane.
+
+
+@dataclass(frozen=True)
+class Plane:
+    """The plane in which the polynomials live: where a line lies, and how poles go back to rad/s.
+
+    Parameters
+    ----------
+    name : str
+        In words.
+    point : callable
+        Frequencies in Hz -> points x.
+    to_s, from_s : callable
+        Poles of the realization -> rad/s, and back.
+    dt : float or None
+        Sampling interval when x = exp(j w dt).
+    scale : float or None
+        s / x in the s-plane, 1 for the exponential, None for the bilinear map.
+    residue_scale : callable
+        Poles in this plane -> residue of 1 / (x - x_j) for one of 1 / (s - s_j), or of the sampled system.
+    """
+
+    name: str
+    point: Callable[[RealArray], ComplexArray]
+    to_s: Callable[[Array], ComplexArray]
+    from_s: Callable[[Array], ComplexArray]
+    dt: float | None = None
+    scale: float | None = None
+    residue_scale: Callable[[Array], ComplexArray] = np.ones_like
+
+
+def plane_of(domain: str, response: Response) -> Plane:
+    """Return the plane of a domain: s scaled to the band, z by the exponential for sampled responses, else the bilinear map.
+
+    The bilinear map z = (1 + s T/2) / (1 - s T/2), T = 2 / w_max, is exact for continuous responses, the exponential is not.
+    """
+    top = 2 * np.pi * response.span[1]
+    rate = response.sampling_rate
+    if domain == "s":
+        if rate is not None:
+            raise DataError(
+                "domain='s' was asked",
+                f"the response is that of a system sampled at {rate:g} Hz, which is no rational function of j w",
+                "Use domain='z', or leave sampling_rate out when the response is that of the structure itself.",
+            )
+        scale = top or 1.0
+        return Plane(
+            f"s-plane, scaled by {top / 2 / np.pi:g} Hz",
+            lambda f: np.asarray(2j * np.pi * f / scale, dtype=complex),
+            lambda x: np.asarray(np.asarray(x) * scale, dtype=complex),
+            lambda s: np.asarray(np.asarray(s) / scale, dtype=complex),
+            scale=scale,
+            residue_scale=lambda x: np.full(np.shape(x), 1 / scale, dtype=complex),
+        )
+    if rate is not None:
+        dt = 1 / rate
+        return Plane(
+            "z-plane, exponential",
+            lambda f: np.exp(2j * np.pi * f * dt),
+            lambda z: to_continuous(z, dt),
+            lambda s: to_discrete(s, dt),
+            dt,
+            1.0,
+        )
+    return _bilinear(1 / (top or 1.0))
+
+
+def _bilinear(half: float) -> Plane:
+    """Return the plane of z = (1 + s T/2) / (1 - s T/2), with T/2 = `half`."""
+
+    def into(s: Array) -> ComplexArray:
+        return np.asarray((1 + np.asarray(s) * half) / (1 - np.asarray(s) * half), dtype=complex)
+
+    def back(z: Array) -> ComplexArray:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray((np.asarray(z) - 1) / (np.asarray(z) + 1) / half, dtype=complex)
+
+    def residue_scale(z: Array) -> ComplexArray:
+        # 1 / (s - s_j) = constant + (T / 4) (1 + z_j)^2 / (z - z_j)
+        return np.asarray(half / 2 * (1 + np.asarray(z)) ** 2, dtype=complex)
+
+    return Plane("z-plane, bilinear map", lambda f: into(2j * np.pi * f), back, into, residue_scale=residue_scale)
+
+
+# ------------------------------------------------------------------------------------------------------------ leftover
+# What polynomials orthogonal on lines leave of 1 / (x - s): by Christoffel and Darboux two functions of the line stand for all.
+#
+# With the real inner product <f, g> of the lines and their conjugates, in which p_0 ... p_q are orthonormal, and P = h p_(q+1) the
+# next one,
+#
+#     on the imaginary axis   r = -(p_q(x) <P, g> + P(x) <p_q, g>) / (x - s),
+#     on the unit circle      r = (f*(x) <f*, x g> - f(x) <f, x g>) / (x - s),   f = p_(q+1), f* = x^(q+1) conj(f),
+#
+# is g = 1 / (x - s) less its projection. (x - s) r is 1 less a polynomial of degree q + 1, and as x g = 1 + s g and multiplication by x is
+# skew (or keeps lengths) there, its products with p_0 ... p_(q-1) vanish (or those with x p_0 ... x p_(q-1)). Nothing is subtracted: of a
+# pole far away, of which little is left, that little is exact to rounding of the two sums.
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Leftover:
+    """Two functions on the lines and two that g is multiplied with: r = (sum_i on_i(x) <by_i, g>) / (x - s).
+
+    Parameters
+    ----------
+    points : array of complex, (F,)
+        x.
+    on : array of complex, (2, F)
+        With the weights of the lines.
+    by : array, (2 F, 2)
+        Weighted, real parts above imaginary ones.
+    weights : array, (F,)
+        Of the lines.
+    """
+
+    points: ComplexArray
+    on: ComplexArray
+    by: RealArray
+    weights: RealArray
+
+    def sums(self, functions: RealArray) -> RealArray:
+        """Return <by_i, f> of weighted functions, real parts above imaginary ones, (2 F, c) -> (2, c)."""
+        return np.asarray(self.by.T @ functions)
+
+    def of_functions(self, poles: ComplexArray) -> tuple[ComplexArray, RealArray]:
+        """Return <by_i, g> of weighted g = 1 / (x - s), (2, k), and the sum of |g|^2 over both signs and the lines, (k,).
+
+        Parameters
+        ----------
+        poles : array of complex, (k,)
+            s, in the plane of x.
+        """
+        w, x, s = self.weights[:, None], self.points[:, None], np.asarray(poles)
+        ahead, behind = w / (x - s), w / (x.conj() - s)
+        above, below = np.split(self.by.T, 2, axis=1)
+        # real parts are (ahead + behind) / 2, imaginary ones (ahead - behind) / 2j
+        sums = ((above - 1j * below) @ ahead + (above + 1j * below) @ behind) / 2
+        return np.asarray(sums), energy(np.stack([ahead.T, behind.T]))
+
+    def of_poles(self, poles: ComplexArray, sums: ComplexArray, lines: slice | IntArray) -> ComplexArray:
+        """Return r on some lines at +w and at -w, (2, k, lines).
+
+        Parameters
+        ----------
+        poles : array of complex, (k,)
+            s, in the plane of x.
+        sums : array of complex, (2, k)
+            <by_i, g>.
+        lines : slice or array of int
+        """
+        x, on = self.points[lines], self.on[:, lines]
+        first, second = sums[:, :, None]
+        s = np.asarray(poles)[:, None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.stack([(first * f + second * g) / (z - s) for z, (f, g) in ((x, on), (x.conj(), on.conj()))])
+
+
+def leftover(points: ComplexArray, basis: ComplexArray, weights: RealArray | None) -> Leftover:
+    """Return what p_0 ... p_q, (F, q + 1), leave.
+
+    Parameters
+    ----------
+    points : array of complex, (F,)
+        On the imaginary axis, or on the unit circle.
+    basis : array of complex, (F, q + 1)
+        Orthonormal, without weights.
+    weights : array, (F,), optional
+        Of the lines.
+    """
+    w = np.ones(points.size) if weights is None else weights
+    following_one, _ = following(basis, points, w)
+    if not np.any(points.real):
+        last = basis[:, -1]
+        on, by = np.stack([-last, -following_one]), np.stack([following_one, last])
+    else:
+        f = following_one / np.sqrt(np.sum(np.abs(w * following_one) ** 2))
+        turned = points ** basis.shape[1] * f.conj()
+        on = np.stack([turned, -f])
+        by = points.conj() * np.stack([turned, f])
+    weighted = by * w
+    return Leftover(points, on * w, np.concatenate([weighted.real, weighted.imag], axis=1).T, w)
+
+
+def energy(functions: Array) -> RealArray:
+    """Return the sum over both signs and lines of |r|^2, (2, k, lines) -> (k,)."""
+    return np.asarray(
+        np.einsum("skf,skf->k", functions.real, functions.real)
+        + np.einsum("skf,skf->k", functions.imag, functions.imag)
+    )
+
+
+# ---------------------------------------------------------------------------------------------------------- few points
+# Few points that stand for all lines where products of two polynomials are summed: as many as such a product has coefficients.
+
+#: Lines among which each of the few points is chosen.
+_CHOICE = 8
+
+
+class Few(NamedTuple):
+    """Points that stand for all lines where products of two polynomials of a degree are concerned.
+
+    Attributes
+    ----------
+    place : array of int, (G,)
+        Lines that are the points.
+    spread : array, (F, G)
+        The value of a product on a line is this times its values at the points.
+    """
+
+    place: IntArray
+    spread: RealArray
+
+
+class Chosen(NamedTuple):
+    """The few points themselves, and what gives the values of a product anywhere from those at the points.
+
+    Attributes
+    ----------
+    place : array of int, (2 q + 1,)
+        Lines that are the points.
+    first, recurrence, solved
+        Polynomials of degree 2 q, and the inverse of their values at the points.
+    circle : bool
+    """
+
+    place: IntArray
+    first: float
+    recurrence: ComplexArray
+    solved: ComplexArray
+    circle: bool
+
+    def spread(self, points: ComplexArray) -> RealArray:
+        """Return how products on any of the points or between them follow from those at the few, (points, 2 q + 1)."""
+        return np.asarray((self.solved @ _values(self.recurrence, self.first, points, self.circle)).real.T)
+
+
+def few_points(points: ComplexArray, degree: int, *, circle: bool) -> Few:
+    """Return 2 q + 1 of the points, and how they give any product p(x) r(x)* of two polynomials of degree q on all of them.
+
+    All of them are returned where there are hardly more.
+
+    Parameters
+    ----------
+    points : array of complex, (F,)
+    degree : int
+        q.
+    circle : bool
+        Whether they lie on the unit circle; else on the imaginary axis.
+
+    Examples
+    --------
+    >>> x = np.exp(1j * np.linspace(0.5, 2.0, 400))
+    >>> few = few_points(x, 3, circle=True)
+    >>> product = np.abs(x**3 - 0.4 * x + 1) ** 2
+    >>> few.place.size, bool(np.allclose(few.spread @ product[few.place], product))
+    (7, True)
+    """
+    place = _place(points, circle)
+    distinct, first = np.unique(place, return_index=True)
+    if distinct.size <= 2 * (2 * degree + 1):
+        return Few(first, (place[:, None] == distinct).astype(float))
+    chosen = chosen_points(points, degree, circle=circle)
+    return Few(chosen.place, chosen.spread(points))
+
+
+def chosen_points(points: ComplexArray, degree: int, *, circle: bool) -> Chosen:
+    """Return 2 q + 1 of the points that determine any product p(x) r(x)* of two polynomials of degree q, of many more points.
+
+    On the unit circle, where x* = 1 / x, and on the imaginary axis such a product is x^-q, or one, times a polynomial of degree 2 q. The
+    points are those that a pivoted factorization takes first: the matrix to invert is as well conditioned as any.
+
+    Parameters
+    ----------
+    points, degree, circle
+        As in `few_points`.
+    """
+    distinct, first = np.unique(_place(points, circle), return_index=True)
+    wanted = 2 * degree + 1
+    dense_at_ends = (1 - np.cos(np.linspace(0, np.pi, _CHOICE * wanted))) / 2
+    chosen = np.unique(np.searchsorted(distinct, distinct[0] + dense_at_ends * (distinct[-1] - distinct[0])))
+    among = first if chosen.size < 2 * wanted else first[chosen]
+    basis, recurrence = _orthonormal(points[among], wanted - 1)
+    index = among[np.sort(sla.qr(basis.T, mode="r", pivoting=True, check_finite=False)[1][:wanted])]
+    level = float(basis[0, 0].real)
+    own = _values(recurrence, level, points[index], circle)
+    return Chosen(index, level, recurrence, np.asarray(sla.inv(own, check_finite=False)), circle)
+
+
+def _place(points: ComplexArray, circle: bool) -> RealArray:
+    return np.asarray(np.angle(points) if circle else np.imag(points))
+
+
+def _values(recurrence: ComplexArray, first: float, points: ComplexArray, circle: bool) -> ComplexArray:
+    """Return polynomials of degree 2 q at points, (2 q + 1, points); on the circle times x^-q, as products of two of degree q are."""
+    whole = evaluate(recurrence, first, points)
+    return whole * points ** -(len(whole) // 2) if circle else whole
+
+
+def _orthonormal(points: ComplexArray, degree: int) -> tuple[ComplexArray, ComplexArray]:
+    """Return polynomials orthonormal on the points alone, without their conjugates, and their recurrence, as `orthogonal_basis` does."""
+    basis, h = np.zeros((points.size, degree + 1), complex), np.zeros((degree + 1, degree), complex)
+    basis[:, 0] = 1 / np.sqrt(points.size)
+    for k in range(degree):
+        v = points * basis[:, k]
+        for _ in range(2):
+            c = basis[:, : k + 1].conj().T @ v
+            h[: k + 1, k] += c
+            v -= basis[:, : k + 1] @ c
+        h[k + 1, k] = np.linalg.norm(v)
+        basis[:, k + 1] = v / h[k + 1, k]
+    return basis, h

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from modalscope.blocks.factor import Factors
-from modalscope.blocks.real_products import real_times
-from modalscope.model.checks import Array, ComplexArray, RealArray
-from modalscope.model.modal_basis import ModalBasis
+from modalscope.data.pole_basis import ModalBasis
+from modalscope.data.response import Response
+from modalscope.numerics.checks import Array, ComplexArray, RealArray
+from modalscope.numerics.operators import real_times
 
-__all__ = ["Eigen", "ModalFit", "Triple", "inverse_vectors", "padded"]
+__all__ = ["Eigen", "Misfit", "ModalFit", "Triple", "inverse_vectors", "padded"]
+
 
 #: Condition of eigenvectors beyond which their inverse is rounding.
 _DEFECTIVE = 1e13
@@ -209,3 +212,55 @@ def padded(rows: Sequence[Array]) -> ComplexArray:
         found[start : start + len(part), : part.shape[1]] = part
         start += len(part)
     return found
+
+
+# -------------------------------------------------------------------------------------------------------------- misfit
+# How much a fit leaves of the data, outputs brought level: from its own coefficients, or by rebuilding.
+
+
+@dataclass(frozen=True, eq=False)
+class Misfit:
+    """norm(measured - rebuilt) / norm(measured), each output divided by a scale.
+
+    Parameters
+    ----------
+    response : Response
+    scale : array, (l,)
+    """
+
+    response: Response
+    scale: RealArray
+
+    @cached_property
+    def _whole(self) -> float:
+        values = self.response.values
+        energy = sum(np.einsum("klm,klm->l", part, part) for part in (values.real, values.imag))
+        return float(np.sqrt(np.sum(energy / self.scale**2)))
+
+    def of_left(self, left: RealArray) -> float:
+        """Return the misfit by the energy (l, m) that is left of every channel."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return self._of_energy(float(np.sum(left / self.scale[:, None] ** 2)))
+
+    def _of_energy(self, energy: float) -> float:
+        ratio = np.sqrt(energy) / self._whole
+        return float(ratio) if np.isfinite(ratio) else np.inf
+
+    def of_fit(self, poles: Array, fit: ModalFit) -> float:
+        """Return the misfit of a fit, rebuilt some lines or samples after the other.
+
+        Parameters
+        ----------
+        poles : array of complex, (k,)
+            rad/s, as they are in the data.
+        fit : ModalFit
+        """
+        basis = fit.basis or self.response.basis(poles, fit.powers)
+        channels = basis.data.shape[1:]
+        level = np.repeat(1 / self.scale, channels[1]).reshape(channels)  # in one piece, as what is left
+        energy = 0.0
+        with np.errstate(over="ignore", invalid="ignore"):
+            for left in basis.missed(fit.shapes, fit.participation, fit.terms[: basis.terms.shape[1]]):
+                left *= level
+                energy += float(np.vdot(left, left))
+            return self._of_energy(energy)

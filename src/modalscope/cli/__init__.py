@@ -24,7 +24,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         _run(words)
     except ValueError as error:
-        from modalscope.model import DataError  # a ValueError: an answer to a question alone does not load it
+        from modalscope.data import DataError  # a ValueError: an answer to a question alone does not load it
 
         if not isinstance(error, DataError):
             raise

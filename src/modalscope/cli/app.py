@@ -32,7 +32,7 @@ def add(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Serve the page until it is interrupted."""
-    from modalscope.model.extras import optional_package
+    from modalscope.numerics.extras import optional_package
 
     for package in ("starlette", "uvicorn"):
         optional_package("the page", package, "app")
@@ -55,7 +55,7 @@ def run(options: argparse.Namespace) -> None:
 
 def _folder(options: argparse.Namespace) -> Path:
     """Return the folder that files are read from: the one given, that of the files, or the one we are in."""
-    from modalscope.model import DataError
+    from modalscope.data import DataError
 
     folder: Path = options.folder or (options.files[0].parent if options.files else Path())
     if not folder.is_dir():

@@ -10,7 +10,7 @@ from modalscope.cli.parser import Commands, add_cell, add_choices, add_files, ad
 from modalscope.cli.process import say
 
 if TYPE_CHECKING:
-    from modalscope.model.result import Result
+    from modalscope.data.results import Result
 
 __all__ = ["add", "run"]
 
@@ -36,7 +36,7 @@ def add(commands: Commands) -> None:
 def run(options: argparse.Namespace) -> None:
     """Find the modes, certify them, write them where that is asked, and print how far each interval holds."""
     from modalscope.cli.output import check_outputs, write_outputs
-    from modalscope.cli.progress import progress
+    from modalscope.cli.process import progress
     from modalscope.workflow.certify import certify
 
     check_outputs(options, options.files)
@@ -58,7 +58,7 @@ def run(options: argparse.Namespace) -> None:
 def _result(options: argparse.Namespace) -> Result:
     """Return the result of an analysis done again, or of data."""
     from modalscope.cli.identify import found_in
-    from modalscope.cli.progress import progress
+    from modalscope.cli.process import progress
     from modalscope.workflow.replay import replay
 
     if options.files[0].suffix.lower() != ".json":

@@ -69,5 +69,5 @@ def build_parser() -> Parser:
         add_common(each)
     *most, last = commands.choices
     needed = f"a command is needed: {', '.join(most)} or {last} (see --help)"
-    parser.set_defaults(run=lambda _: parser.error(needed))
+    parser.set_defaults(parser=parser, run=lambda _: parser.error(needed))
     return parser

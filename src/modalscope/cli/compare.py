@@ -42,7 +42,7 @@ def add(commands: Commands) -> None:
 def run(options: argparse.Namespace) -> None:
     """Identify a file by many methods, write the comparison where that is asked, and print what they agree on."""
     from modalscope.cli.output import check_outputs, write_outputs
-    from modalscope.cli.progress import progress
+    from modalscope.cli.process import progress
     from modalscope.cli.reading import parse_delays, parse_orders, read_test
     from modalscope.comparing import compare
 

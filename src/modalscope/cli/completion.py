@@ -26,8 +26,7 @@ def add(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Print the completion of all commands for one shell."""
-    from modalscope.cli.commands import build_parser
-    from modalscope.model.extras import optional_package
+    from modalscope.numerics.extras import optional_package
 
     shtab = optional_package("shell completion", "shtab", "completion")
-    say(shtab.complete(build_parser(), shell=options.shell))
+    say(shtab.complete(options.parser, shell=options.shell))

@@ -66,7 +66,7 @@ def _read(path: Path) -> dict[str, dict[str, Any]]:
     import tomllib
 
     from modalscope.cli.commands import names
-    from modalscope.model import DataError
+    from modalscope.data import DataError
 
     try:
         tables = tomllib.loads(path.read_text(encoding="utf-8"))

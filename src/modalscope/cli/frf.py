@@ -30,13 +30,13 @@ def run(options: argparse.Namespace) -> None:
     """Estimate frequency responses, write them, and say how good they are."""
     from modalscope.cli.output import DATA, PICTURES, check_outputs, needed, write_data, write_picture
     from modalscope.cli.reading import read_test
-    from modalscope.model import Records, Signals
-    from modalscope.model.kinds import check_kind
-    from modalscope.model.records import as_records
-    from modalscope.model.shown import summary_of
+    from modalscope.data import Records, Signals
+    from modalscope.data.records import as_records
+    from modalscope.data.shown import summary_of
+    from modalscope.doctor import examine
+    from modalscope.numerics.checks import check_kind
     from modalscope.plot import response
-    from modalscope.preprocess import examine
-    from modalscope.preprocess.joined_responses import joined_frf
+    from modalscope.preprocess.merging import joined_frf
 
     needed(options, "frf.uff")
     check_outputs(options, options.files, (*DATA, *PICTURES))

@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from modalscope.cli.output import check_output
 from modalscope.cli.parser import Commands, add_cell, add_choices, add_files, add_outputs, add_workers
-from modalscope.cli.process import explain, remark, say
+from modalscope.cli.process import complain, explain, remark, say
+from modalscope.cli.reading import read_modes
+from modalscope.data import DataError, ModalModel
+from modalscope.io import write
+from modalscope.modal.pairing import pair_modes
+from modalscope.numerics.checks import RealArray
 
 if TYPE_CHECKING:
-    from modalscope.model.notes import Note
-    from modalscope.model.result import Result
+    from modalscope.data.notes import Note
+    from modalscope.data.results import Result
 
 __all__ = ["add", "run"]
 
@@ -62,8 +71,6 @@ def run(options: argparse.Namespace) -> None:
     from modalscope.cli.output import check_outputs, is_page, write_outputs
 
     if options.each:
-        from modalscope.cli.batch import run_each
-
         run_each(options)
         return
     check_outputs(options, options.files)
@@ -78,7 +85,7 @@ def run(options: argparse.Namespace) -> None:
 
 def found_in(options: argparse.Namespace, files: list[Any]) -> Result:
     """Return the result of the choices on the command line for the files of one test."""
-    from modalscope.cli.progress import progress
+    from modalscope.cli.process import progress
     from modalscope.cli.reading import parse_delays, parse_orders, reading_options
     from modalscope.cli.workers import workers_of
     from modalscope.workflow.analyze import analyze
@@ -108,7 +115,7 @@ def found_in(options: argparse.Namespace, files: list[Any]) -> Result:
 
 
 def _refuse_page_of(what: str) -> None:
-    from modalscope.model import DataError
+    from modalscope.data import DataError
 
     raise DataError(
         f"one report on {what} was asked",
@@ -119,8 +126,7 @@ def _refuse_page_of(what: str) -> None:
 
 def _print(result: Result, *, everything: bool = False) -> None:
     """Print how the modes were found, what was noted, and the modes."""
-    from modalscope.modal.explained import explained
-    from modalscope.modal.rebuilt import fit_of
+    from modalscope.modal.rebuilt import explained, fit_of
 
     for note in result.notes:
         if note.kind in ("file", "places", "units", "units not known", "bands chosen"):
@@ -161,7 +167,7 @@ def _print_of_noise(result: Result) -> None:
 def _print_diagrams(result: Result) -> None:
     """Print how each band or setup was identified; what an earlier one noted, too, is not said again."""
     from modalscope.identification.lookup import cell_label
-    from modalscope.reporting.banded import bands_of
+    from modalscope.reporting.sections import bands_of
 
     apart, shown = result.analysis.apart, bands_of(result.modes, result.diagrams)
     told: set[Note] = set()
@@ -184,7 +190,7 @@ def _print_left_out(result: Result, everything: bool) -> None:
     if not left:
         return
     if not everything:
-        from modalscope.model.shown import counted
+        from modalscope.data.shown import counted
 
         remark(f"{counted(len(left), 'candidate')} left out; --all says which, and why")
         return
@@ -192,3 +198,88 @@ def _print_left_out(result: Result, everything: bool) -> None:
     for each in left:
         gain = "" if each.gain != each.gain else f" ({each.gain:.1f} deviations)"
         say(f"  {each}{gain}. {each.remedy}")
+
+
+# --------------------------------------------------------------------------------------------------------------- batch
+# modalscope identify --each: many tests of one structure, and one table of their modes.
+
+
+def run_each(options: argparse.Namespace) -> None:
+    """Identify every file by itself; print the modes of all, paired with those of the first that has any.
+
+    An output names the files to write: `-o results.json` gives results_NAME.json for every NAME. A file that cannot be used is
+    named, and the others are done all the same.
+    """
+    reference = None if options.reference is None else read_modes(options, options.reference)
+    places = {
+        path: [out.with_name(f"{out.stem}_{path.stem}{out.suffix}") for out in options.outputs]
+        for path in options.files
+    }
+    written = [place for each in places.values() for place in each]
+    for place in written:
+        check_output(place, options.files, options.force)
+        if written.count(place) > 1:
+            raise DataError(
+                f"a file for each of {len(places)} tests was asked",
+                f"{place.name} would be that of several",
+                "Give the tests names of their own, or identify them one by one.",
+            )
+    found: list[tuple[str, ModalModel]] = []
+    failed = []
+    for path in options.files:
+        try:
+            result = found_in(options, [path])
+        except DataError as error:
+            complain(f"{path}: {error}")
+            failed.append(path)
+            continue
+        for place in places[path]:
+            write(place, result)
+            remark(f"written: {place}")
+        found.append((path.name, result.modes))
+    if found:
+        say(table_of(found, reference))
+    if failed:
+        raise DataError(
+            f"modes in {len(options.files)} files were asked",
+            f"{len(failed)} of them cannot be used: {', '.join(path.name for path in failed)}",
+            "What is wrong with each stands above.",
+        )
+
+
+def table_of(found: Sequence[tuple[str, ModalModel]], reference: ModalModel | None = None) -> str:
+    """Return frequencies and damping ratios of several tests, a column a test, a row a mode of the reference.
+
+    Parameters
+    ----------
+    found : sequence of (name, ModalModel)
+    reference : ModalModel, optional
+        By default the first test that has modes.
+    """
+    first = next((modes for _, modes in found if len(modes)), None) if reference is None else reference
+    if first is None:
+        return "no mode stands out of any file"
+    columns, others = [], []
+    frequencies = np.full((len(found), len(first)), np.nan)
+    for k, (name, modes) in enumerate(found):
+        cells = [name, *["-"] * len(first)]
+        pairs = pair_modes(first, modes)
+        for i, j in zip(pairs.first, pairs.second, strict=True):
+            cells[i + 1] = f"{modes.frequencies[j]:.4f} Hz {100 * modes.damping_ratios[j]:.3f} %"
+        frequencies[k, pairs.first] = modes.frequencies[pairs.second]
+        columns.append(cells)
+        alone = ", ".join(f"{f:.4f} Hz" for f in modes.frequencies[pairs.alone[1]])
+        others += [f"only in {name}: {alone}"] if alone else []
+    if reference is not None:
+        own = [f"{f:.4f} Hz {100 * z:.3f} %" for f, z in zip(first.frequencies, first.damping_ratios, strict=True)]
+        columns.insert(0, ["reference", *own])
+    columns.insert(0, ["mode", *(str(i + 1) for i in range(len(first)))])
+    widths = [max(map(len, column)) for column in columns]
+    rows = ["  ".join(cell.rjust(w) for cell, w in zip(row, widths, strict=True)) for row in zip(*columns, strict=True)]
+    scatter = [_scatter(f[np.isfinite(f)]) for f in frequencies.T]
+    rows = [rows[0] + "   scatter of f", *(f"{row}   {text}" for row, text in zip(rows[1:], scatter, strict=True))]
+    return "\n".join([*rows, *others])
+
+
+def _scatter(f: RealArray) -> str:
+    return f"{100 * f.std(ddof=1) / f.mean():.3f} %" if f.size > 1 else "-"

@@ -20,10 +20,10 @@ def add(commands: Commands) -> None:
 def run(options: argparse.Namespace) -> None:
     """Print what a file holds, what was taken and left, and what is wrong with the data."""
     from modalscope.cli.reading import reading_options
+    from modalscope.data import Geometry, ModalModel, StabilizationDiagram, StateSpace
+    from modalscope.data.units import si_form
+    from modalscope.doctor import examine
     from modalscope.io import survey
-    from modalscope.model import Geometry, ModalModel, StabilizationDiagram, StateSpace
-    from modalscope.model.si import si_form
-    from modalscope.preprocess import examine
 
     told = survey(options.file, **reading_options(options, options.file))
     say(told)

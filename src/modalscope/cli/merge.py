@@ -22,7 +22,7 @@ def run(options: argparse.Namespace) -> None:
     """Merge the files of one test by the labels of their channels."""
     from modalscope.cli.output import DATA, check_outputs, needed, write_data
     from modalscope.cli.reading import read_test
-    from modalscope.model import Setups
+    from modalscope.data import Setups
     from modalscope.preprocess.setups import correlations, merge_setups
 
     needed(options, "test.npz")

@@ -10,10 +10,9 @@ from tempfile import mkstemp
 from typing import TYPE_CHECKING, Any
 
 from modalscope.cli.process import STDOUT
-from modalscope.io.atomic import PENDING, check_target, replacing
-from modalscope.io.marks import MARK, is_ours
-from modalscope.model import DataError, ModalModel
-from modalscope.model.result import Result
+from modalscope.data import DataError, ModalModel
+from modalscope.data.results import Result
+from modalscope.io.atomic import MARK, PENDING, check_target, is_ours, replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -139,8 +138,8 @@ def write_picture(path: Path, axes: Axes) -> str:
 
 def write_data(path: Path, data: Any) -> str:
     """Write data and return what is to be said of the file."""
+    from modalscope.data.shown import summary_of
     from modalscope.io import write
-    from modalscope.model.shown import summary_of
 
     write(path, data)
     return f"written: {path}, {summary_of(data)}{left_out(path, data)}"

@@ -52,8 +52,8 @@ def run(options: argparse.Namespace) -> None:
 
 def _picture(thing: Any, over: Any, options: argparse.Namespace) -> Axes:
     from modalscope import plot
-    from modalscope.model import DataError, ModalModel, Signals, StabilizationDiagram
-    from modalscope.model.response import Response
+    from modalscope.data import DataError, ModalModel, Signals, StabilizationDiagram
+    from modalscope.data.response import Response
     from modalscope.preprocess import decomposition
 
     if isinstance(thing, ModalModel):

@@ -6,11 +6,13 @@ import io
 import os
 import signal
 import sys
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import NoReturn
 
-__all__ = ["EXIT_WRONG", "STDOUT", "VOICE", "complain", "explain", "hang_up", "remark", "say", "take_over"]
+__all__ = ["EXIT_WRONG", "STDOUT", "VOICE", "complain", "explain", "hang_up", "progress", "remark", "say", "take_over"]
+
 
 #: The name of an output that means JSON on stdout.
 STDOUT = "-"
@@ -82,7 +84,7 @@ VOICE = Voice()
 
 def say(text: object) -> None:
     """Print a result; what is no sign of its own, such as the codes that move a terminal's cursor, is escaped."""
-    from modalscope.model.errors import printable
+    from modalscope.numerics.checks import printable
 
     print(printable(str(text)), file=sys.stderr if VOICE.aside else sys.stdout)
 
@@ -101,7 +103,7 @@ def explain(text: object) -> None:
 
 def complain(text: object) -> None:
     """Print one line on stderr, if there is one."""
-    from modalscope.model.errors import shortened
+    from modalscope.numerics.checks import shortened
 
     if sys.stderr is not None:
         with suppress(OSError):
@@ -113,3 +115,21 @@ def hang_up() -> None:
     if sys.stdout is sys.__stdout__ and sys.stdout is not None:
         with suppress(OSError, ValueError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+# ------------------------------------------------------------------------------------------------------------ progress
+# Progress on stderr, for a person who waits.
+
+
+@contextmanager
+def progress(what: str, unit: str = "order") -> Iterator[Callable[[int, int], None]]:
+    """Show a bar while the block runs: `show(done, total)`; nothing when stderr is not a terminal a person looks at."""
+    from tqdm import tqdm
+
+    with tqdm(desc=what, unit=unit, file=sys.stderr, leave=False, disable=VOICE.quiet or None) as bar:
+
+        def show(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        yield show

@@ -33,8 +33,8 @@ def run(options: argparse.Namespace) -> None:
     """Print the peaks of the first singular value, and draw all of them where that is asked."""
     from modalscope.cli.output import PICTURES, check_outputs, write_picture
     from modalscope.cli.reading import read_test
-    from modalscope.model import Signals
-    from modalscope.model.kinds import check_kind
+    from modalscope.data import Signals
+    from modalscope.numerics.checks import check_kind
     from modalscope.plot import spectra
     from modalscope.preprocess import decomposition
 

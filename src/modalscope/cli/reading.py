@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from modalscope.cli.process import remark
+from modalscope.data import DataError, ModalModel, Note
+from modalscope.data.shown import summary_of
 from modalscope.io import set_max_memory, survey
-from modalscope.model import DataError, ModalModel, Note
-from modalscope.model.shown import summary_of
 
 __all__ = ["parse_delays", "parse_orders", "read_data", "read_modes", "read_test", "reading_options"]
 

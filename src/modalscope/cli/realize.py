@@ -26,8 +26,8 @@ def run(options: argparse.Namespace) -> None:
     """Identify a model, write it, and print its poles."""
     from modalscope.cli.output import check_outputs, needed, write_outputs
     from modalscope.cli.reading import parse_delays, read_test
+    from modalscope.data.shown import summary_of
     from modalscope.identification.identify import identify
-    from modalscope.model.shown import summary_of
 
     needed(options, "model.mat")
     check_outputs(options, options.files, (".mat", ".npz", ".h5", ".hdf5", ".json"))

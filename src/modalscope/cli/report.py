@@ -31,7 +31,7 @@ def add(commands: Commands) -> None:
 def run(options: argparse.Namespace) -> None:
     """Do a saved analysis again, and write its report."""
     from modalscope.cli.output import check_outputs, needed
-    from modalscope.cli.progress import progress
+    from modalscope.cli.process import progress
     from modalscope.io import set_max_memory
     from modalscope.reporting import report
 
@@ -47,8 +47,8 @@ def run(options: argparse.Namespace) -> None:
 
 def _saved(options: argparse.Namespace, show: Any) -> Any:
     """Return the diagram of a file, or the result of its analysis on the data."""
+    from modalscope.data import DataError, StabilizationDiagram
     from modalscope.io import survey
-    from modalscope.model import DataError, StabilizationDiagram
     from modalscope.workflow.replay import replay
 
     try:

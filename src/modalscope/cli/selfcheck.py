@@ -21,7 +21,7 @@ def add(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Print every published value beside the computed one; what differs is an error."""
-    from modalscope.model import DataError
+    from modalscope.data import DataError
     from modalscope.published.selfcheck import selfcheck
 
     found = selfcheck()

@@ -29,8 +29,8 @@ def run(options: argparse.Namespace) -> None:
     """Write a simulated test of a structure of the catalog, or list them."""
     from modalscope import systems
     from modalscope.cli.output import check_output, write_data
-    from modalscope.model import DataError
-    from modalscope.systems.trial import trial
+    from modalscope.data import DataError
+    from modalscope.systems.listing import trial
 
     if options.system == "list":
         for name, make in systems.catalog().items():

@@ -7,10 +7,9 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
-from modalscope.cli.process import complain
-from modalscope.cli.progress import progress
-from modalscope.model.crew import working
-from modalscope.model.errors import DataError
+from modalscope.cli.process import complain, progress
+from modalscope.numerics.checks import DataError
+from modalscope.numerics.executors import working
 
 __all__ = ["LOCAL_SETTINGS", "workers_of"]
 
@@ -47,7 +46,7 @@ def workers_of(options: argparse.Namespace) -> Iterator[None]:
 
 def _client(address: str, held: ExitStack) -> Any:
     """Return a client of a scheduler, which is closed at the end, and so are processes that were started for it."""
-    from modalscope.model.extras import optional_package
+    from modalscope.numerics.extras import optional_package
 
     distributed = optional_package("--scheduler", "distributed", "cluster")
     if address.split(":")[0] == _LOCAL:

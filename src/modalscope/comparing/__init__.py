@@ -4,7 +4,7 @@ from modalscope.comparing.causes import CAUSES, Cause, Disagreement
 from modalscope.comparing.comparison import compare
 from modalscope.comparing.result import Comparison
 from modalscope.comparing.run import MethodResult
-from modalscope.model.entries import plain_methods
+from modalscope.numerics.arguments import plain_methods
 
 __all__ = ["CAUSES", "Cause", "Comparison", "Disagreement", "MethodResult", "compare"]
 

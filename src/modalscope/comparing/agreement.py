@@ -9,11 +9,10 @@ import numpy as np
 
 from modalscope.comparing.kinship import Kinship
 from modalscope.comparing.run import MethodResult
+from modalscope.data.poles import poles_from
 from modalscope.modal.indicators import mac
-from modalscope.model.checks import Array, ComplexArray, RealArray
-from modalscope.model.pairing import assign
-from modalscope.model.poles import poles_from
-from modalscope.model.robust import scatter
+from modalscope.numerics.checks import Array, ComplexArray, RealArray
+from modalscope.numerics.statistics import assign, scatter
 
 __all__ = ["Group", "pair"]
 

@@ -7,39 +7,103 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.blocks.threads import one_thread
 from modalscope.comparing.agreement import Group, pair
 from modalscope.comparing.causes import Cause
-from modalscope.comparing.certified import Tried, certified_best, interval_trouble
-from modalscope.comparing.channels import channel_causes, sign_causes, without_dead
-from modalscope.comparing.diagnosis import disagreements, mode_causes
-from modalscope.comparing.falling import order_cause
-from modalscope.comparing.further import changed_by_more_orders
+from modalscope.comparing.diagnosis import (
+    channel_causes,
+    disagreements,
+    mode_causes,
+    order_cause,
+    sign_causes,
+    without_dead,
+)
 from modalscope.comparing.identities import check_identities
 from modalscope.comparing.kinship import Kinship, kinship
 from modalscope.comparing.result import Comparison
 from modalscope.comparing.routes import route_causes, tasks_of, witnesses
-from modalscope.comparing.run import MethodResult, Progress, run
-from modalscope.comparing.scatter import Scatter, stated
+from modalscope.comparing.run import Cell, MethodResult, Progress, run
+from modalscope.comparing.scatter import Scatter, Tried, certified_best, interval_trouble, stated
 from modalscope.comparing.verdict import judge, words
+from modalscope.data.frequency import FrequencyResponse
+from modalscope.data.geometry import DofLike
+from modalscope.data.impulse import ImpulseResponse
+from modalscope.data.modes import ModalModel
+from modalscope.data.notes import notes_of
+from modalscope.data.records import Records, Signals
+from modalscope.data.response import Response
+from modalscope.data.setups import Setups, as_test
 from modalscope.identification.options import AllOptions
-from modalscope.identification.prepare import Data
-from modalscope.modal.explained import explained, explains_enough
-from modalscope.modal.joint import joint_residues
-from modalscope.modal.rebuilt import fit_error_heard, rebuilt
-from modalscope.model.checks import check_count, check_kind
-from modalscope.model.frequency import FrequencyResponse
-from modalscope.model.impulse import ImpulseResponse
-from modalscope.model.keywords import named
-from modalscope.model.labels import DofLike
-from modalscope.model.modes import ModalModel
-from modalscope.model.notes import notes_of
-from modalscope.model.records import Records
-from modalscope.model.response import Response
-from modalscope.model.setups import Setups, as_test
-from modalscope.model.signals import Signals
+from modalscope.identification.prepare import Data, Measured, pose
+from modalscope.judging.certificate import matched
+from modalscope.judging.select import select
+from modalscope.judging.stabilize import stabilized
+from modalscope.modal.rebuilt import explained, explains_enough, fit_error_heard, rebuilt
+from modalscope.modal.shapes import joint_residues
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import DataError, check_count, check_kind
+from modalscope.numerics.resources import one_thread
 
-__all__ = ["compare"]
+__all__ = ["changed", "compare"]
+
+
+# ------------------------------------------------------------------------------------------------------------- further
+# Whether orders above those that were asked change the modes that are reported.
+
+#: The largest order is raised twofold, by so many states at most, and by so many orders at least: a mode must be seen at some.
+_MORE, _ORDERS = 40, 8
+
+#: A mode has moved by this share of its half bandwidth (frequency), or of its damping.
+_MOVED = 0.25
+
+
+def changed_by_more_orders(
+    tasks: Sequence[tuple[Measured, Cell]], results: Sequence[MethodResult], options: dict[str, Any]
+) -> bool:
+    """Return whether the method with a vote that fits best reports other modes when it is given more orders.
+
+    Where they are out of reach nobody can tell, and they are taken to.
+
+    Parameters
+    ----------
+    tasks : sequence of (Measured, Cell)
+    results : sequence of MethodResult
+        One a task.
+    options : dict
+        Of `compare`, for every method.
+    """
+    able = [(t, r) for t, r in zip(tasks, results, strict=True) if r.exact and r.modes is not None]
+    if not able:
+        return True
+    (measured, cell), best = min(able, key=lambda pair: np.inf if pair[1].fit_error is None else pair[1].fit_error)
+    top = cell.orders[-1]
+    step = top - cell.orders[-2] if len(cell.orders) > 1 else top
+    more = range(top + step, max(min(2 * top, top + _MORE), top + _ORDERS * step) + 1, step)
+    try:
+        diagram = stabilized(pose(measured, cell.method, {**cell.options, **options}), [*cell.orders, *more])
+        found = select(diagram)
+    except DataError:
+        return True
+    assert best.modes is not None
+    return diagram.orders[-1] <= top or changed(best.modes, found)
+
+
+def changed(before: ModalModel, after: ModalModel) -> bool:
+    """Return whether modes are not the same: another number, another shape, or values moved by a quarter of the half bandwidth.
+
+    Parameters
+    ----------
+    before, after : ModalModel
+    """
+    mine, theirs = matched(before, after)
+    if not len(mine) == len(before) == len(after):
+        return True
+    old, new = before.take(mine), after.take(theirs)
+    f = np.abs(new.frequencies - old.frequencies) > _MOVED * old.frequencies * old.damping_ratios
+    zeta = np.abs(new.damping_ratios - old.damping_ratios) > _MOVED * old.damping_ratios
+    return bool(np.any(f | zeta))
+
+
+# ---------------------------------------------------------------------------------------------------------- comparison
 
 #: Rank at which identities are checked: the consensus' own, but no more.
 _IDENTITY_ORDER = 20

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 import scipy.linalg as sla
 
+from modalscope.data.response import Response
 from modalscope.identification.lookup import find_method
 from modalscope.identification.method import DOMAINS, Method
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
-from modalscope.model.checks import Array, DataError
-from modalscope.model.pairing import assign
-from modalscope.model.response import Response
+from modalscope.numerics.checks import Array, DataError
+from modalscope.numerics.statistics import assign
 from modalscope.realizations.balanced import projected_general
 
 __all__ = ["Identity", "check_identities", "pole_residual"]

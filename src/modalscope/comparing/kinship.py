@@ -9,13 +9,13 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope.comparing.run import MethodResult
+from modalscope.data.modes import ModalModel
 from modalscope.identification.method import Method
 from modalscope.judging.evidence import oscillations
+from modalscope.judging.stabilize import sufficient_order
 from modalscope.judging.tracking import Poles
-from modalscope.modal.sufficient import sufficient_order
-from modalscope.model.checks import Array, ComplexArray, RealArray
-from modalscope.model.modes import ModalModel
-from modalscope.model.pairing import assign
+from modalscope.numerics.checks import Array, ComplexArray, RealArray
+from modalscope.numerics.statistics import assign
 
 __all__ = ["Kinship", "kinship", "pole_distance", "subspace_angle"]
 

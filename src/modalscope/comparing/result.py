@@ -2,26 +2,78 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from difflib import get_close_matches
+from typing import Any, Protocol, TypeVar
 
 from modalscope.comparing.agreement import Group
 from modalscope.comparing.causes import Cause, Disagreement
-from modalscope.comparing.certified import Tried
 from modalscope.comparing.identities import Identity
 from modalscope.comparing.kinship import Kinship
-from modalscope.comparing.labels import find_by_name
 from modalscope.comparing.run import MethodResult
-from modalscope.comparing.scatter import LEVEL, Scatter
+from modalscope.comparing.scatter import LEVEL, Scatter, Tried
 from modalscope.comparing.verdict import Trust
-from modalscope.modal.explained import explains_enough, share_explained
-from modalscope.model.modes import ModalModel
-from modalscope.model.notes import Note
-from modalscope.model.response import Response
-from modalscope.model.shown import Shown, cells_of, summary_of
+from modalscope.data.modes import ModalModel
+from modalscope.data.notes import Note
+from modalscope.data.response import Response
+from modalscope.data.shown import Shown, cells_of, summary_of
+from modalscope.identification.method import Method
+from modalscope.modal.rebuilt import explains_enough, share_explained
+from modalscope.numerics.checks import DataError
 
-__all__ = ["Comparison"]
+__all__ = ["Comparison", "find_by_name"]
+
+
+# -------------------------------------------------------------------------------------------------------------- labels
+# What methods are called in tables and pictures, and how a result is found by any of its method's names.
+
+
+class _HasMethod(Protocol):
+    @property
+    def method(self) -> Method: ...
+
+
+T = TypeVar("T", bound=_HasMethod)
+
+
+def find_by_name(results: Iterable[T], name: str | tuple[str, str]) -> T:
+    """Return the one result whose method has a name: `era (s)`, `ERA/s`, `ssi_cov`, `PolyMAX`; case, blanks and signs do not matter.
+
+    Raises
+    ------
+    DataError
+        No such result, with the nearest name; or one name of several.
+    """
+    known = list(results)
+    asked = name if isinstance(name, str) else "/".join(map(str, name))
+    wanted = _plain(asked)
+    found = [r for r in known if wanted in {n + r.method.domain for n in _names(r.method)}]
+    found = found or [r for r in known if wanted in _names(r.method)]
+    if len(found) == 1:
+        return found[0]
+    there = [str(r.method) for r in found or known]
+    if found:
+        raise DataError(f"the result of {asked!r} was asked", f"that is {' and '.join(there)}", "Name one of these.")
+    spelt = {_plain(word): word for r in known for word in (str(r.method), r.method.label)}
+    near = get_close_matches(wanted, spelt, n=1, cutoff=0.5)
+    hint = f"Did you mean {spelt[near[0]]!r}? " if near else ""
+    raise DataError(
+        f"the result of {asked!r} was asked", f"there are {', '.join(there) or 'none'}", f"{hint}Name one of these."
+    )
+
+
+def _names(method: Method) -> set[str]:
+    words = (method.name, method.label, method.common, *method.known_as, *method.aliases)
+    return {_plain(word.partition(" on ")[0].partition(" with ")[0]) for word in words} | {_plain(method.label)}
+
+
+def _plain(text: str) -> str:
+    """Return letters and digits alone, in lower case."""
+    return "".join(c for c in str(text).casefold() if c.isalnum())
+
+
+# -------------------------------------------------------------------------------------------------------------- result
 
 #: Modes that stand beside each other in a table of text.
 _BESIDE = 5

@@ -25,15 +25,13 @@ from typing import Any
 import numpy as np
 
 from modalscope.comparing.causes import Cause
-from modalscope.comparing.plan import Cell, plan
-from modalscope.comparing.run import MethodResult
-from modalscope.identification.measured import Measured
-from modalscope.identification.prepare import measure
+from modalscope.comparing.run import Cell, MethodResult, plan
+from modalscope.data.record_residual import UNMEASURED
+from modalscope.data.window import line_step
+from modalscope.identification.prepare import Measured, measure
 from modalscope.identification.routes import USUAL
-from modalscope.modal.explained import explains_enough, share_explained
-from modalscope.model.checks import DataError
-from modalscope.model.record_residual import UNMEASURED
-from modalscope.model.window import line_step
+from modalscope.modal.rebuilt import explains_enough, share_explained
+from modalscope.numerics.checks import DataError
 
 __all__ = ["route_causes", "tasks_of", "witnesses"]
 

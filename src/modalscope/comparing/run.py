@@ -4,32 +4,238 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from threading import Lock
 from typing import Any
 
 import numpy as np
 
-from modalscope.comparing.moved import Moved, moved_by_noise
-from modalscope.comparing.plan import Cell
-from modalscope.identification.measured import Measured
-from modalscope.identification.method import Built, Method, Problem
+from modalscope.blocks.influence import Lines
+from modalscope.data.modes import ModalModel
+from modalscope.data.response import Response
+from modalscope.data.results import StabilizationDiagram
+from modalscope.identification.lookup import find_method
+from modalscope.identification.method import DOMAINS, Built, Method, Problem
 from modalscope.identification.options import Options
+from modalscope.identification.orders import STATES, checked_orders
 from modalscope.identification.pipeline import Factored, built, factored
-from modalscope.identification.prepare import pose
+from modalscope.identification.prepare import Measured, pose
 from modalscope.identification.sweep import Sweep, start
+from modalscope.identification.table import methods
+from modalscope.judging.certificate import nearest_order
 from modalscope.judging.evidence import Gathered
 from modalscope.judging.select import chosen_of, weighed
 from modalscope.judging.stabilize import swept
+from modalscope.likelihood.covariance import PoleInfluence, covariances_of_poles, influence_on
+from modalscope.likelihood.noise import SPLIT, Noise
 from modalscope.modal.rebuilt import fit_of
-from modalscope.model.checks import DataError
-from modalscope.model.diagram import StabilizationDiagram
-from modalscope.model.modes import ModalModel
+from modalscope.numerics.checks import ComplexArray, DataError, IntArray, RealArray, check_choice
 
-__all__ = ["MethodResult", "Progress", "run"]
+__all__ = ["Cell", "MethodResult", "Moved", "Progress", "covariance", "plan", "run"]
+
+
+# ---------------------------------------------------------------------------------------------------------------- plan
+# Which cells of the table a comparison tries on the data, with which orders and block sizes, and how exact their way to the data is.
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One method as the comparison runs it.
+
+    Parameters
+    ----------
+    method : Method
+    orders : tuple of int
+    options : mapping
+        Block sizes that are not the method's own default.
+    exact : bool
+        Whether the method works on the data themselves. What was carried from lines to samples or back is compared, but has no vote.
+    """
+
+    method: Method
+    orders: tuple[int, ...]
+    options: dict[str, Any] = field(default_factory=dict)
+    exact: bool = True
+
+
+def plan(
+    response: Response,
+    wanted: str | Iterable[Any],
+    orders: Iterable[int] | None,
+    *,
+    records: bool = False,
+    route: str | None = None,
+) -> tuple[tuple[Cell, ...], tuple[str, ...]]:
+    """Return the cells to try and notes on those that the data do not allow.
+
+    Parameters
+    ----------
+    response : FrequencyResponse or ImpulseResponse
+    wanted : "all" or iterable of str, (str, str) or Method
+        "era" is the row in every domain that the data allow, "era/s" or ("era", "s") one cell.
+    orders : iterable of int, optional
+        By default 2, 4, ... up to 80 for frequency responses, 60 for impulse responses and 40 for correlations.
+    records : bool
+        Whether the records without inputs that the response was estimated from are there.
+    route : str, optional
+        From records with inputs: only rows that this way was made for.
+
+    Raises
+    ------
+    DataError
+        An unknown name, or no method at all.
+    """
+    out: dict[str, list[str]] = {}
+    found: list[Method] = []
+    if isinstance(wanted, str) and wanted != "all":
+        wanted = [wanted]
+    table = [m for m in methods() if (not m.driven if route is None else m.route == route)]
+    if isinstance(wanted, str):
+        found = [m for m in table if _allowed(m, response, out, records)]
+    else:
+        for item in wanted:
+            allowed = _named(item, response, out, records, None if route is None else table)
+            found += [m for m in allowed if m not in found]
+    notes = tuple(f"{', '.join(dict.fromkeys(names))} left out: {why}" for why, names in out.items())
+    if not found and route is None:
+        raise DataError(
+            "a comparison was asked", notes[0] if notes else "no method was named", 'Name methods, or methods="all".'
+        )
+    asked = STATES.ladder(response) if orders is None else checked_orders(orders)
+    return tuple(_cell(m, response, asked) for m in found), notes
+
+
+def _named(
+    item: Any, response: Response, out: dict[str, list[str]], records: bool, served: list[Method] | None
+) -> list[Method]:
+    """Return the cells that a name means, of those that a way from records serves where there is one."""
+    if isinstance(item, Method):
+        return [item] if served is None or item in served else []
+    if not isinstance(item, str) and not (isinstance(item, tuple | list) and len(item) == 2):
+        raise DataError(
+            "methods to compare were asked",
+            f"one of methods is {type(item).__name__}",
+            'Name rows such as "era", or cells such as "era/s".',
+        )
+    name, _, domain = item.partition("/") if isinstance(item, str) else (item[0], "", item[1])
+    if served is not None:
+        row = find_method(name, None, "time").name
+        return [m for m in served if m.name == row and domain in ("", m.domain)]
+    if domain:
+        return [find_method(name, check_choice("domain", domain, DOMAINS), domain)]
+    row = find_method(name, None, "time").name  # an unknown name is an error
+    return [m for m in methods() if m.name == row and not m.driven and _allowed(m, response, out, records)]
+
+
+def _allowed(method: Method, response: Response, out: dict[str, list[str]], records: bool) -> bool:
+    """Whether the data suit a cell; what does not is noted."""
+    refusal = method.refusal(response, records)
+    why = refusal.reason if refusal else method.reservation(response)
+    if why:
+        out.setdefault(why, []).append(str(method))
+    return not why
+
+
+def _cell(method: Method, response: Response, asked: Sequence[int]) -> Cell:
+    orders, options = method.orders.compared(asked, response)
+    return Cell(method, orders, options, method.exact_on(response))
+
+
+# --------------------------------------------------------------------------------------------------------------- moved
+# How the noise moves the modes of every method, and of two methods together: they read the same data and share its noise.
+
+#: Lines that influences are kept on; of more every second to eighth stands for its neighbours.
+_LINES, _MOST = 2000, 8
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Moved:
+    """What noise in the data does to the modes of one method.
+
+    Parameters
+    ----------
+    response : Response
+        The data: only methods on the same ones share their noise value by value.
+    noise : Noise
+    influence : PoleInfluence
+        On the poles nearest to the modes, at the order that is nearest to all of them.
+    poles : array of complex, (k,)
+        These poles, rad/s.
+    row : array of int, (n,)
+        Where each mode stands among them; -1 for a mode that this order has not, or has split in two.
+    """
+
+    response: Response
+    noise: Noise
+    influence: PoleInfluence
+    poles: ComplexArray
+    row: IntArray
+
+
+def moved_by_noise(found: Sweep, diagram: StabilizationDiagram, modes: ModalModel) -> Moved | None:
+    """Return how the noise moves modes that were selected from the diagram of a sweep; None where that is not known.
+
+    Parameters
+    ----------
+    found : Sweep
+    diagram : StabilizationDiagram
+    modes : ModalModel
+    """
+    if found.noise is None or not len(modes):
+        return None
+    pipeline = found.pipeline
+    cut = found.cut(nearest_order(diagram, modes))
+    response = pipeline.matrix.judged
+    poles = cut.modal.poles + response.added_damping
+    away = np.abs(poles[:, None] - modes.poles) / np.abs(modes.poles.real)
+    nearest = np.argmin(away, axis=0)
+    there = away[nearest, np.arange(len(modes))] < 1
+    if cut.std is not None and modes.frequencies_std is not None:  # a split mode is not the mode
+        there &= ~(cut.std.frequency[nearest] > SPLIT * modes.frequencies_std)
+    index = nearest[there]
+    if not index.size:  # modes that no pole of the order is: what the orders do not show was found in the residual
+        return None
+    try:
+        influence = influence_on(
+            pipeline.matrix, pipeline.realization, cut.order, cut.triple, cut.modal.eigen.take(index), _lines(response)
+        )
+    except DataError:  # a way of reading poles off whose first order is not known
+        return None
+    noise = found.noise_beside(cut)
+    row = np.where(there, np.cumsum(there) - 1, -1)
+    return None if noise is None else Moved(response, noise, influence, poles[index], row)
+
+
+def _lines(response: Response) -> Lines | None:
+    """Return the same lines for every method on the same data; None for all."""
+    every = int(np.clip(response.count // _LINES, 1, _MOST))
+    if every == 1 or response.grid is None or response.added_damping > 0:
+        return None
+    index = np.arange(every // 2, response.count, every)
+    return Lines(index, np.full(index.size, float(every)))
+
+
+def covariance(one: Moved, other: Moved, rows: IntArray, beside: IntArray, noise: Noise) -> tuple[RealArray, RealArray]:
+    """Return the covariances of frequencies (Hz) and of damping ratios of modes of two methods, one to one.
+
+    Parameters
+    ----------
+    one, other : Moved
+        Of the same data.
+    rows, beside : array of int, (k,)
+        Which of their poles.
+    noise : Noise
+    """
+    with np.errstate(all="ignore"):
+        moments = noise.moments(one.influence.take(rows), other.influence.take(beside))
+        f, zeta = covariances_of_poles(one.poles[rows], other.poles[beside], moments.covariance)
+        return f, np.where(noise.damping_is_told(one.poles[rows]), zeta, np.nan)
+
+
+# ----------------------------------------------------------------------------------------------------------------- run
 
 Progress = Callable[[int, int], None]
 

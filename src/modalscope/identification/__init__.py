@@ -1,1 +1,1 @@
-"""Floor 3: the table of methods; data in, identification out."""
+"""The table of methods: data in, identification out."""

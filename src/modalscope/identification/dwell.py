@@ -10,9 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from modalscope.data.channels import QUANTITIES
+from modalscope.data.frequency import FrequencyResponse
+from modalscope.data.modes import ModalModel
+from modalscope.data.poles import poles_from
 from modalscope.modal.indicators import mac, mmif, mpc
-from modalscope.model.channels import QUANTITIES
-from modalscope.model.checks import (
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import (
     Array,
     ComplexArray,
     DataError,
@@ -21,10 +25,6 @@ from modalscope.model.checks import (
     check_kind,
     check_positive,
 )
-from modalscope.model.frequency import FrequencyResponse
-from modalscope.model.keywords import named
-from modalscope.model.modes import ModalModel
-from modalscope.model.poles import poles_from
 
 __all__ = ["Dwell", "tuned_dwell"]
 

@@ -8,7 +8,11 @@ from typing import Any, Unpack
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
-from modalscope.blocks.threads import one_thread
+from modalscope.data.modes import ModalModel
+from modalscope.data.notes import Note
+from modalscope.data.response import Response
+from modalscope.data.shown import Shown, cells_of, summary_of
+from modalscope.data.statespace import StateSpace
 from modalscope.identification.lookup import cell_label
 from modalscope.identification.method import Problem
 from modalscope.identification.options import AllOptions, Options
@@ -17,13 +21,9 @@ from modalscope.identification.prepare import prepare
 from modalscope.identification.sweep import Sweep
 from modalscope.modal.eigenmodes import split_extraneous, state_space
 from modalscope.modal.rebuilt import fit_error_of
-from modalscope.model.checks import ComplexArray, RealArray, check_count
-from modalscope.model.keywords import named
-from modalscope.model.modes import ModalModel
-from modalscope.model.notes import Note
-from modalscope.model.response import Response
-from modalscope.model.shown import Shown, cells_of, summary_of
-from modalscope.model.statespace import StateSpace
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import ComplexArray, RealArray, check_count
+from modalscope.numerics.resources import one_thread
 
 __all__ = ["Identification", "assemble", "identify", "realize"]
 
@@ -135,7 +135,7 @@ def identify(
     factorization : {"auto", "dense", "gram", "randomized", "lanczos"}, optional
         The route to the singular vectors.
     reduction : {"projection", "markov", "reversed"}, optional
-        Of polyreference in the time domain to minimum order, see `modalscope.realizations.reduction`.
+        Of polyreference in the time domain to minimum order, see `modalscope.realizations.companion`.
     row_shifts, column_shifts, row_subsets, column_subsets, row_weights, column_weights, row_compression, column_compression : optional
         The data matrix in its generality, see `modalscope.blocks.hankel`.
     **options

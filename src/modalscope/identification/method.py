@@ -4,23 +4,156 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from enum import Enum
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
+from modalscope.data.notes import Note
+from modalscope.data.records import Records, Signals
+from modalscope.data.response import Response
+from modalscope.data.results import Settings
+from modalscope.data.stored import StoredSignals
 from modalscope.identification.options import Options
 from modalscope.identification.orders import OrderRule
-from modalscope.identification.takes import EXACT, REFUSALS, RESERVATIONS, ROUTES, Refusal, Takes
-from modalscope.model.notes import Note
-from modalscope.model.records import Records
-from modalscope.model.response import Response
-from modalscope.model.settings import Settings
-from modalscope.model.signals import Signals
-from modalscope.model.stored import StoredSignals
+from modalscope.numerics.checks import DataError
 from modalscope.realizations.realization import Realization
 
-__all__ = ["DOMAINS", "Built", "Method", "Problem", "plain"]
+__all__ = ["DOMAINS", "Built", "Method", "Problem", "Takes", "has_decayed", "plain"]
+
+
+# --------------------------------------------------------------------------------------------------------------- takes
+# What a row of the table may be made of, and what follows from that alone: its way from records, what it refuses, what it loses.
+
+#: A response has decayed when its last tenth holds less than this share of the energy.
+_DECAYED = 1e-3
+
+
+class Takes(Enum):
+    """What the data matrix of a row is made of, and so what `prepare` hands over."""
+
+    SAMPLES = "samples"
+    LINES = "lines"
+    CONTINUOUS = "lines of a continuous structure"
+    RESPONSE = "lines, or the samples of a window"
+    PAST = "records projected on their past"
+    RECORDS = "records with inputs on their own lines"
+    DRIVEN = "records with inputs projected on their past"
+
+
+#: The way from records with inputs to what a row takes.
+ROUTES = {
+    Takes.SAMPLES: "markov",
+    Takes.LINES: "frf",
+    Takes.CONTINUOUS: "frf",
+    Takes.RESPONSE: "frf",
+    Takes.PAST: "",
+    Takes.RECORDS: "records",
+    Takes.DRIVEN: "subspace",
+}
+
+
+class Refusal(NamedTuple):
+    """Why a row cannot take data, and what to do instead."""
+
+    reason: str
+    change: str
+
+
+def _no_samples(response: Response, records: bool) -> Refusal | None:
+    if response.origin == "lines":
+        return None
+    return Refusal(
+        "the data are samples: their transform is no rational function of j w",
+        "Use domain='z', which is exact for samples, or give measured frequency responses.",
+    )
+
+
+def _no_records(response: Response, records: bool) -> Refusal | None:
+    if records:
+        return None
+    return Refusal(
+        "it projects records without inputs, and there are none",
+        "Give Signals with outputs alone, or use method='alternate', which takes any response.",
+    )
+
+
+def _no_spectra(response: Response, records: bool) -> Refusal | None:
+    if response.origin == "records":
+        return None
+    return Refusal(
+        "it takes records with inputs, and these are none",
+        "Give Signals with inputs, or leave route out.",
+    )
+
+
+def _always(response: Response, records: bool) -> Refusal | None:
+    return None
+
+
+#: Why a row cannot take the data, given whether records without inputs are there.
+REFUSALS: dict[Takes, Callable[[Response, bool], Refusal | None]] = {
+    Takes.SAMPLES: _always,
+    Takes.LINES: _always,
+    Takes.CONTINUOUS: _no_samples,
+    Takes.RESPONSE: _always,
+    Takes.PAST: _no_records,
+    Takes.RECORDS: _no_spectra,
+    Takes.DRIVEN: _no_spectra,
+}
+
+
+def _no_even_lines(response: Response) -> str:
+    try:
+        response.as_samples()
+    except DataError as error:
+        return f"{error.asked}, but {error.found}"
+    return ""
+
+
+def _sampled_lines(response: Response) -> str:
+    return "the lines are those of a sampled system, which domain z takes as they are" if response.held_input else ""
+
+
+def _not_decayed(response: Response) -> str:
+    if response.exact_lines or has_decayed(response):
+        return ""
+    return "the response has not decayed at its last sample, so that its lines are biased"
+
+
+def has_decayed(response: Response) -> bool:
+    """Whether little enough is left at the end for a transform of the samples to serve in place of lines."""
+    energy = np.sum(np.abs(response.values) ** 2, axis=(1, 2))
+    return bool(energy[-max(energy.size // 10, 1) :].sum() < _DECAYED * energy.sum())
+
+
+#: Why a comparison leaves a row out although it can take the data; empty where it does not.
+RESERVATIONS: dict[Takes, Callable[[Response], str]] = {
+    Takes.SAMPLES: _no_even_lines,
+    Takes.LINES: _not_decayed,
+    Takes.CONTINUOUS: _sampled_lines,
+    Takes.RESPONSE: lambda response: "",
+    Takes.PAST: lambda response: "",
+    Takes.RECORDS: lambda response: "",
+    Takes.DRIVEN: lambda response: "",
+}
+
+#: Whether a row works on the data themselves, not on a transform that loses something.
+EXACT: dict[Takes, Callable[[Response], bool]] = {
+    Takes.SAMPLES: lambda response: response.exact_samples,
+    Takes.LINES: lambda response: response.exact_lines,
+    Takes.CONTINUOUS: lambda response: True,
+    Takes.RESPONSE: lambda response: True,
+    Takes.PAST: lambda response: True,
+    Takes.RECORDS: lambda response: True,
+    Takes.DRIVEN: lambda response: True,
+}
+
+
+# -------------------------------------------------------------------------------------------------------------- method
 
 DOMAINS = {
     "time": "Hankel matrix of Markov parameters",

@@ -13,9 +13,9 @@ from typing import Any, ClassVar, TypedDict
 from numpy.typing import ArrayLike
 
 from modalscope.blocks.factor import FACTORIZATIONS
-from modalscope.model.checks import check_band, check_choice, check_count, check_each, check_kind, freeze
-from modalscope.model.labels import Dof
-from modalscope.model.settings import Settings
+from modalscope.data.geometry import Dof
+from modalscope.data.results import Settings
+from modalscope.numerics.checks import check_band, check_choice, check_count, check_each, check_kind, freeze
 
 __all__ = [
     "ROUTES",
@@ -251,7 +251,7 @@ class DrivenOptions(Options):
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class RecordOptions(DrivenOptions):
-    """Of records projected on their past; see `modalscope.blocks.projection`.
+    """Of records projected on their past; see `modalscope.blocks.projections`.
 
     Parameters
     ----------
@@ -276,7 +276,7 @@ class RecordOptions(DrivenOptions):
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class SpectraOptions(Options):
-    """Of records on lines; see `modalscope.blocks.record_lines`.
+    """Of records on lines; see `modalscope.blocks.records`.
 
     Parameters
     ----------

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from modalscope.blocks.factor import Factors
-from modalscope.blocks.fraction_degree import largest_degree
+from modalscope.blocks.fraction import largest_degree
 from modalscope.blocks.matrix import DataMatrix
-from modalscope.model.checks import DataError, check_count, check_each
-from modalscope.model.notes import Note
-from modalscope.model.response import Response
+from modalscope.data.notes import Note
+from modalscope.data.response import Response
+from modalscope.numerics.checks import DataError, check_count, check_each
 from modalscope.realizations.order import recommend_order
 
 __all__ = ["BLOCKS", "COMPANIONS", "DEGREES", "STATES", "Choice", "OrderRule", "Reach", "checked_orders"]

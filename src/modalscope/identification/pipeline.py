@@ -8,10 +8,10 @@ from typing import Any
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Triple
+from modalscope.data.notes import Note
+from modalscope.data.response import Response
 from modalscope.identification.method import Built, Method, Problem
-from modalscope.model.checks import check_count
-from modalscope.model.notes import Note
-from modalscope.model.response import Response
+from modalscope.numerics.checks import check_count
 from modalscope.realizations.realization import Realization
 
 __all__ = ["Factored", "Pipeline", "built", "factor", "factored", "realized"]

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 
 from modalscope.blocks.combinations import enough
-from modalscope.blocks.costs import Cost, speed
+from modalscope.blocks.factor import Cost, speed
+from modalscope.data.response import Response
+from modalscope.data.shown import counted
 from modalscope.identification.method import Problem
 from modalscope.identification.options import HankelOptions, LineOptions
 from modalscope.identification.orders import checked_orders
 from modalscope.identification.prepare import prepare
 from modalscope.identification.sizes import default_degree, default_windows
-from modalscope.model.memory import allowed_memory, in_words
-from modalscope.model.response import Response
-from modalscope.model.shown import counted
+from modalscope.numerics.resources import allowed_memory, in_words
 
 __all__ = ["Plan", "plan"]
 

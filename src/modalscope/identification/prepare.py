@@ -3,34 +3,82 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import singledispatch
 from typing import Any, NamedTuple
 
-from modalscope.blocks.stored_combinations import combined
-from modalscope.identification.conditioned import Conditioned, SeenRecord, conditioned, seen_record
-from modalscope.identification.conditioned_setups import conditioned_setups
-from modalscope.identification.lookup import find_method
-from modalscope.identification.measured import Measured
-from modalscope.identification.method import Method, Problem
+from modalscope.blocks.combinations import combined
+from modalscope.data.frequency import FrequencyResponse
+from modalscope.data.impulse import ImpulseResponse
+from modalscope.data.notes import Note
+from modalscope.data.records import Records, Signals, as_records
+from modalscope.data.response import Response
+from modalscope.data.setups import Setups, as_test
+from modalscope.data.sizes import check_alive, check_size
+from modalscope.data.stored import StoredResponse, StoredSignals
+from modalscope.identification.ambient import Conditioned, SeenRecord, conditioned, conditioned_setups, seen_record
+from modalscope.identification.lookup import check_form, find_method, options_of
+from modalscope.identification.method import Method, Problem, Takes
 from modalscope.identification.options import ROUTES, delays_of
 from modalscope.identification.routes import USUAL, by_route, chosen_route, one_record, without_delays
-from modalscope.identification.row_options import check_form, options_of
 from modalscope.identification.sizes import setup_blocks
-from modalscope.identification.takes import Takes
-from modalscope.model.checks import DataError, check_band, check_choice, check_kind
-from modalscope.model.frequency import FrequencyResponse
-from modalscope.model.impulse import ImpulseResponse
-from modalscope.model.notes import Note
-from modalscope.model.records import Records, as_records
-from modalscope.model.response import Response
-from modalscope.model.setups import Setups, as_test
-from modalscope.model.signals import Signals
-from modalscope.model.sizes import check_alive, check_size
-from modalscope.model.stored import StoredSignals
-from modalscope.model.stored_response import StoredResponse
+from modalscope.numerics.checks import DataError, check_band, check_choice, check_kind
 
-__all__ = ["Data", "measure", "pose", "prepare"]
+__all__ = ["Data", "Measured", "measure", "pose", "prepare"]
+
+
+# ------------------------------------------------------------------------------------------------------------ measured
+# What all rows of the table share: the response that data of any kind become, and how.
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Measured:
+    """What all rows share: the response in the band, the records behind correlations, and what was done.
+
+    Parameters
+    ----------
+    response : Response
+    records : Signals or StoredSignals, optional
+        Records without inputs, filtered to the band.
+    given : str
+        What it was made of, in words.
+    row, domain : str
+        The row and the column that are taken when none is asked.
+    band : (float, float), optional
+        As asked, Hz; of hits and of records without inputs what was chosen where none was asked.
+    exclude : object
+        Channels left out, as asked.
+    route : str, optional
+        The way from records with inputs.
+    driven : Records, optional
+        Records with inputs, delays taken out.
+    delays : mapping of label to int, optional
+        Samples by which outputs came late.
+    notes : tuple of Note
+    sizes : mapping
+        Block sizes that suit the response where none are asked, for rows that have them.
+    """
+
+    response: Response
+    records: Signals | StoredSignals | None
+    given: str
+    row: str
+    domain: str
+    band: tuple[float, float] | None = None
+    exclude: Any = None
+    route: str | None = None
+    driven: Records | None = None
+    delays: Mapping[str, int] | None = None
+    notes: tuple[Note, ...] = ()
+    sizes: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def held(self) -> Signals | None:
+        """The records, where they are in memory."""
+        return self.records if isinstance(self.records, Signals) else None
+
+
+# ------------------------------------------------------------------------------------------------------------- prepare
 
 Data = Signals | Records | Setups | Response
 
@@ -81,7 +129,7 @@ def measure(
     method, domain : str, optional
         What the way must serve, where it is left open.
     delays : mapping of label to int, optional
-        Samples by which outputs of records with inputs come late, see `modalscope.preprocess.aligned`.
+        Samples by which outputs of records with inputs come late, see `modalscope.doctor.delays`.
     """
     checked = None if band is None else check_band(band)
     asked = "auto" if route is None else check_choice("route", route, ROUTES)
@@ -120,7 +168,7 @@ def _(data: Response, band: tuple[float, float] | None, asked: _Asked) -> Measur
 
 @_measured.register
 def _(data: ImpulseResponse, band: tuple[float, float] | None, asked: _Asked) -> Measured:
-    from modalscope.preprocess.slower_correlation import slower_correlation
+    from modalscope.preprocess.correlation import slower_correlation
 
     check_size(data)
     slower = data if band is None else slower_correlation(data, band[1])
@@ -165,7 +213,7 @@ def _(data: SeenRecord, band: tuple[float, float] | None, asked: _Asked) -> Meas
 def _ambient(taken: Conditioned, seen: Signals, given: str) -> Measured:
     """Return the correlations of records without inputs; what was seen of them before any band tells the references, the same for all."""
     from modalscope.preprocess import estimate_correlation
-    from modalscope.preprocess.references import spanning_outputs
+    from modalscope.preprocess.correlation import spanning_outputs
 
     labels = taken.records.output_dofs
     references = spanning_outputs(seen)

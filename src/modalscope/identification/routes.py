@@ -5,7 +5,7 @@
     all else                                       -> records on lines, in z
 
 Only records on lines are free of leakage whatever the run does before and after. What they cannot take is noise on the inputs, and
-forces that were not measured: see `modalscope.model.record_residual`.
+forces that were not measured: see `modalscope.data.record_residual`.
 """
 
 from __future__ import annotations
@@ -15,17 +15,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modalscope.blocks.record_cost import record_cost, refuse_beyond_memory
+from modalscope.blocks.records import record_cost, refuse_beyond_memory
+from modalscope.data.frequency import FrequencyResponse
+from modalscope.data.impulse import ImpulseResponse
+from modalscope.data.notes import Note
+from modalscope.data.record_spectra import RecordSpectra
+from modalscope.data.record_transform import record_spectra
+from modalscope.data.records import Records, Signals
 from modalscope.identification.lookup import find_method
 from modalscope.identification.table import methods
-from modalscope.model.checks import DataError
-from modalscope.model.frequency import FrequencyResponse
-from modalscope.model.impulse import ImpulseResponse
-from modalscope.model.notes import Note
-from modalscope.model.record_spectra import RecordSpectra
-from modalscope.model.record_transform import record_spectra
-from modalscope.model.records import Records
-from modalscope.model.signals import Signals
+from modalscope.numerics.checks import DataError
 
 __all__ = ["USUAL", "Way", "by_route", "chosen_route", "one_record", "usual_route", "without_delays"]
 
@@ -128,9 +127,9 @@ def without_delays(
     records : Records
         With inputs.
     delays : mapping of label to int, optional
-        As in `modalscope.preprocess.aligned`.
+        As in `modalscope.doctor.delays`.
     """
-    from modalscope.preprocess.aligned import aligned, seen_delays
+    from modalscope.doctor.delays import aligned, seen_delays
 
     chosen = seen_delays(records) if delays is None else delays
     if delays is None and (not chosen or _periodic(records) is not None):
@@ -141,8 +140,8 @@ def without_delays(
 
 def _averaged(records: Records, band: tuple[float, float] | None) -> Way:
     """Return frequency responses in a band; of hits, where none is asked, in that into which they put force."""
-    from modalscope.preprocess.driven_band import struck_band
-    from modalscope.preprocess.joined_responses import joined_frf
+    from modalscope.preprocess.excited_band import struck_band
+    from modalscope.preprocess.merging import joined_frf
 
     stacked, period = records.stacked(), _periodic(records)
     own, told = struck_band(stacked, band) or (band, None)
@@ -154,8 +153,8 @@ def _averaged(records: Records, band: tuple[float, float] | None) -> Way:
 
 def _level(spectra: RecordSpectra, band: tuple[float, float] | None, note: Note) -> Way:
     """Return records in the band that holds their resonances where none was asked, their noise the same on all lines, and what is said."""
+    from modalscope.preprocess.excited_band import resonant_band
     from modalscope.preprocess.line_noise import level_lines
-    from modalscope.preprocess.resonant_band import resonant_band
 
     found = resonant_band(spectra) if band is None else None
     own, told = (band, ()) if found is None else (found[0], (found[1],))

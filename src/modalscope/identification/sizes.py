@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from modalscope.blocks.block_hankel import BlockHankel
 from modalscope.blocks.combinations import enough
-from modalscope.blocks.costs import costs_of
-from modalscope.model.frequency import FrequencyResponse
-from modalscope.model.impulse import ImpulseResponse
-from modalscope.model.record_spectra import RecordSpectra
-from modalscope.model.records import Records
-from modalscope.model.response import Response
-from modalscope.model.signals import Signals
+from modalscope.blocks.factor import costs_of
+from modalscope.blocks.structure import BlockHankel
+from modalscope.data.frequency import FrequencyResponse
+from modalscope.data.impulse import ImpulseResponse
+from modalscope.data.record_spectra import RecordSpectra
+from modalscope.data.records import Records, Signals
+from modalscope.data.response import Response
 
 __all__ = [
     "SETUP_ROWS",

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from modalscope.identification import line_matrices, matrices
-from modalscope.identification.method import Method
+from modalscope.identification import matrices
+from modalscope.identification.method import Method, Takes
 from modalscope.identification.options import (
     DrivenOptions,
     FractionOptions,
@@ -20,10 +20,8 @@ from modalscope.identification.options import (
     SpectraOptions,
 )
 from modalscope.identification.orders import BLOCKS, COMPANIONS, DEGREES, STATES
-from modalscope.identification.takes import Takes
 from modalscope.realizations.balanced import balanced
-from modalscope.realizations.companion import least_squares_companion, null_space_companion
-from modalscope.realizations.fraction import fraction_companion
+from modalscope.realizations.companion import fraction_companion, least_squares_companion, null_space_companion
 from modalscope.realizations.regression import regression
 from modalscope.realizations.shift import shift
 
@@ -37,8 +35,8 @@ _COLUMNS: dict[str, dict[str, Any]] = {
         "options_type": HankelOptions,
         "forms": ("observable", "controllable"),
     },
-    "z": {"takes": Takes.RESPONSE, "matrix": line_matrices.transfer_of_response, "options_type": LineOptions},
-    "s": {"takes": Takes.CONTINUOUS, "matrix": line_matrices.transfer_of_lines, "options_type": LineOptions},
+    "z": {"takes": Takes.RESPONSE, "matrix": matrices.transfer_of_response, "options_type": LineOptions},
+    "s": {"takes": Takes.CONTINUOUS, "matrix": matrices.transfer_of_lines, "options_type": LineOptions},
 }
 
 
@@ -232,7 +230,7 @@ _REPORTED: tuple[Method, ...] = (
         known_as=("LSCF, polyreference least-squares complex frequency", "pLSCF", "PolyMAX"),
         aliases=("polymax", "plscf", "p-lscf"),
         takes=Takes.LINES,
-        matrix=line_matrices.matrix_fraction,
+        matrix=matrices.matrix_fraction,
         factor=matrices.fraction_factors,
         realize=fraction_companion,
         orders=DEGREES,

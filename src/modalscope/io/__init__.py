@@ -1,11 +1,10 @@
 """Files in and out: one module a format, one row each in the table of `formats`."""
 
 from modalscope.io.contents import Finding, Survey
-from modalscope.io.formats import FORMATS, read, survey
+from modalscope.io.formats import FORMATS, read, survey, write
+from modalscope.io.frames import from_frame
 from modalscope.io.limits import set_max_memory
-from modalscope.io.objects import from_frame
 from modalscope.io.tables import geometry_from_tables
-from modalscope.io.writing import write
 
 __all__ = [
     "FORMATS",

@@ -16,11 +16,10 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data.analysis import VERSION, Analysis, SourceFile
 from modalscope.io.arrays import joined
 from modalscope.io.limits import room
-from modalscope.model.analysis import Analysis, SourceFile
-from modalscope.model.checks import Array, DataError
-from modalscope.model.version import VERSION
+from modalscope.numerics.checks import Array, DataError
 
 __all__ = ["analysis_from", "analysis_to", "read_analysis", "write_analysis"]
 

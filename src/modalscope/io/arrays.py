@@ -25,11 +25,21 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data import (
+    DataError,
+    FrequencyResponse,
+    Geometry,
+    ImpulseResponse,
+    ModalModel,
+    Note,
+    Signals,
+    StateSpace,
+)
+from modalscope.data.channels import Groups, input_groups, run_groups
+from modalscope.data.mode_fields import Candidate, Harmonic
 from modalscope.io.contents import Plain
-from modalscope.model import FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Note, Signals, StateSpace
-from modalscope.model.candidates import Candidate, Harmonic
-from modalscope.model.checks import Array, ComplexArray
-from modalscope.model.groups import Groups, input_groups, run_groups
+from modalscope.io.limits import room
+from modalscope.numerics.checks import Array, ComplexArray
 
 __all__ = [
     "AXES",
@@ -38,12 +48,16 @@ __all__ = [
     "JSON",
     "TEXTS",
     "UNREFINED",
+    "damaged",
+    "field_value",
     "from_json_numbers",
+    "geometry_of_arrays",
     "joined",
     "names_of",
     "noun_of",
     "to_arrays",
 ]
+
 
 TEXTS = (
     "output_dofs",
@@ -168,3 +182,121 @@ def from_json_numbers(value: object) -> object:
     if isinstance(value, Note | Candidate | Harmonic):
         return value.to_dict()
     raise TypeError(f"{type(value).__name__} is not a JSON value")
+
+
+# -------------------------------------------------------------------------------------------------------- field values
+# Values of a noun's fields from the arrays of a file: text, texts, a number, JSON or the array itself, each checked.
+
+_TEXT = ("quantity", "kind", "scaling")
+_FLOATS = ("sampling_rate", "added_damping", "dt")
+_WHOLE = ("averages", "first_sample")
+_BOOLEAN = ("held_input", "converged")
+
+#: Characters of a label, at most.
+_LONGEST = 1000
+
+
+def field_value(where: str, name: str, array: Array) -> Any:
+    """Return the array as the noun's field wants it: text, texts, a number, JSON or the array itself."""
+    textual = array.dtype.kind in "US"
+    if textual is not (name in (*_TEXT, *TEXTS, *JSON)) and array.size:
+        wanted = "numbers" if textual else "text"
+        raise DataError(
+            f"{name} in {where} needs {wanted}",
+            f"its type is {array.dtype}",
+            f"Store {wanted} under that name, or rename the array.",
+        )
+    if textual and array.dtype.kind == "S":
+        array = np.char.decode(array, "utf-8", "replace")
+    if name in TEXTS and name != "processing" and array.dtype.kind == "U" and array.dtype.itemsize > 4 * _LONGEST:
+        raise DataError(
+            f"{name} in {where} needs labels",
+            f"the longest has {array.dtype.itemsize // 4} characters",
+            f"Shorten it to at most {_LONGEST}.",
+        )
+    if name in TEXTS:
+        texts = tuple(str(text) for text in np.atleast_1d(array).ravel())
+        if name == "groups" and texts == ("",):
+            return None
+        return tuple(text or None for text in texts) if name == "quantities" else texts
+    if name in (*_TEXT, *JSON, *_FLOATS, *_WHOLE, *_BOOLEAN):
+        if array.size != 1:
+            raise DataError(
+                f"{name} in {where} needs one entry",
+                f"its shape is {array.shape}",
+                "Store a single value under that name.",
+            )
+        return _scalar(where, name, array.reshape(-1)[0].item())
+    return array
+
+
+def _scalar(where: str, name: str, value: Any) -> Any:
+    if name in JSON:
+        room(where, 0).json(name, value)
+        try:
+            return json.loads(value)
+        except (ValueError, RecursionError) as error:
+            raise DataError(
+                f"{name} in {where} needs JSON text",
+                f"it does not read ({error})",
+                "Write the file again, or ignore that array.",
+            ) from None
+    if name in _WHOLE and isinstance(value, float) and value.is_integer():
+        return int(value)
+    return (value or None) if name == "quantity" else bool(value) if name in _BOOLEAN else value
+
+
+# ----------------------------------------------------------------------------------------------------- geometry arrays
+# A geometry out of named arrays: nodes, coordinates, and lines and faces as indices into the nodes.
+
+
+def damaged(where: str, found: str) -> DataError:
+    """Return the error about fields that no data object can be made of."""
+    return DataError(f"reading {where} was asked", f"its fields are damaged ({found})", "Write the file again.")
+
+
+def geometry_of_arrays(where: str, values: dict[str, Any]) -> Geometry:
+    """Return the geometry of arrays by their names in the layout.
+
+    Parameters
+    ----------
+    where : str
+        The file, for messages.
+    values : dict
+        `geometry_nodes`, `geometry_coordinates`, and where present `geometry_lines`, `geometry_faces`, `geometry_motions`.
+
+    Raises
+    ------
+    DataError
+        An array is missing, or counts nodes that are not there.
+    """
+    nodes = values.get("geometry_nodes")
+    if nodes is None or values.get("geometry_coordinates") is None:
+        raise DataError(
+            "a geometry needs geometry_nodes and geometry_coordinates",
+            f"there are {', '.join(values)}",
+            "Add the missing array.",
+        )
+    named: dict[str, Any] = {}
+    for key in ("lines", "faces"):
+        index = np.asarray(values.get(f"geometry_{key}", np.zeros((0, 2), int)))
+        if index.size and (
+            index.ndim != 2
+            or index.dtype.kind not in "iuf"
+            or index.min() < 0
+            or index.max() >= len(nodes)
+            or np.any(index != np.rint(index))
+        ):
+            raise DataError(
+                f"geometry_{key} needs indices 0 to {len(nodes) - 1} into the nodes",
+                f"they reach from {index.min()} to {index.max()}",
+                "Count nodes from 0.",
+            )
+        named[key] = [[nodes[int(i)] for i in row] for row in index] or None
+    motions = values.get("geometry_motions")
+    try:
+        return Geometry(nodes=nodes, coordinates=values["geometry_coordinates"], motions=motions or {}, **named)
+    except DataError:
+        raise
+    except (TypeError, AttributeError, OverflowError, ValueError) as error:
+        raise damaged(where, f"geometry: {error}") from None

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import os
+import re
 import stat
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from secrets import token_hex
+from typing import Any
 
-from modalscope.model import DataError
+from modalscope.data import DataError
+from modalscope.data.analysis import VERSION
 
-__all__ = ["PENDING", "check_target", "replacing"]
+__all__ = ["MARK", "PENDING", "check_target", "check_texts", "in_ascii", "is_ours", "replacing"]
+
 
 #: Temporary files that are being written: what ends the process without an exception takes them away itself.
 PENDING: set[Path] = set()
@@ -104,3 +109,136 @@ def _unwritable(path: str | Path, error: OSError) -> DataError:
         f"the system refuses: {(error.strerror or str(error)).lower()}",
         "Choose a folder that exists and that you may write to, with room left.",
     )
+
+
+# --------------------------------------------------------------------------------------------------------------- marks
+# The mark that every file written here carries: the command line replaces such a file unasked, and no other.
+#
+# | suffix | where the mark stands |
+# |---|---|
+# | .uff, .unv | the header, dataset 151, names the program |
+# | .csv | the first line is a comment; a table of modes is known by its columns |
+# | .npz | the comment of the archive |
+# | .mat | the description at the head of the file |
+# | .h5, .hdf5 | an attribute of the root group |
+# | .json | the first entry |
+# | .html, .htm | the generator in the head of the page |
+# | .png, .svg, .pdf | the program in the description of the picture |
+
+#: What is written into a file.
+MARK = f"modalscope {VERSION}"
+
+#: The mark stands within so many bytes of the beginning, or of the end.
+_HEAD = 8192
+_TAIL = {".npz": 256, ".pdf": 8192}
+
+_UNIVERSAL = rb"\A    -1\s+151\s(?s:.){0,400}?^modalscope \d"
+_HDF5 = rb"\A\x89HDF\r\n\x1a\n(?s:.)*?modalscope_layout"
+_HTML = rb'\A<!DOCTYPE html>(?s:.){0,400}?<meta name="generator" content="[^"]*modalscope \d'
+
+_MARKS = {
+    ".uff": _UNIVERSAL,
+    ".unv": _UNIVERSAL,
+    ".csv": rb"\A(# written by: modalscope \d|mode,frequency_hz,damping_ratio,)",
+    ".npz": rb"modalscope \d[^\n]*\Z",
+    ".mat": rb"\AMATLAB [^\n]{0,110}modalscope \d",
+    ".h5": _HDF5,
+    ".hdf5": _HDF5,
+    ".json": rb'\A\{\s*"modalscope":',
+    ".html": _HTML,
+    ".htm": _HTML,
+    ".png": rb"\A\x89PNG(?s:.){0,200}?tEXtSoftware\x00modalscope \d",
+    ".svg": rb"<dc:title>modalscope \d",
+    ".pdf": rb"/Creator \(modalscope \d",
+}
+
+
+def is_ours(path: Path) -> bool:
+    """Whether a file carries the mark of its format.
+
+    Parameters
+    ----------
+    path : path
+        A file that is there.
+
+    Raises
+    ------
+    OSError
+        It cannot be read.
+    """
+    mark = _MARKS.get(path.suffix.lower())
+    if mark is None:
+        return False
+    with path.open("rb") as file:
+        head = file.read(_HEAD)
+        tail = _TAIL.get(path.suffix.lower(), 0)
+        file.seek(max(path.stat().st_size - tail, 0))
+        text = head + file.read(tail)
+    return re.search(mark, text, re.MULTILINE) is not None
+
+
+# --------------------------------------------------------------------------------------------------------------- texts
+# Texts on their way into files: what no format keeps is refused by name, never changed in silence.
+
+#: Signs of units, and what stands for them where there is ASCII alone.
+_SIGNS = str.maketrans({"µ": "u", "μ": "u", "²": "2", "³": "3", "·": "*", "×": "x", "°": "deg", "Ω": "Ohm", "–": "-"})
+
+
+def check_texts(kind: str, thing: Any) -> None:
+    """Raise on texts that no file keeps: those with a NUL, at which most programs stop, and halves of characters.
+
+    Names of indicators are names of arrays in a file, and need to be printable and without a slash, too.
+
+    Parameters
+    ----------
+    kind : str
+        The suffix, for the message.
+    thing : data object
+    """
+    for where, text in _texts(thing):
+        odd = "\0" in text or any("\ud800" <= c <= "\udfff" for c in text)
+        if odd or (where.startswith("indicators") and ("/" in text or not text.isprintable())):
+            raise DataError(
+                f"writing {where} {text!r} as {kind} was asked",
+                "that text has characters which files do not keep",
+                "Rename it.",
+            )
+
+
+def _texts(thing: Any, where: str = "") -> Iterator[tuple[str, str]]:
+    """Give every text of a data object with the name of its field; notes and reasons are written as JSON, which has escapes."""
+    if isinstance(thing, str):
+        yield where, thing
+    elif isinstance(thing, Mapping):
+        for key in thing:
+            yield from _texts(key, where)
+    elif isinstance(thing, tuple | list):
+        for item in thing:
+            yield from _texts(item, where)
+    elif is_dataclass(thing):
+        for each in fields(thing):
+            if each.name not in ("notes", "reasons", "left_out", "harmonics"):
+                yield from _texts(getattr(thing, each.name), each.name)
+
+
+def in_ascii(what: str, text: str, width: int) -> str:
+    """Return text as a field of a universal file holds it, signs of units by their letters; what does not fit is refused.
+
+    Examples
+    --------
+    >>> in_ascii("unit", "µm/s²", 20)
+    'um/s2'
+    """
+    plain = text.translate(_SIGNS)
+    if (
+        not (plain.isascii() and (plain.isprintable()))
+        or len(plain) > width
+        or plain != plain.strip()
+        or plain.upper() == "NONE"
+    ):
+        raise DataError(
+            f"the {what} {text!r} was to be written to a universal file",
+            f"it has {width} columns for ASCII characters there, with no blank at either end, and NONE means none",
+            "Shorten or rename it, or choose another format.",
+        )
+    return plain

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
-from modalscope.model import (
+from modalscope.data import (
+    DataError,
     FrequencyResponse,
     Geometry,
     ImpulseResponse,
@@ -22,7 +23,8 @@ from modalscope.model import (
     StoredSignals,
 )
 
-__all__ = ["Contents", "Finding", "Format", "Options", "Plain", "Survey", "Thing"]
+__all__ = ["Contents", "Finding", "Format", "Options", "Plain", "Survey", "Thing", "chosen"]
+
 
 Plain: TypeAlias = FrequencyResponse | ImpulseResponse | Signals | ModalModel | Geometry | StateSpace
 Thing: TypeAlias = Plain | StoredSignals | StoredResponse | StabilizationDiagram
@@ -162,3 +164,52 @@ def _grouped(found: tuple[Finding, ...]) -> list[str]:
         else:
             lines += [str(finding) for finding in parts]
     return lines
+
+
+# -------------------------------------------------------------------------------------------------------------- choice
+# Which of several tables in a file is meant: sheets of a workbook, groups of a recorder's file.
+
+T = TypeVar("T")
+
+
+def chosen(
+    where: str, what: str, there: Mapping[str, T] | Sequence[str], tables: Sequence[str], options: Options
+) -> str:
+    """Return the name of the table that is meant.
+
+    Parameters
+    ----------
+    where : str
+        The file, for messages.
+    what : str
+        What its tables are called: "sheets".
+    there : mapping or sequence of str
+        All names.
+    tables : sequence of str
+        Those that hold tables.
+    options : mapping
+        `sheet`.
+
+    Raises
+    ------
+    DataError
+        No table of the name that was asked for, or several and none was: the message names the option that says which.
+    """
+    asked = options.get("sheet")
+    if asked is not None:
+        if str(asked) not in there:
+            raise DataError(
+                f"--sheet {str(asked)[:60]!r} of {where} was asked",
+                f"its {what} are {', '.join(list(there)[:12])}",
+                "Name one of them.",
+            )
+        return str(asked)
+    if len(tables) > 1:
+        raise DataError(
+            f"reading {where} was asked",
+            f"several of its {what} hold tables: {', '.join(tables[:12])}",
+            "Name one: " + " or ".join(f'--sheet "{name}"' for name in tables[:3]),
+        )
+    if not there:
+        raise DataError(f"reading {where} was asked", f"it has no {what}", "Export it again.")
+    return tables[0] if tables else next(iter(there))

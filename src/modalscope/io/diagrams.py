@@ -21,16 +21,16 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, Signals, StabilizationDiagram
+from modalscope.data.analysis import VERSION
+from modalscope.data.record_spectra import RecordSpectra
+from modalscope.data.results import Settings
 from modalscope.identification.table import methods
 from modalscope.io.arrays import INDICATOR, from_json_numbers, joined, names_of, to_arrays
 from modalscope.io.contents import Contents, Finding
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import Room, room
-from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, Signals, StabilizationDiagram
-from modalscope.model.checks import Array
-from modalscope.model.record_spectra import RecordSpectra
-from modalscope.model.settings import Settings
-from modalscope.model.version import VERSION
+from modalscope.numerics.checks import Array
 
 __all__ = ["DIAGRAM", "diagram_arrays", "diagram_contents", "document_contents", "write_document"]
 

@@ -12,14 +12,13 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from modalscope.io.choice import chosen
+from modalscope.data import DataError
 from modalscope.io.columns import COLUMN_OPTIONS
-from modalscope.io.contents import Contents, Options
+from modalscope.io.contents import Contents, Options, chosen
 from modalscope.io.limits import Room, room
 from modalscope.io.text import contents_of_lines
 from modalscope.io.text.cells import is_value
-from modalscope.model import DataError
-from modalscope.model.extras import optional_package
+from modalscope.numerics.extras import optional_package
 
 __all__ = ["EXCEL_OPTIONS", "read", "rows_of"]
 

@@ -6,35 +6,45 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from modalscope.data import (
+    DataError,
+    FrequencyResponse,
+    Geometry,
+    ImpulseResponse,
+    ModalModel,
+    Signals,
+    StabilizationDiagram,
+    StateSpace,
+)
+from modalscope.data.analysis import Analysis
+from modalscope.data.channels import files_of
+from modalscope.data.results import Result
+from modalscope.data.shown import summary_of
 from modalscope.io import (
     csv,
-    csv_writer,
     excel,
     hdf5,
     json,
     mat,
     mesh,
-    npy,
     npz,
     recorders,
     text,
     uff,
     wav,
-    zarr_folders,
+    zarr,
 )
+from modalscope.io.analysis import write_analysis
+from modalscope.io.atomic import check_texts, replacing
 from modalscope.io.contents import Contents, Format, Options, Survey, Thing
-from modalscope.io.from_arrays import ARRAY_OPTIONS, FIELD_OPTIONS
-from modalscope.io.geometry_option import told_of_channels, with_geometry
-from modalscope.io.overrides import overridden
+from modalscope.io.from_arrays import ARRAY_OPTIONS, FIELD_OPTIONS, overridden
+from modalscope.io.points import told_of_channels, with_geometry
 from modalscope.io.stored import STORED_OPTIONS
-from modalscope.model import (
-    DataError,
-)
-from modalscope.model.checks import check_path
-from modalscope.model.entries import plainly
-from modalscope.model.shown import summary_of
+from modalscope.numerics.arguments import plainly
+from modalscope.numerics.checks import check_kind, check_path
 
-__all__ = ["FORMATS", "check_options", "format_of", "read", "survey"]
+__all__ = ["FORMATS", "check_options", "format_of", "read", "sources_of", "survey", "write"]
+
 
 _UNIVERSAL = Format(
     name="universal file",
@@ -53,14 +63,14 @@ FORMATS: dict[str, Format] = {
     ".uff": _UNIVERSAL,
     ".unv": _UNIVERSAL,
     ".json": Format(name="JSON", reader=json.read, writer=json.write, write_options=json.WRITE_OPTIONS),
-    ".csv": Format(name="CSV table", reader=csv.read, writer=csv_writer.write, read_options=text.TEXT_OPTIONS),
+    ".csv": Format(name="CSV table", reader=csv.read, writer=csv.write, read_options=text.TEXT_OPTIONS),
     ".txt": _TEXT,
     ".asc": _TEXT,
     ".tsv": _TEXT,
     ".dat": _TEXT,
     ".lvm": _TEXT,
     **dict.fromkeys((".at2", ".vt2", ".dt2"), _TEXT),
-    ".npy": Format(name="NumPy array", reader=npy.read, writer=None, read_options=npy.NPY_OPTIONS),
+    ".npy": Format(name="NumPy array", reader=npz.read_npy, writer=None, read_options=npz.NPY_OPTIONS),
     ".parquet": Format(
         name="Parquet table", reader=recorders.read_parquet, writer=None, read_options=recorders.RECORDER_OPTIONS
     ),
@@ -78,7 +88,7 @@ FORMATS: dict[str, Format] = {
     ".hdf5": _HDF5,
     ".zarr": Format(
         name="Zarr folder",
-        reader=zarr_folders.read,
+        reader=zarr.read,
         writer=None,
         read_options=(*ARRAY_OPTIONS, *STORED_OPTIONS),
         folder=True,
@@ -127,7 +137,7 @@ def read(path: str | Path, **options: Any) -> Thing:
     --------
     >>> import tempfile
     >>> from modalscope.io import read, write
-    >>> from modalscope.model import Signals
+    >>> from modalscope.data import Signals
     >>> path = Path(tempfile.mkdtemp()) / "decay.npz"
     >>> write(path, Signals(outputs=[[1.0], [0.5], [0.2]], sampling_rate=50.0))
     >>> read(path, quantity="acceleration").quantities
@@ -221,3 +231,93 @@ def check_options(path: Path, options: Options, known: tuple[str, ...], doing: s
             f"its options are {', '.join(known) or 'none'}",
             "Use one of these.",
         )
+
+
+# ------------------------------------------------------------------------------------------------------------- writing
+# Data, modes, diagrams and results into files: what a suffix can hold, and never over the file that the data came from.
+
+#: What can be written, and the suffixes that hold a diagram with its response.
+_WRITTEN = (
+    FrequencyResponse,
+    ImpulseResponse,
+    Signals,
+    ModalModel,
+    Geometry,
+    StateSpace,
+    StabilizationDiagram,
+    Analysis,
+    Result,
+)
+_DIAGRAMS = (".npz", ".json")
+
+
+@plainly
+def write(path: str | Path, thing: Any, **options: Any) -> None:
+    """Write data, modes or a stabilization diagram to a file; the format by suffix.
+
+    An earlier file is replaced only when the new one is complete, and never the file that the data came from (`source_path`).
+
+    Parameters
+    ----------
+    path : path
+        `.npz`, `.h5` and `.uff` hold every data object, `.mat` all arrays; `.csv` responses, one run of records, or a table of modes;
+        `.json` modes, a result with its analysis, or an analysis; `.npz` and `.json` a stabilization diagram with its response, and a
+        state-space model, which `.mat` and `.h5` hold, too.
+    thing : FrequencyResponse, ImpulseResponse, Signals, ModalModel, Geometry, StateSpace, StabilizationDiagram, Result or Analysis
+        Of a result the modes are written, in JSON with the document of its analysis.
+    **options
+        Universal files: `text=True` (datasets 58 as text), `dataset=55 | 2414` (modes), `nodes=2411 | 15`,
+        `lines=82 | 2412`. JSON: `method`, `domain`, `orders`, `data`, written beside the modes.
+
+    Raises
+    ------
+    DataError
+        An unknown suffix or option, something that the format cannot hold, a place that cannot be written, or the file that the
+        data came from.
+    """
+    file = check_path(path)
+    check_kind("what is written", thing, _WRITTEN)
+    if isinstance(thing, Analysis):
+        _write_analysis(file, thing)
+        return
+    sources = sources_of(thing)
+    if isinstance(thing, Result):
+        options = {**options, "result": thing} if file.suffix.lower() == ".json" else options
+        thing = thing.modes
+    row = format_of(file, "writing")
+    if isinstance(thing, StabilizationDiagram) and file.suffix.lower() not in _DIAGRAMS:
+        raise DataError(
+            f"writing a stabilization diagram as {file.suffix} was asked",
+            f"diagrams are written as {' or '.join(_DIAGRAMS)}",
+            "Choose one of these suffixes, or write the modes that select(diagram) gives.",
+        )
+    if row.writer is None:
+        raise DataError(f"writing {file.name} was asked", f"a {row.name} is only read", "Choose another suffix.")
+    check_options(file, options, row.write_options, "writing")
+    check_texts(file.suffix, thing)
+    with replacing(file, sources) as temporary:
+        row.writer(temporary, thing, options)
+
+
+def sources_of(thing: Any) -> tuple[Path, ...]:
+    """Return the files that data, modes, a diagram, a result or its document came from, as far as they are known.
+
+    Parameters
+    ----------
+    thing : data object, StabilizationDiagram, Result, Analysis, or what has a response
+    """
+    document = thing if isinstance(thing, Analysis) else getattr(thing, "analysis", None)
+    held = (thing, *(getattr(thing, name, None) for name in ("data", "response")))
+    named = (file.path for file in document.files) if isinstance(document, Analysis) else ()
+    return (*(path for each in held for path in files_of(each)), *(Path(path) for path in named if path))
+
+
+def _write_analysis(file: Path, document: Analysis) -> None:
+    if file.suffix.lower() != ".json":
+        raise DataError(
+            f"writing an analysis as {file.suffix or file.name} was asked",
+            "its document is JSON",
+            "End the name in .analysis.json.",
+        )
+    with replacing(file, sources_of(document)) as temporary:
+        write_analysis(temporary, document)

@@ -2,26 +2,174 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+import re
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import fields, replace
+from difflib import get_close_matches
+from itertools import islice
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from modalscope.io.arrays import AXES, GEOMETRY, INDICATOR, UNREFINED, names_of, noun_of
+from modalscope.data import (
+    DataError,
+    FrequencyResponse,
+    Geometry,
+    ImpulseResponse,
+    ModalModel,
+    Signals,
+    StabilizationDiagram,
+    StateSpace,
+    StoredSignals,
+)
+from modalscope.data.channels import AUTO, Channels, input_groups
+from modalscope.data.geometry import label_of
+from modalscope.data.shown import counted, summary_of
+from modalscope.io.arrays import (
+    AXES,
+    GEOMETRY,
+    INDICATOR,
+    UNREFINED,
+    damaged,
+    field_value,
+    geometry_of_arrays,
+    names_of,
+    noun_of,
+)
 from modalscope.io.columns import contents_from_table
+from modalscope.io.columns.words import kind_of_unit
 from modalscope.io.contents import Contents, Finding, Options, Thing
-from modalscope.io.field_values import field_value
-from modalscope.io.geometry_arrays import damaged, geometry_of_arrays
-from modalscope.io.hints import listed, unknown_arrays
-from modalscope.io.increments import with_vectors
-from modalscope.io.loose import meaning_of
-from modalscope.io.members import Lists, lists_of, meant_by, stacked_runs
-from modalscope.model import DataError, FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals, StateSpace
-from modalscope.model.checks import Array
-from modalscope.model.shown import counted
+from modalscope.io.loose import Lists, lists_of, meaning_of, meant_by, stacked_runs
+from modalscope.numerics.checks import Array
 
-__all__ = ["ARRAY_OPTIONS", "FIELD_OPTIONS", "contents_from_arrays"]
+__all__ = ["ARRAY_OPTIONS", "FIELD_OPTIONS", "contents_from_arrays", "overridden"]
+
+
+# --------------------------------------------------------------------------------------------------------------- hints
+# What to say about arrays whose names are not known: the nearest that are.
+
+#: So many names of arrays are told in a message.
+_NAMED = 12
+
+#: Names that others use; only for the hint of an error message.
+_OTHERS = {
+    "fs": "sampling_rate", "rate": "sampling_rate", "f": "frequencies", "freq": "frequencies", "freqs": "frequencies",
+    "frequency": "frequencies", "h": "values", "frf": "values", "y": "outputs", "acc": "outputs", "data": "outputs",
+    "u": "inputs", "force": "inputs", "phi": "shapes",
+}  # fmt: skip
+
+
+def listed(names: Iterable[str]) -> str:
+    """Return the first of the names: a file may have thousands."""
+    first = list(islice(names, _NAMED + 1))
+    return ", ".join([*first[:_NAMED], *(["..."] if len(first) > _NAMED else [])]) or "(none)"
+
+
+def unknown_arrays(where: str, names: list[str], noun: type[Any] | None) -> DataError:
+    """Return the error about arrays that make no data object, or are none of its fields.
+
+    Parameters
+    ----------
+    where : str
+        The file, for messages.
+    names : list of str
+        Of the arrays.
+    noun : type, optional
+        The data object that the others make.
+    """
+    known: list[str] = (
+        sorted(names_of(noun))
+        if noun
+        else ["frequencies", "values", "sampling_rate", "outputs", "inputs", "poles", "shapes"]
+    )
+    hints = {}
+    for name in names[:_NAMED]:
+        near = _OTHERS.get(name.lower()) or next(iter(get_close_matches(name, known, n=1)), None)
+        if near in known:
+            hints[name] = near
+    rename = f"rename={hints or {names[0] if names else 'y': 'outputs'}}"
+    return DataError(
+        f"reading {where} needs `frequencies` and `values`, `sampling_rate` with `outputs` (and `inputs`) "
+        "or with `values`, or `poles` and `shapes`",
+        f"the arrays {listed(names)} are unknown" + (f" beside those of {noun.__name__}" if noun else ""),
+        f"Rename them, read(..., {rename}), or leave them out, read(..., ignore={names[:3]}).",
+    )
+
+
+# ---------------------------------------------------------------------------------------------------------- increments
+# Axes that analysers write as a start, an increment and a number: `x_values` beside `y_values`, as Testlab exports structures.
+
+_INCREMENT = re.compile(r"(?P<of>(?:.*\.)?)x_values\.increment\Z")
+
+
+def with_vectors(arrays: Mapping[str, Array]) -> dict[str, Array]:
+    """Return arrays with the vector x(k) = start + k increment, k < number, in the place of the scalars that give it.
+
+    It is of frequencies where `y_values` are complex or the unit says so, else of times. Equal vectors of several signals are one.
+    Arrays without such scalars are returned as they are.
+
+    Parameters
+    ----------
+    arrays : mapping of name to array
+
+    Examples
+    --------
+    >>> held = {"Signal.x_values.increment": np.array([[0.5]]), "Signal.y_values.values": np.zeros((3, 2))}
+    >>> {name: array.tolist() for name, array in with_vectors(held).items() if name.endswith("time")}
+    {'Signal.x_values.time': [0.0, 0.5, 1.0]}
+    """
+    held = dict(arrays)
+    vectors: list[Array] = []
+    for name in arrays:
+        found = _INCREMENT.match(name)
+        vector = None if found is None else _vector(found["of"], arrays)
+        if found is None or vector is None:
+            continue
+        for part in [part for part in held if part.startswith(f"{found['of']}x_values.")]:
+            del held[part]
+        if not any(np.array_equal(vector, other) for other in vectors):
+            held[f"{found['of']}x_values.{_kind(found['of'], arrays)}"] = vector
+            vectors.append(vector)
+    return held
+
+
+def _vector(of: str, arrays: Mapping[str, Array]) -> Array | None:
+    """Return the axis; None where a scalar is none, or the number is not that of the values beside it."""
+    values = _values(of, arrays)
+    step, start = _scalar(arrays.get(f"{of}x_values.increment")), _scalar(arrays.get(f"{of}x_values.start_value"))
+    number = _scalar(arrays.get(f"{of}x_values.number_of_values"))
+    if values is None or step is None or step <= 0:
+        return None
+    count = max(values.shape) if number is None else int(number)
+    if count not in values.shape:
+        return None
+    return (start or 0.0) + step * np.arange(count)
+
+
+def _values(of: str, arrays: Mapping[str, Array]) -> Array | None:
+    """Return the first numbers of the values beside an axis."""
+    named = (array for name, array in arrays.items() if name.startswith(f"{of}y_values"))
+    return next((array for array in named if array.dtype.kind in "biufc" and array.size > 1), None)
+
+
+def _scalar(array: Array | None) -> float | None:
+    """Return a finite number; None for anything else."""
+    if array is None or array.size != 1 or array.dtype.kind not in "biuf" or not np.isfinite(array).all():
+        return None
+    return float(array.reshape(-1)[0])
+
+
+def _kind(of: str, arrays: Mapping[str, Array]) -> str:
+    values = _values(of, arrays)
+    told = [
+        str(array) for name, array in arrays.items() if name.startswith(f"{of}x_values.quantity") and not array.ndim
+    ]
+    lines = (values is not None and np.iscomplexobj(values)) or any(kind_of_unit(text) == "frequency" for text in told)
+    return "frequency" if lines else "time"
+
+
+# --------------------------------------------------------------------------------------------------------- from arrays
 
 #: Options of the formats that hold named arrays.
 ARRAY_OPTIONS = ("rename", "axes", "ignore", "columns", "transpose", "rows")
@@ -68,7 +216,7 @@ def contents_from_arrays(
         file, such as "inputs outputs lines"; an axis that is not named has length 1), `ignore` (names to leave), and any
         of `FIELD_OPTIONS`.
     members : bool
-        Whether names such as `runs{2}` and `test(2).acc` are those of members of lists (`modalscope.io.members`).
+        Whether names such as `runs{2}` and `test(2).acc` are those of members of lists (`modalscope.io.loose`).
 
     Raises
     ------
@@ -252,3 +400,57 @@ def _check_fields(where: str, noun: type[Any], values: dict[str, Any], given: di
         raise DataError(
             f"the options {', '.join(refused)} were asked", f"a {noun.__name__} has no such field", "Leave them out."
         )
+
+
+# ----------------------------------------------------------------------------------------------------------- overrides
+# Fields of data that the caller gives beside the file: they go before what it says.
+
+
+def _of_channels(thing: Thing, given: Mapping[str, str]) -> tuple[list[str], list[str]] | None:
+    """Return the units of all channels with those given by label, or for all outputs or inputs; None where nothing names a channel.
+
+    Columns of tables have theirs already, by their number or name.
+    """
+    if not isinstance(thing, Channels):
+        return None
+    sides = [list(units) for units in thing.units]
+    found = False
+    for name, unit in given.items():
+        for word, side, dofs in zip(("outputs", "inputs"), sides, (thing.output_dofs, thing.input_dofs), strict=True):
+            places = (
+                range(len(dofs)) if name == word else [i for i, dof in enumerate(dofs) if dof in (name, label_of(name))]
+            )
+            for i in places:
+                side[i], found = unit, True
+    return (sides[0], sides[1]) if found else None
+
+
+def overridden(thing: Thing, options: Options, path: Path | None) -> Thing:
+    """Return the data with the fields that the caller gave, which named arrays have used already, and where they came from.
+
+    Parameters
+    ----------
+    thing : data object
+    options : mapping
+    path : path, optional
+    """
+    given = {name: options[name] for name in FIELD_OPTIONS if options.get(name) is not None}
+    if isinstance(given.get("units"), Mapping):
+        units = _of_channels(thing, given.pop("units"))
+        given |= {} if units is None else {"units": units}
+    if isinstance(thing, Signals | StoredSignals) and "quantity" in given:
+        given["quantities"] = given.pop("quantity")
+    refused = sorted(set(given) - {field.name for field in fields(thing)})
+    if refused:
+        raise DataError(
+            f"the options {', '.join(refused)} were asked",
+            f"the file gives {summary_of(thing)}, which has no such field",
+            "Leave them out.",
+        )
+    if isinstance(thing, Channels):
+        given |= {} if path is None else {"source_path": path.absolute()}
+        if "input_dofs" in given and getattr(thing, "groups", None) == input_groups(thing.input_dofs):
+            given.setdefault("groups", AUTO)
+    if isinstance(thing, StabilizationDiagram) and path is not None:
+        given["response"] = replace(thing.response, source_path=path.absolute())
+    return replace(thing, **given) if given else thing

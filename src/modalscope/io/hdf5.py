@@ -14,15 +14,15 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data import DataError, ImpulseResponse
 from modalscope.io.arrays import joined, to_arrays
 from modalscope.io.contents import Contents, Options, Plain
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.hdf5_guard import check_hdf5, seal
 from modalscope.io.limits import Room, room
 from modalscope.io.stored import Hdf5Rows, name_of_outputs, stays_stored, stored_contents
-from modalscope.model import DataError, ImpulseResponse
-from modalscope.model.checks import Array
-from modalscope.model.extras import optional_package
+from modalscope.numerics.checks import Array
+from modalscope.numerics.extras import optional_package
 
 __all__ = ["DAMAGED", "read", "write"]
 

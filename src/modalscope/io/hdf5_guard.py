@@ -14,9 +14,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+from modalscope.data import DataError
 from modalscope.io import hdf5_walk
 from modalscope.io.limits import Room
-from modalscope.model import DataError
 
 __all__ = ["check_hdf5", "seal"]
 

@@ -26,18 +26,18 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data import DataError, Geometry, ModalModel, StabilizationDiagram, StateSpace
+from modalscope.data.analysis import VERSION
+from modalscope.data.mode_fields import COLUMNS
+from modalscope.data.poles import poles_from
+from modalscope.data.results import Result
 from modalscope.io.analysis import analysis_to
 from modalscope.io.arrays import from_json_numbers, joined, to_arrays
 from modalscope.io.contents import Contents, Finding, Options
 from modalscope.io.diagrams import DIAGRAM, document_contents, write_document
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import room
-from modalscope.model import DataError, Geometry, ModalModel, StabilizationDiagram, StateSpace
-from modalscope.model.checks import Array, ComplexArray, RealArray
-from modalscope.model.mode_table import COLUMNS
-from modalscope.model.poles import poles_from
-from modalscope.model.result import Result
-from modalscope.model.version import VERSION
+from modalscope.numerics.checks import Array, ComplexArray, RealArray
 
 __all__ = ["WRITE_OPTIONS", "read", "write"]
 

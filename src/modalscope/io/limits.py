@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.model import DataError
-from modalscope.model.checks import Array
-from modalscope.model.memory import set_allowed_memory
+from modalscope.data import DataError
+from modalscope.numerics.checks import Array
+from modalscope.numerics.resources import set_allowed_memory
 
 __all__ = ["MOST_PARTS", "Room", "room", "set_max_memory"]
 

@@ -7,20 +7,31 @@ does not settle (hits as columns look as channels do) is an error that names the
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from modalscope.data import DataError, Signals
 from modalscope.io.columns import Column, Table
 from modalscope.io.columns.axis import rises, sampling_of
-from modalscope.io.columns.roles import role_by_words
-from modalscope.io.columns.words import split_head
+from modalscope.io.columns.words import role_by_words, split_head
 from modalscope.io.contents import Options
-from modalscope.model import DataError
-from modalscope.model.checks import Array
+from modalscope.numerics.checks import Array
 
-__all__ = ["Meant", "axis_kind", "is_rate", "meaning_of"]
+__all__ = [
+    "MEMBER",
+    "Lists",
+    "Meant",
+    "axis_kind",
+    "is_rate",
+    "lists_of",
+    "meaning_of",
+    "meant_by",
+    "member_name",
+    "stacked_runs",
+]
+
 
 _RATES = {
     "fs", "f_s", "fsamp", "fsampling", "samplingrate", "samplerate", "sr", "srate", "rate", "samplingfrequency", "samplefrequency",
@@ -292,3 +303,267 @@ def _table(found: _Sorted, columns: list[Column], held: Mapping[str, Array], for
             roles[len(columns) + 1] = "in"
         columns.append(Column(number=len(columns) + 1, name=bare, unit=unit or own, values=values))
     return Table(where=found.where, columns=tuple(columns), rate=found.rate, rate_from=found.rate_name, roles=roles)
+
+
+# ------------------------------------------------------------------------------------------------------------- members
+# Lists of arrays: cells and arrays of structures, as MATLAB saves the runs of a test or its channels one by one.
+#
+# Readers name the members by their places, `runs{2}` or `test(2).acc`. What they are together:
+#
+# - vectors of equal length, one a member, are the columns of one array; times that are the same in all are one vector; texts and
+# numbers one
+#   a member are lists of these;
+# - members that are matrices, or structures of several measured arrays, are runs: each is read by itself, as a file of its own would be;
+#   what other lists hold for each run goes with it, and what they hold for each channel, as names and units, with all.
+
+#: Bytes that a member takes beside its values.
+MEMBER = 300
+#: Members that a message names.
+_TOLD_MEMBERS = 6
+
+_MEMBER = re.compile(r"(?P<of>[^({]*)(?:\((?P<round>[0-9]{1,9})\)|\{(?P<curly>[0-9]{1,9})\})(?P<rest>.*)\Z")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Lists:
+    """Named arrays in which lists have become arrays, or runs.
+
+    Parameters
+    ----------
+    arrays : mapping of name to array
+        Everything, where no list is of runs.
+    runs : sequence of mappings
+        The arrays of each run, those that all share among them; empty where there are none.
+    """
+
+    arrays: Mapping[str, Array] = field(default_factory=dict)
+    runs: Sequence[Mapping[str, Array]] = ()
+
+
+def member_name(of: str, place: int, brackets: str = "{}") -> str:
+    """Return the name of a member, counted from 1, as MATLAB writes it.
+
+    Examples
+    --------
+    >>> member_name("runs", 2), member_name("test", 1, "()")
+    ('runs{2}', 'test(1)')
+    """
+    return f"{of}{brackets[0]}{place}{brackets[1]}"
+
+
+def meant_by(name: str) -> set[str]:
+    """Return the names by which an array of a member may be asked for: its own, its list's, its field's in all members, and its member's.
+
+    Examples
+    --------
+    >>> sorted(meant_by("test(1).acc")), meant_by("fs")
+    (['test', 'test(1)', 'test(1).acc', 'test.acc'], {'fs'})
+    """
+    found = _MEMBER.match(name)
+    if found is None:
+        return {name}
+    return {name, found["of"], found["of"] + found["rest"], name[: len(name) - len(found["rest"])]}
+
+
+def lists_of(where: str, arrays: Mapping[str, Array]) -> Lists | None:
+    """Return named arrays without lists; None where there are none.
+
+    Parameters
+    ----------
+    where : str
+        The file, for messages.
+    arrays : mapping of name to array
+        As readers hand them on, members by their places.
+
+    Raises
+    ------
+    DataError
+        Lists in lists, or runs beside another number of members.
+
+    Examples
+    --------
+    >>> lists_of("x.mat", {"y{1}": np.arange(3.0), "y{2}": np.ones(3), "fs": np.array(9.0)}).arrays["y"].shape
+    (3, 2)
+    """
+    lists: dict[str, dict[int, dict[str, Array]]] = {}
+    shared: dict[str, Array] = {}
+    for name, array in arrays.items():
+        found = _MEMBER.match(name)
+        if found is None:
+            shared[name] = array
+            continue
+        if _MEMBER.match(found["rest"]):
+            raise DataError(
+                f"reading {where} was asked",
+                f"{found['of']} holds lists of lists ({name})",
+                f"Save its members as arrays, or leave it out: --ignore {found['of']}",
+            )
+        place = int(found["round"] or found["curly"])
+        lists.setdefault(found["of"], {}).setdefault(place, {})[found["of"] + found["rest"]] = array
+    if not lists:
+        return None
+    for of, members in lists.items():
+        _check_whole(where, of, members, arrays)
+    runs = _of_runs(lists)
+    for of, members in lists.items():
+        if of not in runs:
+            shared |= _as_columns(where, of, members)
+    if not runs:
+        return Lists(arrays=shared)
+    places = {of: sorted(lists[of]) for of in runs}
+    if len({tuple(found) for found in places.values()}) > 1:
+        told = "; ".join(f"{of} {', '.join(map(str, found[:6]))}" for of, found in places.items())
+        # what is no run by itself goes before what is
+        odd = min(runs, key=lambda of: (_are_runs(list(lists[of].values())), len(places[of])))
+        raise DataError(
+            f"reading the runs of {where} was asked",
+            f"its lists have members at different places: {told}",
+            f"Leave one out: --ignore {odd}",
+        )
+    first = next(iter(places.values()))
+    return Lists(runs=[shared | {k: a for of in runs for k, a in lists[of][p].items()} for p in first])
+
+
+def _of_runs(lists: Mapping[str, Mapping[int, Mapping[str, Array]]]) -> list[str]:
+    """Return the lists that hold something of each run; the others, as the names and units of channels, are of all runs.
+
+    Besides runs themselves these are measured vectors (a force for each run), and numbers without text of as many members.
+    """
+    runs = [of for of, members in lists.items() if _are_runs(list(members.values()))]
+    places = {tuple(sorted(lists[of])) for of in runs}
+
+    def beside(members: Mapping[int, Mapping[str, Array]]) -> bool:
+        texts = any(array.dtype.kind == "U" for member in members.values() for array in member.values())
+        measured = any(_long(member) for member in members.values())
+        return measured or (not texts and tuple(sorted(members)) in places)
+
+    return [of for of, members in lists.items() if of in runs or beside(members)] if runs else []
+
+
+def _check_whole(where: str, of: str, members: Mapping[int, Mapping[str, Array]], arrays: Mapping[str, Array]) -> None:
+    """Raise where a member is empty, or lacks what others have: what is left of it is for the user to say."""
+    fields = set().union(*members.values())
+    for place, member in sorted(members.items()):
+        lacking = sorted(name for name in fields if name not in member or not member[name].size)
+        if lacking:
+            name = member_name(of, place, "{}" if any(key.startswith(f"{of}{{") for key in arrays) else "()")
+            raise DataError(
+                f"reading {where} was asked",
+                f"{name} has no {', '.join(lacking[:6])}, which other members have"
+                if lacking != [of]
+                else f"{name} is empty",
+                f"Leave that member out, --ignore '{name}', or what it lacks: --ignore {lacking[0]}",
+            )
+
+
+def _long(member: Mapping[str, Array]) -> list[Array]:
+    """Return the measured arrays of a member: numbers, more than one; a vector that rises all along is an axis."""
+    held = [array.squeeze() for array in member.values() if array.dtype.kind in "biufc" and array.size > 1]
+    return [array for array in held if array.ndim > 1 or np.iscomplexobj(array) or not rises(array)]
+
+
+def _are_runs(members: Sequence[Mapping[str, Array]]) -> bool:
+    """Whether each member holds more than one channel."""
+    held = [_long(member) for member in members]
+    return any(len(arrays) > 1 or any(array.ndim > 1 for array in arrays) for arrays in held)
+
+
+def _as_columns(where: str, of: str, members: Mapping[int, Mapping[str, Array]]) -> dict[str, Array]:
+    """Return every field of a list as one array."""
+    order = sorted(members)
+    return {
+        name: _together(where, of, name, {place: members[place][name] for place in order}) for name in members[order[0]]
+    }
+
+
+def _together(where: str, of: str, name: str, members: Mapping[int, Array]) -> Array:
+    held = [array.ravel() for array in members.values()]
+    if any(array.dtype.kind == "U" for array in held):
+        return np.array([" ".join(map(str, array)) for array in held])
+    sizes = [array.size for array in held]
+    usual = max(set(sizes), key=sizes.count)
+    odd = [place for place, array in members.items() if array.size != usual]
+    if odd:
+        curly = name == of
+        raise DataError(
+            f"reading {where} was asked",
+            f"the members of {name} have {min(sizes)} to {max(sizes)} entries, most of them {usual}",
+            "Cut them to one length, or leave out those of another: "
+            + " ".join(f"--ignore '{member_name(of, place, '{}' if curly else '()')}'" for place in odd[:6]),
+        )
+    if all(np.array_equal(array, held[0]) for array in held[1:]) and (usual == 1 or rises(held[0])):
+        return held[0]
+    _refuse_clocks(where, name, held)
+    return np.concatenate(held) if usual == 1 else np.stack(held, axis=1)
+
+
+def _refuse_clocks(where: str, name: str, held: Sequence[Array]) -> None:
+    """Raise where members of their own times, frequencies or rates were to be the columns of one array."""
+    asked, without = (
+        f"reading the members of lists in {where} as channels was asked",
+        f"--ignore {name} --sampling-rate HZ",
+    )
+    kinds = {axis_kind(name, array) for array in held} if held[0].size > 1 else {""}
+    ends = f"{name} begins with {_apart(held, 0)}, and ends with {_apart(held, -1)}"
+    if kinds == {"time"}:
+        raise DataError(
+            asked, f"their times differ: {ends}", f"If the channels were measured at once, leave these out: {without}"
+        )
+    if kinds == {"frequency"}:
+        raise DataError(asked, f"their frequencies differ: {ends}", "Save them at the same frequencies.")
+    if held[0].size == 1 and is_rate(name):
+        raise DataError(
+            asked,
+            f"their rates differ: {name} is {_apart(held, 0)}",
+            f"Resample them to one rate; if the numbers are wrong, leave them out: {without}",
+        )
+
+
+def _apart(held: Sequence[Array], place: int) -> str:
+    """Return the entries of members at one place, each once, in words."""
+    return ", ".join(dict.fromkeys(f"{array[place]:.6g}" for array in held[:_TOLD_MEMBERS]))
+
+
+def stacked_runs(where: str, runs: Sequence[object]) -> Signals:
+    """Return records of one run each as runs of one record.
+
+    Parameters
+    ----------
+    where : str
+        The file, for messages.
+    runs : sequence of Signals
+
+    Raises
+    ------
+    DataError
+        Something else than records, or records of other channels, rates or lengths.
+    """
+    records = [run for run in runs if isinstance(run, Signals)]
+    first = records[0] if records else None
+    if first is None or len(records) < len(runs):
+        raise DataError(
+            f"reading the members of a list in {where} as runs was asked",
+            "not all of them are records",
+            "Save responses by themselves: lines, outputs, inputs.",
+        )
+    lengths = {record.samples for record in records}
+    if len(lengths) > 1:
+        raise DataError(
+            f"reading the {len(records)} runs of {where} was asked",
+            f"they have {min(lengths)} to {max(lengths)} samples",
+            f"Take of each what all have: --rows 1-{min(lengths)}",
+        )
+    kept = ("output_dofs", "input_dofs", "units", "sampling_rate", "quantities")
+    odd = [name for name in kept if any(getattr(record, name) != getattr(first, name) for record in records)]
+    if odd:
+        raise DataError(
+            f"reading the {len(records)} runs of {where} was asked",
+            f"they differ in {' and '.join(odd).replace('_', ' ')}",
+            "Save runs of the same channels at the same rate.",
+        )
+    inputs = [record.inputs for record in records if record.inputs is not None]
+    return Signals(
+        outputs=np.stack([record.outputs for record in records]),
+        inputs=np.stack(inputs) if inputs else None,
+        **{name: getattr(first, name) for name in kept},
+    )

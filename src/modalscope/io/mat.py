@@ -7,28 +7,250 @@ shape (1, n): both are put right for arrays whose number of axes the layout fixe
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import struct
+import zlib
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy import io as sio
 
+from modalscope.data import DataError
+from modalscope.data.mode_fields import PER_MODE
 from modalscope.io.arrays import INDICATOR, UNREFINED, joined, to_arrays
+from modalscope.io.atomic import MARK
 from modalscope.io.contents import Contents, Options, Plain
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.hdf5 import DAMAGED
 from modalscope.io.hdf5_guard import check_hdf5
-from modalscope.io.limits import Room, room
-from modalscope.io.marks import MARK
-from modalscope.io.mat5 import read_mat5
-from modalscope.io.members import MEMBER, member_name
-from modalscope.model import DataError
-from modalscope.model.checks import Array
-from modalscope.model.extras import optional_package
-from modalscope.model.mode_fields import PER_MODE
+from modalscope.io.limits import MOST_PARTS, Room, room
+from modalscope.io.loose import MEMBER, member_name
+from modalscope.numerics.checks import Array
+from modalscope.numerics.extras import optional_package
 
 __all__ = ["read", "write"]
+
+
+# ---------------------------------------------------------------------------------------------------------------- mat5
+# MATLAB files of version 5 to 7, element by element.
+#
+# scipy's reader trusts the sizes that a file states and can end the whole program on a damaged cell array (version 1.17 does).
+# Here every size is checked before it is used, and what is packed is inflated within bounds (`limits`). Read are numeric
+# arrays, text, cells and structures; sparse matrices, objects and functions are errors that name them. Members of cells and of arrays of
+# structures have their place in their name (`runs{2}`, `test(2).acc`); `members` says what they are together.
+#
+# Source: MATLAB MAT-File Format, version 5 (The MathWorks).
+
+_HEADER = 128
+_NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+_TEXTS = {2: "latin-1", 16: "utf-8", 17: "utf-16"}
+_MATRIX, _COMPRESSED = 14, 15
+_CELL, _STRUCTURE, _CHARACTERS, _FIRST_NUMBER, _LAST_NUMBER = 1, 2, 4, 6, 15
+_IS_COMPLEX = 0x0800
+_CLASSES = {3: "object", 5: "sparse", 16: "function", 17: "opaque (string or table)"}
+
+
+Element = tuple[int, memoryview]
+
+
+class _Damaged(Exception):
+    """A size or a type that cannot be, told by the reader as a DataError."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Reading:
+    """The order of bytes, and the room that is left."""
+
+    order: str
+    room: Room
+
+    @property
+    def where(self) -> str:
+        return self.room.where
+
+
+def read_mat5(data: bytes, room: Room, ignore: Collection[str] = ()) -> dict[str, Array]:
+    """Return the variables of a file; fields of structures are named with a dot, cells of text are text arrays.
+
+    Members of other cells are named `runs{1}`, those of arrays of structures `test(1).acc`.
+
+    Raises
+    ------
+    DataError
+        A damaged file, an older version, more than the room, or a variable of a class that is not read and not ignored.
+    """
+    order = {b"IM": "<", b"MI": ">"}.get(data[126:_HEADER])
+    if order is None:
+        raise DataError(
+            f"reading {room.where} as a MATLAB file was asked",
+            "it has no header of version 5 or later",
+            "Save it in MATLAB with -v7 or -v7.3.",
+        )
+    arrays: dict[str, Array] = {}
+    file = _Reading(order, room)
+    try:
+        for kind, body in _elements(memoryview(data)[_HEADER:], file):
+            arrays |= _variable(file, kind, body, ignore)
+    except (_Damaged, zlib.error, struct.error, UnicodeDecodeError) as error:
+        raise DataError(
+            f"reading {room.where} as a MATLAB file was asked",
+            f"it is damaged ({error})",
+            "Copy it again, or save it again with -v7.",
+        ) from None
+    return arrays
+
+
+def _variable(file: _Reading, kind: int, body: memoryview, ignore: Collection[str]) -> dict[str, Array]:
+    before, data = file.room.left, _inflated(body, file) if kind == _COMPRESSED else body
+    whole = list(_elements(data, file)) if kind == _COMPRESSED else [(kind, body)]
+    if len(whole) != 1 or whole[0][0] != _MATRIX:
+        raise _Damaged(f"an element of type {whole[0][0] if whole else kind} stands where a variable should")
+    name = _matrix_head(whole[0][1], file)[2]
+    arrays = {name: np.array("not read")} if name in ignore else _matrix(name, whole[0][1], file) if name else {}
+    # what was inflated and not used counts, too
+    file.room.take(name or "what is compressed", max(0, len(data) - (before - file.room.left)))
+    return arrays
+
+
+def _inflated(body: memoryview, file: _Reading) -> memoryview:
+    """Return compressed data; they stay beside the arrays that are made of them."""
+    stream = zlib.decompressobj()
+    data = stream.decompress(body, file.room.left + 1)
+    if len(data) > file.room.left:
+        file.room.take("what is compressed", len(data))
+    if not stream.eof:
+        raise _Damaged("compressed data are cut off")
+    return memoryview(data)
+
+
+def _elements(data: memoryview, file: _Reading) -> Iterator[Element]:
+    position = count = 0
+    while position < len(data):
+        if len(data) - position < 8:
+            raise _Damaged("an element is cut off")
+        kind, size = struct.unpack_from(file.order + "II", data, position)
+        start = position + 8
+        if kind >> 16:  # up to four bytes stand in the tag itself
+            kind, size, start = kind & 0xFFFF, kind >> 16, position + 4
+        limit = position + 8 if start == position + 4 else len(data)
+        if start + size > limit:
+            raise _Damaged(f"an element counts {size} bytes where {limit - start} are left")
+        count += 1
+        if count > MOST_PARTS:
+            file.room.parts("members of one array", count)
+        yield kind, data[start : start + size]
+        position = position + 8 if start == position + 4 else start + size
+        if kind != _COMPRESSED:
+            position += -position % 8
+
+
+def _matrix_head(body: memoryview, file: _Reading) -> tuple[int, tuple[int, ...], str, list[Element]]:
+    """Return flags, dimensions, name and the elements that follow."""
+    parts = list(_elements(body, file))
+    if len(parts) < 3 or len(parts[0][1]) < 4 or parts[1][0] != 5 or not 2 <= len(parts[1][1]) // 4 <= 32:
+        raise _Damaged("a variable has no flags, dimensions and name")
+    flags = struct.unpack_from(file.order + "I", parts[0][1])[0]
+    shape = tuple(int(n) for n in np.frombuffer(parts[1][1][: len(parts[1][1]) // 4 * 4], file.order + "i4"))
+    if min(shape) < 0:
+        raise _Damaged(f"a variable has the dimensions {shape}")
+    return flags, shape, str(parts[2][1], "latin-1"), parts[3:]
+
+
+def _size(shape: tuple[int, ...]) -> int:
+    size = 1
+    for n in shape:
+        size *= n
+    return size
+
+
+def _matrix(name: str, body: memoryview, file: _Reading, depth: int = 0) -> dict[str, Array]:
+    if not body:
+        return {name: np.zeros((0, 0))}
+    if depth > _DEEPEST:
+        raise _Damaged(f"arrays lie deeper than {_DEEPEST} in each other")
+    flags, shape, _, parts = _matrix_head(body, file)
+    kind = flags & 0xFF
+    if _FIRST_NUMBER <= kind <= _LAST_NUMBER:
+        values = _numbers(name, parts[:1], shape, file)
+        return {name: joined(values, _numbers(name, parts[1:2], shape, file)) if flags & _IS_COMPLEX else values}
+    if kind == _CHARACTERS:
+        return {name: _characters(name, parts[:1], shape, file)}
+    if kind == _CELL:
+        return _cell(name, parts, shape, file, depth)
+    if kind == _STRUCTURE:
+        return _structure(name, parts, shape, file, depth)
+    if kind not in _CLASSES:
+        raise _Damaged(f"a variable is of class {kind}")
+    raise DataError(
+        f"reading {name} in {file.where} was asked",
+        f"it is of MATLAB's class {_CLASSES[kind]}",
+        "Save plain arrays and labels as cells of text, or ignore it.",
+    )
+
+
+def _numbers(name: str, parts: list[Element], shape: tuple[int, ...], file: _Reading) -> Array:
+    if not parts or parts[0][0] not in _NUMBERS:
+        raise _Damaged("an array has no numbers")
+    kind, data = parts[0]
+    word = np.dtype(file.order + _NUMBERS[kind])
+    if len(data) != _size(shape) * word.itemsize:
+        raise _Damaged(f"an array of shape {shape} has {len(data)} bytes of numbers")
+    file.room.array(name, word, _size(shape))
+    values = np.frombuffer(data, word).reshape(shape, order="F")
+    return values.astype(word.newbyteorder("="))
+
+
+def _characters(name: str, parts: list[Element], shape: tuple[int, ...], file: _Reading) -> Array:
+    if not _size(shape):
+        return np.array("")
+    if not parts:
+        raise _Damaged("a text has no characters")
+    kind, data = parts[0]
+    file.room.take(name, 4 * len(data))
+    if kind == 4:  # characters of two bytes, each by itself
+        text, count = str(data[: len(data) // 2 * 2], "utf-16-" + ("le" if file.order == "<" else "be")), len(data) // 2
+    else:
+        text = str(data, _TEXTS.get(kind, "latin-1"))
+        count = len(text)
+    if count != _size(shape) or len(shape) != 2:
+        raise _Damaged(f"a text of shape {shape} has {count} characters")
+    rows = [text[k :: shape[0]].rstrip() for k in range(shape[0])]
+    return file.room.texts(name, rows) if shape[0] > 1 else np.array(text, dtype=np.str_)
+
+
+def _cell(name: str, parts: list[Element], shape: tuple[int, ...], file: _Reading, depth: int) -> dict[str, Array]:
+    """Return a cell array: one array of texts where it holds nothing else, else its members by their places."""
+    if len(parts) != _size(shape) or any(kind != _MATRIX for kind, _ in parts):
+        raise _Damaged(f"a cell array of shape {shape} has {len(parts)} members")
+    file.room.take(f"the members of {name}", MEMBER * len(parts))
+    members = [_matrix(member_name(name, k), body, file, depth + 1) for k, (_, body) in enumerate(parts, 1)]
+    bare = [member.get(member_name(name, k)) if len(member) == 1 else None for k, member in enumerate(members, 1)]
+    if all(item is not None and (not item.size or (item.dtype.kind == "U" and item.size == 1)) for item in bare):
+        return {name: file.room.texts(name, [str(item) if item is not None and item.size else "" for item in bare])}
+    return {key: array for member in members for key, array in member.items()}
+
+
+def _structure(name: str, parts: list[Element], shape: tuple[int, ...], file: _Reading, depth: int) -> dict[str, Array]:
+    width = struct.unpack(file.order + "i", parts[0][1])[0] if parts and len(parts[0][1]) == 4 else 0
+    names = bytes(parts[1][1]) if len(parts) > 1 and width > 0 else b""
+    if len(names) > width * len(parts):
+        raise _Damaged(f"a structure of {len(parts) - 2} values has {len(names)} bytes of names")
+    fields = [names[k : k + width].split(b"\0")[0].decode("latin-1") for k in range(0, len(names), max(width, 1))]
+    count = _size(shape)
+    if not fields or len(parts) != 2 + len(fields) * count or any(kind != _MATRIX for kind, _ in parts[2:]):
+        raise _Damaged(f"{count} structures of {len(fields)} fields have {len(parts) - 2} values")
+    arrays: dict[str, Array] = {} if count else {name: np.zeros((0, 0))}
+    file.room.take(f"the members of {name}", MEMBER * (len(parts) - 2))
+    for k, (_, body) in enumerate(parts[2:]):
+        place, field = divmod(k, len(fields))
+        owner = name if count == 1 else member_name(name, place + 1, "()")
+        arrays |= _matrix(f"{owner}.{fields[field]}", body, file, depth + 1)
+    return arrays
+
+
+# ----------------------------------------------------------------------------------------------------------------- mat
 
 _VECTORS = ("frequencies", "poles", *PER_MODE)
 _THREE_AXES = ("values", "variance")

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data import DataError, Geometry
 from modalscope.io.contents import Contents, Finding, Options
 from modalscope.io.limits import room
-from modalscope.model import DataError, Geometry
-from modalscope.model.extras import optional_package
+from modalscope.numerics.extras import optional_package
 
 __all__ = ["MESHES", "read"]
 

@@ -11,7 +11,7 @@ A table of lines has the names of two nodes a row, or of three or four around a 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -19,16 +19,67 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data import DataError, Geometry, parse_dof
+from modalscope.data.channels import Channels
 from modalscope.io.columns.words import split_head
+from modalscope.io.contents import Contents, Options
 from modalscope.io.excel import rows_of
 from modalscope.io.limits import room
-from modalscope.io.neighbours import neighbour_lines
 from modalscope.io.text.cells import Dialect, is_number, number_of, split, uncommented
-from modalscope.io.text.dialect import dialect_of
-from modalscope.io.text.source import encoding_of, lines_of
-from modalscope.model import DataError, Geometry, parse_dof
+from modalscope.io.text.dialect import dialect_of, encoding_of, lines_of
+from modalscope.numerics.checks import RealArray, check_path
 
-__all__ = ["TABLES", "geometry_of_tables", "joined_by_neighbours"]
+__all__ = ["TABLES", "geometry_of_tables", "joined_by_neighbours", "told_of_channels", "with_geometry"]
+
+
+# ---------------------------------------------------------------------------------------------------------- neighbours
+# Lines between neighbouring points, where nobody drew any.
+
+#: So many nearest points of each may be its neighbours.
+_NEAREST = 12
+#: Distances of a measured grid are equal within this part.
+_EQUAL = 1e-3
+
+
+def neighbour_lines(points: RealArray) -> list[tuple[int, int]]:
+    """Return the pairs (p, q) between which no point lies: there is no r with max(|p - r|, |q - r|) < |p - q|.
+
+    On a grid these are its meshes, without diagonals; along a beam one point follows the other. Every set of points hangs together by
+    them, as far as the twelve nearest of each reach.
+
+    Parameters
+    ----------
+    points : array, (n, 3)
+
+    Notes
+    -----
+    The relative neighbourhood graph of G. T. Toussaint, Pattern Recognition 12 (1980).
+
+    Examples
+    --------
+    >>> neighbour_lines(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]))
+    [(0, 1), (0, 2), (1, 3), (2, 3)]
+    """
+    from scipy.spatial import cKDTree
+
+    count = len(points)
+    if count < 2:
+        return []
+    found = cKDTree(points).query(points, k=min(_NEAREST + 1, count))
+    distances, nearest = np.asarray(found[0]), np.asarray(found[1])
+    pairs = set()
+    for p in range(count):
+        for distance, q in zip(distances[p], nearest[p], strict=True):
+            if q == p or not distance:
+                continue
+            closer = nearest[p][(distances[p] < distance * (1 - _EQUAL)) & (nearest[p] != p)]
+            between = np.linalg.norm(points[closer] - points[q], axis=1) < distance * (1 - _EQUAL)
+            if not between.any():
+                pairs.add((min(p, int(q)), max(p, int(q))))
+    return sorted(pairs)
+
+
+# -------------------------------------------------------------------------------------------------------------- points
 
 #: Suffixes of tables.
 TABLES = (".csv", ".txt", ".asc", ".tsv", ".dat", ".xlsx")
@@ -187,3 +238,74 @@ def joined_by_neighbours(geometry: Geometry) -> tuple[Geometry, tuple[str, ...]]
     lines = [[geometry.nodes[a], geometry.nodes[b]] for a, b in pairs]
     note = f"the geometry has no lines: {len(lines)} were drawn between neighbouring nodes (else: --lines lines.csv)"
     return replace(geometry, lines=lines), (note,)  # type: ignore[arg-type]
+
+
+# ----------------------------------------------------------------------------------------------------- geometry option
+# The option `geometry` of every format: a Geometry, or the file or files that hold one.
+
+
+def with_geometry(options: Options, load: Callable[[Path], Any]) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Return options with the geometry itself where a file was named, and what to say of it.
+
+    Parameters
+    ----------
+    options : mapping
+        `geometry`: a Geometry, a path, or paths of points and lines.
+    load : callable
+        Reads a file that is no table.
+
+    Raises
+    ------
+    DataError
+        A file that is not there, or holds no geometry.
+    """
+    given = options.get("geometry")
+    if given is None or isinstance(given, Geometry):
+        return dict(options), ()
+    paths = [given] if isinstance(given, str | Path) else list(given) if isinstance(given, list | tuple) else []
+    if not 1 <= len(paths) <= 2:
+        raise DataError(
+            f"geometry={given!r} was asked",
+            "it is no Geometry, path, or pair of paths of points and lines",
+            'Give geometry="points.csv" or geometry=("points.csv", "lines.csv").',
+        )
+    points, *lines = (check_path(path) for path in paths)
+    missing = next((path for path in (points, *lines) if not path.is_file()), None)
+    if missing is not None:
+        raise DataError(
+            f"the geometry in {missing.name} was asked", "there is no such file", "Check the name and the folder."
+        )
+    if points.suffix.lower() in TABLES:
+        found: Any = geometry_of_tables(points, lines[0] if lines else None)
+    else:
+        found = load(points)
+        found = found if isinstance(found, Geometry) else getattr(found, "geometry", None)
+    if found is None:
+        raise DataError(
+            f"a geometry from {points.name} was asked",
+            "it holds none",
+            "Give a table of points: node,x,y,z, or another file.",
+        )
+    geometry, notes = joined_by_neighbours(found)
+    return {**options, "geometry": geometry}, notes
+
+
+def told_of_channels(contents: Contents) -> Contents:
+    """Return contents that say which channels have no place in the geometry.
+
+    Parameters
+    ----------
+    contents : Contents
+        Of data with their geometry.
+    """
+    thing = contents.thing
+    if not isinstance(thing, Channels) or thing.geometry is None:
+        return contents
+    lost = [label for label in thing.output_dofs if not thing.geometry.motion_of(label)]
+    if not lost:
+        return contents
+    note = (
+        f"{len(lost)} of {len(thing.output_dofs)} channels have no node and direction in the geometry: {', '.join(lost[:6])}; "
+        "name channels as 3:+Z, or add columns channel and direction to the table of points"
+    )
+    return replace(contents, notes=(*contents.notes, note))

@@ -12,13 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.io.choice import chosen
+from modalscope.data import DataError
 from modalscope.io.columns import COLUMN_OPTIONS, Column, Table, contents_from_table
-from modalscope.io.contents import Contents, Options
+from modalscope.io.contents import Contents, Options, chosen
 from modalscope.io.frames import table_of_frame
 from modalscope.io.limits import Room, room
-from modalscope.model import DataError
-from modalscope.model.extras import optional_package
+from modalscope.numerics.extras import optional_package
 
 __all__ = ["RECORDER_OPTIONS", "read_mdf", "read_netcdf", "read_parquet", "read_tdms"]
 

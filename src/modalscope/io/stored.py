@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data import DataError, ImpulseResponse, Signals, StoredResponse, StoredSignals
+from modalscope.data.stored import Rows
 from modalscope.io.contents import Contents, Finding, Options
 from modalscope.io.from_arrays import contents_from_arrays
-from modalscope.model import DataError, ImpulseResponse, Signals, StoredResponse, StoredSignals
-from modalscope.model.checks import Array
-from modalscope.model.extras import optional_package
-from modalscope.model.memory import allowed_memory
-from modalscope.model.stored import Rows
+from modalscope.numerics.checks import Array
+from modalscope.numerics.extras import optional_package
+from modalscope.numerics.resources import allowed_memory
 
 __all__ = [
     "STORED_OPTIONS",

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from modalscope.model import DataError, Geometry
-from modalscope.model.checks import Array
+from modalscope.data import DataError, Geometry
+from modalscope.numerics.checks import Array
 
 __all__ = ["geometry_from_tables"]
 

@@ -9,10 +9,10 @@ from threading import Lock
 
 import numpy as np
 
+from modalscope.data import DataError
 from modalscope.io.columns import Column, Table, contents_from_table
 from modalscope.io.contents import Contents, Options
 from modalscope.io.limits import room
-from modalscope.model import DataError
 
 __all__ = ["WAV_OPTIONS", "read"]
 

@@ -1,1 +1,1 @@
-"""Floor 4: poles of all orders, and which of them are modes."""
+"""Which poles of a stabilization diagram are modes, and how far to trust them."""

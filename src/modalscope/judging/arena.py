@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modalscope.identification.likelihood import Whitened
-from modalscope.identification.whitening import told_apart, told_under_window
-from modalscope.model.checks import ComplexArray, RealArray
+from modalscope.likelihood.likelihood import Whitened
+from modalscope.likelihood.whitening import told_apart, told_under_window
+from modalscope.numerics.checks import ComplexArray, RealArray
 
 __all__ = ["Arena"]
 

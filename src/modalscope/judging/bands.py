@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from modalscope.data.mode_fields import PER_MODE, joined
+from modalscope.data.modes import ModalModel
+from modalscope.data.notes import Note
+from modalscope.data.poles import frequencies_and_damping
+from modalscope.data.response import Response
+from modalscope.data.results import StabilizationDiagram
+from modalscope.judging.stabilize import ORDERS_END
 from modalscope.modal.indicators import mac
-from modalscope.model.checks import (
-    DataError,
-    check_band,
-    check_each,
-    check_kind,
-)
-from modalscope.model.keywords import named
-from modalscope.model.mode_fields import PER_MODE, joined
-from modalscope.model.modes import ModalModel
+from modalscope.modal.shapes import joint_residues
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import Array, DataError, RealArray, check_band, check_each, check_kind
 
-__all__ = ["evened", "merge_bands"]
+__all__ = ["SPLIT", "Part", "cut_of", "evened", "holds_too_little", "joined_diagram", "joined_modes", "merge_bands"]
 
 
 @named()
@@ -116,3 +117,213 @@ def _same_channels(results: Sequence[ModalModel]) -> None:
                 "their outputs or inputs differ",
                 "Select the same channels in every band.",
             )
+
+
+# --------------------------------------------------------------------------------------------------------------- parts
+# A band that one ladder of orders cannot hold: where it is cut, and its parts as one diagram and one list of modes.
+
+#: A core, and the band around it, Hz.
+Ends = tuple[tuple[float, float], tuple[float, float]]
+
+#: The kind of the note that says that a band was identified in parts.
+SPLIT = "band split"
+
+#: An edge spoils what lies within so many half bandwidths of it: parts overlap by that on either side of a cut, by this part at most.
+_REACH, _OVERLAP = 10.0, 0.1
+
+#: A part has so many lines at least, two for every order that is tried by default, so that the data and not the lines end it.
+_FEWEST = 160
+
+#: With more damping than this a pole stands for what lies outside the band, not for a resonance in it.
+_DAMPED = 0.1
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Part:
+    """A part of a band: what it reports, and what was identified for that.
+
+    Parameters
+    ----------
+    core : (float, float)
+        Hz: its modes lie here.
+    band : (float, float) or None
+        Hz: its data, which reach further; None for all.
+    diagram : StabilizationDiagram
+    modes : ModalModel
+        Selected automatically.
+    """
+
+    core: tuple[float, float]
+    band: tuple[float, float] | None
+    diagram: StabilizationDiagram
+    modes: ModalModel
+
+
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """Where a part is cut, and how far the data of either half reach.
+
+    Parameters
+    ----------
+    at : float
+        Hz.
+    lower, upper : float
+        Hz: the upper end of the lower half's data, and the lower end of the upper half's.
+    """
+
+    at: float
+    lower: float
+    upper: float
+
+    def halves(self, part: Part) -> tuple[Ends, Ends]:
+        """Return core and band of the lower and of the upper half.
+
+        Parameters
+        ----------
+        part : Part
+        """
+        low, high = part.core if part.band is None else part.band
+        return ((part.core[0], self.at), (low, self.lower)), ((self.at, part.core[1]), (self.upper, high))
+
+
+def holds_too_little(diagram: StabilizationDiagram, modes: ModalModel) -> bool:
+    """Return whether the orders of a diagram end before its data do: the fit still falls, or modes come up at the last orders only.
+
+    Parameters
+    ----------
+    diagram : StabilizationDiagram
+    modes : ModalModel
+        Selected from it.
+    """
+    return any(note.kind == ORDERS_END for note in (*diagram.notes, *modes.notes))
+
+
+def cut_of(part: Part) -> Cut | None:
+    """Return where a part is cut in two; None where it cannot be.
+
+    Each half has a quarter of the resonances of the best order at least. Between these bounds the cut lies in the widest gap between
+    neighbours, in half bandwidths of both.
+
+    Parameters
+    ----------
+    part : Part
+    """
+    response, (low, high) = part.diagram.response, part.core
+    f, zeta = _resonances(part.diagram, low, high)
+    if f.size < 4 or response.grid is None or response.in_band((low, (low + high) / 2)) is response:
+        return None
+    between = np.arange(f.size // 4, f.size - f.size // 4 - 1)
+    if not between.size:
+        between = np.array([f.size // 2 - 1])
+    width = f * zeta
+    gap = (f[between + 1] - f[between]) / (width[between + 1] + width[between])
+    k = int(between[np.argmax(gap)])
+    cut = float((f[k] * width[k + 1] + f[k + 1] * width[k]) / (width[k] + width[k + 1]))
+    room = min(_REACH * float(np.median(zeta)), _OVERLAP)
+    lower, upper = cut * (1 + room), cut / (1 + room)
+    lines = response.grid
+    counts = np.count_nonzero(lines <= lower), np.count_nonzero(lines >= upper)
+    if min(counts) < _FEWEST:
+        return None
+    return Cut(cut, lower, upper)
+
+
+def _resonances(diagram: StabilizationDiagram, low: float, high: float) -> tuple[RealArray, RealArray]:
+    """Return frequencies and damping ratios of the lightly damped poles of the order that fits best, by frequency."""
+    best = diagram.orders[int(np.argmin(diagram.fit_errors))]
+    f, zeta = frequencies_and_damping(diagram.poles[(diagram.order_of_pole == best) & (diagram.poles.imag > 0)])
+    kept = (f > low) & (f < high) & (zeta > 0) & (zeta < _DAMPED)
+    order = np.argsort(f[kept])
+    return f[kept][order], zeta[kept][order]
+
+
+def joined_modes(parts: Sequence[Part], modes: Sequence[ModalModel], whole: Response) -> ModalModel:
+    """Return the modes of the parts of one band, each once, with residues fitted together to the whole.
+
+    A part reports what lies in its core, and a half bandwidth around it: a mode at a cut may fall on either side.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+    modes : sequence of ModalModel
+        Those that each part reports, refined or not.
+    whole : FrequencyResponse
+    """
+    inside = evened([_of_core(each, part.core) for part, each in zip(parts, modes, strict=True)])
+    merged = merge_bands(inside, [part.band or part.core for part in parts])
+    if not len(merged):
+        return merged
+    shapes, fitted = joint_residues(whole, merged.poles, merged.shapes)
+    return replace(merged, shapes=shapes, scaling="as fitted", **fitted).normalized("unit")
+
+
+def _of_core(modes: ModalModel, core: tuple[float, float]) -> ModalModel:
+    low, high = core
+    f, half = modes.frequencies, np.abs(modes.poles.real) / (2 * np.pi)
+    kept = modes.take((f + half >= low) & (f - half <= high))
+    return replace(kept, left_out=tuple(c for c in modes.left_out if low <= c.frequency < high))
+
+
+def joined_diagram(whole: StabilizationDiagram, parts: Sequence[Part]) -> StabilizationDiagram:
+    """Return the poles of all parts as one diagram of the whole band, each part's own within its core.
+
+    Fit errors are those of the parts together; singular values stay those of the whole, whose orders ended too soon.
+
+    Parameters
+    ----------
+    whole : StabilizationDiagram
+    parts : sequence of Part
+        By frequency.
+    """
+    kept = [_in_core(part, first=k == 0, last=k == len(parts) - 1) for k, part in enumerate(parts)]
+    diagrams = [part.diagram for part in parts]
+
+    def together(name: str, axis: int = 0) -> Array:
+        return np.concatenate(
+            [np.compress(k, getattr(d, name), axis=axis) for d, k in zip(diagrams, kept, strict=True)], axis=axis
+        )
+
+    named = ("poles", "participation", "stable_frequency", "stable_damping", "stable_shape")
+    flat: dict[str, Any] = {name: together(name) for name in named}
+    for name in ("frequencies_std", "damping_ratios_std"):
+        flat[name] = None if any(getattr(d, name) is None for d in diagrams) else together(name)
+    names = set.intersection(*(set(d.indicators) for d in diagrams))
+    orders = tuple(sorted(set().union(*(d.orders for d in diagrams))))
+    order = together("order_of_pole")
+    by_order = np.argsort(order, kind="stable")
+    flat = {name: None if values is None else values[by_order] for name, values in flat.items()}
+    indicators = {
+        name: np.concatenate([d.indicators[name][k] for d, k in zip(diagrams, kept, strict=True)])[by_order]
+        for name in sorted(names)
+    }
+    return replace(
+        whole,
+        **flat,
+        orders=orders,
+        order_of_pole=order[by_order],
+        shapes=together("shapes", 1)[:, by_order],
+        indicators=indicators,
+        fit_errors=_fit_errors(parts, orders),
+        notes=(*(note for note in whole.notes if note.kind != ORDERS_END), _told(parts)),
+    )
+
+
+def _in_core(part: Part, *, first: bool, last: bool) -> Array:
+    f = part.diagram.frequencies
+    return np.asarray((first | (f >= part.core[0])) & (last | (f < part.core[1])))
+
+
+def _fit_errors(parts: Sequence[Part], orders: Sequence[int]) -> RealArray:
+    """Return what all parts leave of all data at each order, a part at its next lower order where it has none."""
+    sizes = np.array([np.linalg.norm(part.diagram.response.values) for part in parts])
+    places = [np.searchsorted(part.diagram.orders, orders, side="right") - 1 for part in parts]
+    errors = np.array(
+        [part.diagram.fit_errors[np.maximum(place, 0)] for part, place in zip(parts, places, strict=True)]
+    )
+    return np.asarray(np.sqrt(np.sum((errors * sizes[:, None]) ** 2, axis=0) / np.sum(sizes**2)))
+
+
+def _told(parts: Sequence[Part]) -> Note:
+    where = ", ".join(f"{low:.5g} to {high:.5g} Hz" for low, high in (part.core for part in parts))
+    text = f"one ladder of orders does not hold the band: it was identified in {len(parts)} parts, {where}, and merged"
+    return Note(SPLIT, {"parts": len(parts)}, text)

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from modalscope.data.mode_fields import Harmonic
+from modalscope.data.modes import ModalModel
+from modalscope.data.notes import Note
+from modalscope.data.results import StabilizationDiagram
 from modalscope.judging.evidence import CERTAIN, Candidate
-from modalscope.model.candidates import Harmonic
-from modalscope.model.diagram import StabilizationDiagram
-from modalscope.model.modes import ModalModel
-from modalscope.model.notes import Note
+from modalscope.preprocess.bands import NOISE, UNSEEN
 from modalscope.preprocess.harmonics import HARMONIC
-from modalscope.preprocess.noise_test import NOISE, UNSEEN
 
 __all__ = ["CORRELATED", "beside_structure", "harmonics_of_diagram", "told_of_errors", "told_why_none"]
 

@@ -8,24 +8,23 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data.mode_fields import Candidate as LeftOut
+from modalscope.data.modes import ModalModel
+from modalscope.data.notes import Note
+from modalscope.data.poles import poles_from
+from modalscope.data.response import Response
+from modalscope.data.results import StabilizationDiagram
 from modalscope.judging.evidence import LEAST_ORDERS, LEAST_SHARE, Candidate, sentence
-from modalscope.judging.growth import ORDERS_END
+from modalscope.judging.stabilize import ORDERS_END
 from modalscope.judging.tracking import Poles
+from modalscope.likelihood.noise import KIND, typical_deviation, withheld
 from modalscope.modal.indicators import mac
-from modalscope.modal.joint import joint_residues
 from modalscope.modal.rebuilt import rebuilt
-from modalscope.model.candidates import Candidate as LeftOut
-from modalscope.model.checks import ComplexArray, RealArray
-from modalscope.model.diagram import StabilizationDiagram
-from modalscope.model.modes import ModalModel
-from modalscope.model.notes import Note
-from modalscope.model.poles import poles_from
-from modalscope.model.response import Response
-from modalscope.model.robust import scatter
-from modalscope.uncertainty.noise import KIND
-from modalscope.uncertainty.of_modes import typical_deviation, withheld
+from modalscope.modal.shapes import joint_residues
+from modalscope.numerics.checks import Array, ComplexArray, RealArray
+from modalscope.numerics.statistics import assign, scatter
 
-__all__ = ["left_out", "modes_of"]
+__all__ = ["left_out", "modes_of", "paired_with", "told_beside"]
 
 
 def modes_of(
@@ -182,3 +181,96 @@ def _reasons(model: ModalModel, response: Response, facts: list[dict[str, Any]])
         text = known.get("text") or sentence(known, float(loss))
         reasons.append({**known, "fit_loss": float(loss), "text": text})
     return tuple(reasons)
+
+
+# ----------------------------------------------------------------------------------------------------------- reference
+# Modes paired with those of another program or test: which are the same, and by how much they differ, in deviations too.
+
+#: Costs more than any pair: no partner.
+_ALONE = 1e3
+
+#: Something against a candidate counts like shapes that are this much unlike.
+_AGAINST = 0.5
+
+
+def paired_with(
+    reference: ModalModel, candidates: list[Candidate], poles: Poles, tolerance: float
+) -> list[tuple[Candidate, int]]:
+    """Return candidates and the reference mode that each is, pairs of least cost in all.
+
+    Frequencies lie within the tolerance or the larger half bandwidth; among these the nearest with the most alike shape is taken, shapes
+    where both have the same outputs.
+
+    Parameters
+    ----------
+    reference : ModalModel
+    candidates : list of Candidate
+    poles : Poles
+    tolerance : float
+        Relative distance of frequencies.
+    """
+    if not candidates or not len(reference):
+        return []
+    f, zeta = reference.frequencies, reference.damping_ratios
+    g, eta = (np.array([getattr(c, name) for c in candidates]) for name in ("frequency", "damping"))
+    room = np.maximum(tolerance * f[:, None], np.maximum((f * zeta)[:, None], g * eta))
+    apart = np.abs(f[:, None] - g) / room
+    unlike = 1 - _likeness(reference, candidates, poles)
+    cost = apart + unlike + _AGAINST * np.array([bool(c.against) for c in candidates])
+    cost = np.where(apart <= 1, cost, _ALONE)
+    return [(candidates[j], int(i)) for i, j in zip(*assign(cost), strict=True) if cost[i, j] < _ALONE]
+
+
+def _likeness(reference: ModalModel, candidates: list[Candidate], poles: Poles) -> RealArray:
+    """MAC of each reference mode and candidate, (n, candidates); one where the outputs are others."""
+    if len(reference.shapes) != poles.shape.shape[1]:
+        return np.ones((len(reference), len(candidates)))
+    shapes = [c.own.shape if c.own is not None else poles.shape[c.members[0]] for c in candidates]
+    return mac(reference.shapes, np.array(shapes, dtype=complex).T)
+
+
+def told_beside(modes: ModalModel, reference: ModalModel, which: Array) -> ModalModel:
+    """Return modes whose reasons hold the differences to the reference; what of the reference has no partner is a note.
+
+    Parameters
+    ----------
+    modes : ModalModel
+    reference : ModalModel
+    which : array of int, (n,)
+        The reference mode of each.
+    """
+    alike = np.ones(len(modes))
+    if len(reference.shapes) == len(modes.shapes):
+        alike = np.array([mac(modes.shapes[:, j], reference.shapes[:, k])[0, 0] for j, k in enumerate(which)])
+    f, zeta = modes.frequencies - reference.frequencies[which], modes.damping_ratios - reference.damping_ratios[which]
+    beside: list[dict[str, Any]] = [
+        {
+            "reference_frequency_hz": float(reference.frequencies[k]),
+            "reference_damping_ratio": float(reference.damping_ratios[k]),
+            "reference_mac": float(alike[j]),
+            "frequency_difference_hz": float(f[j]),
+            "damping_ratio_difference": float(zeta[j]),
+        }
+        for j, k in enumerate(which)
+    ]
+    for word, name, differences in (("frequency", "frequencies", f), ("damping_ratio", "damping_ratios", zeta)):
+        deviations = _together(modes, reference, which, name)
+        for row, difference, deviation in zip(beside, differences, deviations, strict=True):
+            if deviation > 0:
+                row[f"{word}_difference_in_deviations"] = float(abs(difference) / deviation)
+    reasons = tuple({**why, **row} for why, row in zip(modes.reasons, beside, strict=True))
+    missing = np.setdiff1d(np.arange(len(reference)), which)
+    if not missing.size:
+        return replace(modes, reasons=reasons)
+    where = ", ".join(f"{reference.frequencies[k]:.5g} Hz" for k in missing)
+    note = Note("reference", {"missing": float(missing.size)}, f"modes of the reference without a partner: {where}")
+    return replace(modes, reasons=reasons).noted(note)
+
+
+def _together(modes: ModalModel, reference: ModalModel, which: Array, name: str) -> RealArray:
+    """Standard deviation of a difference: of both where both are known, of one where one is, else NaN."""
+    parts = [getattr(modes, f"{name}_std"), getattr(reference, f"{name}_std")]
+    own = np.full(len(modes), np.nan) if parts[0] is None else parts[0]
+    other = np.full(len(modes), np.nan) if parts[1] is None else parts[1][which]
+    both = np.nan_to_num(own) ** 2 + np.nan_to_num(other) ** 2
+    return np.asarray(np.where(np.isnan(own) & np.isnan(other), np.nan, np.sqrt(both)))

@@ -10,19 +10,309 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy.fft as sfft
+from scipy.linalg.lapack import dpotrf, dtrtri
 from scipy.special import ndtri
 
-from modalscope.identification.descent import Descent
-from modalscope.identification.matched import amplitudes_by_channel, apart, grid_of
-from modalscope.identification.whitening import free_bound, lag_factor
+from modalscope.data.poles import frequencies_and_damping
 from modalscope.judging.arena import Arena
-from modalscope.judging.channel_fits import ChannelFits
-from modalscope.judging.coloured_errors import ColouredErrors, errors_of
+from modalscope.likelihood.descent import Descent
+from modalscope.likelihood.matched import amplitudes_by_channel, apart, grid_of
+from modalscope.likelihood.reference_model import parts_of_level
+from modalscope.likelihood.whitening import free_bound, lag_factor, smoothed
 from modalscope.modal.indicators import mac
-from modalscope.model.checks import Array, ComplexArray, RealArray
-from modalscope.model.poles import frequencies_and_damping
+from modalscope.numerics.checks import Array, ComplexArray, RealArray
 
-__all__ = ["Recount", "inverse", "recount_of"]
+__all__ = ["ChannelFits", "ColouredErrors", "Recount", "errors_of", "inverse", "recount_of"]
+
+
+# ----------------------------------------------------------------------------------------------------- coloured errors
+# Errors of lines that are even noise and, by their own part, error of the response: how large each is, and how far each reaches.
+#
+#     C = D (q A q + s K s) D
+#
+# of a channel: D its deviations, s^2 the part of the variance that belongs to the response, q^2 = 1 - s^2 that of even noise, A and K what
+# either has in common some lines apart. Noise is large where the response is small, and often white; an error of calibration, of leakage or
+# of nonlinearity is large where the response is, and smooth. One correlation for both would hide modes under errors that are not there,
+# and find some where errors are smooth.
+
+#: Lines over which the level of all channels together may depart from that of the rule for one.
+_LEVELLED = 41
+
+#: Lags of a correlation at most, and the deviations below which the mean of so many ahead has ended.
+_LAGS, _ENDED, _AHEAD = 200, 2.0, 8
+
+#: Variance of a product of two unlike errors, relative to that of either and of a correlation before it is known.
+_PRODUCT = 0.5
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ColouredErrors:
+    """The errors of all channels.
+
+    Parameters
+    ----------
+    variance : array, (F, q, p)
+        Of a complex value.
+    share : array, (F, q, p)
+        The part of it that belongs to the response.
+    even, own : array, (k,), (n,)
+        Correlations of the two parts, of values so many lines apart, from one on; zero beyond.
+    """
+
+    variance: RealArray
+    share: RealArray
+    even: RealArray
+    own: RealArray
+
+    def common(self, lines: Array) -> RealArray:
+        """Return the correlations of errors around lines, all channels together, (n, k).
+
+        Parameters
+        ----------
+        lines : array of int, (n,)
+        """
+        share = self.share.mean(axis=(1, 2))[lines, None]
+        longest = max(len(self.even), len(self.own))
+        even, own = (np.pad(each, (0, longest - len(each))) for each in (self.even, self.own))
+        return np.asarray((1 - share) * even + share * own)
+
+    def covariances(self, channels: slice, rows: ComplexArray) -> RealArray:
+        """Return Re of conj x' D^-1 (q A q + s K s) D^-1 y for pairs x, y of rows (c, k, 2, F), (c, k, 2, 2).
+
+        Parameters
+        ----------
+        channels : slice
+            Which c, counted over inputs first.
+        rows : array of complex, (c, k, 2, F)
+        """
+        s2, variance = (each.reshape(len(each), -1)[:, channels].T for each in (self.share, self.variance))
+        parts = ((self.even, 1 - s2), (self.own, s2))
+        even, own = (_form(each, rows, np.sqrt(part / variance)) for each, part in parts)
+        return even + own
+
+
+def errors_of(left: ComplexArray, data: ComplexArray, even: RealArray, unknown: int) -> ColouredErrors:
+    """Return the errors as a fit shows them by what it leaves.
+
+    Of every channel a + b |H|^2, the likeliest for squares of complex normal numbers, times what all channels together are of that around
+    a line. With u what is left, divided by its deviations, E Re u_k u*_k+i = q_k q_k+i A_i + s_k s_k+i K_i over all lines and channels: two
+    unknowns a lag, as likely as any before they are seen (their variance is one, that of a product a half).
+
+    Parameters
+    ----------
+    left, data : array of complex, (F, q, p)
+        What a fit leaves, and the whole response.
+    even : array, (F,)
+        Squares of what is even noise, up to a factor.
+    unknown : int
+        Real unknowns a channel.
+    """
+    power, size = np.abs(left) ** 2, np.abs(data - left) ** 2
+    noise, own = parts_of_level(power.reshape(len(left), -1), even, size.reshape(len(left), -1))
+    variance = (noise + own).reshape(power.shape)
+    share = own.reshape(power.shape) / variance
+    variance *= smoothed(np.mean(power / variance, axis=(1, 2)), _LEVELLED)[:, None, None]
+    A, K = _correlations((left / np.sqrt(variance)).reshape(len(left), -1), share.reshape(len(left), -1))
+    rows = 2 * len(left)
+    return ColouredErrors(variance * (rows / max(rows - unknown, 1)), share, A, K)
+
+
+def _correlations(u: ComplexArray, share: RealArray) -> tuple[RealArray, RealArray]:
+    """Return the correlations of the even part and of the response's own, one line apart, two lines apart, ..., to where each ends."""
+    s, q = np.sqrt(share), np.sqrt(1 - share)
+    products = np.stack([_at_lags(q * u), _at_lags(s * u)], axis=1)
+    qq, ss, qs = _at_lags(q**2), _at_lags(s**2), _at_lags(q * s)
+    gram = np.stack([np.stack([qq, qs], axis=1), np.stack([qs, ss], axis=1)], axis=1)
+    spread = np.linalg.inv(gram + _PRODUCT * np.eye(2))
+    both = np.clip(np.einsum("kij,kj->ki", spread, products), -1, 1)
+    known = np.sqrt(_PRODUCT * np.einsum("kii->ki", spread))
+    even, own = (_ended(both[:, i], known[:, i]) for i in range(2))
+    return even, own
+
+
+def _ended(r: RealArray, known: RealArray) -> RealArray:
+    """Return correlations up to where the mean of those ahead is no more than their scatter."""
+    if len(r) < _AHEAD:
+        return r
+    ahead = np.convolve(r, np.ones(_AHEAD) / _AHEAD, mode="valid")
+    least = _ENDED * known[: len(ahead)] / np.sqrt(_AHEAD)
+    ended = np.flatnonzero(ahead < least)
+    return r[: ended[0]] if ended.size else r
+
+
+def _at_lags(u: Array) -> RealArray:
+    """Return sum Re u_k conj u_k+i of columns (F, c) for i = 1, 2, ..."""
+    lags = min(_LAGS, len(u))
+    size = sfft.next_fast_len(len(u) + lags)
+    spectra = sfft.fft(u.T, size) if np.iscomplexobj(u) else sfft.rfft(u.T, size)
+    parts = spectra.view(np.float64)
+    power = np.einsum("ck,ck->k", parts, parts).reshape(-1, 2).sum(axis=1)
+    back = sfft.ifft(power).real if np.iscomplexobj(u) else sfft.irfft(power, size)
+    return np.asarray(back[1:lags])
+
+
+def _form(correlation: RealArray, rows: ComplexArray, factors: RealArray) -> RealArray:
+    """Return Re of conj x' T y for pairs of rows (c, k, 2, F) times factors (c, F), T the correlation matrix of lines, (c, k, 2, 2)."""
+    count, lags = rows.shape[-1], len(correlation)
+    size = sfft.next_fast_len(count + lags) if lags else count
+    across = np.zeros((2, *rows.shape[:2], size), dtype=complex)  # each of a pair in one piece
+    # real factors of both parts: half the work of complex ones
+    pairs, both = np.moveaxis(rows.view(np.float64), 2, 0), np.repeat(factors, 2, axis=-1)[:, None]
+    np.multiply(pairs, both, out=across.view(np.float64)[..., : 2 * count])
+    level = np.ones(size)
+    if lags:
+        kernel = np.zeros(size)
+        kernel[0], kernel[1 : lags + 1], kernel[size - lags :] = 1, correlation, correlation[::-1]
+        across, level = sfft.fft(across, overwrite_x=True), sfft.fft(kernel).real / size
+    (x, y), level = across.view(np.float64), np.repeat(level, 2)
+    xx, xy, yy = (x * x) @ level, (x * y) @ level, (y * y) @ level
+    return np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-1)
+
+
+# -------------------------------------------------------------------------------------------------------- channel fits
+# Least squares with free residues in every channel, each line with its own weight, and what correlated errors leave open of them.
+#
+# With columns X of a channel, its covariance C = D T D of errors, D their deviations and T what they have in common: residues
+# a = (X' D^-2 X)^-1 X' D^-2 y have the covariance B = M^-1 X' D^-1 T D^-1 X M^-1 / 2 with M = X' D^-2 X.
+#
+# Channels differ by their weights alone, so that the M of all of them are one product of weights with products of columns, line by line.
+
+#: Numbers in the matrices M of channels that are held, and in columns of channels that are made at a time.
+_HELD, _TOGETHER = 1 << 23, 1 << 18
+
+#: Columns of length one that stand so far out of the span of those before them have an inverse by Cholesky's factor.
+_WELL_APART = 1e-5
+
+#: Squares of columns below this part of the largest are those of rounding.
+_NOTHING = float(np.finfo(float).eps) ** 2
+
+
+class ChannelFits:
+    """Fits of poles and terms to all channels.
+
+    Parameters
+    ----------
+    terms : array, (K, t)
+    functions : array, (K, 2 n)
+        Of poles.
+    data : array, (K, q, p)
+    errors : ColouredErrors
+    """
+
+    def __init__(self, terms: RealArray, functions: RealArray, data: RealArray, errors: ColouredErrors) -> None:
+        self._columns, self._first = np.vstack([terms.T, functions.T]), terms.shape[1]
+        self._data, self._errors = data.reshape(len(data), -1), errors
+        self._weights = 1 / errors.variance.reshape(-1, self._data.shape[1])
+        self._known: tuple[RealArray, RealArray] | None = None
+
+    def residues(
+        self, which: Array, without: Array | None = None, beside: RealArray | None = None, told: int | None = None
+    ) -> tuple[RealArray, RealArray]:
+        """Return residues a (c, k, 2) of modes in all channels, and their covariances B (c, k, 2, 2).
+
+        Parameters
+        ----------
+        which : array of int, (k,)
+            Modes.
+        without : array of int, optional
+            Lines that do not count.
+        beside : array, (K, 2 b), optional
+            More columns in pairs, which count as modes behind those that there are.
+        told : int, optional
+            How many of the modes, from the first on, have a covariance; by default all.
+        """
+        columns = self._columns if beside is None else np.vstack([self._columns, beside.T])
+        own = (self._first + 2 * np.asarray(which)[:, None] + [0, 1]).ravel()
+        told = len(which) if told is None else told
+        channels, weights = self._data.shape[1], self._weights
+        if without is not None:
+            weights = weights.copy()
+            weights[without] = 0
+        a, B = np.empty((channels, len(which), 2)), np.empty((channels, told, 2, 2))
+        parts = _side_by_side(columns)
+        weighted = (weights * self._data.reshape(-1, *weights.shape)).reshape(self._data.shape)
+        step = max(_TOGETHER // (columns.shape[1] * max(2 * told, 1)), 1)
+        for some in (slice(first, first + step) for first in range(0, channels, step)):
+            # rows are those of a symmetric matrix
+            back = self._inverses(some, without, beside)[:, own]
+            a[some] = np.einsum("cik,kc->ci", back, columns @ weighted[:, some]).reshape(-1, len(which), 2)
+            rows = (back[:, : 2 * told].reshape(-1, len(columns)) @ parts).view(np.complex128)
+            if without is not None:
+                rows[:, without] = 0
+            B[some] = self._errors.covariances(some, rows.reshape(len(back), told, 2, -1)) / 2
+        return a, B
+
+    def _inverses(self, some: slice, without: Array | None, beside: RealArray | None) -> RealArray:
+        """Return M^-1 of channels; with more columns from those without, by Schur's complement."""
+        M, known = self._normals(some)
+        weights = self._weights[:, some]
+        if without is not None:
+            count = len(weights)
+            left_out = self._columns[:, np.append(without, without + count)]
+            return _inverses(M - _products(left_out, left_out, weights[without]))
+        if beside is None:
+            return known
+        more = beside.T
+        across = _products(self._columns, more, weights)
+        explained = known @ across
+        own = _inverses(_products(more, more, weights) - across.transpose(0, 2, 1) @ explained)
+        shared = explained @ own
+        upper = np.concatenate([known + shared @ explained.transpose(0, 2, 1), -shared], axis=2)
+        return np.concatenate([upper, np.concatenate([-shared.transpose(0, 2, 1), own], axis=2)], axis=1)
+
+    def _normals(self, some: slice) -> tuple[RealArray, RealArray]:
+        """Return M and M^-1 of channels, those of all held while they are few numbers."""
+        whole = self._data.shape[1] * len(self._columns) ** 2 <= _HELD
+        if not whole or self._known is None:
+            M = _products(self._columns, self._columns, self._weights if whole else self._weights[:, some])
+            found = M, _inverses(M)
+            if not whole:
+                return found
+            self._known = found
+        return self._known[0][some], self._known[1][some]
+
+
+def _side_by_side(columns: RealArray) -> RealArray:
+    """Return columns (k, 2 F) with the real and the imaginary part of every line side by side."""
+    return np.ascontiguousarray(columns.reshape(len(columns), 2, -1).transpose(0, 2, 1)).reshape(columns.shape)
+
+
+def _products(left: RealArray, right: RealArray, weights: RealArray) -> RealArray:
+    """Return the products of columns (k, K) and (b, K) under weights (F, c) of lines, real parts above imaginary ones, (c, k, b)."""
+    lines, same = len(weights), left is right
+    found = np.empty((weights.shape[1], len(left), len(right)))
+    (x, x_imag), (y, y_imag) = ((each[:, :lines], each[:, lines:]) for each in (left, right))
+    for j in range(len(right)):
+        first = j if same else 0
+        line_by_line = x[first:] * y[j] + x_imag[first:] * y_imag[j]
+        found[:, first:, j] = (line_by_line @ weights).T
+        if same:
+            found[:, j, j:] = found[:, j:, j]
+    return found
+
+
+def _inverses(M: RealArray) -> RealArray:
+    return np.array([_inverse(each) for each in M]).reshape(M.shape)
+
+
+def _inverse(M: RealArray) -> RealArray:
+    """Return the inverse, columns brought to one level first; where they lie near each other's span, of what stands out of rounding.
+
+    Columns that are nothing but rounding are left at zero: one function of a pole on the real axis has no length.
+    """
+    square = np.diag(M)
+    size = np.sqrt(np.where(square > _NOTHING * square.max(initial=0.0), square, np.inf))
+    scale = np.outer(size, size)
+    even = M / scale
+    L, failed = dpotrf(even, lower=True)
+    if not failed and np.diag(L).min() > _WELL_APART:
+        root = dtrtri(L, lower=True)[0]
+        return np.asarray(root.T @ root / scale)
+    return np.asarray(np.linalg.pinv(even, hermitian=True) / scale)
+
+
+# ------------------------------------------------------------------------------------------------------------- recount
 
 #: Errors of channels are no better known than to this factor, in variances: so many bars a mode has to pass.
 _SURE = 1.5

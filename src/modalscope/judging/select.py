@@ -8,18 +8,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modalscope.blocks.threads import one_thread
-from modalscope.judging.counted import counted
-from modalscope.judging.evidence import Candidate, Gathered, evidence_of, oscillations
-from modalscope.judging.likely import has_likelihood, likely
+from modalscope.data.modes import ModalModel
+from modalscope.data.results import StabilizationDiagram
+from modalscope.judging.evidence import Candidate, Gathered, counted, evidence_of, oscillations
 from modalscope.judging.no_structure import beside_structure, harmonics_of_diagram, told_of_errors, told_why_none
-from modalscope.judging.outcome import modes_of
-from modalscope.judging.reference import paired_with, told_beside
+from modalscope.judging.outcome import modes_of, paired_with, told_beside
 from modalscope.judging.tracking import Poles
-from modalscope.model.checks import DataError, check_each, check_kind, check_positive
-from modalscope.model.diagram import StabilizationDiagram
-from modalscope.model.keywords import named
-from modalscope.model.modes import ModalModel
+from modalscope.judging.verdict import has_likelihood, likely
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import DataError, check_each, check_kind, check_positive
+from modalscope.numerics.resources import one_thread
 
 __all__ = ["Weighed", "chosen_of", "select", "weighed"]
 

@@ -9,26 +9,168 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from modalscope.blocks.threads import one_thread
-from modalscope.identification.conditioned import looked_through
-from modalscope.identification.cut import Cut
+from modalscope.data.notes import Note
+from modalscope.data.poles import frequencies_and_damping
+from modalscope.data.record_residual import UNMEASURED
+from modalscope.data.results import StabilizationDiagram
+from modalscope.data.shown import counted
+from modalscope.identification.ambient import looked_through
 from modalscope.identification.method import Problem
 from modalscope.identification.options import AllOptions
 from modalscope.identification.orders import checked_orders
 from modalscope.identification.pipeline import Pipeline
 from modalscope.identification.prepare import prepare
-from modalscope.identification.sweep import Sweep, start
-from modalscope.judging.growth import grown
-from modalscope.judging.stability import limits_of, stable_against
-from modalscope.model.checks import Array, DataError
-from modalscope.model.crew import working
-from modalscope.model.diagram import StabilizationDiagram
-from modalscope.model.keywords import named
-from modalscope.model.notes import Note
-from modalscope.model.record_residual import UNMEASURED
-from modalscope.model.shown import counted
+from modalscope.identification.sweep import Cut, Sweep, start
+from modalscope.modal.indicators import mac
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import Array, DataError, check_kind, check_positive
+from modalscope.numerics.executors import working
+from modalscope.numerics.resources import one_thread
 
-__all__ = ["Watch", "collected", "stabilize", "stabilized"]
+__all__ = [
+    "ORDERS_END",
+    "TOLERANCES",
+    "Watch",
+    "collected",
+    "grown",
+    "stabilize",
+    "stabilized",
+    "stable_against",
+    "still_falls",
+    "sufficient_order",
+    "usable_orders",
+]
+
+
+# ----------------------------------------------------------------------------------------------------------- stability
+# What is stable from one order to the next: poles whose frequency, damping and shape are those of one before.
+
+#: A pole is stable when one of the order before differs by less: relative frequency, relative damping, 1 - MAC.
+TOLERANCES = {"frequency": 0.01, "damping": 0.05, "shape": 0.05}
+
+
+def limits_of(tolerances: Mapping[str, float] | None) -> dict[str, float]:
+    """Return the tolerances that were given, the usual ones for all others."""
+    given = {} if tolerances is None else tolerances
+    check_kind("tolerances", given, Mapping)
+    limits = {**TOLERANCES, **{k: check_positive(k, v) for k, v in given.items()}}
+    if set(limits) != set(TOLERANCES):
+        raise DataError(
+            f"tolerances for {', '.join(sorted(map(str, limits)))} were asked",
+            f"there are {', '.join(TOLERANCES)}",
+            "Correct the names.",
+        )
+    return limits
+
+
+def stable_against(before: Cut, after: Cut, limits: Mapping[str, float] = TOLERANCES) -> Array:
+    """Return for each pole of `after` whether frequency, damping and shape are those of one pole of `before`, (3, k).
+
+    Parameters
+    ----------
+    before, after : Cut
+    limits : mapping
+        Tolerances of stability, all three.
+    """
+    new, old = after.reported, before.reported
+    if not old.size or not new.size:
+        return np.zeros((3, new.size), bool)
+    f, zeta = frequencies_and_damping(after.modal.poles[new])
+    g, eta = frequencies_and_damping(before.modal.poles[old])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        frequency = np.abs(f[:, None] - g) <= limits["frequency"] * np.minimum(f[:, None], g)
+        damping = np.abs(zeta[:, None] - eta) <= limits["damping"] * np.maximum(np.abs(zeta[:, None]), np.abs(eta))
+    shape = 1 - mac(after.modal.shapes[:, new], before.modal.shapes[:, old]) <= limits["shape"]
+    # damping and shape are compared with the poles of the same frequency only, and the best of them is taken
+    score = frequency * (1 + damping + shape + (damping & shape))
+    best, rows = np.argmax(score, axis=1), np.arange(new.size)
+    return np.stack([frequency[rows, best], (frequency & damping)[rows, best], (frequency & shape)[rows, best]])
+
+
+# ---------------------------------------------------------------------------------------------------------- sufficient
+# Which orders of a stabilization diagram to read: from the first that explains the data, up to where only noise is left.
+
+#: An order explains the data when its fit error is within this factor of the best.
+SLACK = 1.2
+
+#: The fit still falls when the last quarter of the orders lowers the error by this part and more than this is unexplained: what
+#: noise and models that bend to it lower is less, or of data that are explained.
+_FALLS, _UNEXPLAINED = 0.1, 0.15
+
+#: Orders above the sufficient one that are still of use: as many again, and this many at least.
+_MORE = 20
+
+
+def sufficient_order(diagram: StabilizationDiagram) -> int:
+    """Return the first order whose fit error is within a fifth of the best."""
+    errors = np.asarray(diagram.fit_errors)
+    return int(diagram.orders[int(np.argmax(errors <= SLACK * errors.min()))])
+
+
+def usable_orders(diagram: StabilizationDiagram) -> tuple[tuple[int, ...], float]:
+    """Return the orders up to twice (at least 20 above) the sufficient one, and the best fit error among them.
+
+    Beyond there is only noise left to explain.
+    """
+    enough = sufficient_order(diagram)
+    used = np.asarray(diagram.orders) <= max(2 * enough, enough + _MORE)
+    orders = tuple(int(n) for n in np.asarray(diagram.orders)[used])
+    return orders, float(np.asarray(diagram.fit_errors)[used].min())
+
+
+def still_falls(diagram: StabilizationDiagram) -> bool:
+    """Return whether the fit error of the last orders falls as if modes were missing yet."""
+    orders, errors = np.asarray(diagram.orders), np.asarray(diagram.fit_errors)
+    late = orders > 0.75 * orders[-1]
+    if late.all():
+        return False
+    last = errors[late].min()
+    return bool(last > _UNEXPLAINED and last < (1 - _FALLS) * errors[~late].min())
+
+
+# -------------------------------------------------------------------------------------------------------------- growth
+# Orders that grow until the fit no longer falls, and what is said where they end first.
+
+#: The kind of notes that say that the orders end too soon.
+ORDERS_END = "orders end"
+
+#: Orders that are tried by default are doubled so many times at most, and are every second one up to this.
+_DOUBLED, _FINE = 2, 100
+
+
+def grown(found: StabilizationDiagram, again: Callable[[Iterable[int]], StabilizationDiagram]) -> StabilizationDiagram:
+    """Return the diagram of twice the orders while the fit error falls as if modes were missing, and say so where that ends first.
+
+    Parameters
+    ----------
+    found : StabilizationDiagram
+        At the orders that are tried by default.
+    again : callable
+        Makes the diagram of other orders.
+    """
+    if found.response.ambient or not found.response.separable:
+        return found
+    for _ in range(_DOUBLED):
+        if not still_falls(found):
+            return found
+        top = 2 * found.orders[-1]
+        room = found.response.room
+        if room is not None and top > room:
+            break
+        step = 2 if top <= _FINE else 4
+        found = again(range(step, top + 1, step))
+        text = f"orders grew to {top}: the fit error still fell at {top // 2}"
+        found = replace(found, notes=(*found.notes, Note("orders grew", {"largest": top}, text)))
+    if still_falls(found):
+        last = found.orders[-1]
+        text = (
+            f"the fit error still falls at order {last}, so that modes may be missing: give orders, or bands one by one"
+        )
+        found = replace(found, notes=(*found.notes, Note(ORDERS_END, {"largest": last}, text)))
+    return found
+
+
+# ----------------------------------------------------------------------------------------------------------- stabilize
 
 Progress = Callable[[int, int], None]
 

@@ -11,12 +11,35 @@ from functools import cached_property
 
 import numpy as np
 
+from modalscope.data.poles import frequencies_and_damping
 from modalscope.modal.indicators import mac
-from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
-from modalscope.model.pairing import assign
-from modalscope.model.poles import frequencies_and_damping
+from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
+from modalscope.numerics.statistics import assign
 
-__all__ = ["Poles", "consensus", "join_broken", "merge_splits", "tracks"]
+__all__ = ["ONE_SHAPE", "Poles", "collinear", "consensus", "join_broken", "merge_splits", "tracks"]
+
+
+# ------------------------------------------------------------------------------------------------------------ likeness
+# Which poles act as one mode.
+
+#: Poles that overlap are one mode above this MAC, and those of single channels nearer than this part of both half bandwidths.
+ONE_SHAPE, _CLOSE = 0.9, 0.25
+
+
+def collinear(poles: ComplexArray, shapes: ComplexArray, participation: ComplexArray) -> Array:
+    """Return which pairs of poles act as one mode, (n, n): they overlap, and their shapes are one.
+
+    With a single output or input, shapes or participation tell little: there any two poles are one that lie much closer yet.
+    """
+    w, half = poles.imag, -poles.real
+    apart = np.abs(w[:, None] - w) / (half[:, None] + half)
+    one = (apart < 1) & (mac(shapes) > ONE_SHAPE)
+    if 1 in (len(shapes), participation.shape[1]):
+        one |= apart < _CLOSE
+    return np.asarray(one)
+
+
+# ------------------------------------------------------------------------------------------------------------ tracking
 
 #: Two poles of one order count as one mode that was split in two when they are this alike.
 SPLIT = 0.9

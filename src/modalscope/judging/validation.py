@@ -7,17 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.blocks.threads import one_thread
+from modalscope.data.modes import ModalModel
+from modalscope.data.notes import Note
+from modalscope.data.response import Response
+from modalscope.data.shown import Shown, summary_of
 from modalscope.identification.prepare import measure
 from modalscope.identification.refine import refine
-from modalscope.identification.whitening import Colour, colour
-from modalscope.model.checks import DataError, RealArray, check_kind
-from modalscope.model.errors import check_choice
-from modalscope.model.keywords import named
-from modalscope.model.modes import ModalModel
-from modalscope.model.notes import Note
-from modalscope.model.response import Response
-from modalscope.model.shown import Shown, summary_of
+from modalscope.likelihood.whitening import Colour, colour
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import DataError, RealArray, check_choice, check_kind
+from modalscope.numerics.resources import one_thread
 
 __all__ = ["Validation", "validate"]
 

@@ -1,1 +1,1 @@
-"""Floor 2: shapes, participation, residuals and accuracy of modes."""
+"""Modes of a model: shapes, participation, indicators, pairing."""

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from modalscope.model.checks import Array, RealArray
-from modalscope.model.diagram import StabilizationDiagram
-from modalscope.model.output_levels import output_scale
-from modalscope.model.response import Response
+from modalscope.data.response import Response, output_scale
+from modalscope.data.results import StabilizationDiagram
+from modalscope.numerics.checks import Array, RealArray
 
 __all__ = ["contributions", "of_diagram", "peak_sizes"]
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
-from modalscope.model.checks import Array, ComplexArray, RealArray
-from modalscope.model.poles import one_of_each_pair
-from modalscope.model.statespace import StateSpace
+from modalscope.data.poles import one_of_each_pair
+from modalscope.data.statespace import StateSpace
+from modalscope.numerics.checks import Array, ComplexArray, RealArray
 
 __all__ = ["Eigenmodes", "eigenmodes", "from_modes", "split_extraneous", "state_space"]
 

@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from modalscope.data.channels import QUANTITIES
+from modalscope.data.geometry import indices_of
+from modalscope.data.mode_fields import Candidate
+from modalscope.data.modes import ModalModel
+from modalscope.data.notes import Note
 from modalscope.modal.pairing import pair_modes
-from modalscope.model.candidates import Candidate
-from modalscope.model.channels import QUANTITIES
-from modalscope.model.checks import ComplexArray, DataError, RealArray, check_kind, check_number
-from modalscope.model.keywords import named
-from modalscope.model.labels import indices_of
-from modalscope.model.modes import ModalModel
-from modalscope.model.notes import Note
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import ComplexArray, DataError, RealArray, check_kind, check_number
 
 __all__ = ["scale_by_mass"]
 

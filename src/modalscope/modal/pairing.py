@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from modalscope.data.modes import ModalModel
 from modalscope.modal.indicators import mac
-from modalscope.model.checks import DataError, IntArray, RealArray, check_positive, complex_array
-from modalscope.model.keywords import named
-from modalscope.model.modes import ModalModel
-from modalscope.model.pairing import assign
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import DataError, IntArray, RealArray, check_positive, complex_array
+from modalscope.numerics.statistics import assign
 
 __all__ = ["Pairs", "comac", "pair_modes"]
 

@@ -2,21 +2,161 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from modalscope.data.channels import QUANTITIES, known_quantity
+from modalscope.data.frequency import FrequencyResponse
+from modalscope.data.modes import ModalModel
+from modalscope.data.pole_basis import ModalBasis, residual_powers, scaled_terms
+from modalscope.data.response import Response
+from modalscope.data.sizes import check_size
+from modalscope.data.stored import StoredResponse
 from modalscope.modal.indicators import clusters, mpc, mpd
-from modalscope.model.channels import QUANTITIES, known_quantity
-from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_choice, check_kind, real_array
-from modalscope.model.frequency import FrequencyResponse
-from modalscope.model.keywords import named
-from modalscope.model.modal_basis import ModalBasis, residual_powers, scaled_terms
-from modalscope.model.modes import ModalModel
-from modalscope.model.sizes import check_size
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import Array, ComplexArray, DataError, RealArray, check_choice, check_kind, real_array
 
-__all__ = ["fit_residues"]
+__all__ = ["fit_residues", "fitted_shapes", "joint_residues"]
+
+
+# --------------------------------------------------------------------------------------------------------------- joint
+# Residues of all modes fitted together: shapes and participation in turn, each by least squares with the other held.
+
+#: The fit goes on while a round lowers the squared misfit by this part of it ...
+_GAIN = 1e-3
+
+#: ... and this many rounds at most: each costs as much as one fit of participation on the compressed data.
+_ROUNDS = 30
+
+
+#: Poles (n,), shapes (l, n) and participation (n, m).
+_Modes = tuple[Array, Array, Array]
+
+
+def joint_residues(
+    response: Response, poles: Array, shapes: Array, held: _Modes | None = None
+) -> tuple[ComplexArray, dict[str, Any]]:
+    """Fit residues of rank one, R_j = c_j l_j, of all modes together to all data; poles are kept.
+
+    min over c, l, terms of sum |Y - sum_j (c_j l_j g_j + conjugate) - terms|^2, from the given shapes on: participation with the
+    shapes held, then shapes with the participation held, and so on. No round can raise the misfit, so that the result explains at
+    least what the given shapes explain. The data are compressed once to as many rows as there are functions.
+
+    Parameters
+    ----------
+    response : Response
+    poles : array of complex, (n,)
+        rad/s, as the modes have them.
+    shapes : array of complex, (l, n)
+        Where to start.
+    held : (array (k,), array (l, k), array (k, m)), optional
+        Poles, shapes and participation of modes whose residues are known: they are taken off the data.
+
+    Returns
+    -------
+    shapes : array of complex, (l, n)
+    fields : dict
+        `participation` and the direct term or residuals, as a `ModalModel` has them.
+    """
+    powers = response.outside_powers
+    basis = response.basis(poles - response.added_damping, powers)
+    if held is not None:
+        left = response.left_of(held[0] - response.added_damping, *held[1:], powers)
+        basis = replace(basis, data=left, whole=None)
+    basis = basis.compressed()
+    participation, terms = basis.fit_participation(shapes)
+    best = float(np.linalg.norm(basis.data - basis.rebuilt(shapes, participation, terms))) ** 2
+    for _ in range(_ROUNDS if len(poles) else 0):
+        turned, _ = basis.fit_shapes(participation)
+        again, more = basis.fit_participation(turned)
+        now = float(np.linalg.norm(basis.data - basis.rebuilt(turned, again, more))) ** 2
+        if not now < best:
+            break
+        shapes, participation, terms, gained, best = turned, again, more, best - now, now
+        if gained < _GAIN * best:
+            break
+    return shapes, {"participation": response.of_inputs(participation), **response.named_terms(terms, powers)}
+
+
+# -------------------------------------------------------------------------------------------------------- field shapes
+# Shapes of more outputs than memory holds: poles and participation are known, and each output is a small least-squares problem.
+
+#: Share of an output's energy below which what is left, a difference of sums, is told from rounding by rebuilding the samples.
+_ROUNDING = 1e-10
+
+
+class Fitted(NamedTuple):
+    """Shapes of some outputs.
+
+    Parameters
+    ----------
+    outputs : slice
+        Which.
+    shapes : array of complex, (c, n)
+    left, whole : array, (c,)
+        Energy that is left, and all of it.
+    """
+
+    outputs: slice
+    shapes: ComplexArray
+    left: RealArray
+    whole: RealArray
+
+
+def fitted_shapes(stored: StoredResponse, modes: ModalModel) -> Iterator[Fitted]:
+    """Yield shapes phi of all outputs, some at a time: y(k) = 2 Re sum_j phi_j z_j^k l_j' by least squares over samples and inputs.
+
+    All outputs share one matrix, (N m, 2 n) real, so that its pseudo-inverse serves them all.
+
+    Parameters
+    ----------
+    stored : StoredResponse
+    modes : ModalModel
+        With participation in the inputs of the responses.
+
+    Raises
+    ------
+    DataError
+        Modes without participation, or in other inputs.
+    """
+    basis = _basis_field_shapes(stored, modes)
+    size = np.linalg.norm(basis, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    Q, d, turn = np.linalg.svd(basis / size, full_matrices=False)
+    kept = d > len(Q) * np.finfo(float).eps * d[0]
+    back = (turn[kept].T / d[kept]).T / size
+    for part, X in stored.parts():
+        found = X @ Q[:, kept]
+        whole = np.einsum("lk,lk->l", X, X)
+        left = whole - np.einsum("lk,lk->l", found, found)
+        if not np.all(left > _ROUNDING * whole):
+            X -= found @ Q[:, kept].T
+            left = np.einsum("lk,lk->l", X, X)
+        yield Fitted(part, (found @ back).view(np.complex128), left, whole)
+
+
+def _basis_field_shapes(stored: StoredResponse, modes: ModalModel) -> RealArray:
+    """Return what Re phi_j and Im phi_j of each mode give in all samples and inputs, (N m, 2 n)."""
+    participation = modes.known_participation("shapes of all outputs")
+    inputs = len(stored.input_dofs)
+    if participation.shape[1] != inputs:
+        raise DataError(
+            f"shapes of responses to {inputs} inputs were asked",
+            f"the modes have participation in {participation.shape[1]}",
+            "Give the modes that were identified from these responses.",
+        )
+    first = stored.part(0, 1)
+    g = first.basis(modes.poles - stored.added_damping).by_pole[:, None]  # (N, 1, n, 2)
+    re, im = participation.real.T[None], participation.imag.T[None]  # (1, m, n)
+    of_real, of_imaginary = g[..., 0] * re + g[..., 1] * im, g[..., 1] * re - g[..., 0] * im
+    return np.asarray(np.stack([of_real, of_imaginary], axis=3).reshape(stored.samples * inputs, -1))
+
+
+# -------------------------------------------------------------------------------------------------------------- shapes
 
 #: Poles closer than this (relative) give the same function on the lines: they are one pole with several shapes.
 _REPEATED = 1e-6

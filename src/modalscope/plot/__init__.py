@@ -1,15 +1,12 @@
 """Pictures: results drawn on Matplotlib axes. Nothing is identified here, and no global setting is changed."""
 
 from modalscope.plot.animation import animate
-from modalscope.plot.certificates import certificate
 from modalscope.plot.diagrams import fit_errors, indicator, stabilization
-from modalscope.plot.intervals import intervals
+from modalscope.plot.intervals import certificate, intervals
 from modalscope.plot.matrices import mac, singular_values
 from modalscope.plot.methods import deviations, method_distances, method_map
-from modalscope.plot.phases import complexity
-from modalscope.plot.responses import response
-from modalscope.plot.shapes import shape
-from modalscope.plot.spectra import spectra
+from modalscope.plot.responses import response, spectra
+from modalscope.plot.shapes import complexity, shape
 
 __all__ = [
     "animate",

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modalscope.model.checks import Array, RealArray
+from modalscope.numerics.checks import Array, RealArray
 
 __all__ = ["AXES", "View", "extent", "oblique", "view_of"]
 

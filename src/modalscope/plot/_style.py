@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modalscope.model.checks import Array, DataError, RealArray
-from modalscope.model.errors import printable
-from modalscope.model.response import Response
+from modalscope.data.response import Response
+from modalscope.numerics.checks import Array, DataError, RealArray, printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

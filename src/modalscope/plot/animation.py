@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from modalscope.data import DataError, Geometry, ModalModel
+from modalscope.data.analysis import VERSION
 from modalscope.io.atomic import replacing
-from modalscope.model import DataError, Geometry, ModalModel
-from modalscope.model.checks import ComplexArray, RealArray, check_count, check_each, check_path, check_positive
-from modalscope.model.extras import optional_package
-from modalscope.model.keywords import named
-from modalscope.model.version import VERSION
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import ComplexArray, RealArray, check_count, check_each, check_path, check_positive
+from modalscope.numerics.extras import optional_package
 from modalscope.plot._camera import extent, view_of
 from modalscope.plot._style import BLUE, INK, MUTED, PALE, VERMILLION, decimals, diverging, frameless, headline
 from modalscope.plot.shapes import check_mode

@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from modalscope.data import FrequencyResponse, ImpulseResponse, ModalModel, StabilizationDiagram
+from modalscope.data.response import Response
 from modalscope.modal.indicators import cmif
-from modalscope.model import FrequencyResponse, ImpulseResponse, ModalModel, StabilizationDiagram
-from modalscope.model.checks import (
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import (
     Array,
     RealArray,
     check_choice,
     check_kind,
 )
-from modalscope.model.keywords import named
-from modalscope.model.response import Response
 from modalscope.plot._style import BLUE, GREEN, MUTED, ORANGE, PALE, PURPLE, dress, key, mark_modes, new_axes, unit_of
 from modalscope.preprocess.singular_spectra import Decomposition
 

@@ -6,15 +6,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from modalscope.model import ModalModel
-from modalscope.model.checks import DataError, RealArray, check_choice, check_kind
-from modalscope.model.keywords import named
-from modalscope.plot._style import BLUE, MUTED, ORANGE, dress, key, new_axes
+from modalscope.data import ModalModel
+from modalscope.judging.certificate import Certificate
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import DataError, RealArray, check_choice, check_kind
+from modalscope.plot._style import BLUE, MUTED, ORANGE, PALE, dress, key, new_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["intervals"]
+__all__ = ["certificate", "intervals"]
+
 
 #: What can be drawn -> its own values, deviations from the noise and between groups, and how much of a value is one unit.
 _DRAWN = {
@@ -70,5 +72,50 @@ def intervals(modes: ModalModel, ax: Axes | None = None, *, of: str = "frequency
     ax.axhline(0, color=MUTED, linewidth=0.6)
     ax.set_xticks(place, [f"{f:.4g}" for f in modes.frequencies])
     dress(ax, xlabel="mode [Hz]", ylabel=label)
+    key(ax)
+    return ax
+
+
+# -------------------------------------------------------------------------------------------------------- certificates
+# The certificate of a result: what was promised of every interval, and what simulations of the same case showed.
+
+#: What can be drawn -> the field of the certificate.
+_DRAWN_CERTIFICATES = {"frequency": "frequency", "damping": "damping_ratio"}
+
+
+@named()
+def certificate(found: Certificate, ax: Axes | None = None, *, of: str = "frequency") -> Axes:
+    """Draw where 95 % of the replicates of every mode lie, in predicted deviations from the truth, over the interval that was promised.
+
+    Parameters
+    ----------
+    found : Certificate
+    ax : Axes, optional
+        A new figure by default.
+    of : {"frequency", "damping"}
+    """
+    check_kind("found of certificate", found, Certificate)
+    check_choice("of", of, _DRAWN_CERTIFICATES)
+    told = getattr(found, _DRAWN_CERTIFICATES[of])
+    holds = getattr(found, f"{_DRAWN_CERTIFICATES[of]}_holds")
+    ax = new_axes(ax)
+    place = np.arange(len(found.modes))
+    ax.axhspan(-_WIDTH, _WIDTH, color=PALE, alpha=0.35, linewidth=0, label="promised")
+    ax.axhline(0, color=MUTED, linewidth=0.8)
+    for kept, colour, words in ((holds, BLUE, "holds"), (~holds, ORANGE, "does not hold")):
+        if not np.any(kept):
+            continue
+        half = np.nan_to_num(_WIDTH * told["ratio"][kept])
+        ax.errorbar(
+            place[kept], told["bias"][kept], yerr=half, fmt="o", markersize=4, color=colour, capsize=4, label=words
+        )
+    top = max(_WIDTH, float(np.nanmax(np.abs(told["bias"]) + _WIDTH * told["ratio"], initial=0.0)))
+    for x, cover in zip(place, told["coverage"], strict=True):
+        words = f"{100 * cover:.0f} %" if np.isfinite(cover) else "none given"
+        ax.annotate(words, (x, 1.12 * top), ha="center", va="bottom", fontsize=8.5, color=MUTED)
+    ax.set_ylim(-1.15 * top, 1.35 * top)
+    ax.set_xlim(-0.6, len(found.modes) - 0.4)
+    ax.set_xticks(place, [f"{f:.4g}" for f in found.modes.frequencies])
+    dress(ax, title=of.capitalize(), xlabel="mode [Hz]", ylabel="predicted deviations from the truth")
     key(ax)
     return ax

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from modalscope.data import ModalModel
 from modalscope.modal import indicators
-from modalscope.model import ModalModel
-from modalscope.model.checks import (
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import (
     Array,
     RealArray,
     complex_array,
     real_array,
 )
-from modalscope.model.keywords import named
 from modalscope.plot._style import (
     BLUE,
     GREEN,

@@ -8,8 +8,8 @@ import numpy as np
 
 from modalscope.comparing import Comparison
 from modalscope.comparing.kinship import SAME, Kinship
-from modalscope.model.checks import RealArray, check_kind
-from modalscope.model.keywords import named
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import RealArray, check_kind
 from modalscope.plot._style import (
     BLUE,
     GREEN,

@@ -6,14 +6,11 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from modalscope.data import FrequencyResponse, ImpulseResponse, ModalModel
+from modalscope.data.response import Response
 from modalscope.modal.rebuilt import rebuilt
-from modalscope.model import FrequencyResponse, ImpulseResponse, ModalModel
-from modalscope.model.checks import (
-    Array,
-    check_kind,
-)
-from modalscope.model.keywords import named
-from modalscope.model.response import Response
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import Array, check_kind
 from modalscope.plot._style import (
     DPI,
     INK,
@@ -25,14 +22,17 @@ from modalscope.plot._style import (
     dress,
     headline,
     key,
+    mark_modes,
+    new_axes,
     plain,
     unit_of,
 )
+from modalscope.preprocess.singular_spectra import Decomposition
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Identified", "response"]
+__all__ = ["Identified", "response", "spectra"]
 
 
 class Identified(Protocol):
@@ -197,3 +197,44 @@ def _samples(
     if lower is not None:
         lower.plot(data.times, measured if fit is None else measured - fit, color=MUTED, linewidth=0.9)
         dress(lower, ylabel="measured" if fit is None else "difference")
+
+
+# ------------------------------------------------------------------------------------------------------------- spectra
+# Spectra of records: where there is energy, and in how many shapes.
+
+#: So many singular values are drawn: more lie in the noise.
+_DRAWN = 4
+
+
+@named()
+def spectra(found: Decomposition, ax: Axes | None = None, *, peaks: int | None = 12) -> Axes:
+    """Draw the singular values of the outputs' spectra over frequency, and mark the peaks of the first (FDD).
+
+    Parameters
+    ----------
+    found : Decomposition
+        From `preprocess.decomposition`.
+    ax : Axes, optional
+        Where to draw; a new figure by default.
+    peaks : int, optional
+        How many peaks are marked, those that stand out most.
+    """
+    check_kind("a plot of spectra", found, Decomposition)
+    ax = new_axes(ax)
+    f, levels = found.frequencies, 10 * np.log10(np.maximum(found.singular_values, np.finfo(float).tiny))
+    for k in range(min(levels.shape[1], _DRAWN)):
+        ax.plot(
+            f,
+            levels[:, k],
+            lw=1.2 if k == 0 else 0.8,
+            color=f"C{k}",
+            label=f"singular value {k + 1}",
+            zorder=3 - k / 10,
+        )
+    inside = levels[f > 0, : min(levels.shape[1], _DRAWN)]
+    ax.set_ylim(float(inside.min()) - 3, float(inside.max()) + 8)
+    ax.set_xlim(0, float(f[-1]))
+    dress(ax, xlabel="frequency [Hz]", ylabel="power spectral density [dB re unit²/Hz]")
+    mark_modes(ax, found.peaks(peaks)[0], (0, float(f[-1])))
+    key(ax)
+    return ax

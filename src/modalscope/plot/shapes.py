@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from modalscope.data import Geometry, ModalModel
+from modalscope.data.geometry import parse_dof
 from modalscope.modal.indicators import mpc
-from modalscope.model import Geometry, ModalModel
-from modalscope.model.checks import (
-    Array,
-    DataError,
-    RealArray,
-    check_count,
-    check_kind,
-)
-from modalscope.model.keywords import named
-from modalscope.model.labels import parse_dof
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import Array, DataError, RealArray, check_count, check_kind
 from modalscope.plot._camera import AXES, View, extent, oblique, view_of
 from modalscope.plot._style import (
     BLUE,
@@ -31,16 +26,54 @@ from modalscope.plot._style import (
     diverging,
     dress,
     frameless,
+    headline,
     key,
     new_axes,
     plain,
 )
-from modalscope.plot._thin import spaced, thinned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["check_mode", "in_order", "in_phase", "shape"]
+__all__ = ["check_mode", "complexity", "in_order", "in_phase", "shape"]
+
+
+# ---------------------------------------------------------------------------------------------------------------  thin
+# What is drawn of more than can be seen apart.
+
+#: More lines, faces or nodes than this are thinned.
+_DRAWN = 20_000
+
+
+def thinned(geometry: Geometry, measured: Array) -> tuple[Geometry, Array]:
+    """Return a geometry with every so many of its lines and faces, and which measured nodes are drawn."""
+    some = (
+        geometry
+        if max(len(geometry.lines), len(geometry.faces)) <= _DRAWN
+        else replace(
+            geometry,
+            lines=geometry.lines[spaced(len(geometry.lines))],
+            faces=geometry.faces[spaced(len(geometry.faces))],
+        )
+    )
+    nodes = np.flatnonzero(measured)
+    shown = np.zeros_like(measured)
+    shown[nodes[spaced(len(nodes))]] = True
+    return some, shown
+
+
+def spaced(count: int, most: int = _DRAWN) -> slice:
+    """Return every so many of `count` things that `most` are left.
+
+    Examples
+    --------
+    >>> spaced(1_000_000).step, spaced(100).step
+    (50, 1)
+    """
+    return slice(None, None, max(-(-count // most), 1))
+
+
+# -------------------------------------------------------------------------------------------------------------- shapes
 
 #: Largest displacement as a share of the size of the structure.
 _AMPLITUDE = 0.14
@@ -289,3 +322,47 @@ def _triad(ax: Axes, view: View) -> None:
             inset.text(x, y, name, fontsize=9, color=MUTED, ha="center", va="center")
     inset.set_xlim(-1.6, 1.6)
     inset.set_ylim(-1.6, 1.6)
+
+
+# -------------------------------------------------------------------------------------------------------------- phases
+# Components of a mode shape in the complex plane.
+
+
+@named()
+def complexity(modes: ModalModel, index: int, ax: Axes | None = None) -> Axes:
+    """Draw the components of one shape as arrows in the complex plane; in line they are in phase or in opposition.
+
+    Parameters
+    ----------
+    modes : ModalModel
+    index : int
+        Of the mode, from zero.
+    ax : Axes, optional
+        Polar axes; those of a new figure by default.
+
+    Raises
+    ------
+    DataError
+        A mode that is not there, or axes that are not polar.
+    """
+    check_mode(modes, index)
+    ax = new_axes(ax, (6.0, 6.0), projection="polar")
+    if ax.name != "polar":
+        raise DataError(
+            "the complexity of a shape was asked", f"the axes given are {ax.name}", 'Make them with projection="polar".'
+        )
+    phi = modes.shapes[:, index]
+    largest = float(np.max(np.abs(phi))) or 1.0
+    turn = 0.5 * np.angle(np.sum(phi**2))
+    for value in phi * np.exp(-1j * turn) / largest:
+        ax.plot(
+            [0, np.angle(value)], [0, np.abs(value)], color=BLUE, linewidth=1.6, marker="o", markevery=[1], markersize=5
+        )
+    ax.set_ylim(0, 1.08)
+    ax.set_yticks([0.5, 1.0], ["", ""])
+    ax.tick_params(labelsize=9, labelcolor=MUTED)
+    ax.grid(True, color=PALE, linewidth=0.5)
+    ax.spines["polar"].set_color(PALE)
+    headline(ax, f"mode {index + 1}: {modes.frequencies[index]:.5g} Hz")
+    aside(ax, f"MPC {float(mpc(modes.shapes[:, [index]])[0]):.3f}")
+    return ax

@@ -8,10 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from modalscope.comparing import Comparison
-from modalscope.identification.identify import Identification
-from modalscope.judging.certificate import Certificate
-from modalscope.judging.validation import Validation
-from modalscope.model import (
+from modalscope.data import (
     DataError,
     FrequencyResponse,
     Geometry,
@@ -23,16 +20,18 @@ from modalscope.model import (
     StabilizationDiagram,
     StateSpace,
 )
-from modalscope.model.result import Result
-from modalscope.model.stored import StoredSignals
-from modalscope.model.stored_response import StoredResponse
+from modalscope.data.results import Result
+from modalscope.data.stored import StoredResponse, StoredSignals
+from modalscope.identification.identify import Identification
+from modalscope.judging.certificate import Certificate
+from modalscope.judging.validation import Validation
 from modalscope.plot._camera import oblique
 from modalscope.plot._style import BLUE, MUTED, PALE, VERMILLION, dress, frameless, new_axes
-from modalscope.plot.certificates import certificate
 from modalscope.plot.diagrams import indicator, stabilization
+from modalscope.plot.intervals import certificate
 from modalscope.plot.methods import method_map
+from modalscope.plot.responses import spectra
 from modalscope.plot.shapes import shape
-from modalscope.plot.spectra import spectra
 from modalscope.preprocess import decomposition, estimate_frf
 
 if TYPE_CHECKING:

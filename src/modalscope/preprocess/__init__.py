@@ -1,21 +1,23 @@
-"""Floor 1: from records to responses, and their quality."""
+"""From records to responses: spectra, frequency responses, correlations, Markov parameters, conditioning, bands, setups."""
 
-from modalscope.model.entries import plain_methods
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from modalscope.numerics.arguments import plain_methods
 from modalscope.preprocess.conditioning import decimate, detrend, differentiate, filter_band, integrate
-from modalscope.preprocess.correlation import correlation_blocks, estimate_correlation
-from modalscope.preprocess.findings import Finding
+from modalscope.preprocess.correlation import correlation_blocks, estimate_correlation, half_spectra
 from modalscope.preprocess.forces import PrincipalForces, force_correlation, partial_coherence, principal_forces
 from modalscope.preprocess.frf import estimate_frf
 from modalscope.preprocess.harmonics_removed import remove_harmonics
 from modalscope.preprocess.impacts import exponential_decay
 from modalscope.preprocess.local_models import LocalEstimate, local_models
-from modalscope.preprocess.markov import estimate_markov
+from modalscope.preprocess.markov import Observer, estimate_markov, estimate_observer
 from modalscope.preprocess.merging import merge
-from modalscope.preprocess.observer import Observer, estimate_observer
-from modalscope.preprocess.one_sided import half_spectra
-from modalscope.preprocess.quality import examine
 from modalscope.preprocess.setups import merge_setups
 from modalscope.preprocess.singular_spectra import Decomposition, decomposition
+
+if TYPE_CHECKING:
+    from modalscope.doctor import Finding, examine
 
 __all__ = [
     "Decomposition",
@@ -47,3 +49,12 @@ __all__ = [
 ]
 
 plain_methods(Decomposition, Observer)
+
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        """Give `examine` and `Finding` of `modalscope.doctor`, a layer above, under their public names."""
+        if name in ("Finding", "examine"):
+            return getattr(import_module("modalscope.doctor"), name)
+        raise AttributeError(f"module 'modalscope.preprocess' has no attribute {name!r}")

@@ -4,26 +4,94 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 import scipy
+from scipy import fft
 
-from modalscope.blocks.threads import one_thread
-from modalscope.model.checks import DataError, RealArray, check_count, check_kind
-from modalscope.model.impulse import ImpulseResponse
-from modalscope.model.keywords import named
-from modalscope.model.labels import DofLike, indices_of
-from modalscope.model.memory import allowed_memory
-from modalscope.model.response_facts import CORRELATED
-from modalscope.model.signals import Signals
-from modalscope.model.sizes import check_size
-from modalscope.model.stored import StoredSignals
-from modalscope.preprocess.lag_sums import LagSum
+from modalscope.data.frequency import FrequencyResponse
+from modalscope.data.geometry import DofLike, indices_of
+from modalscope.data.impulse import ImpulseResponse
+from modalscope.data.records import Signals
+from modalscope.data.response import CORRELATED, HALF
+from modalscope.data.sizes import check_size
+from modalscope.data.stored import StoredSignals
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import Array, DataError, RealArray, check_count, check_kind
+from modalscope.numerics.resources import allowed_memory, one_thread
 from modalscope.preprocess.spectra import check_window, segment_starts, window_samples
-from modalscope.preprocess.stored_correlation import gathered
+from modalscope.preprocess.stored_correlation import LagSum, gathered
 
-__all__ = ["BLOCKS", "CorrelationBlocks", "correlation_blocks", "estimate_correlation"]
+__all__ = [
+    "BLOCKS",
+    "CorrelationBlocks",
+    "correlation_blocks",
+    "estimate_correlation",
+    "half_spectra",
+    "slower_correlation",
+    "spanning_outputs",
+]
+
+
+# ---------------------------------------------------------------------------------------------------------- references
+# Outputs that serve as references of correlations where there are too many for all.
+
+#: References that are taken where none are asked: enough for any group of modes that lie within one resonance of each other.
+MOST_REFERENCES = 30
+
+#: A channel of which others leave less than this part says nothing that they do not.
+_LEFT = 1e-12
+
+#: Of channels that explain the same to this part the first is taken.
+_EQUAL = 1e-9
+
+
+def spanning_outputs(signals: Signals, most: int = MOST_REFERENCES) -> tuple[int, ...]:
+    """Return the outputs that together explain most of all, in their own order: all of few.
+
+    Of the correlation coefficients at lag zero, R, one channel j after the other is taken that explains most of what those before it have
+    left, sum_i R_ij^2 / R_jj, and what it explains is taken off, R - R_j R_j' / R_jj. A channel of noise explains only itself.
+
+    Parameters
+    ----------
+    signals : Signals
+    most : int
+
+    Examples
+    --------
+    >>> y = np.random.default_rng(0).standard_normal((500, 2))
+    >>> spanning_outputs(Signals(outputs=y @ [[1.0, 2.0, 3.0, 0.0], [0.0, 0.0, 0.0, 1.0]], sampling_rate=1.0), 2)
+    (0, 3)
+    """
+    outputs, _ = signals.by_run()
+    count = outputs.shape[2]
+    if count <= most:
+        return tuple(range(count))
+    R = _coefficients(outputs)
+    chosen: list[int] = []
+    for _ in range(most):
+        own = np.diag(R)
+        explained = np.where(own > _LEFT, np.sum(R**2, axis=0) / np.maximum(own, _LEFT), 0.0)
+        if explained.max() <= 0:
+            break
+        j = int(np.argmax(explained >= (1 - _EQUAL) * explained.max()))
+        chosen.append(j)
+        R = R - np.outer(R[:, j], R[j]) / own[j]
+    return tuple(sorted(chosen)) or tuple(range(most))
+
+
+def _coefficients(outputs: RealArray) -> RealArray:
+    """Return correlation coefficients of runs (R, N, l) at lag zero; zero for channels at rest."""
+    y = outputs - outputs.mean(axis=1, keepdims=True)
+    covariance = np.einsum("rti,rtj->ij", y, y, optimize=True)
+    size = np.sqrt(np.diag(covariance))
+    size = np.where(size > 0, size, np.inf)
+    return np.asarray(covariance / np.outer(size, size))
+
+
+# --------------------------------------------------------------------------------------------------------- correlation
 
 #: By default a tenth of the samples of all runs, and no more than this many lags.
 _MOST_LAGS = 2000
@@ -288,3 +356,95 @@ def _windowed(
             total += _products(cut, cut, references, lags)
     R = total / (signals.runs * len(starts) * own)[:, None, None]
     return R, f"{signals.runs * len(starts)} segments of {length} samples, {window} window"
+
+
+# -------------------------------------------------------------------------------------------------- slower correlation
+# Correlations at the rate that suits a band.
+
+#: Samples that are kept a period of the band's upper end, at least; order and ripple (dB) of the low-pass at 0.8 of half the new rate.
+_SAMPLES_PER_PERIOD, _ORDER, _RIPPLE = 4.0, 8, 0.05
+
+
+def slower_correlation(correlation: ImpulseResponse, highest: float) -> ImpulseResponse:
+    """Return a correlation low-pass filtered, one sample in q kept, q the largest with 4 samples a period of `highest`.
+
+    Other impulse responses stay as they are.
+
+    R(k), k >= 1, is a Markov sequence, and so is what a causal filter makes of it: with the same poles and the filter's, which lie at the
+    band's end. R(0), which holds the noise of the channels, is no part of it and is left.
+
+    Parameters
+    ----------
+    correlation : ImpulseResponse
+    highest : float
+        Hz.
+    """
+    check_kind("slower_correlation", correlation, ImpulseResponse)
+    rate = correlation.sampling_rate
+    factor = (
+        1 if not correlation.ambient else min(int(rate / (_SAMPLES_PER_PERIOD * highest)), correlation.samples // 4)
+    )
+    if factor < 2:
+        return correlation
+    sections = scipy.signal.cheby1(_ORDER, _RIPPLE, 0.8 * rate / factor / 2, fs=rate, output="sos")
+    filtered = np.asarray(scipy.signal.sosfilt(sections, correlation.values, axis=0))
+    return replace(
+        correlation,
+        values=np.ascontiguousarray(filtered[factor - 1 :: factor]),  # the first is lag 1 of the new rate
+        feedthrough=None,
+        sampling_rate=rate / factor,
+    ).processed(f"low-pass filtered, one lag in {factor} kept")
+
+
+# ----------------------------------------------------------------------------------------------------------- one sided
+# Half spectra of correlations: one-sided transforms, which are rational with the poles of a frequency response.
+
+
+@named()
+def half_spectra(correlation: ImpulseResponse, *, lines: int | None = None) -> FrequencyResponse:
+    """Turn correlations into half spectra, which frequency-domain methods take as they take frequency responses.
+
+    S+(z) = R(0) / 2 + sum_k R(k) z^-k, k >= 1: rational with the poles of a frequency response.
+
+    For correlations C A^(k-1) G they are R(0) / 2 + C (z I - A)^-1 G, and S+ + S+* (for all channels as references) is the
+    cross spectral matrix. What lies beyond the last lag is taken as zero.
+
+    Parameters
+    ----------
+    correlation : ImpulseResponse
+        From `estimate_correlation`, with R(0) as its feedthrough.
+    lines : int, optional
+        Lines from 0 Hz to half the sampling rate; one more than half the lags by default.
+
+    Returns
+    -------
+    FrequencyResponse
+        Of a sampled system: for the domain "z".
+
+    Raises
+    ------
+    DataError
+        A response that is no correlation, or whose R(0) is missing.
+    """
+    check_kind("half_spectra", correlation, ImpulseResponse)
+    check_size(correlation)
+    if correlation.kind != "correlation" or correlation.feedthrough is None:
+        raise DataError(
+            "half spectra of a correlation were asked",
+            f"this is a {correlation.kind} response" + (" without R(0)" if correlation.feedthrough is None else ""),
+            "Give the result of estimate_correlation.",
+        )
+    R: Array = np.concatenate([correlation.feedthrough[None] / 2, correlation.values])
+    count = correlation.samples // 2 + 1 if lines is None else check_count("lines", lines, least=2)
+    length = 2 * (count - 1)
+    # lines closer than the lags need zeros behind them, wider ones a sequence folded on itself
+    folded = np.zeros((-(-R.shape[0] // length) * length, *R.shape[1:]))
+    folded[: R.shape[0]] = R
+    values = fft.rfft(folded.reshape(-1, length, *R.shape[1:]).sum(axis=0), axis=0)
+    return FrequencyResponse(
+        values=values,
+        frequencies=fft.rfftfreq(length, 1 / correlation.sampling_rate),
+        sampling_rate=correlation.sampling_rate,
+        quantity=correlation.quantity,
+        **correlation.labelled(),
+    ).processed(f"{HALF} on {count} lines")

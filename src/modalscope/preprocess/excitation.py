@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy import fft
 
-from modalscope.model.checks import Array, DataError, RealArray, check_choice, check_count
-from modalscope.model.half_transform import half_transform
-from modalscope.model.memory import scratch
-from modalscope.model.signals import Signals
+from modalscope.data.record_transform import half_transform
+from modalscope.data.records import Signals
+from modalscope.numerics.checks import Array, DataError, RealArray, check_choice, check_count
+from modalscope.numerics.resources import scratch
 from modalscope.preprocess.impacts import is_impact
 
 __all__ = ["EXCITATIONS", "find_excitation", "find_period"]

@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modalscope.blocks.threads import one_thread
-from modalscope.model.checks import ComplexArray, DataError, RealArray, check_kind
-from modalscope.model.keywords import named
-from modalscope.model.signals import Signals
-from modalscope.model.sizes import check_size
-from modalscope.preprocess.plans import plan_runs
+from modalscope.data.records import Signals
+from modalscope.data.sizes import check_size
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import ComplexArray, DataError, RealArray, check_kind
+from modalscope.numerics.resources import one_thread
+from modalscope.preprocess.frf import plan_runs
 from modalscope.preprocess.spectra import CrossSpectra, cross_spectra, silent_lines
 
 __all__ = ["PrincipalForces", "force_correlation", "partial_coherence", "principal_forces"]

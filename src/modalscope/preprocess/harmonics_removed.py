@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import fft
 
-from modalscope.model.checks import ComplexArray, DataError, RealArray, check_each, check_kind, check_positive
-from modalscope.model.keywords import named
-from modalscope.model.signals import Signals
+from modalscope.data.records import Signals
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import ComplexArray, DataError, RealArray, check_each, check_kind, check_positive
 from modalscope.preprocess.harmonics import find_lines
 
 __all__ = ["remove_harmonics", "without_lines"]

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import pdtrc
 
-from modalscope.model.checks import Array, DataError, RealArray, check_count
-from modalscope.model.keywords import named
-from modalscope.model.robust import NORMAL
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import Array, DataError, RealArray, check_count
+from modalscope.numerics.statistics import NORMAL
 
 __all__ = [
     "Hit",

@@ -20,9 +20,9 @@ import numpy as np
 import scipy.linalg as sla
 from scipy import optimize
 
-from modalscope.model.checks import RealArray
-from modalscope.model.notes import Note
-from modalscope.model.record_spectra import RecordSpectra
+from modalscope.data.notes import Note
+from modalscope.data.record_spectra import RecordSpectra
+from modalscope.numerics.checks import RealArray
 
 __all__ = ["DRIFT", "level_lines", "line_noise"]
 
@@ -60,8 +60,8 @@ def level_lines(spectra: RecordSpectra) -> tuple[RecordSpectra, tuple[Note, ...]
 
     Examples
     --------
-    >>> from modalscope.model import Records, Signals
-    >>> from modalscope.model.record_transform import record_spectra
+    >>> from modalscope.data import Records, Signals
+    >>> from modalscope.data.record_transform import record_spectra
     >>> from modalscope.systems import chain5
     >>> run = chain5().simulate(inputs="white", samples=4000, sampling_rate=12.0, noise=0.01, seed=0)
     >>> walk = np.cumsum(np.random.default_rng(0).standard_normal(run.outputs.shape), axis=0)

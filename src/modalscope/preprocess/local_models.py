@@ -17,10 +17,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy import fft
 
-from modalscope.model.checks import ComplexArray, DataError, RealArray, check_choice, check_count
-from modalscope.model.keywords import named
-from modalscope.model.signals import Signals
-from modalscope.model.sizes import check_size
+from modalscope.data.records import Signals
+from modalscope.data.sizes import check_size
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import ComplexArray, DataError, RealArray, check_choice, check_count
 
 __all__ = ["LOCAL", "LocalEstimate", "local_models"]
 
@@ -91,7 +91,7 @@ def local_models(signals: Signals, kind: str = "lrm", degree: int = 2, half_widt
 
     Examples
     --------
-    >>> from modalscope.model import StateSpace
+    >>> from modalscope.data import StateSpace
     >>> model = StateSpace(A=[[0.9, 0.4], [-0.4, 0.9]], B=[[1], [0]], C=[[1, 1]], dt=1.0)
     >>> u = np.random.default_rng(0).standard_normal((1000, 1))
     >>> found = local_models(Signals(outputs=model.simulate(u), inputs=u, sampling_rate=1.0))

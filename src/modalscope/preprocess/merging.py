@@ -4,25 +4,230 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from modalscope.model.checks import DataError, check_each, check_kind
-from modalscope.model.frequency import FrequencyResponse
-from modalscope.model.impulse import ImpulseResponse
-from modalscope.model.keywords import named
-from modalscope.model.records import Records
-from modalscope.model.setups import Setups
-from modalscope.model.signals import Signals
-from modalscope.model.sources import source_of
+from modalscope.data.channels import AUTO, source_of
+from modalscope.data.frequency import FrequencyResponse
+from modalscope.data.impulse import ImpulseResponse
+from modalscope.data.records import Records, Signals
+from modalscope.data.setups import Setups
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import Array, DataError, check_each, check_kind
 from modalscope.preprocess.correlation import estimate_correlation
 from modalscope.preprocess.frf import estimate_frf
-from modalscope.preprocess.joined_responses import check_same, joined_frf, merge_frf, merge_pulses
 from modalscope.preprocess.setups import correlations, merge_setups
 
-__all__ = ["merge"]
+__all__ = ["joined_frf", "merge"]
+
+
+# ---------------------------------------------------------------------------------------------------- joined responses
+# Responses put together by the labels of their channels, and those of records with several inputs, each driven by itself.
+
+
+def joined_frf(parts: Sequence[Signals], **options: Any) -> FrequencyResponse:
+    """Estimate the frequency responses of every part by itself, on lines that all have, and put them together.
+
+    Parameters
+    ----------
+    parts : sequence of Signals
+        Of other inputs, outputs or lengths.
+    **options
+        Of `estimate_frf`. Where no segment is given, all parts take the shortest of those that suit them.
+    """
+    found = [estimate_frf(part, **options) for part in parts]
+    lengths = [_samples(part, response) for part, response in zip(parts, found, strict=True)]
+    if len(set(lengths)) > 1 and options.get("segment") is None:
+        found = [estimate_frf(part, **{**options, "segment": min(lengths)}) for part in parts]
+    return merge_frf(_on_common_lines(found)) if len(found) > 1 else found[0]
+
+
+def _samples(signals: Signals, response: FrequencyResponse) -> int:
+    """Return the samples of the segments behind a response, by the distance of its lines."""
+    return round(signals.sampling_rate / float(np.min(np.diff(response.frequencies))))
+
+
+def _on_common_lines(parts: Sequence[FrequencyResponse]) -> list[FrequencyResponse]:
+    """Leave out the lines on which one of the parts has no force."""
+    step = min(float(np.min(np.diff(part.frequencies))) for part in parts)
+    numbers = [np.round(part.frequencies / step).astype(np.int64) for part in parts]
+    shared = set.intersection(*(set(each.tolist()) for each in numbers))
+    return [
+        part if len(shared) == len(each) else part.at_lines(np.isin(each, list(shared)))
+        for part, each in zip(parts, numbers, strict=True)
+    ]
+
+
+def check_same(parts: Sequence[Any], name: str, words: str, change: str) -> None:
+    """Raise when parts differ in an attribute.
+
+    Parameters
+    ----------
+    parts : sequence
+    name : str
+        Of the attribute.
+    words : str
+        What it is called.
+    change : str
+        What to do.
+    """
+    values = [getattr(part, name) for part in parts]
+    for number, value in enumerate(values[1:], 2):
+        if value != values[0]:
+            raise DataError(
+                f"parts with the same {words} were asked", f"part 1 has {values[0]}, part {number} {value}", change
+            )
+
+
+@dataclass(slots=True)
+class _Table:
+    """The union of the parts' channels, and where each part stands in it."""
+
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+    places: list[Any]
+    weights: list[float]
+    units: tuple[tuple[str, ...], tuple[str, ...]]
+
+    def average(self, arrays: Sequence[Array], power: int = 1) -> Array:
+        """Return sum w^p x / (sum w)^p over the parts, (samples, l, m); power 2 is for variances."""
+        shape = (arrays[0].shape[0], len(self.outputs), len(self.inputs))
+        total, weight = np.zeros(shape, dtype=arrays[0].dtype), np.zeros(shape[1:])
+        for array, place, w in zip(arrays, self.places, self.weights, strict=True):
+            total[(slice(None), *place)] += w**power * array
+            weight[place] += w
+        return np.asarray(total / weight**power)
+
+
+def _table(parts: Sequence[Any]) -> _Table:
+    outputs = tuple(dict.fromkeys(dof for part in parts for dof in part.output_dofs))
+    inputs = tuple(dict.fromkeys(dof for part in parts for dof in part.input_dofs))
+    places = []
+    held = np.zeros((len(outputs), len(inputs)), dtype=bool)
+    units: tuple[dict[str, str], dict[str, str]] = ({}, {})
+    for part in parts:
+        place = np.ix_([outputs.index(d) for d in part.output_dofs], [inputs.index(d) for d in part.input_dofs])
+        held[place] = True
+        places.append(place)
+        for side, dofs, own in zip(units, (part.output_dofs, part.input_dofs), part.units, strict=True):
+            for dof, unit in zip(dofs, own, strict=True):
+                if side.setdefault(dof, unit) != unit:
+                    raise DataError(
+                        "parts with the same units were asked",
+                        f"{dof} is in {side[dof] or 'no unit'} in one and in {unit or 'no unit'} in another",
+                        "Convert them to one unit.",
+                    )
+    if not held.all():
+        i, j = (int(k) for k in np.argwhere(~held)[0])
+        raise DataError(
+            f"a response of {len(outputs)} outputs to {len(inputs)} inputs was asked",
+            f"no part holds {outputs[i]} / {inputs[j]}"
+            + (f" and {int((~held).sum()) - 1} other pairs" if (~held).sum() > 1 else ""),
+            "Add the missing runs, or select the channels that are complete.",
+        )
+    weights = [float(getattr(part, "averages", None) or 1) for part in parts]
+    both = (tuple(units[0][d] for d in outputs), tuple(units[1][d] for d in inputs))
+    return _Table(outputs, inputs, places, weights, both)
+
+
+def merge_frf(parts: Sequence[FrequencyResponse]) -> FrequencyResponse:
+    """Put frequency responses together output by output and input by input; pairs that several parts hold are averaged.
+
+    Parameters
+    ----------
+    parts : sequence of FrequencyResponse
+        On the same lines.
+    """
+    first = parts[0]
+    for number, part in enumerate(parts[1:], 2):
+        if part.lines != first.lines or not np.allclose(part.frequencies, first.frequencies, rtol=1e-6, atol=0):
+            raise DataError(
+                "parts on the same lines were asked",
+                f"part 1 has {first.lines} lines, {first.frequencies[0]:g} to {first.frequencies[-1]:g} Hz, "
+                f"part {number} {part.lines}, {part.frequencies[0]:g} to {part.frequencies[-1]:g} Hz",
+                "Estimate all parts with the same segment, or cut them to the same band.",
+            )
+    for name, words in (
+        ("quantity", "quantity"),
+        ("sampling_rate", "sampling rate"),
+        ("added_damping", "exponential window"),
+    ):
+        check_same(parts, name, words, "Convert the parts, with as_quantity(), or estimate them alike.")
+    table = _table(parts)
+    variances = [part.variance for part in parts if part.variance is not None]
+    averages = [part.averages for part in parts if part.averages is not None]
+    return replace(
+        first,
+        values=table.average([part.values for part in parts]),
+        variance=table.average(variances, power=2) if len(variances) == len(parts) else None,
+        coherence=_coherence(parts, table),
+        averages=min(averages) if len(averages) == len(parts) else None,
+        **_labels(parts, table),
+    )
+
+
+def _coherence(parts: Sequence[FrequencyResponse], table: _Table) -> Array | None:
+    """Return the mean coherence of every output when all parts have the same inputs, of every pair when not."""
+    given = [part.coherence for part in parts if part.coherence is not None]
+    if len(given) < len(parts):
+        return None
+    pairs = [
+        np.broadcast_to(c[:, :, None] if c.ndim == 2 else c, part.values.shape)
+        for c, part in zip(given, parts, strict=True)
+    ]
+    merged = table.average(pairs)
+    by_output = all(c.ndim == 2 for c in given) and len({part.input_dofs for part in parts}) == 1
+    return merged[:, :, 0] if by_output else merged
+
+
+def merge_pulses(parts: Sequence[ImpulseResponse]) -> ImpulseResponse:
+    """Put impulse responses together as `merge_frf` does, over the samples that all have.
+
+    Parameters
+    ----------
+    parts : sequence of ImpulseResponse
+    """
+    for name, words in (
+        ("kind", "kind"),
+        ("sampling_rate", "sampling rate"),
+        ("first_sample", "first sample"),
+        ("quantity", "quantity"),
+    ):
+        check_same(parts, name, words, "Merge parts that were measured alike.")
+    table = _table(parts)
+    count = min(part.samples for part in parts)
+    direct = [part.feedthrough[None] for part in parts if part.feedthrough is not None]
+    return replace(
+        parts[0],
+        values=table.average([part.values[:count] for part in parts]),
+        feedthrough=table.average(direct)[0] if len(direct) == len(parts) else None,
+        **_labels(parts, table),
+    )
+
+
+def _labels(parts: Sequence[Any], table: _Table) -> dict[str, Any]:
+    return {
+        "output_dofs": table.outputs,
+        "input_dofs": table.inputs,
+        "units": table.units,
+        "groups": _groups(parts, table.inputs),
+        "geometry": next((part.geometry for part in parts if part.geometry is not None), None),
+        "source_path": source_of(parts),
+        "processing": (*parts[0].processing, f"merged from {len(parts)} parts by their labels"),
+    }
+
+
+def _groups(parts: Sequence[Any], inputs: tuple[str, ...]) -> Any:
+    """Return the group of every input as the parts have it; the default when no part has groups."""
+    named = {
+        dof: label for part in parts if part.groups for dof, label in zip(part.input_dofs, part.groups, strict=True)
+    }
+    return tuple(named.get(dof, dof) for dof in inputs) if named else AUTO
+
+
+# ------------------------------------------------------------------------------------------------------------- merging
 
 Part = Signals | FrequencyResponse | ImpulseResponse
 Test = Records | Setups

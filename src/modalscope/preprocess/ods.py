@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.model.checks import Array, ComplexArray, DataError, check_each, check_kind, check_positive
-from modalscope.model.frequency import FrequencyResponse
-from modalscope.model.impulse import ImpulseResponse
-from modalscope.model.keywords import named
-from modalscope.model.modes import ModalModel
-from modalscope.model.notes import Note
-from modalscope.model.signals import Signals
+from modalscope.data.frequency import FrequencyResponse
+from modalscope.data.impulse import ImpulseResponse
+from modalscope.data.modes import ModalModel
+from modalscope.data.notes import Note
+from modalscope.data.records import Signals
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import Array, ComplexArray, DataError, check_each, check_kind, check_positive
 from modalscope.preprocess.frf import estimate_frf
 from modalscope.preprocess.singular_spectra import decomposition
 

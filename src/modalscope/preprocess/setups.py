@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.model.checks import Array, DataError, RealArray, check_count
-from modalscope.model.impulse import ImpulseResponse
-from modalscope.model.keywords import named
-from modalscope.model.robust import noise_threshold
-from modalscope.model.setups import Setups
-from modalscope.model.sizes import check_size
-from modalscope.model.sources import source_of
+from modalscope.data.channels import source_of
+from modalscope.data.impulse import ImpulseResponse
+from modalscope.data.setups import Setups
+from modalscope.data.sizes import check_size
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import Array, DataError, RealArray, check_count
+from modalscope.numerics.statistics import noise_threshold
 from modalscope.preprocess.correlation import estimate_correlation
 
 __all__ = ["correlations", "heard_lags", "joined_setups", "merge_setups"]
@@ -158,7 +158,7 @@ def merge_setups(parts: Sequence[ImpulseResponse], *, depth: int | None = None) 
     References
     ----------
     The idea of Doehler, Andersen and Mevel, "Data merging for multi-setup operational modal analysis with data-driven SSI",
-    IMAC 2010, applied to correlations; the threshold is `modalscope.model.robust.noise_threshold`.
+    IMAC 2010, applied to correlations; the threshold is `modalscope.numerics.statistics.noise_threshold`.
     """
     first = parts[0]
     _check(parts, depth)

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from modalscope.model.checks import ComplexArray, IntArray, RealArray, check_count, check_kind
-from modalscope.model.keywords import named
-from modalscope.model.signals import Signals
-from modalscope.model.sizes import check_size
+from modalscope.data.records import Signals
+from modalscope.data.sizes import check_size
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import ComplexArray, IntArray, RealArray, check_count, check_kind
 from modalscope.preprocess.spectra import Segments, check_window, cross_spectra, segment_starts, window_samples
 
 __all__ = ["DampedPeaks", "Decomposition", "decomposition"]

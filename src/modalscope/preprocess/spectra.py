@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 from scipy import fft
 
-from modalscope.model.checks import Array, ComplexArray, DataError, RealArray, check_choice, check_count
+from modalscope.numerics.checks import Array, ComplexArray, DataError, RealArray, check_choice, check_count
 
 __all__ = [
     "WINDOWS",

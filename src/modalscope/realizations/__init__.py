@@ -1,1 +1,1 @@
-"""Floor 2: factors and shifts -> models (A, B, C)."""
+"""Realizations: factors and shifts to models (A, B, C)."""

@@ -9,9 +9,9 @@ import numpy as np
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
-from modalscope.blocks.nested import NestedEigen
 from modalscope.blocks.triple import Eigen, Triple
-from modalscope.model.checks import Array, RealArray
+from modalscope.numerics.checks import Array, RealArray
+from modalscope.realizations.nested import NestedEigen
 from modalscope.realizations.realization import Realization, Sides
 
 __all__ = ["Balanced", "balanced", "first_blocks", "projected_general"]

@@ -7,6 +7,7 @@ them; an arbitrary choice of as many columns as outputs would give extraneous po
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -14,12 +15,15 @@ from typing import Any
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.blocks.factor import Factors
-from modalscope.blocks.matrix import DataMatrix
-from modalscope.blocks.real_products import times_real
-from modalscope.blocks.shift import RowShift
+from modalscope.blocks.factor import Factors, factorize
+from modalscope.blocks.fraction import Fraction
+from modalscope.blocks.hankel import hankel
+from modalscope.blocks.matrix import DataMatrix, RowShift
 from modalscope.blocks.triple import Eigen, Triple
-from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
+from modalscope.data.statespace import StateSpace
+from modalscope.numerics.checks import Array, ComplexArray, DataError, RealArray, check_choice
+from modalscope.numerics.operators import times_real
+from modalscope.realizations.balanced import balanced
 from modalscope.realizations.realization import Realization, Sides
 from modalscope.realizations.shift import check_blocks, shift_grams
 
@@ -27,9 +31,100 @@ __all__ = [
     "LeastSquaresCompanion",
     "NullSpaceCompanion",
     "companion_matrix",
+    "fraction_companion",
     "least_squares_companion",
     "null_space_companion",
+    "reversed_companion",
 ]
+
+
+# ------------------------------------------------------------------------------------------------------------ fraction
+# The matrix fraction's denominators as companion matrices: poles and participation of every degree (LSCF).
+
+
+@dataclass(frozen=True, eq=False)
+class ReciprocalTriple(Triple):
+    """A controllable companion whose eigenvalues are mu = 1 / z and whose left eigenvectors are [mu^(p-1) w', ..., w']."""
+
+    def eigen(self) -> Eigen:
+        """Return the stable roots z and left eigenvectors; right ones are not needed, and zero.
+
+        Unstable roots are what no mode explains (see `denominator`) and do not take part.
+        """
+        reciprocal, vectors = np.linalg.eig(self.A.T)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            z = np.where(reciprocal == 0, np.inf, 1 / reciprocal)
+        stable = np.flatnonzero((np.abs(z) < 1) & (z != 0))
+        left = vectors[:, stable].T.astype(complex)
+        return Eigen(z[stable], np.zeros_like(left.T), left)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FractionCompanion(Realization):
+    """Controllable companion form on Gram blocks: the order is the degree of the polynomial.
+
+    The matrix has the roots' inverses mu = 1 / z as eigenvalues, from mu^p w' = - sum_j mu^(p-j) w' A_j, and the rows
+    [mu^(p-1) w', ..., w'] as left eigenvectors: their last m entries are the participation w'.
+    Shapes and residuals come from least squares over the lines.
+
+    Parameters
+    ----------
+    matrix : Fraction
+    """
+
+    matrix: Fraction
+
+    def triple(self, n: int) -> ReciprocalTriple:
+        """Return the companion of degree n."""
+        if not 1 <= n <= self.matrix.degree:
+            raise DataError(
+                f"order={n} of a matrix fraction was asked",
+                f"its order is the degree of the polynomials, here 1 to {self.matrix.degree}",
+                "Ask for a larger order when the fraction is built.",
+            )
+        m = self.matrix.inputs
+        size = n * m
+        A = np.zeros((size, size))
+        A[:, :m] = -self.matrix.denominator(n)
+        A[: size - m, m:] = np.eye(size - m)
+        return ReciprocalTriple(A, None, np.zeros((0, size)), size)
+
+    def sides(self, n: int, eigen: Eigen) -> Sides:
+        """Return y z^2 / (y x) and r, the first block of the right eigenvector x: dmu = -y dA r / (y x), z = 1 / mu.
+
+        r spans the null space of I + sum_j z^j A_j; the other blocks follow from the last, x_i = z (x_(i+1) - A_i r).
+        """
+        m, z = self.matrix.inputs, eigen.values
+        A = self.matrix.denominator(n).reshape(n, m, m)
+        powers = z[:, None] ** np.arange(1, n + 1)
+        polynomial = np.eye(m) + np.einsum("kj,jab->kab", powers, A, optimize=True)
+        r = np.linalg.svd(polynomial)[2][:, -1].conj()  # (k, m)
+        x = np.empty((z.size, n, m), dtype=complex)
+        following = np.zeros((z.size, m), dtype=complex)
+        for i in range(n - 1, -1, -1):
+            following = z[:, None] * (following - r @ A[i].T)
+            x[:, i] = following
+        scale = z**2 / np.sum(eigen.left * x.reshape(z.size, -1), axis=1)
+        return Sides(scale[:, None] * eigen.left, r.T)
+
+    def pairs(self, sides: Sides, values: ComplexArray) -> tuple[tuple[Any, Any], ...]:
+        """Return both as they are, of one order."""
+        return (sides,)
+
+
+def fraction_companion(matrix: Fraction, factors: Factors) -> FractionCompanion:
+    """Return the companion forms of every degree.
+
+    Parameters
+    ----------
+    matrix : Fraction
+    factors : Factors
+        Of the normal equations: for the singular values, the companion needs the Gram blocks alone.
+    """
+    return FractionCompanion(factors=factors, matrix=matrix)
+
+
+# ----------------------------------------------------------------------------------------------------------- companion
 
 
 def companion_matrix(last: Array, shift: RowShift, degree: int) -> RealArray:
@@ -133,9 +228,7 @@ class NullSpaceCompanion(Realization):
         return ((left, self.matrix.right_vectors(self.factors, sides.right)),)
 
     def reduced(self, how: str) -> Realization:
-        """Return models of minimum order; see `modalscope.realizations.reduction`."""
-        from modalscope.realizations.reduction import reduced
-
+        """Return models of minimum order; see `modalscope.realizations.companion`."""
         return reduced(self, how)
 
 
@@ -258,3 +351,96 @@ def least_squares_companion(matrix: DataMatrix, factors: Factors) -> LeastSquare
     shift, _ = _needs_whole_blocks(matrix)
     stand_in = shift.unweighted(factors.P * factors.d)
     return LeastSquaresCompanion(factors=factors, matrix=matrix, shift=shift, stand_in=stand_in, B=_input(matrix))
+
+
+# ----------------------------------------------------------------------------------------------------------- reduction
+# From a canonical form to minimum order (after Eq. 54): three ways to be rid of the extraneous poles, in the time domain.
+
+#: By projection on the factor's own states, by ERA on the model's Markov parameters, by the sign of time.
+REDUCTIONS = ("projection", "markov", "reversed")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Reduced(Realization):
+    """Models of minimum order from a canonical form.
+
+    Parameters
+    ----------
+    companion : NullSpaceCompanion
+    way : callable
+        (companion, order) -> model.
+    """
+
+    companion: NullSpaceCompanion
+    way: Callable[[NullSpaceCompanion, int], Triple]
+
+    def triple(self, n: int) -> Triple:
+        """Return the model of n states; by "reversed" of as many as lie outside the circle."""
+        return self.way(self.companion, n)
+
+
+def reduced(companion: NullSpaceCompanion, how: str) -> Reduced:
+    """Return models of minimum order from a canonical form.
+
+    Parameters
+    ----------
+    companion : NullSpaceCompanion
+        The canonical form of the null space, of samples.
+    how : {"projection", "markov", "reversed"}
+        "projection": (E P)# A~ (E P), which is the alternate method. "markov": ERA on C~ A~^k B~, the model's own Markov parameters.
+        "reversed": data that run backward grow, so that a mode's pole becomes 1 / z outside the unit circle while the
+        minimum-norm extraneous poles stay inside; the invariant subspace of those outside is the model. Without noise exact; a
+        mode that does not decay is not told apart.
+    """
+    ways = {"projection": _projected, "markov": _from_markov, "reversed": _from_reversal}
+    way = ways[check_choice("reduction", how, REDUCTIONS)]
+    notes = (*companion.notes, f"reduced to minimum order: {how}")
+    return Reduced(factors=companion.factors, matrix=companion.matrix, notes=notes, companion=companion, way=way)
+
+
+def _projected(companion: NullSpaceCompanion, n: int) -> Triple:
+    model = companion.triple(n)
+    if model.span is None or model.B is None:
+        return model
+    Z = model.span
+    return Triple(Z.T @ model.A @ Z, Z.T @ model.B, model.C @ Z, n)
+
+
+def _from_markov(companion: NullSpaceCompanion, n: int) -> Triple:
+    model = companion.triple(n)
+    assert model.B is not None
+    sampled = StateSpace(A=model.A, B=model.B, C=model.C, dt=1.0)
+    rows, columns = companion.matrix.block_rows, len(companion.factors.Q) // model.B.shape[1]
+    markov = hankel(sampled.impulse_response(rows + columns), block_rows=rows, block_columns=columns)
+    return balanced(markov, factorize(markov.shifted(0), n)).triple(n)
+
+
+def reversed_companion(companion: NullSpaceCompanion, n: int) -> RealArray:
+    """Return the companion matrix of the same null space with time reversed: V_0 = R [V_r; ...; V_1], minimum norm."""
+    companion.factors.check_order(n)
+    shift, r = companion.shift, companion.matrix.block_rows
+    P = companion.P[:, :n]
+    backward = P.reshape(r + 1, shift.block, n)[::-1].reshape(P.shape)
+    known, target = backward[: shift.block * r], backward[shift.block * r :]
+    return companion_matrix(target @ np.linalg.pinv(known), shift, r)
+
+
+def _from_reversal(companion: NullSpaceCompanion, n: int) -> Triple:
+    backward = reversed_companion(companion, n)
+    T, Z, k = sla.schur(backward, output="real", sort="ouc")
+    if k == 0:
+        raise DataError(
+            f"order={n} with reduction='reversed' was asked",
+            "no pole of the reversed data lies outside the unit circle",
+            "Use reduction='projection'.",
+        )
+    # [I, X] takes the part of a state that lies in the growing subspace along the decaying one
+    X = sla.solve_sylvester(T[:k, :k], -T[k:, k:], T[:k, k:])
+    matrix, shift = companion.matrix, companion.shift
+    column = np.asarray(matrix.first_block_column(tall=True))
+    column = shift.unweighted(column).reshape(-1, shift.block, column.shape[1])[:0:-1].reshape(-1, column.shape[1])
+    # the state [V_r; ...; V_1] belongs to one sample later than V_0, and the model runs against it
+    inverse = np.asarray(np.linalg.inv(T[:k, :k]), dtype=float)
+    state = Z[:, :k].T @ column + X @ (Z[:, k:].T @ column)
+    head = np.linalg.pinv(np.asarray(matrix.first_block(np.eye(matrix.outputs))))
+    return Triple(inverse, state, head @ Z[-shift.block :, :k] @ T[:k, :k], k)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from modalscope.blocks.factor import Factors
-from modalscope.model.checks import Array, RealArray
-from modalscope.model.robust import noise_threshold
+from modalscope.numerics.checks import Array, RealArray
+from modalscope.numerics.statistics import noise_threshold
 
 __all__ = ["OrderAdvice", "gap_after", "noise_floor", "recommend_order"]
 

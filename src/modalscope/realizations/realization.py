@@ -14,7 +14,7 @@ from modalscope.blocks.factor import Factors
 from modalscope.blocks.influence import Influence, Lines
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Eigen, Triple, padded
-from modalscope.model.checks import ComplexArray, DataError
+from modalscope.numerics.checks import ComplexArray, DataError
 
 __all__ = ["Realization", "Sides"]
 
@@ -121,7 +121,7 @@ class Realization(ABC):
         return total
 
     def reduced(self, how: str) -> Realization:
-        """Return the models at minimum order, by one of the ways of `modalscope.realizations.reduction`.
+        """Return the models at minimum order, by one of the ways of `modalscope.realizations.companion`.
 
         Raises
         ------

@@ -9,7 +9,7 @@ import numpy as np
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Eigen, Triple
-from modalscope.model.checks import Array, RealArray
+from modalscope.numerics.checks import Array, RealArray
 from modalscope.realizations.realization import Realization, Sides
 
 __all__ = ["Regression", "regression", "regression_matrix"]

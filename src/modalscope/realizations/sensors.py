@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modalscope.model.checks import DataError, RealArray, check_kind
-from modalscope.model.keywords import named
-from modalscope.model.statespace import StateSpace
+from modalscope.data.statespace import StateSpace
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import DataError, RealArray, check_kind
 
 __all__ = ["EquationsOfMotion", "equations_of_motion", "first_order_form"]
 

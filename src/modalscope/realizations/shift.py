@@ -11,10 +11,10 @@ import scipy.linalg as sla
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
-from modalscope.blocks.nested import NestedEigen
 from modalscope.blocks.triple import Eigen, Triple
-from modalscope.model.checks import DataError, RealArray
+from modalscope.numerics.checks import DataError, RealArray
 from modalscope.realizations.balanced import first_blocks
+from modalscope.realizations.nested import NestedEigen
 from modalscope.realizations.realization import Realization, Sides
 
 __all__ = ["Shift", "check_blocks", "shift", "shift_grams"]

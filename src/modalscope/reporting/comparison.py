@@ -11,13 +11,12 @@ from modalscope import plot
 from modalscope.comparing import CAUSES, Comparison, MethodResult
 from modalscope.comparing.kinship import Kinship
 from modalscope.comparing.scatter import LEVEL
-from modalscope.modal.explained import explained, explains_enough
-from modalscope.plot.web.fits import fit_of
+from modalscope.modal.rebuilt import explained, explains_enough
+from modalscope.plot.web.poles import fit_of
 from modalscope.reporting import record, sections
 from modalscope.reporting.figures import draw, stabilization_svg
-from modalscope.reporting.html import Section, folded, listing, paragraph, picture, table
-from modalscope.reporting.numbers import decimals
-from modalscope.reporting.scripts import comparison_script
+from modalscope.reporting.html import Section, decimals, folded, listing, paragraph, picture, table
+from modalscope.reporting.record import comparison_script
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
@@ -9,35 +10,73 @@ from pathlib import Path
 from typing import Protocol
 
 from modalscope.comparing import Comparison
+from modalscope.data import DataError, ModalModel, Signals, StabilizationDiagram
+from modalscope.data.analysis import VERSION
+from modalscope.data.notes import Note
+from modalscope.data.response import Response
+from modalscope.data.results import Result
+from modalscope.doctor import Finding
 from modalscope.identification.identify import Identification
 from modalscope.identification.lookup import cell_label
 from modalscope.io.atomic import replacing
-from modalscope.io.writing import sources_of
+from modalscope.io.formats import sources_of
 from modalscope.judging.certificate import Certificate
 from modalscope.judging.select import select
-from modalscope.model import DataError, ModalModel, Signals, StabilizationDiagram
-from modalscope.model.checks import check_path
-from modalscope.model.keywords import named
-from modalscope.model.kinds import check_kind
-from modalscope.model.notes import Note
-from modalscope.model.response import Response
-from modalscope.model.result import Result
-from modalscope.model.version import VERSION
-from modalscope.plot.web.fits import fit_of, fit_of_bands
-from modalscope.preprocess import Finding
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import check_kind, check_path
+from modalscope.plot.web.alive import alive_blob, front_end
+from modalscope.plot.web.poles import fit_of, fit_of_bands
 from modalscope.preprocess.singular_spectra import Decomposition, decomposition
 from modalscope.reporting import record, sections
-from modalscope.reporting.alive import alive_section
-from modalscope.reporting.banded import Shown, bands_of
 from modalscope.reporting.comparison import comparison_sections
 from modalscope.reporting.grades import grades
-from modalscope.reporting.html import Section, page
-from modalscope.reporting.identification import identification_sections
-from modalscope.reporting.intervals import certificate_section, intervals_section
-from modalscope.reporting.modes import modes_section, summary_section
-from modalscope.reporting.scripts import result_script, stabilization_script
+from modalscope.reporting.html import Section, page, paragraph
+from modalscope.reporting.modes import certificate_section, intervals_section, modes_section, summary_section
+from modalscope.reporting.record import result_script, stabilization_script
+from modalscope.reporting.sections import Shown, bands_of, identification_sections
 
 __all__ = ["Origin", "report", "stabilization_sections", "write_page"]
+
+
+# --------------------------------------------------------------------------------------------------------------- alive
+# The part of a report that moves: the front end of the page and its data, in the file itself; without scripts it is not there.
+
+#: What is only there where scripts run, and never on paper.
+_STYLE = """body:not(.alive) #explore, body:not(.alive) a[href="#explore"] { display: none; }
+@media print { #explore { display: none; } }"""
+
+
+def alive_section(
+    modes: ModalModel, *diagrams: StabilizationDiagram, spectra: Decomposition | None = None
+) -> Iterator[Section]:
+    """Give the section that moves, where there are modes and the front end was built with the package.
+
+    Nothing that a user wrote stands in it as markup: labels are in the data, which are base64.
+
+    Parameters
+    ----------
+    modes : ModalModel
+    *diagrams : StabilizationDiagram
+    spectra : Decomposition, optional
+        Of a record without inputs: what stands behind the poles.
+    """
+    script, style = front_end("viewer.js"), front_end("viewer.css")
+    if script is None or style is None or not len(modes):
+        return
+    data = base64.b64encode(alive_blob(modes, *diagrams, spectra=spectra)).decode("ascii")
+    lead = paragraph(
+        "Drag to zoom, double-click for the whole; choose a mode in the table or a channel of the curve.", "muted"
+    )
+    yield Section(
+        "explore",
+        "Look closer",
+        f'{lead}<style>{_STYLE}{style}</style><div id="alive"></div>'
+        f'<script id="alive-data" type="application/octet-stream">{data}</script>'
+        f'<script id="alive-script">{script.replace("</script", "<" + chr(92) + "/script")}</script>',
+    )
+
+
+# ------------------------------------------------------------------------------------------------------------ document
 
 
 class _Result(Protocol):

@@ -8,10 +8,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from modalscope import plot
+from modalscope.data import FrequencyResponse, ModalModel, StabilizationDiagram
+from modalscope.data.response import Response
 from modalscope.judging.certificate import Certificate
-from modalscope.model import FrequencyResponse, ModalModel, StabilizationDiagram
-from modalscope.model.checks import RealArray
-from modalscope.model.response import Response
+from modalscope.numerics.checks import RealArray
 from modalscope.preprocess.singular_spectra import Decomposition
 
 if TYPE_CHECKING:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from modalscope.model import ModalModel, StabilizationDiagram
-from modalscope.model.checks import Array
-from modalscope.model.response import Response
-from modalscope.plot.web.fits import Fit
+from modalscope.data import ModalModel, StabilizationDiagram
+from modalscope.data.response import Response
+from modalscope.identification.identify import Identification
+from modalscope.identification.lookup import cell_label
+from modalscope.modal.rebuilt import explained, explains_enough
+from modalscope.numerics.checks import Array
+from modalscope.plot.web.poles import Fit, band_of, fit_of, inside
 from modalscope.preprocess.singular_spectra import Decomposition
+from modalscope.reporting import record
 from modalscope.reporting.figures import (
     fit_errors_svg,
     mac_svg,
@@ -19,10 +24,26 @@ from modalscope.reporting.figures import (
     singular_values_svg,
     stabilization_svg,
 )
-from modalscope.reporting.html import Section, folded, numbered, paragraph, picture, table
-from modalscope.reporting.numbers import frequency, heading, percent, value
+from modalscope.reporting.html import (
+    Section,
+    folded,
+    frequency,
+    heading,
+    listing,
+    numbered,
+    paragraph,
+    percent,
+    picture,
+    table,
+    value,
+)
+from modalscope.reporting.modes import modes_section
+from modalscope.reporting.record import identification_script
 
 __all__ = [
+    "Shown",
+    "bands_of",
+    "identification_sections",
     "left_out_section",
     "mac_section",
     "mode_pictures",
@@ -31,6 +52,64 @@ __all__ = [
     "shapes_section",
     "stabilization_section",
 ]
+
+
+# -------------------------------------------------------------------------------------------------------------- banded
+# The bands that a result was identified in, each with its diagram and the modes that lie in it.
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Shown:
+    """One band as a report shows it.
+
+    Parameters
+    ----------
+    diagram : StabilizationDiagram
+    modes : ModalModel
+        Those that lie in the band.
+    number : int
+        Counted from 1.
+    words : str
+        Its ends.
+    """
+
+    diagram: StabilizationDiagram
+    modes: ModalModel
+    number: int
+    words: str
+
+    def named(self, section: Section, several: bool) -> Section:
+        """Return a section with the band in its title, where there are several; the first keeps its anchor.
+
+        Parameters
+        ----------
+        section : Section
+        several : bool
+        """
+        if not several:
+            return section
+        anchor = section.anchor if self.number == 1 else f"{section.anchor}-{self.number}"
+        return replace(section, anchor=anchor, title=f"{section.title}, {self.words}")
+
+
+def bands_of(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> list[Shown]:
+    """Return every band with its own modes; one band has all.
+
+    Parameters
+    ----------
+    modes : ModalModel
+        Of all bands.
+    diagrams : sequence of StabilizationDiagram
+        One a band.
+    """
+    found = []
+    for k, diagram in enumerate(diagrams):
+        low, high = band_of(diagram, len(diagrams))
+        found.append(Shown(diagram, inside(modes, diagram, len(diagrams)), k + 1, f"{low:.4g} to {high:.4g} Hz"))
+    return found
+
+
+# ------------------------------------------------------------------------------------------------------------ sections
 
 #: Rows of a table that a reader still takes in.
 _ROWS = 40
@@ -183,3 +262,66 @@ def _error_table(response: Response, errors: Array, ranked: list[tuple[int, int]
         caption += f"; the worst {_ROWS} of {len(ranked)}"
     rows = [[response.output_dofs[i], response.columns[j], f"{100 * errors[i, j]:.3g}"] for i, j in ranked[:_ROWS]]
     return table(["output", response.column_word, "fit error [%]"], rows, words=[0, 1], caption=caption)
+
+
+# ------------------------------------------------------------------------------------------------------ identification
+# The sections of a report on one identification: one method at one order, with its model.
+
+
+def identification_sections(
+    found: Identification, *, source: str | None = None, command: str | None = None
+) -> Iterator[Section]:
+    """Give the sections on one identification in the order of reading, each drawn when it is asked for."""
+    modes, response = found.modes, found.response
+    fit = fit_of(modes, response) if len(modes) else None
+    yield _summary(found)
+    yield modes_section(modes)
+    yield _model(found)
+    yield from mode_pictures(modes)
+    yield responses_section(modes, response, fit)
+    yield record.data_section(response, source)
+    yield Section("settings", "Settings", listing(_settings(found).items()))
+    yield record.notes_section(found.notes)
+    yield record.repeat_section(identification_script(found, source), command)
+
+
+def _summary(found: Identification) -> Section:
+    low, high = found.response.span
+    modes = found.modes
+    count = f"{len(modes)} mode{'' if len(modes) == 1 else 's'}"
+    verdict = f"{count} between {low:.5g} and {high:.5g} Hz, by {cell_label(found.method, found.domain)}, order {found.order}."
+    body = paragraph(verdict, "verdict")
+    enough = explains_enough(found.fit_error)
+    # real and unstable poles of the model count here, selected modes alone would not
+    body += paragraph(explained(found.fit_error).replace("modes explain", "whole model explains", 1)) if enough else ""
+    body = body if enough else paragraph(explained(found.fit_error), "loud") + body
+    odd = [f"mode {i + 1} is {kind}" for i, kind in enumerate(modes.kinds) if kind != "mode"]
+    body += paragraph("; ".join(odd)) if odd else ""
+    body += paragraph("One order alone cannot tell modes from noise: stabilize and select do.", "muted")
+    return Section("summary", "Summary", body)
+
+
+def _model(found: Identification) -> Section:
+    """The state-space model, what is left over in a canonical form, and the singular values that the order was cut from."""
+    model = found.state_space
+    stable = np.all(model.poles.real < 0) if model.dt is None else np.all(np.abs(model.poles) < 1)
+    facts = {
+        "states": str(model.A.shape[0]),
+        "order": f"{found.order}, the rank of the truncation",
+        "kind": "continuous" if model.dt is None else f"sampled every {model.dt:.6g} s",
+        "stable": "yes" if stable else "no",
+        "fit error": percent(found.fit_error),
+    }
+    if len(found.extraneous):
+        facts["extraneous poles"] = f"{len(found.extraneous)}: beyond the rank, told apart by their amplitude"
+    body = listing(facts.items())
+    if found.singular_values.size > 1:
+        words = "Singular values of the data matrix: a step tells how many states stand out of the noise."
+        drawn = singular_values_svg(found.singular_values, (found.order,))
+        body += f'<div class="narrow">{picture(drawn, "Singular values of the data matrix", words)}</div>'
+    return Section("model", "Model", body)
+
+
+def _settings(found: Identification) -> dict[str, str]:
+    cell = {"method": cell_label(found.method, found.domain), "domain": found.domain, "order": str(found.order)}
+    return cell | record.settings_listed(found.settings)

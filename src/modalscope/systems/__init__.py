@@ -1,13 +1,12 @@
 """Structures to simulate: with exact modes, exact sampling and records that can be repeated."""
 
-from modalscope.model.entries import plain_methods
+from modalscope.numerics.arguments import plain_methods
 from modalscope.systems.beam import clamped_beam, clamped_beam_frequencies
 from modalscope.systems.chains import chain, chain5, heavy4, over4, spring_chain, spring_chain_modes
-from modalscope.systems.examples import close4, ring5, three_masses, three_masses_record
-from modalscope.systems.iasc import iasc_asce
+from modalscope.systems.examples import close4, iasc_asce, ring5, three_masses, three_masses_record
 from modalscope.systems.listing import build, catalog, names
 from modalscope.systems.modal import modal_damping
-from modalscope.systems.noise import add_noise
+from modalscope.systems.records import add_noise
 from modalscope.systems.structure import Structure
 
 __all__ = [

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from modalscope.model.checks import RealArray, check_choice, check_count, check_positive
-from modalscope.model.entries import plainly
+from modalscope.numerics.arguments import plainly
+from modalscope.numerics.checks import RealArray, check_choice, check_count, check_positive
 from modalscope.systems.chains import row_geometry
 from modalscope.systems.modal import modal_damping
 from modalscope.systems.structure import Structure

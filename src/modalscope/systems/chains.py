@@ -7,8 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.model.channels import QUANTITIES
-from modalscope.model.checks import (
+from modalscope.data.channels import QUANTITIES
+from modalscope.data.geometry import Geometry
+from modalscope.data.modes import ModalModel
+from modalscope.data.poles import poles_from
+from modalscope.numerics.arguments import plainly
+from modalscope.numerics.checks import (
     DataError,
     RealArray,
     check_choice,
@@ -17,10 +21,6 @@ from modalscope.model.checks import (
     check_positive,
     real_array,
 )
-from modalscope.model.entries import plainly
-from modalscope.model.geometry import Geometry
-from modalscope.model.modes import ModalModel
-from modalscope.model.poles import poles_from
 from modalscope.systems.modal import modal_damping
 from modalscope.systems.structure import Structure
 

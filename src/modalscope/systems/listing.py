@@ -5,15 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
-from modalscope.model.checks import check_choice
-from modalscope.model.entries import plainly
+import numpy as np
+
+from modalscope.data import FrequencyResponse, ImpulseResponse, Signals
+from modalscope.numerics.arguments import plainly
+from modalscope.numerics.checks import check_choice, check_count, check_number
 from modalscope.systems.beam import clamped_beam
 from modalscope.systems.chains import chain5, heavy4, over4, spring_chain
-from modalscope.systems.examples import close4, ring5, three_masses
-from modalscope.systems.iasc import iasc_asce
+from modalscope.systems.examples import close4, iasc_asce, ring5, three_masses
+from modalscope.systems.records import Seed
 from modalscope.systems.structure import Structure
 
-__all__ = ["build", "catalog", "names"]
+__all__ = ["KINDS", "build", "catalog", "names", "trial"]
+
 
 _SYSTEMS: tuple[Callable[[], Structure], ...] = (
     chain5,
@@ -58,3 +62,71 @@ def build(name: str) -> Structure:
     5
     """
     return catalog()[check_choice("system", name, catalog())]()
+
+
+# --------------------------------------------------------------------------------------------------------------- trial
+# A simulated test of a structure with nothing set: the band and the rate are those that hold all its modes.
+
+#: What is measured, and how many lines or samples of it when nothing is said.
+KINDS = {"frf": 1000, "impulse": 2000, "records": 20_000, "ambient": 20_000}
+
+
+def trial(
+    structure: Structure,
+    kind: str = "frf",
+    *,
+    samples: int | None = None,
+    quantity: str = "acceleration",
+    snr_db: float | None = None,
+    seed: Seed = 0,
+) -> FrequencyResponse | ImpulseResponse | Signals:
+    """Return a simulated test of a structure whose lines, or whose rate, hold all its modes.
+
+    Lines run from a quarter of the lowest frequency to 1.25 of the highest; the rate is that of the structure, 2.56 times
+    the highest frequency at least.
+
+    Parameters
+    ----------
+    structure : Structure
+        What is tested.
+    kind : {"frf", "impulse", "records", "ambient"}
+        Frequency responses, impulse responses, records under white forces with the forces, or without them.
+    samples : int, optional
+        Lines or samples; 1000, 2000 and 20000 by default.
+    quantity : {"displacement", "velocity", "acceleration"}
+        What is measured.
+    snr_db : float, optional
+        Signal over noise of each channel, 20 log10 of the ratio of their root mean squares; no noise by default.
+    seed : int or numpy Generator, optional
+        Makes noise and forces repeatable.
+
+    Raises
+    ------
+    DataError
+        An unknown kind or quantity, fewer than two samples, a seed that is none.
+
+    Examples
+    --------
+    >>> from modalscope.systems import chain5
+    >>> test = trial(chain5(), "impulse", samples=100)
+    >>> test.values.shape
+    (100, 4, 2)
+    """
+    check_choice("kind", kind, KINDS)
+    count = KINDS[kind] if samples is None else check_count("samples", samples, least=2)
+    noise = None if snr_db is None else float(10 ** (-check_number("noise", snr_db) / 20))
+    f = structure.modes().frequencies
+    if kind == "frf":
+        lines = np.linspace(f.min() / 4, 1.25 * f.max(), count)
+        return structure.frequency_response(lines, quantity=quantity, noise=noise, seed=seed)
+    rate = max(1 / structure.dt if structure.dt else 0.0, 2.56 * f.max())
+    if kind == "impulse":
+        return structure.impulse_response(count, sampling_rate=rate, quantity=quantity, noise=noise, seed=seed)
+    return structure.simulate(
+        inputs="ambient" if kind == "ambient" else "white",
+        samples=count,
+        sampling_rate=rate,
+        quantity=quantity,
+        noise=noise or 0.0,
+        seed=seed,
+    )

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.model.channels import QUANTITIES
-from modalscope.model.checks import Array, ComplexArray, DataError, RealArray
-from modalscope.model.entries import plainly
-from modalscope.model.modes import ModalModel
-from modalscope.model.poles import one_of_each_pair
+from modalscope.data.channels import QUANTITIES
+from modalscope.data.modes import ModalModel
+from modalscope.data.poles import one_of_each_pair
+from modalscope.numerics.arguments import plainly
+from modalscope.numerics.checks import Array, ComplexArray, DataError, RealArray
 
 __all__ = ["modal_damping", "modal_model", "undamped_modes"]
 

@@ -2,24 +2,192 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
+import numpy as np
+import scipy.linalg as sla
 from numpy.typing import ArrayLike
 
-from modalscope.model.channels import QUANTITIES
-from modalscope.model.checks import check_choice, real_array
-from modalscope.model.frequency import FrequencyResponse
-from modalscope.model.impulse import ImpulseResponse
-from modalscope.model.modes import ModalModel
-from modalscope.model.signals import Signals
-from modalscope.model.statespace import INPUTS, StateSpace
-from modalscope.systems.assembly import UNITS, Assembly, Dofs, initial_state
-from modalscope.systems.equations import dynamic_response, state_model
-from modalscope.systems.modal import modal_model
-from modalscope.systems.noise import Seed, add_noise
-from modalscope.systems.records import Inputs, simulate
+from modalscope.data.channels import QUANTITIES
+from modalscope.data.frequency import FrequencyResponse
+from modalscope.data.geometry import DofLike, Geometry, check_labels, indices_of
+from modalscope.data.impulse import ImpulseResponse
+from modalscope.data.modes import ModalModel
+from modalscope.data.records import Signals
+from modalscope.data.statespace import INPUTS, StateSpace
+from modalscope.numerics.checks import (
+    ComplexArray,
+    DataError,
+    RealArray,
+    check_choice,
+    check_positive,
+    freeze,
+    real_array,
+)
+from modalscope.systems.modal import modal_model, undamped_modes
+from modalscope.systems.records import Inputs, Seed, add_noise, simulate
 
 __all__ = ["Structure"]
+
+
+# ----------------------------------------------------------------------------------------------------------- equations
+# From M, D, K to a state-space model and to frequency responses (Eqs. 1-4).
+
+
+def state_model(
+    M: RealArray, D: RealArray, K: RealArray, rows: list[int], columns: list[int], quantity: str
+) -> StateSpace:
+    """Return x' = [[0, I], [-M^-1 K, -M^-1 D]] x + [0; M^-1 B_f] u with outputs `rows` of the quantity (Eqs. 2-4)."""
+    n = M.shape[0]
+    moved = sla.cho_solve(sla.cho_factor(M), np.hstack([K, D, np.eye(n)[:, columns]]))
+    lower, force = -moved[:, : 2 * n], moved[:, 2 * n :]
+    C = {"displacement": np.eye(n, 2 * n), "velocity": np.eye(n, 2 * n, n), "acceleration": lower}[quantity][rows]
+    direct = force[rows] if quantity == "acceleration" else np.zeros((len(rows), len(columns)))
+    A = np.vstack([np.eye(n, 2 * n, n), lower])
+    return StateSpace(A=A, B=np.vstack([np.zeros_like(force), force]), C=C, D=direct)
+
+
+def dynamic_response(
+    M: RealArray, D: RealArray, K: RealArray, rows: list[int], columns: list[int], quantity: str, lines: RealArray
+) -> ComplexArray:
+    """Return s^p (s^2 M + s D + K)^-1 at s = 2 pi j f as (lines, rows, columns), p = 0, 1, 2 by the quantity."""
+    values = np.empty((lines.size, len(rows), len(columns)), dtype=complex)
+    force = np.eye(M.shape[0])[:, columns]
+    for k, s in enumerate(2j * np.pi * lines):
+        try:
+            motion = np.linalg.solve(K + s * (D + s * M), force)
+        except np.linalg.LinAlgError:
+            raise DataError(
+                f"the frequency response at {lines[k]:g} Hz was asked",
+                "the structure has an undamped pole there",
+                "Leave that line out, or give damping or supports.",
+            ) from None
+        values[k] = s ** QUANTITIES[quantity] * motion[rows]
+    return values
+
+
+# ------------------------------------------------------------------------------------------------------------ assembly
+# Mass, damping and stiffness matrices on named degrees of freedom (Eq. 1).
+
+#: A choice of degrees of freedom: labels, or indices counted from zero.
+Dofs = Iterable[DofLike] | DofLike | None
+
+UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s2"}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Assembly:
+    """Matrices of M q'' + D q' + K q = f, checked, and which degrees of freedom are measured and forced.
+
+    The parameters are those of `Structure`, which adds what is measured on them.
+    """
+
+    mass: RealArray
+    stiffness: RealArray
+    damping: RealArray = None  # type: ignore[assignment]
+    outputs: tuple[int, ...] = None  # type: ignore[assignment]
+    inputs: tuple[int, ...] = None  # type: ignore[assignment]
+    dofs: tuple[str, ...] = None  # type: ignore[assignment]
+    dt: float | None = None
+    geometry: Geometry | None = None
+    name: str = "structure"
+
+    def __post_init__(self) -> None:
+        M = real_array("mass", self.mass, "(dofs, dofs)", 2)
+        given = {
+            "mass": M,
+            "stiffness": self.stiffness,
+            "damping": np.zeros(M.shape) if self.damping is None else self.damping,
+        }
+        matrices = {name: _symmetric(name, values, M.shape[0]) for name, values in given.items()}
+        if np.linalg.eigvalsh(M)[0] <= 0:
+            raise DataError(
+                "mass needs a positive definite matrix",
+                "it has an eigenvalue at or below zero",
+                "Give every degree of freedom a mass.",
+            )
+        labels = self.dofs if self.dofs is not None else tuple(f"{i + 1}:+X" for i in range(M.shape[0]))
+        dofs = check_labels("dofs", labels, M.shape[0], "q")
+        everything = tuple(range(len(dofs)))
+        freeze(
+            self,
+            **matrices,
+            dofs=dofs,
+            outputs=everything if self.outputs is None else tuple(indices_of("output", self.outputs, dofs)),
+            inputs=everything if self.inputs is None else tuple(indices_of("input", self.inputs, dofs)),
+            dt=None if self.dt is None else check_positive("dt", self.dt),
+        )
+
+    @property
+    def degrees(self) -> int:
+        """Number of degrees of freedom, n."""
+        return int(self.mass.shape[0])
+
+    def undamped_modes(self) -> tuple[RealArray, RealArray]:
+        """Return the undamped natural frequencies (rad/s, (n,)) and the shapes of unit modal mass ((n, n), as columns)."""
+        return undamped_modes(self.mass, self.stiffness)
+
+    def _positions(self, outputs: Dofs, inputs: Dofs) -> tuple[list[int], list[int]]:
+        rows = list(self.outputs) if outputs is None else indices_of("output", outputs, self.dofs)
+        columns = list(self.inputs) if inputs is None else indices_of("input", inputs, self.dofs)
+        return rows, columns
+
+    def _interval(self, sampling_rate: float | None) -> float:
+        if sampling_rate is not None:
+            return 1 / check_positive("sampling_rate", sampling_rate)
+        if self.dt is None:
+            raise DataError(
+                "a sampled response was asked",
+                f"{self.name} has no sampling interval of its own",
+                "Give sampling_rate.",
+            )
+        return self.dt
+
+    def _labels(self, rows: list[int], columns: list[int], quantity: str) -> dict[str, Any]:
+        return {
+            "output_dofs": tuple(self.dofs[i] for i in rows),
+            "input_dofs": tuple(self.dofs[i] for i in columns),
+            "units": (UNITS[quantity], "N"),
+            "geometry": self.geometry,
+            "processing": (f"simulated: {self.name}",),
+        }
+
+
+def initial_state(degrees: int, displacement: ArrayLike | None, velocity: ArrayLike | None) -> RealArray:
+    """Return [q; q'], (2 n,), of the displacements and velocities at the start; zero where none are given."""
+    start = np.zeros(2 * degrees)
+    for name, values, part in (
+        ("displacement", displacement, slice(0, degrees)),
+        ("velocity", velocity, slice(degrees, 2 * degrees)),
+    ):
+        if values is not None:
+            array = real_array(name, values, "(dofs,)", 1)
+            if array.size != degrees:
+                raise DataError(
+                    f"{name} needs {degrees} entries, one a degree of freedom",
+                    f"it has {array.size}",
+                    "Give zeros where nothing moves.",
+                )
+            start[part] = array
+    return start
+
+
+def _symmetric(name: str, values: ArrayLike, size: int) -> RealArray:
+    matrix = real_array(name, values, "(dofs, dofs)", 2)
+    if matrix.shape != (size, size):
+        raise DataError(
+            f"{name} needs shape {(size, size)}", f"it has {matrix.shape}", "Give square matrices of one size."
+        )
+    if np.abs(matrix - matrix.T).max(initial=0) > 1e-9 * np.abs(matrix).max(initial=0):
+        raise DataError(
+            f"{name} needs a symmetric matrix", "it is not", "Give A, B, C, D of other systems to StateSpace."
+        )
+    return matrix
+
+
+# ----------------------------------------------------------------------------------------------------------- structure
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)

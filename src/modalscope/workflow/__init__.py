@@ -1,1 +1,1 @@
-"""Floor 6: the whole job, from a path to a result, and the same again from its document."""
+"""The whole job: from a path to a result, and the same again from its document."""

@@ -7,23 +7,19 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from modalscope.blocks.threads import one_thread
+from modalscope.data.analysis import Analysis
+from modalscope.data.channels import choose_channels
+from modalscope.data.modes import ModalModel
+from modalscope.data.notes import Note
+from modalscope.data.results import Result, StabilizationDiagram
+from modalscope.doctor.examine import examine
 from modalscope.identification.options import AllOptions, labels_of
 from modalscope.judging.select import select
-from modalscope.modal.explained import explained, explains_enough, share_explained
-from modalscope.modal.heard import of_noise
-from modalscope.modal.rebuilt import fit_of
-from modalscope.model.analysis import Analysis
-from modalscope.model.channels import choose_channels
-from modalscope.model.checks import check_each
-from modalscope.model.diagram import StabilizationDiagram
-from modalscope.model.keywords import named
-from modalscope.model.kinds import check_kind
-from modalscope.model.modes import ModalModel
-from modalscope.model.notes import Note
-from modalscope.model.result import Result
-from modalscope.preprocess.quality import examine
-from modalscope.preprocess.resolution import leakage_note
+from modalscope.modal.rebuilt import explained, explains_enough, fit_of, of_noise, share_explained
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import check_each, check_kind
+from modalscope.numerics.resources import one_thread
+from modalscope.preprocess.frf import leakage_note
 from modalscope.workflow.chosen import modes_chosen
 from modalscope.workflow.parts import Choose, Look, looked_at
 from modalscope.workflow.sources import Reading, opened

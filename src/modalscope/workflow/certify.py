@@ -8,18 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.blocks.threads import one_thread
+from modalscope.data.records import Signals
+from modalscope.data.results import Result, StabilizationDiagram
+from modalscope.data.stored import StoredSignals
 from modalscope.identification.prepare import measure
-from modalscope.judging.certificate import Certificate, certified
-from modalscope.judging.parts import SPLIT
-from modalscope.judging.replicates import replicates_of
-from modalscope.model.checks import DataError, check_count
-from modalscope.model.diagram import StabilizationDiagram
-from modalscope.model.keywords import named
-from modalscope.model.kinds import check_kind
-from modalscope.model.result import Result
-from modalscope.model.signals import Signals
-from modalscope.model.stored import StoredSignals
+from modalscope.judging.bands import SPLIT
+from modalscope.judging.certificate import Certificate, certified, replicates_of
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import DataError, check_count, check_kind
+from modalscope.numerics.resources import one_thread
 from modalscope.workflow.analyze import analyze
 from modalscope.workflow.replay import replay
 

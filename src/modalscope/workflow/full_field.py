@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.blocks.threads import one_thread
-from modalscope.io.zarr_writer import modes_in_pieces
-from modalscope.modal.field_shapes import fitted_shapes
-from modalscope.model.checks import DataError, RealArray, check_kind, check_path
-from modalscope.model.keywords import named
-from modalscope.model.modes import ModalModel
-from modalscope.model.stored_response import StoredResponse
+from modalscope.data.modes import ModalModel
+from modalscope.data.stored import StoredResponse
+from modalscope.io.zarr import modes_in_pieces
+from modalscope.modal.shapes import fitted_shapes
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import DataError, RealArray, check_kind, check_path
+from modalscope.numerics.resources import one_thread
 
 __all__ = ["FullField", "full_field"]
 

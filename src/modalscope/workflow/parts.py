@@ -6,18 +6,17 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from modalscope.identification.conditioned import bands_of_record, looked_through
-from modalscope.identification.conditioned_setups import bands_of_setups
-from modalscope.judging.parts import Part, cut_of, holds_too_little, joined_diagram
+from modalscope.data.analysis import Analysis
+from modalscope.data.modes import ModalModel
+from modalscope.data.notes import Note
+from modalscope.data.records import Signals
+from modalscope.data.results import StabilizationDiagram
+from modalscope.data.setups import Setups
+from modalscope.identification.ambient import bands_of_record, bands_of_setups, looked_through
+from modalscope.judging.bands import Part, cut_of, holds_too_little, joined_diagram
 from modalscope.judging.select import select
 from modalscope.judging.stabilize import Watch, stabilize
-from modalscope.model.analysis import Analysis
-from modalscope.model.checks import DataError
-from modalscope.model.diagram import StabilizationDiagram
-from modalscope.model.modes import ModalModel
-from modalscope.model.notes import Note
-from modalscope.model.setups import Setups
-from modalscope.model.signals import Signals
+from modalscope.numerics.checks import DataError
 
 __all__ = ["Choose", "Look", "looked_at", "setups_apart"]
 

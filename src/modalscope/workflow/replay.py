@@ -5,13 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from modalscope.data.analysis import Analysis, SourceFile
+from modalscope.data.channels import files_of
+from modalscope.data.results import Result
 from modalscope.io.analysis import read_analysis
-from modalscope.model.analysis import Analysis, SourceFile
-from modalscope.model.checks import DataError
-from modalscope.model.keywords import named
-from modalscope.model.kinds import check_kind
-from modalscope.model.result import Result
-from modalscope.model.sources import files_of
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import DataError, check_kind
 from modalscope.workflow.analyze import Progress, analyzed
 from modalscope.workflow.sources import are_paths, opened, source_of_data
 

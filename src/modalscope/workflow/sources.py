@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data import Geometry, ModalModel, Note, StoredSignals
+from modalscope.data.analysis import SourceFile
+from modalscope.data.setups import Setups, as_test
+from modalscope.data.units import si_form
+from modalscope.doctor.places import named_by_place
 from modalscope.io import from_frame, survey
 from modalscope.io.arrays import to_arrays
 from modalscope.io.frames import is_frame
-from modalscope.model import Geometry, ModalModel, Note, StoredSignals
-from modalscope.model.analysis import SourceFile
-from modalscope.model.checks import DataError, check_each, check_kind
-from modalscope.model.setups import Setups, as_test
-from modalscope.model.si import si_form
+from modalscope.numerics.checks import DataError, check_each, check_kind
 from modalscope.preprocess.merging import merge
-from modalscope.preprocess.places import named_by_place
 
 __all__ = ["Reading", "are_paths", "opened", "source_of_data", "source_of_file"]
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import modalscope.io as mio
-from modalscope.model import FrequencyResponse, ModalModel
+from modalscope.data import FrequencyResponse, ModalModel
 from tests.io import samples
 
 pyuff = pytest.importorskip("pyuff")

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import modalscope.io as mio
+from modalscope.data import DataError, FrequencyResponse, ModalModel, Signals
 from modalscope.io.uff.function import read_function
 from modalscope.io.uff.scan import scan
-from modalscope.model import DataError, FrequencyResponse, ModalModel, Signals
 from tests.io import samples
 
 UNEVEN = FrequencyResponse(

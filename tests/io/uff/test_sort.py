@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 import modalscope.io as mio
-from modalscope.io.uff.function import Function
-from modalscope.io.uff.function_writer import write_function
-from modalscope.model import DataError, FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals
+from modalscope.data import DataError, FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals
+from modalscope.io.uff.function import Function, write_function
 from tests.io import samples
 from tests.support import refused
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.modal.explained import explained
-from modalscope.modal.rebuilt import fit_error, rebuilt
+from modalscope.modal.rebuilt import explained, fit_error, rebuilt
 from modalscope.plot.web.alive import alive_blob, front_end
 from modalscope.preprocess.singular_spectra import decomposition
 from modalscope.systems import chain5

@@ -8,15 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.io.columns.axis import sampling_of
-from modalscope.io.columns.lines import frequency_response, parts_by_name
-from modalscope.io.columns.parts import part_of
+from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, Signals
+from modalscope.io.columns.axis import check_numbers, sampling_of, with_rows
+from modalscope.io.columns.lines import frequency_response, part_of, parts_by_name
 from modalscope.io.columns.records import free_decay, records
-from modalscope.io.columns.roles import Role, ignored_columns, named_columns, role_by_words, spoken_roles
-from modalscope.io.columns.rows import check_numbers, with_rows
 from modalscope.io.columns.table import Column, Table, as_word, span
+from modalscope.io.columns.words import Role, ignored_columns, named_columns, role_by_words, spoken_roles
 from modalscope.io.contents import Contents, Finding, Options
-from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, Signals
 
 __all__ = ["COLUMN_OPTIONS", "contents_from_table"]
 

@@ -7,16 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.io.columns.axis import parts_of_epoch, same_rate, sampling_of
-from modalscope.io.columns.roles import Role, may_be_base
-from modalscope.io.columns.rows import longest_even
+from modalscope.data import DataError, ImpulseResponse, Signals
+from modalscope.data.channels import QUANTITIES
+from modalscope.data.geometry import label_of
+from modalscope.io.columns.axis import longest_even, parts_of_epoch, same_rate, sampling_of
 from modalscope.io.columns.table import Column, Table, as_word
-from modalscope.io.columns.words import factor_to_base, kind_of_unit
+from modalscope.io.columns.words import Role, factor_to_base, kind_of_unit, may_be_base
 from modalscope.io.contents import Options
-from modalscope.model import DataError, ImpulseResponse, Signals
-from modalscope.model.channels import QUANTITIES
-from modalscope.model.checks import RealArray, check_positive
-from modalscope.model.labels import label_of
+from modalscope.numerics.checks import RealArray, check_positive
 
 __all__ = ["free_decay", "records", "refuse_transposed", "sampling_rate"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from modalscope.model.checks import Array
+from modalscope.numerics.checks import Array
 
 __all__ = ["Column", "Table", "as_word", "span"]
 

@@ -7,6 +7,7 @@ from itertools import islice
 
 import numpy as np
 
+from modalscope.data import DataError
 from modalscope.io.limits import Room
 from modalscope.io.text.cells import (
     Dialect,
@@ -15,14 +16,14 @@ from modalscope.io.text.cells import (
     is_complex,
     is_missing,
     is_number,
+    is_stamp,
     is_value,
     number_of,
+    seconds_of,
     split,
     uncommented,
 )
-from modalscope.io.text.stamps import is_stamp, seconds_of
-from modalscope.model import DataError
-from modalscope.model.checks import Array
+from modalscope.numerics.checks import Array
 
 __all__ = ["kinds_of", "read_body"]
 

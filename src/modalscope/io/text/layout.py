@@ -6,11 +6,11 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from modalscope.io.columns.parts import part_of
+from modalscope.data import DataError
+from modalscope.io.columns.lines import part_of
 from modalscope.io.columns.words import factor_to_base, is_unit, kind_of_unit, plain_unit, split_head
 from modalscope.io.text.cells import Dialect, is_missing, is_number, number_of, split
 from modalscope.io.text.dialect import DELIMITERS, value_rows
-from modalscope.model import DataError
 
 __all__ = ["Layout", "layout_of", "rate_of_facts"]
 

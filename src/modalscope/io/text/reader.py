@@ -14,19 +14,17 @@ from pathlib import Path
 
 import numpy as np
 
+from modalscope.data import DataError
 from modalscope.io.columns import COLUMN_OPTIONS, Column, Table, contents_from_table
-from modalscope.io.columns.roles import ignored_columns
+from modalscope.io.columns.words import ignored_columns
 from modalscope.io.contents import Contents, Options
 from modalscope.io.limits import Room, room
 from modalscope.io.text.body import kinds_of, read_body
-from modalscope.io.text.cells import Dialect, is_value, split, uncommented
-from modalscope.io.text.dialect import DELIMITERS, dialect_of, words_of_delimiter
+from modalscope.io.text.cells import Dialect, is_value, seconds_of, split, uncommented
+from modalscope.io.text.dialect import DELIMITERS, dialect_of, encoding_of, lines_of, words_of_delimiter
 from modalscope.io.text.layout import Layout, layout_of, rate_of_facts
-from modalscope.io.text.source import encoding_of, lines_of
-from modalscope.io.text.stamps import seconds_of
 from modalscope.io.text.wrapped import gathered, head_of, runs_on, wrapped_contents
-from modalscope.model import DataError
-from modalscope.model.checks import Array, check_choice, check_count, check_positive
+from modalscope.numerics.checks import Array, check_choice, check_count, check_positive
 
 __all__ = ["TEXT_OPTIONS", "contents_of_lines", "read"]
 

@@ -13,12 +13,12 @@ from math import isfinite
 
 import numpy as np
 
+from modalscope.data import DataError, Signals
+from modalscope.data.shown import counted
+from modalscope.data.units import in_si
 from modalscope.io.columns import Column, Table, contents_from_table
 from modalscope.io.contents import Contents, Options
 from modalscope.io.limits import Room
-from modalscope.model import DataError, Signals
-from modalscope.model.shown import counted
-from modalscope.model.units import in_si
 
 __all__ = ["WrappedHead", "gathered", "head_of", "runs_on", "wrapped_contents"]
 

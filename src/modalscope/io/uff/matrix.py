@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
@@ -9,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, Signals
 from modalscope.io.limits import Room
-from modalscope.io.uff.dofs import QUANTITY_OF, sort_key
 from modalscope.io.uff.function import Function
-from modalscope.model import DataError
-from modalscope.model.checks import Array
+from modalscope.io.uff.layout import FORCES, QUANTITY_OF, sort_key
+from modalscope.numerics.checks import Array, RealArray
 
 __all__ = [
     "SAME",
@@ -22,12 +23,17 @@ __all__ = [
     "axis_words",
     "by_pair",
     "complete_block",
+    "kind_of",
     "largest_group",
     "matrix",
     "same_axis",
+    "sort_frequency",
+    "sort_impulse",
+    "sort_records",
     "units",
     "units_in",
 ]
+
 
 #: Abscissas agree when they differ by less than this part of a step: text files print few digits.
 SAME = 1e-3
@@ -187,3 +193,212 @@ def matrix(pairs: dict[Pair, Function], outputs: Sequence[str], inputs: Sequence
     values = np.stack([np.stack([pairs[o, i].values for i in inputs], axis=-1) for o in outputs], axis=1)
     pair = (units([pairs[o, inputs[0]] for o in outputs], si), units_in([pairs[outputs[0], i] for i in inputs], si))
     return {"values": values, "output_dofs": tuple(outputs), "input_dofs": tuple(inputs), "units": pair}
+
+
+# ---------------------------------------------------------------------------------------------------------------- sort
+# From many functions to one data object: which are taken, which are left, and why.
+
+_TIME, _FRF, _COHERENCE, _MULTIPLE = 1, 4, 6, 26
+_CORRELATIONS, _FILTER = (7, 8), 25
+
+
+def kind_of(function: Function) -> str:
+    """Return which data object a function can be part of: frequency response, impulse response, records, coherence or none."""
+    if function.kind == _FRF:
+        return "frequency response"
+    if function.kind in (*_CORRELATIONS, _FILTER) or (function.kind == _TIME and function.denominator in FORCES):
+        return "impulse response"
+    if function.kind == _TIME:
+        return "records"
+    return "coherence" if function.kind in (_COHERENCE, _MULTIPLE) else ""
+
+
+# ------------------------------------------------------------------------------------------------------------ the data objects
+
+
+def sort_frequency(
+    functions: Sequence[Function], coherences: Sequence[Function], options: dict[str, Any], si: bool, space: Room
+) -> Sorted:
+    """Make one matrix of frequency responses, with the coherence where it is complete."""
+    out = Sorted(room=space)
+    group = largest_group(functions, out, options.get("quantity"), by_quantity=True)
+    pairs = by_pair(group, out, options.get("repeated"))
+    outputs, inputs = complete_block(pairs, out)
+    fields = matrix(pairs, outputs, inputs, si)
+    quantity = QUANTITY_OF.get(group[0].quantity)
+    if quantity is None and options.get("quantity") is None:
+        out.notes.append("the quantity of the responses is not known: give quantity= when it matters")
+    coherence = _coherence(coherences, group[0], outputs, inputs, out)
+    x = group[0].x
+    out.thing = FrequencyResponse(frequencies=x, quantity=quantity, coherence=coherence, **fields)
+    return out
+
+
+def _coherence(
+    functions: Sequence[Function], like: Function, outputs: Sequence[str], inputs: Sequence[str], out: Sorted
+) -> RealArray | None:
+    """Return the coherence (lines, outputs[, inputs]) when there is one function for every channel taken."""
+    fitting: dict[Pair, Function] = {}
+    for function in functions:
+        if np.iscomplexobj(function.values) and function.values.imag.any():
+            out.left[function.place] = "a coherence is real"
+        elif not same_axis(function, like):
+            out.left[function.place] = f"another abscissa, {axis_words(function)}"
+        else:
+            fitting[function.output, function.input] = function
+    if not fitting:
+        return None
+    if all((o, i) in fitting for o in outputs for i in inputs):
+        used = [(o, i) for o in outputs for i in inputs]
+        array = np.stack([np.stack([fitting[o, i].values.real for i in inputs], axis=-1) for o in outputs], axis=1)
+    else:
+        alone = {o: f for (o, _), f in fitting.items()}
+        single = (
+            len(alone) == len(fitting)
+            and all(o in alone for o in outputs)
+            and (len(inputs) == 1 or all(f.kind == _MULTIPLE for f in alone.values()))
+        )
+        if not single:
+            there = sum((o, i) in fitting for o in outputs for i in inputs)
+            out.missing.append(f"coherence of every pair: {there} of {len(outputs) * len(inputs)} are there")
+            out.left |= {f.place: "the coherence is not complete" for f in fitting.values()}
+            return None
+        used = [(alone[o].output, alone[o].input) for o in outputs]
+        array = np.stack([alone[o].values.real for o in outputs], axis=-1)
+    out.left |= {f.place: "no response was taken for this pair" for key, f in fitting.items() if key not in used}
+    if array.min() < 0 or array.max() > 1 + 1e-6:
+        out.left |= {
+            fitting[key].place: f"a coherence lies between 0 and 1, this from {array.min():g} to {array.max():g}"
+            for key in used
+        }
+        return None
+    return array
+
+
+def _rate_of(function: Function, out: Sorted) -> float | None:
+    """Return samples per second, or None (with the reason) when the time axis is not even."""
+    steps = np.diff(function.x)
+    if steps.size == 0 or steps.min() <= 0 or np.ptp(steps) > SAME * steps.mean():
+        out.left[function.place] = "its time axis is not evenly spaced" if steps.size else "it has one sample"
+        return None
+    return float((function.x.size - 1) / (function.x[-1] - function.x[0]))
+
+
+def _evenly(functions: Sequence[Function], out: Sorted, what: str) -> list[Function]:
+    even = [function for function in functions if _rate_of(function, out) is not None]
+    if not even:
+        raise DataError(
+            f"{what} were asked", f"{next(iter(out.left.values()))}", "Resample them evenly before they are exported."
+        )
+    return even
+
+
+def sort_impulse(functions: Sequence[Function], options: dict[str, Any], si: bool, space: Room) -> Sorted:
+    """Make one impulse response: correlations by their type, samples over an excitation force as sampled impulse responses.
+
+    Correlations and pulse responses keep what stands at time zero apart, as `feedthrough`; negative lags are left.
+    """
+    out = Sorted(room=space)
+    kinds = Counter(_impulse_kind(f) for f in functions)
+    kind = options.get("kind") or _commonest(kinds)
+    # a kind that is asked for and not there is what the functions are meant to be
+    chosen = [f for f in functions if kind not in kinds or _impulse_kind(f) == kind]
+    kept = {f.place for f in chosen}
+    out.left |= {
+        f.place: f'it is a {_impulse_kind(f)} response where {kind} responses are taken; kind="{_impulse_kind(f)}" takes it'
+        for f in functions
+        if f.place not in kept
+    }
+    group = largest_group(_evenly(chosen, out, "impulse responses"), out, options.get("quantity"), by_quantity=True)
+    pairs = by_pair(group, out, options.get("repeated"))
+    outputs, inputs = complete_block(pairs, out)
+    fields = matrix(pairs, outputs, inputs, si)
+    rate, x = _rate_of(group[0], out) or 0.0, group[0].x
+    start = round(float(x[0]) * rate)
+    apart, values = kind in ("correlation", "pulse"), fields.pop("values").real
+    if start < 0:
+        out.notes.append(f"{-start} samples before time zero were left")
+        values, start = values[-start:], 0
+    direct = values[0] if apart and start == 0 else None
+    out.thing = ImpulseResponse(
+        values=values[1:] if direct is not None else values,
+        feedthrough=direct,
+        sampling_rate=rate,
+        kind=kind,
+        first_sample=0 if direct is not None else start - apart,
+        quantity=QUANTITY_OF.get(group[0].quantity),
+        **fields,
+    )
+    return out
+
+
+def _commonest(kinds: Counter[str]) -> str:
+    """Return the kind that most functions are of, or raise when two are as common: neither is what was meant before the other."""
+    first, *rest = kinds.most_common()
+    if rest and rest[0][1] == first[1]:
+        held = " and ".join(f"{count} {kind} responses" for kind, count in kinds.items())
+        raise DataError(
+            "impulse responses of one kind were asked",
+            f"the file holds {held}",
+            f'Choose one, read(..., kind="{first[0]}"), and read the other by itself.',
+        )
+    return first[0]
+
+
+def _impulse_kind(function: Function) -> str:
+    named = [
+        text.removeprefix("impulse response: ") for text in function.texts if text.startswith("impulse response: ")
+    ]
+    if named and named[0] in ("pulse", "dirac", "free decay", "correlation"):
+        return named[0]
+    return "correlation" if function.kind in _CORRELATIONS else "dirac"
+
+
+def sort_records(functions: Sequence[Function], options: dict[str, Any], si: bool, space: Room) -> Sorted:
+    """Make one record: forces are inputs, everything else outputs; channels that come R times each are R runs."""
+    out = Sorted(room=space)
+    group = largest_group(_evenly(functions, out, "records"), out, None, by_quantity=False)
+    forces = [f for f in group if f.quantity in FORCES]
+    others = [f for f in group if f.quantity not in FORCES]
+    if not others:
+        forces, others = [], group
+        out.notes.append("all channels are forces; they were taken as outputs")
+    sides = [_channels(side, out) for side in (others, forces)]
+    runs = {len(functions) for side in sides for functions in side.values()}
+    if len(runs) != 1:
+        counts = ", ".join([f"{label} {len(fs)}" for side in sides for label, fs in side.items()][:12])
+        raise DataError(
+            "records of whole runs were asked",
+            f"the channels come a different number of times: {counts}",
+            "Export every channel of every run, and nothing else.",
+        )
+    count = runs.pop()
+    first = [[fs[0] for fs in side.values()] for side in sides]
+    out.thing = Signals(
+        outputs=_stacked(sides[0], count),
+        inputs=_stacked(sides[1], count) if sides[1] else None,
+        sampling_rate=_rate_of(group[0], out) or 0.0,
+        quantities=tuple(QUANTITY_OF.get(f.quantity) for f in first[0]),
+        output_dofs=tuple(sides[0]),
+        input_dofs=tuple(sides[1]),
+        units=(tuple(units(first[0], si)), tuple(units(first[1], si))),
+    )
+    if count > 1:
+        out.notes.append(f"every channel was measured {count} times: {count} runs")
+    return out
+
+
+def _channels(functions: Sequence[Function], out: Sorted) -> dict[str, list[Function]]:
+    """Return functions by dof, sorted; when no channel has a dof they are named ch1, ch2, ... in the file's order."""
+    if len(functions) > 1 and {f.output for f in functions} == {"0:S"}:
+        out.notes.append("the channels have no dofs; they were named in the order of the file")
+        return {f"ch{k}": [f] for k, f in enumerate(functions, 1)}
+    channels: dict[str, list[Function]] = {}
+    for function in functions:
+        channels.setdefault(function.output, []).append(function)
+    return dict(sorted(channels.items(), key=lambda item: sort_key(item[0])))
+
+
+def _stacked(side: dict[str, list[Function]], runs: int) -> Array:
+    array = np.stack([np.stack([f.values.real for f in functions]) for functions in side.values()], axis=-1)
+    return array if runs > 1 else array[0]

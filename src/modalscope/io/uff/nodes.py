@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data import DataError, Geometry, parse_dof
 from modalscope.io.uff.layout import DAMAGED, Field, form, number, one_set, parse, whole
 from modalscope.io.uff.scan import Block
-from modalscope.model import DataError, Geometry, parse_dof
-from modalscope.model.checks import RealArray
+from modalscope.numerics.checks import RealArray
 
 __all__ = ["Parts", "add_block", "geometry_of", "write_lines", "write_nodes"]
 

@@ -6,17 +6,16 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from modalscope.data import DataError
 from modalscope.io.contents import Contents, Finding, Options
 from modalscope.io.limits import Room, room
 from modalscope.io.uff.function import Function, read_function
 from modalscope.io.uff.layout import DAMAGED, Field, number, parse
-from modalscope.io.uff.matrix import Sorted
+from modalscope.io.uff.matrix import Sorted, kind_of, sort_frequency, sort_impulse, sort_records
 from modalscope.io.uff.nodes import Parts, add_block, geometry_of
 from modalscope.io.uff.scan import Block, scan
 from modalscope.io.uff.shapes import Shape, modes_of, read_shape
-from modalscope.io.uff.sort import kind_of, sort_frequency, sort_impulse, sort_records
-from modalscope.model import DataError
-from modalscope.model.checks import check_choice
+from modalscope.numerics.checks import check_choice
 
 __all__ = ["READ_OPTIONS", "read"]
 

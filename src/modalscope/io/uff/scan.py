@@ -10,9 +10,9 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from modalscope.data import DataError
 from modalscope.io.limits import MOST_PARTS, Room, room
 from modalscope.io.uff.layout import Field, parse
-from modalscope.model import DataError
 
 __all__ = ["BINARY", "DELIMITER", "FORM", "HEADER_LINES", "Block", "scan"]
 

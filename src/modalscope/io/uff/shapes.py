@@ -8,13 +8,26 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data import DataError, ModalModel, parse_dof
+from modalscope.data.poles import poles_from
 from modalscope.io.limits import Room
-from modalscope.io.uff.dofs import DIRECTIONS, QUANTITY_CODES, QUANTITY_OF, code_of_direction, sort_key
-from modalscope.io.uff.layout import DAMAGED, Field, Record, form, number, one_set, parse, whole
+from modalscope.io.uff.layout import (
+    DAMAGED,
+    DIRECTIONS,
+    QUANTITY_CODES,
+    QUANTITY_OF,
+    Field,
+    Record,
+    code_of_direction,
+    form,
+    number,
+    one_set,
+    parse,
+    sort_key,
+    whole,
+)
 from modalscope.io.uff.scan import Block
-from modalscope.model import DataError, ModalModel, parse_dof
-from modalscope.model.checks import ComplexArray
-from modalscope.model.poles import poles_from
+from modalscope.numerics.checks import ComplexArray
 
 __all__ = ["Shape", "modes_of", "read_shape", "write_shapes"]
 

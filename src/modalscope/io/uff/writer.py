@@ -8,16 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data import DataError, FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals, StateSpace
+from modalscope.data.analysis import VERSION
 from modalscope.io.contents import Options, Plain
-from modalscope.io.uff.dofs import QUANTITY_CODES
-from modalscope.io.uff.function import Function
-from modalscope.io.uff.function_writer import write_function
-from modalscope.io.uff.layout import one_set
+from modalscope.io.uff.function import Function, write_function
+from modalscope.io.uff.layout import QUANTITY_CODES, one_set
 from modalscope.io.uff.nodes import write_lines, write_nodes
 from modalscope.io.uff.shapes import write_shapes
-from modalscope.model import DataError, FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals, StateSpace
-from modalscope.model.checks import RealArray, check_choice
-from modalscope.model.version import VERSION
+from modalscope.numerics.checks import RealArray, check_choice
 
 __all__ = ["WRITE_OPTIONS", "write"]
 

@@ -8,17 +8,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from modalscope.data import DataError, ModalModel, StabilizationDiagram
+from modalscope.data.results import Result
 from modalscope.identification.lookup import cell_label
-from modalscope.modal.explained import explained
-from modalscope.model import ModalModel, StabilizationDiagram
-from modalscope.model.checks import Array, IntArray
+from modalscope.judging.select import select
+from modalscope.modal.rebuilt import explained
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import Array, IntArray
+from modalscope.numerics.extras import optional_package
 from modalscope.plot.web.blob import pack
-from modalscope.plot.web.fits import fit_of_bands
 from modalscope.plot.web.modes import modes_parts
-from modalscope.plot.web.poles import asked_ends, band_of, behind, pole_arrays, rebuilt_lines, thinned
+from modalscope.plot.web.poles import asked_ends, band_of, behind, fit_of_bands, pole_arrays, rebuilt_lines, thinned
 from modalscope.preprocess.singular_spectra import Decomposition
 
-__all__ = ["alive_blob", "front_end"]
+__all__ = ["alive_blob", "front_end", "widget"]
+
 
 #: Numbers of channels that a blob holds at most, and lines a channel has at least and at most.
 _NUMBERS, _FEW, _MANY = 200_000, 100, 1500
@@ -120,3 +124,60 @@ def _shown(f: Array, modes: ModalModel, most: int) -> IntArray:
     near = np.min(np.abs(f[:, None] - modes.frequencies) / np.maximum(half, np.finfo(float).tiny), axis=1)
     peaks = np.argsort(near, kind="stable")[: most - most // 2]
     return np.unique(np.concatenate([even, peaks]))
+
+
+# -------------------------------------------------------------------------------------------------------------- widget
+# The page's pictures in a notebook.
+
+
+@named()
+def widget(thing: Any) -> Any:
+    """Show a result in a notebook: the diagram to zoom and hover, the modes, their shapes moving, every channel, and the MAC.
+
+    Parameters
+    ----------
+    thing : Result, StabilizationDiagram or (ModalModel, StabilizationDiagram)
+        Of a diagram alone the modes are selected automatically.
+
+    Returns
+    -------
+    anywidget.AnyWidget
+        With `chosen`, the index of the mode that is looked at; setting it chooses another.
+
+    Raises
+    ------
+    DataError
+        Something without modes and a diagram; anywidget (the extra `notebook`) or the front end is not there.
+    """
+    modes, diagrams = _pair(thing)
+    anywidget = optional_package("a widget", "anywidget", "notebook")
+    traitlets = optional_package("a widget", "traitlets", "notebook")
+    script, style = front_end("widget.js"), front_end("widget.css")
+    if script is None or style is None:
+        raise DataError(
+            "a widget was asked", "its front end is not built", "Say: make page (it needs Node 20 and npm)."
+        )
+    fields = {
+        "_esm": script,
+        "_css": style,
+        "blob": traitlets.Bytes().tag(sync=True),
+        "chosen": traitlets.Int(0).tag(sync=True),
+    }
+    return type("Widget", (anywidget.AnyWidget,), fields)(blob=alive_blob(modes, *diagrams))
+
+
+def _pair(thing: Any) -> tuple[ModalModel, tuple[StabilizationDiagram, ...]]:
+    """Return modes and their diagrams."""
+    if isinstance(thing, StabilizationDiagram):
+        return select(thing), (thing,)
+    if isinstance(thing, Result):
+        return thing.modes, thing.diagrams or (thing.diagram,)
+    if isinstance(thing, tuple) and len(thing) == 2:
+        modes, diagram = thing
+        if isinstance(modes, ModalModel) and isinstance(diagram, StabilizationDiagram):
+            return modes, (diagram,)
+    raise DataError(
+        "a widget was asked",
+        f"it was given {type(thing).__name__}",
+        "Give a result of analyze, a diagram of stabilize, or (modes, diagram).",
+    )

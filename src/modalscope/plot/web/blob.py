@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.model.checks import Array
+from modalscope.numerics.checks import Array
 
 __all__ = ["pack", "plain"]
 

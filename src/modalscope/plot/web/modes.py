@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data import DataError, Geometry, ModalModel
+from modalscope.data.modes import named_near
 from modalscope.modal.indicators import mac, mpc
-from modalscope.model import DataError, Geometry, ModalModel
-from modalscope.model.checks import Array, ComplexArray
-from modalscope.model.mode_names import named_near
+from modalscope.numerics.checks import Array, ComplexArray
 from modalscope.plot._camera import extent
 from modalscope.plot.web.blob import pack
 

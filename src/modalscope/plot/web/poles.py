@@ -7,33 +7,35 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.identification.cut import Cut
+from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, ModalModel, StabilizationDiagram
+from modalscope.data.poles import frequencies_and_damping
+from modalscope.data.records import Records, Signals
+from modalscope.data.response import Response
+from modalscope.data.shown import summary_of
 from modalscope.identification.lookup import cell_label
-from modalscope.identification.sweep import Sweep
-from modalscope.judging.stability import stable_against
-from modalscope.modal.rebuilt import rebuilt
-from modalscope.model import DataError, FrequencyResponse, ImpulseResponse, ModalModel, StabilizationDiagram
-from modalscope.model.checks import Array
-from modalscope.model.poles import frequencies_and_damping
-from modalscope.model.records import Records
-from modalscope.model.response import Response
-from modalscope.model.shown import summary_of
-from modalscope.model.signals import Signals
+from modalscope.identification.sweep import Cut, Sweep
+from modalscope.judging.stabilize import stable_against
+from modalscope.modal.rebuilt import fit_error, fit_error_heard, heard_lines, rebuilt
+from modalscope.numerics.checks import Array
 from modalscope.plot.diagrams import indicator_curves
 from modalscope.plot.web.blob import pack, plain
 from modalscope.preprocess import decomposition, estimate_frf
 
 __all__ = [
+    "Fit",
     "asked_ends",
     "band_of",
     "channel_blob",
     "curves_of",
     "cut_view",
+    "fit_of",
+    "fit_of_bands",
     "inside",
     "overview_blob",
     "poles_blob",
     "rebuilt_lines",
 ]
+
 
 #: Curves of an indicator that are drawn, and points of each: more than a screen has.
 _CURVES, _POINTS = 3, 200_000
@@ -292,3 +294,34 @@ def _lines_of(response: Response, modes: ModalModel, output: int, column: int) -
     f, H = response.spectrum()
     G = np.fft.rfft(fitted[:, output, column], n=8 * response.samples) / response.sampling_rate
     return f, H[:, output, column], G
+
+
+# ---------------------------------------------------------------------------------------------------------------- fits
+# What modes leave of the data, by the same rule wherever it is told: reports, the page, what a report holds to zoom and turn.
+
+#: Fit error in all and per channel (l, m), or None when the modes cannot be rebuilt.
+Fit = tuple[float, Array] | None
+
+
+def fit_of(modes: ModalModel, response: Response) -> Fit:
+    """Return what the modes leave of the data, in all and per channel; None when they cannot be rebuilt."""
+    return None if modes.participation is None else fit_error_heard(response, rebuilt(response, modes))
+
+
+def fit_of_bands(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> Fit:
+    """Return the same of all bands together, each by its own modes on its own lines."""
+    if len(diagrams) == 1 or modes.participation is None:
+        return fit_of(modes, diagrams[0].response)
+    parts = [_heard_part(modes, diagram, len(diagrams)) for diagram in diagrams]
+    measured, own = (np.concatenate(side) for side in zip(*parts, strict=True))
+    return fit_error(measured, own)
+
+
+def _heard_part(modes: ModalModel, diagram: StabilizationDiagram, bands: int) -> tuple[Array, Array]:
+    """Return measured and rebuilt values on the lines of a band that hold more than noise."""
+    lines, measured, own = rebuilt_lines(modes, diagram, bands)
+    heard = heard_lines(diagram.response)
+    if heard.all():
+        return measured, own
+    kept = np.isin(lines, np.asarray(diagram.response.spectrum()[0])[heard])
+    return measured[kept], own[kept]

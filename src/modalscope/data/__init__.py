@@ -1,0 +1,59 @@
+"""Data classes: measurements, models and results, checked when they are made, and what they convert to."""
+
+from importlib import import_module
+
+from modalscope.data.analysis import Analysis
+from modalscope.data.frequency import FrequencyResponse
+from modalscope.data.geometry import Dof, Geometry, parse_dof
+from modalscope.data.impulse import ImpulseResponse
+from modalscope.data.mode_fields import Candidate, Harmonic
+from modalscope.data.modes import ModalModel, Mode
+from modalscope.data.notes import Note
+from modalscope.data.records import Records, Signals, as_records
+from modalscope.data.results import Result, StabilizationDiagram
+from modalscope.data.setups import Setups
+from modalscope.data.statespace import StateSpace
+from modalscope.data.stored import StoredResponse, StoredSignals
+from modalscope.numerics.arguments import plain_methods
+from modalscope.numerics.checks import DataError
+
+__all__ = [
+    "Candidate",
+    "DataError",
+    "Dof",
+    "FrequencyResponse",
+    "Geometry",
+    "Harmonic",
+    "ImpulseResponse",
+    "ModalModel",
+    "Mode",
+    "Note",
+    "Records",
+    "Setups",
+    "Signals",
+    "StabilizationDiagram",
+    "StateSpace",
+    "StoredResponse",
+    "StoredSignals",
+    "as_records",
+    "parse_dof",
+]
+
+import_module("modalscope.data.summaries")  # what data show of themselves
+
+plain_methods(
+    Analysis,
+    FrequencyResponse,
+    Geometry,
+    ImpulseResponse,
+    ModalModel,
+    Note,
+    Records,
+    Result,
+    Setups,
+    Signals,
+    StabilizationDiagram,
+    StateSpace,
+    StoredResponse,
+    StoredSignals,
+)

@@ -1,0 +1,150 @@
+"""An analysis as a document: every choice that was made, so that it can be stored, read and done again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from modalscope.numerics.checks import DataError, check_band, check_count, check_kind, freeze
+
+__all__ = ["SCHEMA", "VERSION", "Analysis", "SourceFile"]
+
+
+# ------------------------------------------------------------------------------------------------------------- version
+# The version, as files and reports say it; a test holds it to that of the face and of the project file.
+
+VERSION = "0.2.0"
+
+
+# ------------------------------------------------------------------------------------------------------------ analysis
+
+#: Number of the layout; a document of a later one is refused, not guessed at.
+SCHEMA = 1
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class SourceFile:
+    """A file that was analysed, and how to tell that it is still the same.
+
+    Parameters
+    ----------
+    path : str
+        Empty for data that came from no file.
+    size : int
+        Bytes.
+    sha256 : str
+        Of the file; of the arrays where there is none.
+    reading : mapping
+        Options that it was read with.
+    """
+
+    path: str = ""
+    size: int = 0
+    sha256: str = ""
+    reading: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Analysis:
+    """The choices of an analysis; what is None or empty was left to the program.
+
+    Parameters
+    ----------
+    schema : int
+        Number of the layout.
+    version : str
+        Of the program that made it.
+    files : tuple of SourceFile
+    bands : tuple of (float, float)
+        Hz.
+    exclude : tuple of labels
+        Channels left out.
+    route : str
+        From records with inputs, "auto" by default.
+    method, domain : str, optional
+        The cell of the table.
+    orders : tuple of int, optional
+    options : mapping
+        Further options of the data matrix.
+    frequencies : tuple of float, optional
+        Hz: nothing but the modes there is reported.
+    taken, refused : tuple of float
+        Modes taken beside the automatic ones, and automatic ones refused, Hz.
+    refine : bool
+        Whether the selected modes are refined.
+    apart : bool
+        Whether setups are identified one by one and their modes merged.
+    names : mapping of frequency as text to name
+        What the user calls modes.
+    remarks : tuple of str
+        What the user had to say.
+
+    Raises
+    ------
+    DataError
+        A layout of another version, or choices of the wrong kind.
+    """
+
+    schema: int = SCHEMA
+    version: str = VERSION
+    files: tuple[SourceFile, ...] = ()
+    bands: tuple[tuple[float, float], ...] = ()
+    exclude: tuple[Any, ...] = ()
+    route: str = "auto"
+    method: str | None = None
+    domain: str | None = None
+    orders: tuple[int, ...] | None = None
+    options: Mapping[str, Any] = field(default_factory=dict)
+    frequencies: tuple[float, ...] | None = None
+    taken: tuple[float, ...] = ()
+    refused: tuple[float, ...] = ()
+    refine: bool = True
+    apart: bool = False
+    names: Mapping[str, str] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if check_count("schema", self.schema) > SCHEMA:
+            raise DataError(
+                f"an analysis of layout {self.schema} was given",
+                f"this version knows layouts up to {SCHEMA}",
+                "Use the version that wrote it, or a later one.",
+            )
+        check_kind("options of an analysis", self.options, Mapping)
+        check_kind("refine", self.refine, bool)
+        check_kind("apart", self.apart, bool)
+        freeze(
+            self,
+            bands=tuple(check_band(band) for band in self.bands),
+            exclude=tuple(self.exclude),
+            orders=None if self.orders is None else tuple(int(n) for n in self.orders),
+            frequencies=None if self.frequencies is None else tuple(float(f) for f in self.frequencies),
+            taken=tuple(float(f) for f in self.taken),
+            refused=tuple(float(f) for f in self.refused),
+            remarks=tuple(str(text) for text in self.remarks),
+        )
+
+    @property
+    def reading(self) -> dict[str, Any] | list[dict[str, Any]]:
+        """Options that the files were read with: of all of them where they are the same, else of each."""
+        each = [dict(file.reading) for file in self.files] or [{}]
+        return each[0] if all(own == each[0] for own in each) else each
+
+    def choices(self) -> dict[str, Any]:
+        """Return what was chosen, by the keywords of `analyze`; what was left to the program is left out."""
+        bands = self.bands[0] if len(self.bands) == 1 else self.bands or None
+        named = {
+            "band": bands,
+            "exclude": self.exclude or None,
+            "route": None if self.route == "auto" else self.route,
+            "method": self.method,
+            "domain": self.domain,
+            "orders": self.orders,
+            "frequencies": self.frequencies,
+            "take": self.taken or None,
+            "refuse": self.refused or None,
+            "refine": None if self.refine else False,
+            "apart": self.apart or None,
+        }
+        return {**{name: value for name, value in named.items() if value is not None}, **self.options}

@@ -1,0 +1,316 @@
+"""What records and responses share: labels, units and geometry of their channels, and the processing done so far."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any, Self, TypeAlias
+
+from modalscope.data.geometry import DofLike, Geometry, check_labels, indices_of
+from modalscope.data.shown import Shown
+from modalscope.numerics.checks import DataError, check_choice, check_each, check_kind, check_path, freeze
+
+__all__ = [
+    "AUTO",
+    "KINDS",
+    "QUANTITIES",
+    "Channels",
+    "Chosen",
+    "Groups",
+    "SourcePath",
+    "check_groups",
+    "check_quantity",
+    "check_source",
+    "choose_channels",
+    "chosen_groups",
+    "derivatives_between",
+    "files_of",
+    "input_groups",
+    "known_quantity",
+    "run_groups",
+    "source_of",
+]
+
+
+# ------------------------------------------------------------------------------------------------------------- sources
+# The files that data came from: nothing that is written may take their place.
+
+#: One file; several where data of several were put together; None where data were made.
+SourcePath: TypeAlias = Path | tuple[Path, ...] | None
+
+
+def check_source(given: Any) -> SourcePath:
+    """Return a name, or several, as paths; each once.
+
+    Parameters
+    ----------
+    given : path, sequence of paths or None
+
+    Raises
+    ------
+    DataError
+        Something that names no file.
+
+    Examples
+    --------
+    >>> check_source(["a.npz", "a.npz"]) == Path("a.npz")
+    True
+    """
+    names = given if isinstance(given, tuple | list) else () if given is None else (given,)
+    paths = tuple(dict.fromkeys(check_path(name) for name in names))
+    return paths if len(paths) > 1 else next(iter(paths), None)
+
+
+def files_of(data: Any) -> tuple[Path, ...]:
+    """Return the files that data came from, none where that is not known.
+
+    Parameters
+    ----------
+    data : object
+        With a `source_path`, or without.
+    """
+    held = getattr(data, "source_path", None)
+    return held if isinstance(held, tuple) else () if held is None else (held,)
+
+
+def source_of(parts: Iterable[Any]) -> SourcePath:
+    """Return where data that are put together came from: the files of all parts.
+
+    Parameters
+    ----------
+    parts : iterable of data
+    """
+    return check_source([file for part in parts for file in files_of(part)])
+
+
+# -------------------------------------------------------------------------------------------------------------- groups
+# Groups: parts of a measurement that repeat it, so that what they disagree by can be told from its noise.
+
+#: One label a part; None when the parts are not to be told apart.
+Groups = tuple[str, ...] | None
+
+#: What stands for the default.
+AUTO: Any = "auto"
+
+#: Fewer inputs than this say too little about how far they disagree.
+_LEAST = 4
+
+
+def input_groups(input_dofs: Sequence[str]) -> Groups:
+    """Return a group an input column where there are at least four, else None."""
+    return tuple(input_dofs) if len(input_dofs) >= _LEAST else None
+
+
+def run_groups(count: int) -> Groups:
+    """Return a group a run where there are several, else None."""
+    return tuple(f"run {k + 1}" for k in range(count)) if count > 1 else None
+
+
+def chosen_groups(groups: Groups, parts: Sequence[int]) -> Groups:
+    """Return the labels of some of the parts."""
+    return None if groups is None else tuple(groups[k] for k in parts)
+
+
+def check_groups(groups: Any, count: int, part: str, default: Groups) -> Groups:
+    """Return the groups of `count` parts: one label each, None, or the default for "auto".
+
+    Parameters
+    ----------
+    groups : sequence of labels, "auto" or None
+        Parts of the same label belong together.
+    count : int
+        How many parts there are.
+    part : str
+        What a part is, in words.
+    default : tuple of str or None
+        What "auto" stands for.
+
+    Raises
+    ------
+    DataError
+        Another number of labels than parts.
+    """
+    if groups is None or (isinstance(groups, str) and groups == AUTO):
+        return default if groups is not None else None
+    labels = tuple(str(label) for label in check_each("groups", groups, f"one label {part}"))
+    if len(labels) != count:
+        raise DataError(
+            f"groups needs {count} labels, one {part}",
+            f"{len(labels)} are given",
+            'Give one each, groups=None for no groups, or groups="auto".',
+        )
+    return labels
+
+
+# ------------------------------------------------------------------------------------------------------------ channels
+
+#: Derivatives of the displacement that each quantity is.
+QUANTITIES = {"displacement": 0, "velocity": 1, "acceleration": 2}
+
+#: Where a Markov sequence came from (see `ImpulseResponse`).
+KINDS = ("pulse", "dirac", "correlation", "free decay")
+
+Units = tuple[tuple[str, ...], tuple[str, ...]]
+
+
+def check_quantity(quantity: str | None) -> str | None:
+    """Return the quantity, or raise when it is not one of displacement, velocity, acceleration or None."""
+    return None if quantity is None else check_choice("quantity", quantity, QUANTITIES)
+
+
+def derivatives_between(quantity: str | None, wanted: str) -> int:
+    """Return how often `quantity` is differentiated to give `wanted`; an unknown quantity is an error."""
+    check_choice("quantity", wanted, QUANTITIES)
+    return QUANTITIES[wanted] - QUANTITIES[known_quantity(quantity, f"the response as {wanted} was asked")]
+
+
+def known_quantity(quantity: str | None, asked: str, *, lost: str = "", otherwise: str = "") -> str:
+    """Return the quantity of a response, or raise when it is not known: what is lost with it, and another way out."""
+    if quantity is None:
+        raise DataError(
+            asked,
+            f"the quantity of the response is not known{lost}",
+            f'Give quantity="displacement", "velocity" or "acceleration" with the data{otherwise}.',
+        )
+    return quantity
+
+
+def _one_side(name: str, unit: str | Sequence[str] | None, count: int) -> tuple[str, ...]:
+    if unit is None:
+        return ("",) * count
+    if isinstance(unit, str):
+        return (unit,) * count
+    each = check_each(f"units of the {name}", unit, "one unit, or one a channel")
+    if len(each) != count:
+        raise DataError(
+            f"{name} needs {count} units, one a channel",
+            f"{len(each)} are given",
+            "Give one a channel, or one for all.",
+        )
+    return tuple(str(u) for u in each)
+
+
+Chosen = Iterable[DofLike] | DofLike | None
+
+
+def choose_channels(
+    output_dofs: Sequence[str], input_dofs: Sequence[str], outputs: Chosen, inputs: Chosen, exclude: Chosen
+) -> tuple[list[int], list[int]]:
+    """Return the indices of the outputs and of the inputs that are chosen (see `Channels.select`)."""
+    rows = list(range(len(output_dofs))) if outputs is None else indices_of("output", outputs, output_dofs)
+    columns = list(range(len(input_dofs))) if inputs is None else indices_of("input", inputs, input_dofs)
+    if exclude is not None:
+        both = (*output_dofs, *(dof for dof in input_dofs if dof not in output_dofs))
+        out = {both[i] for i in indices_of("channel to exclude", exclude, both)}
+        rows = [i for i in rows if output_dofs[i] not in out]
+        kept = [i for i in columns if input_dofs[i] not in out]
+        if columns and not kept:
+            raise DataError(
+                f"excluding {', '.join(sorted(out))} was asked", "that leaves no input", "Exclude fewer channels."
+            )
+        columns = kept
+    if not rows:
+        raise DataError("a choice of channels needs at least one output", "none is left", "Exclude fewer channels.")
+    return rows, columns
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
+class Channels(Shown, ABC):
+    """Labels, units, geometry and history, common to `Signals`, `ImpulseResponse` and `FrequencyResponse`.
+
+    Parameters
+    ----------
+    output_dofs, input_dofs : sequence of labels, optional
+        Strings such as `3:+Z`, or pairs (node, direction). Without them the channels are called y1, y2, ... and u1, u2, ...
+    units : str or (outputs, inputs), optional
+        One unit for all outputs, or a pair; each of its sides is one unit or one a channel.
+    geometry : Geometry, optional
+        Where the channels are.
+    processing : sequence of str, optional
+        What was done to the data so far, in words.
+    source_path : path or paths, optional
+        The file that the data came from, or the files: none of them is overwritten.
+    """
+
+    output_dofs: tuple[str, ...] = None  # type: ignore[assignment]
+    input_dofs: tuple[str, ...] = None  # type: ignore[assignment]
+    units: Units = None  # type: ignore[assignment]
+    geometry: Geometry | None = None
+    processing: tuple[str, ...] = ()
+    source_path: SourcePath = field(default=None, compare=False)
+
+    def _label(self, outputs: int, inputs: int) -> None:
+        units: Any = self.units
+        pair = (
+            (units, None)
+            if units is None or isinstance(units, str)
+            else check_each("units", units, "one unit or a pair")
+        )
+        if len(pair) != 2:
+            raise DataError(
+                "units needs one unit or a pair (outputs, inputs)",
+                f"{len(pair)} are given",
+                'Give units=("m/s2", "N").',
+            )
+        if self.geometry is not None:
+            check_kind("geometry", self.geometry, Geometry)
+        steps = [self.processing] if isinstance(self.processing, str) else self.processing
+        freeze(
+            self,
+            output_dofs=check_labels("output_dofs", self.output_dofs, outputs, "y"),
+            input_dofs=check_labels("input_dofs", self.input_dofs, inputs, "u"),
+            units=(_one_side("outputs", pair[0], outputs), _one_side("inputs", pair[1], inputs)),
+            processing=tuple(str(step) for step in check_each("processing", steps, "one text a step")),
+            source_path=check_source(self.source_path),
+        )
+
+    def _cut(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
+        """Return the changed fields for a choice of channels; data classes add their own arrays."""
+        return {
+            "output_dofs": tuple(self.output_dofs[i] for i in outputs),
+            "input_dofs": tuple(self.input_dofs[i] for i in inputs),
+            "units": (tuple(self.units[0][i] for i in outputs), tuple(self.units[1][i] for i in inputs)),
+        }
+
+    def labelled(self) -> dict[str, Any]:
+        """Return labels, units, geometry, history and file by name, for other data of the same channels."""
+        return {each.name: getattr(self, each.name) for each in fields(Channels)}
+
+    def processed(self, step: str) -> Self:
+        """Return the same data with one more step of processing written down.
+
+        Parameters
+        ----------
+        step : str
+            What was done, in words.
+        """
+        return replace(self, processing=(*self.processing, step))
+
+    def select(
+        self,
+        outputs: Chosen = None,
+        inputs: Chosen = None,
+        exclude: Chosen = None,
+    ) -> Self:
+        """Return some of the channels, named by label or counted from zero.
+
+        Parameters
+        ----------
+        outputs, inputs : labels or indices, optional
+            Channels to keep; all by default.
+        exclude : labels, optional
+            Channels to leave out, on whichever side they stand.
+
+        Raises
+        ------
+        DataError
+            A channel that is not there, or none left.
+        """
+        rows, columns = choose_channels(self.output_dofs, self.input_dofs, outputs, inputs, exclude)
+        return replace(self, **self._cut(rows, columns), **self._arrays(rows, columns))
+
+    @abstractmethod
+    def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
+        """Return the arrays for a choice of channels."""

@@ -1,0 +1,475 @@
+"""Frequency responses: measured transfer functions on the lines of a band."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from modalscope.data.channels import (
+    AUTO,
+    Groups,
+    check_groups,
+    check_quantity,
+    chosen_groups,
+    derivatives_between,
+    input_groups,
+)
+from modalscope.data.impulse import ImpulseResponse
+from modalscope.data.pole_basis import ModalBasis, line_basis, line_data, line_functions, residual_powers, scaled_terms
+from modalscope.data.response import AsLines, AsSamples, Response
+from modalscope.numerics.checks import (
+    Array,
+    ComplexArray,
+    DataError,
+    IntArray,
+    RealArray,
+    check_band,
+    check_count,
+    check_index,
+    check_number,
+    check_positive,
+    complex_array,
+    freeze,
+    real_array,
+)
+
+if TYPE_CHECKING:
+    from modalscope.data.modes import ModalModel
+    from modalscope.data.statespace import StateSpace
+
+__all__ = ["FrequencyResponse", "lines_inside"]
+
+
+# --------------------------------------------------------------------------------------------------------- line checks
+# What the lines of a frequency response must be, and what stands beside their values.
+
+
+def check_lines(lines: RealArray, values: ComplexArray) -> None:
+    """Refuse no lines, another number of them than values, lines that are negative or do not increase, and magnitudes."""
+    shape = values.shape
+    if 0 in shape or lines.size == 0:
+        raise DataError(
+            "a frequency response needs at least one line and channel",
+            f"its shape is {shape}",
+            "Measure at least one line.",
+        )
+    if lines.size != shape[0]:
+        raise DataError(
+            f"frequencies needs one entry for each of the {shape[0]} lines of values, shape {shape}",
+            f"it has {lines.size}",
+            "Lines come first in values: (lines, outputs, inputs); transpose it if they stand elsewhere.",
+        )
+    if lines[0] < 0:
+        raise DataError(
+            "frequencies needs lines at or above 0 Hz",
+            f"the first is {lines[0]:g} Hz",
+            "Leave the negative half of the spectrum out.",
+        )
+    falling = np.flatnonzero(np.diff(lines) <= 0)
+    if falling.size:
+        k = int(falling[0])
+        raise DataError(
+            "frequencies needs increasing lines",
+            f"line {k + 1} ({lines[k + 1]:g} Hz) does not lie above line {k} ({lines[k]:g} Hz)",
+            "Sort the lines together with their values and drop the repeated ones.",
+        )
+    _check_complex(values, lines)
+
+
+def _check_complex(values: ComplexArray, lines: RealArray) -> None:
+    """Refuse magnitudes; a single line may be real by chance, and an undamped model's real response changes sign."""
+    if lines.size > 1 and not values.imag.any() and values.real.any() and values.real.min() >= 0:
+        raise DataError(
+            "values needs complex frequency responses",
+            "they have no imaginary part and are never negative: magnitudes",
+            "Give real and imaginary parts.",
+        )
+
+
+def check_beside(name: str, array: Array | None, shape: tuple[int, ...]) -> RealArray | None:
+    """Return the coherence or the variance that stands beside values of a shape, checked; None when there is none."""
+    if array is None:
+        return None
+    checked = real_array(name, array, "(lines, outputs) or (lines, outputs, inputs)", (2, 3))
+    if checked.shape not in (shape, shape[:2]) or (name == "variance" and checked.ndim != 3):
+        raise DataError(
+            f"{name} needs the shape of values, {shape}",
+            f"it has {checked.shape}",
+            "Give one entry for each line and channel.",
+        )
+    low, high = float(checked.min()), float(checked.max())
+    if low < -1e-9 or (name == "coherence" and high > 1 + 1e-6):
+        raise DataError(
+            f"{name} needs values of at least 0" + (" and at most 1" if name == "coherence" else ""),
+            f"they lie between {low:g} and {high:g}",
+            f"Correct the {name}, or leave it out.",
+        )
+    return checked
+
+
+def check_rate(sampling_rate: float | None, lines: RealArray) -> float | None:
+    """Return the sampling rate, or raise where lines lie above half of it; None for a continuous structure."""
+    rate = None if sampling_rate is None else check_positive("sampling_rate", sampling_rate)
+    if rate is not None and lines[-1] > rate / 2 * (1 + 1e-9):
+        raise DataError(
+            f"lines up to half the sampling rate, {rate / 2:g} Hz, were asked",
+            f"there are lines up to {lines[-1]:g} Hz",
+            "Correct the sampling rate, or leave it out for the response of a continuous structure.",
+        )
+    return rate
+
+
+def lines_inside(lines: RealArray, band: tuple[float, float]) -> IntArray:
+    """Return which lines lie in a band, Hz, or raise where none does."""
+    low, high = check_band(band)
+    inside = np.flatnonzero((lines >= low) & (lines <= high))
+    if not inside.size:
+        raise DataError(
+            f"the band {low:g} to {high:g} Hz was asked",
+            f"the {lines.size} lines lie from {lines.min():g} to {lines.max():g} Hz, none of them inside",
+            "Choose a band that holds measured lines.",
+        )
+    return inside
+
+
+# ----------------------------------------------------------------------------------------------------- line transforms
+# Frequency responses in another quantity, and as samples.
+
+
+def in_quantity(response: FrequencyResponse, wanted: str) -> FrequencyResponse:
+    """Return a response in another quantity (see `FrequencyResponse.as_quantity`)."""
+    power = derivatives_between(response.quantity, wanted)
+    if power < 0 and response.frequencies[0] == 0:
+        raise DataError(
+            f"the {response.quantity} as {wanted} was asked",
+            "its first line lies at 0 Hz, where that divides by zero",
+            "Leave that line out with band().",
+        )
+    factor = (2j * np.pi * response.frequencies) ** power
+    variance = None if response.variance is None else response.variance * np.abs(factor[:, None, None]) ** 2
+    note = f"{response.quantity} turned into {wanted} in the frequency domain"
+    units = response.units if power == 0 else (("",) * len(response.output_dofs), response.units[1])
+    return replace(
+        response,
+        values=response.values * factor[:, None, None],
+        variance=variance,
+        quantity=wanted,
+        units=units,
+        processing=(*response.processing, note),
+    )
+
+
+def inverse_transform(response: FrequencyResponse) -> ImpulseResponse:
+    """Return the inverse Fourier transform of the lines (see `FrequencyResponse.to_impulse_response`)."""
+    spectrum, step = _from_zero(response)
+    held = response.sampling_rate is not None
+    length = 2 * (spectrum.shape[0] - 1)
+    rate = length * step
+    if response.sampling_rate is not None:
+        rate = response.sampling_rate
+        length = round(rate / step)
+        if abs(rate / step - length) > 1e-3:
+            raise DataError(
+                "the inverse transform of a sampled response needs lines that divide the sampling rate",
+                f"{rate:g} Hz holds {rate / step:.6g} steps of {step:g} Hz",
+                "Use a frequency-domain method (domain='z'), which takes any lines.",
+            )
+    samples = np.fft.irfft(spectrum, n=length, axis=0)
+    note = (
+        f"inverse transform of {response.lines} lines, {response.frequencies[0]:g} to {response.frequencies[-1]:g} Hz"
+    )
+    return ImpulseResponse(
+        values=samples[1:] if held else samples[1:] * rate,
+        feedthrough=samples[0],
+        sampling_rate=rate,
+        kind="pulse" if held else "dirac",
+        first_sample=0 if held else 1,
+        quantity=response.quantity,
+        added_damping=response.added_damping,
+        groups=response.groups,
+        **response.labelled(),
+    ).processed(note)
+
+
+def _from_zero(response: FrequencyResponse) -> tuple[ComplexArray, float]:
+    """Return values on all multiples of the lines' spacing from 0 Hz, zero below the band, and that spacing in Hz."""
+    if response.lines < 2:
+        raise DataError("an inverse transform needs a band of lines", "there is one line", "Measure more lines.")
+    step = (response.frequencies[-1] - response.frequencies[0]) / (response.lines - 1)
+    bins = response.frequencies / step
+    whole = np.rint(bins).astype(int)
+    if np.max(np.abs(bins - whole)) > 1e-3 or np.any(np.diff(whole) != 1):
+        steps = np.diff(response.frequencies)
+        raise DataError(
+            "an inverse transform needs equally spaced lines on multiples of their spacing",
+            f"they start at {response.frequencies[0]:g} Hz with steps from {steps.min():g} to {steps.max():g} Hz",
+            "Use a frequency-domain method (domain='s' or 'z'), which takes any lines.",
+        )
+    spectrum = np.zeros((whole[-1] + 1, *response.values.shape[1:]), dtype=complex)
+    spectrum[whole] = response.values
+    return spectrum, float(step)
+
+
+# ----------------------------------------------------------------------------------------------------------- frequency
+
+#: Up to so many lines residuals explain the modes themselves.
+_FEW_LINES = 8
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
+class FrequencyResponse(Response):
+    """Complex frequency responses H(f) = output / input on increasing lines.
+
+    Parameters
+    ----------
+    values : array of complex, (F, l, m)
+        F lines, l outputs, m inputs.
+    frequencies : array, (F,)
+        The lines in Hz, increasing, from any band.
+    quantity : str, optional
+        Displacement, velocity or acceleration of the outputs.
+    sampling_rate : float, optional
+        Samples per second when the response is that of a sampled system, H(exp(j 2 pi f / fs)); None when it is that
+        of the continuous structure.
+    coherence : array, (F, l) or (F, l, m), optional
+        Ordinary or multiple coherence of the estimates.
+    variance : array, (F, l, m), optional
+        Variance of the complex estimates, E|H - E H|^2.
+    averages : int, optional
+        Number of averages behind the estimates.
+    added_damping : float
+        Decay rate in 1/s that an exponential window added to every pole: identified poles are shifted back by it.
+    groups : sequence of labels, "auto" or None
+        One label an input: what disagrees between groups is repeatability. By default every input, where there are at least four.
+
+    Raises
+    ------
+    DataError
+        Wrong axes, no lines, NaN or infinite values, lines that do not increase, magnitudes instead of complex values.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> f = np.linspace(0.5, 2, 4)
+    >>> h = 1 / (4 - f**2 + 0.04j * f)
+    >>> frf = FrequencyResponse(values=h[:, None, None], frequencies=f, quantity="displacement")
+    >>> frf.band(0.9, 1.6).frequencies
+    array([1. , 1.5])
+    """
+
+    values: ComplexArray
+    frequencies: RealArray
+    quantity: str | None = None
+    sampling_rate: float | None = None
+    coherence: RealArray | None = None
+    variance: RealArray | None = None
+    averages: int | None = None
+    added_damping: float = 0.0
+    groups: Groups = AUTO
+
+    def __post_init__(self) -> None:
+        values = complex_array("values", self.values, "(lines, outputs, inputs)", 3)
+        lines = real_array("frequencies", self.frequencies, "(lines,)", 1)
+        check_lines(lines, values)
+        freeze(
+            self,
+            values=values,
+            frequencies=lines,
+            quantity=check_quantity(self.quantity),
+            sampling_rate=check_rate(self.sampling_rate, lines),
+            coherence=check_beside("coherence", self.coherence, values.shape),
+            variance=check_beside("variance", self.variance, values.shape),
+            averages=None if self.averages is None else check_count("averages", self.averages),
+            added_damping=check_number("added_damping", self.added_damping),
+        )
+        self._label(values.shape[1], values.shape[2])
+        freeze(self, groups=check_groups(self.groups, values.shape[2], "an input", input_groups(self.input_dofs)))
+
+    @property
+    def lines(self) -> int:
+        """Number of lines."""
+        return int(self.frequencies.size)
+
+    @property
+    def origin(self) -> str:
+        """Lines."""
+        return "lines"
+
+    @property
+    def room(self) -> int:
+        """Half of the columns of real and imaginary parts."""
+        return max(self.lines * int(self.values.shape[2]), 2)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Lowest and highest line, Hz."""
+        return float(self.frequencies[0]), float(self.frequencies[-1])
+
+    @property
+    def grid(self) -> RealArray:
+        """The lines, Hz."""
+        return self.frequencies
+
+    @property
+    def held_input(self) -> bool:
+        """Whether this is the response of a sampled system."""
+        return self.sampling_rate is not None
+
+    @property
+    def steps_late(self) -> int:
+        """Lines begin at the impulse itself: 0."""
+        return 0
+
+    def basis(self, poles: Array, powers: tuple[int, ...] = (0,), weights: Array | None = None) -> ModalBasis:
+        """Return what poles can contribute on the lines; see `Response.basis`.
+
+        Raises
+        ------
+        DataError
+            A line at 0 Hz with a residual that divides by its frequency.
+        """
+        if powers and min(powers) < 0 and self.frequencies[0] == 0:
+            raise DataError(
+                "residuals of modes below the band were asked",
+                f"the {self.quantity or 'response'} has a line at 0 Hz, where they are infinite",
+                "Leave that line out with band(), or ask for residuals=False.",
+            )
+        data = line_data(self.values, weights)
+        return line_basis(self.frequencies, self.sampling_rate, data, poles, powers, weights)
+
+    @property
+    def outside_powers(self) -> tuple[int, ...]:
+        """Mass line of the modes below, (j w)^(p-2), and stiffness line of those above, (j w)^p; a sampled system has a direct term."""
+        residuals = self.sampling_rate is None and self.frequencies[0] > 0 and self.lines > _FEW_LINES
+        return residual_powers(self.quantity, residuals)
+
+    def named_terms(self, terms: RealArray, powers: tuple[int, ...]) -> dict[str, RealArray | None]:
+        """Return fitted terms by name; see `Response.named_terms`."""
+        if len(powers) == 1:
+            return {"feedthrough": terms[0]}
+        lower, upper = scaled_terms(terms, powers, self.frequencies)
+        return {"lower_residual": lower, "upper_residual": upper}
+
+    def functions(self, poles: Array, *, slopes: bool = False, lines: slice = slice(None)) -> RealArray:
+        """Return the functions of `basis`, on some lines; see `Response.functions`."""
+        return line_functions(self.frequencies[lines], self.sampling_rate, poles, slopes=slopes)
+
+    def spectrum(self) -> tuple[RealArray, ComplexArray]:
+        """Return the lines and the values themselves."""
+        return self.frequencies, self.values
+
+    def energy(self, decay: Array) -> RealArray:
+        """Return pi / (decay step): the integral of |1 / (j w - s)|^2 over w, on lines that lie `step` apart in w."""
+        step = 2 * np.pi * np.median(np.diff(self.frequencies)) if self.lines > 1 else 1.0
+        return np.asarray(np.pi / np.asarray(decay) / step)
+
+    @property
+    def exact_samples(self) -> bool:
+        """Whether the lines are those of a sampled system from zero to half its rate."""
+        rate, (low, high) = self.sampling_rate, self.span
+        return rate is not None and low == 0 and bool(np.isclose(high, rate / 2))
+
+    @property
+    def exact_lines(self) -> bool:
+        """True: these are the lines."""
+        return True
+
+    def as_samples(self) -> AsSamples:
+        """Return the inverse transform, see `exact_samples`."""
+        note = "the lines were transformed to samples: damping is biased unless they cover the whole spectrum"
+        return AsSamples(self.to_impulse_response(), note)
+
+    def as_lines(self) -> AsLines:
+        """Return the lines themselves."""
+        return AsLines(self, "")
+
+    def in_band(self, band: tuple[float, float] | None) -> FrequencyResponse:
+        """Return the lines in a band."""
+        return self if band is None else self.band(*band)
+
+    def reported_band(self, band: tuple[float, float] | None) -> tuple[float, float]:
+        """Return the lowest and the highest line, within the band: where it has not cut them, only poles inside are reported."""
+        low, high = self.span
+        return (low, high) if band is None else (max(low, band[0]), min(high, band[1]))
+
+    def rebuilt_by(self, model: StateSpace) -> FrequencyResponse:
+        """Return the response of a model on these lines; see `Response.rebuilt_by`."""
+        return model.frequency_response(self.frequencies, **self.rebuilt_labels())
+
+    def values_of(self, model: StateSpace) -> Array:
+        """Return the transfer functions of a model on these lines; see `Response.values_of`."""
+        s = 2j * np.pi * self.frequencies
+        return model.transfer(s if model.dt is None else np.exp(s * model.dt))
+
+    def of_modes(self, modes: ModalModel) -> FrequencyResponse:
+        """Return the response of modes on these lines; see `Response.of_modes`."""
+        return modes.frequency_response(self.frequencies)
+
+    def band(self, lowest: float, highest: float) -> FrequencyResponse:
+        """Return the lines from `lowest` to `highest` Hz, both included.
+
+        Parameters
+        ----------
+        lowest, highest : float
+            Hz.
+
+        Raises
+        ------
+        DataError
+            Ends that do not increase, or a band that holds no line.
+        """
+        inside = lines_inside(self.frequencies, (lowest, highest))
+        return self.at_lines(slice(int(inside[0]), int(inside[-1]) + 1))
+
+    def at_lines(self, lines: slice | Array) -> FrequencyResponse:
+        """Return the response at some of its lines.
+
+        Parameters
+        ----------
+        lines : slice or array of int or bool
+            Which, by index.
+        """
+        check_index("lines", lines, self.lines)
+        cut: dict[str, Any] = {
+            name: None if (a := getattr(self, name)) is None else a[lines]
+            for name in ("values", "frequencies", "coherence", "variance")
+        }
+        return replace(self, **cut)
+
+    def as_quantity(self, wanted: str) -> FrequencyResponse:
+        """Return the response in another quantity: multiplied by (j 2 pi f)^p, the caller's data untouched.
+
+        Parameters
+        ----------
+        wanted : {"displacement", "velocity", "acceleration"}
+            p is how often that is differentiated more than the response's own quantity.
+
+        Raises
+        ------
+        DataError
+            The quantity is not known, or a line at 0 Hz would be divided by zero.
+        """
+        return in_quantity(self, wanted)
+
+    def to_impulse_response(self) -> ImpulseResponse:
+        """Return the inverse Fourier transform of the lines: samples at twice the highest frequency.
+
+        Nothing is known outside the band: damping read off the result is biased unless the lines cover the whole spectrum.
+        Sample 0 is kept apart as `feedthrough`. A sampled system's full DFT grid gives exactly the sum over p of Y(k + p M).
+
+        Raises
+        ------
+        DataError
+            Lines that are not equally spaced, or that do not lie on multiples of their spacing.
+        """
+        return inverse_transform(self)
+
+    def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
+        cut: dict[str, Any] = {"groups": chosen_groups(self.groups, inputs)}
+        for name in ("values", "coherence", "variance"):
+            array = getattr(self, name)
+            if array is not None:
+                cut[name] = array[:, outputs] if array.ndim == 2 else array[:, outputs][:, :, inputs]
+        return cut

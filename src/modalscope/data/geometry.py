@@ -1,0 +1,273 @@
+"""Where the sensors are: nodes, lines, faces, and how a channel maps onto them."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from numbers import Integral
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from modalscope.data.shown import Shown
+from modalscope.numerics.checks import (
+    Array,
+    DataError,
+    IntArray,
+    RealArray,
+    check_each,
+    check_kind,
+    freeze,
+    locked,
+    real_array,
+)
+
+__all__ = ["Dof", "DofLike", "Geometry", "check_labels", "indices_of", "label_of", "parse_dof"]
+
+
+# -------------------------------------------------------------------------------------------------------------- labels
+# Degrees of freedom: labels made of a node and a direction, such as `3:+Z`, and how channels are chosen by them.
+
+_DIRECTIONS = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
+_LABEL = re.compile(r"^\s*(?P<node>[^:\s]+?)\s*:?\s*(?P<direction>[+-]?R?[XYZ][+-]?|S)\s*$")
+
+
+class Dof(NamedTuple):
+    """A node and a direction (`+X`, `-Z`, `+RY` for a rotation, `S` for a scalar)."""
+
+    node: str
+    direction: str
+
+    @property
+    def vector(self) -> tuple[float, float, float] | None:
+        """Unit vector of a translation; None for rotations and scalars."""
+        sign = -1.0 if self.direction.startswith("-") else 1.0
+        axis = _DIRECTIONS.get(self.direction.lstrip("+-"))
+        return None if axis is None else (sign * axis[0], sign * axis[1], sign * axis[2])
+
+    def __str__(self) -> str:
+        return f"{self.node}:{self.direction}"
+
+
+DofLike = str | int | Dof | Sequence[object]
+
+
+class _Checked(tuple[str, ...]):
+    """Labels that were read and found different: what is made of data of a million channels does not read them again."""
+
+    __slots__ = ()
+
+
+def parse_dof(label: str) -> Dof | None:
+    """Read `3:+Z`, `3Z` or `tip:-Y`; None when the label is a plain name.
+
+    Examples
+    --------
+    >>> parse_dof("12:+Z"), parse_dof("12z"), parse_dof("force")
+    (Dof(node='12', direction='+Z'), Dof(node='12', direction='+Z'), None)
+    """
+    match = _LABEL.match(label.upper() if ":" not in label else label)
+    if match is None:
+        return None
+    node, direction = match["node"], match["direction"]
+    if ":" not in label and not node.isdecimal():
+        return None
+    sign = "-" if "-" in direction else "+"
+    bare = direction.strip("+-")
+    return Dof(node, "S" if bare == "S" else sign + bare)
+
+
+def label_of(dof: DofLike) -> str:
+    """Return the canonical label of a string, a number or a pair (node, direction)."""
+    if isinstance(dof, str):
+        parsed = parse_dof(dof)
+        return dof.strip() if parsed is None else str(parsed)
+    if isinstance(dof, Sequence):
+        return label_of(f"{dof[0]}:{dof[1]}") if len(dof) == 2 else ":".join(str(part) for part in dof)
+    return str(dof)
+
+
+def check_labels(name: str, dofs: Iterable[DofLike] | None, count: int, prefix: str) -> tuple[str, ...]:
+    """Return `count` different labels: the given ones, or `prefix1`, `prefix2`, ... when there are none."""
+    if dofs is None:
+        return _Checked(f"{prefix}{i + 1}" for i in range(count))
+    if isinstance(dofs, _Checked) and len(dofs) == count:
+        return dofs
+    labels = _Checked(label_of(dof) for dof in ([dofs] if isinstance(dofs, str) else check_each(name, dofs, "labels")))
+    if len(labels) != count:
+        raise DataError(
+            f"{name} needs {count} labels, one a channel", f"{len(labels)} are given", "Give one label a channel."
+        )
+    twice = sorted(label for label, times in Counter(labels).items() if times > 1)
+    if twice:
+        raise DataError(
+            f"{name} needs different labels",
+            f"{', '.join(twice)} stand there more than once",
+            "Rename the channels, or leave out the repeated ones.",
+        )
+    return labels
+
+
+def indices_of(name: str, wanted: Iterable[DofLike] | DofLike, labels: Sequence[str]) -> list[int]:
+    """Return the positions of channels given by label, or by index when they are whole numbers."""
+    items: list[Any] = (
+        [wanted] if isinstance(wanted, str | int | Integral | Dof) else check_each(name, wanted, "labels")
+    )
+    positions = {label: i for i, label in enumerate(labels)}
+    found = []
+    for item in items:
+        if isinstance(item, Integral) and 0 <= int(item) < len(labels):
+            found.append(int(item))
+            continue
+        label = label_of(item)
+        if label not in positions:
+            raise DataError(
+                f"{name} {label!r} was asked", f"there are only {', '.join(labels)}", "Name one of these channels."
+            )
+        found.append(positions[label])
+    return found
+
+
+# ------------------------------------------------------------------------------------------------------------ geometry
+
+Motion = tuple[str, tuple[float, float, float]]
+
+
+def _elements(name: str, elements: ArrayLike | None, width: tuple[int, ...], nodes: tuple[str, ...]) -> IntArray:
+    """Return elements as indices into the nodes."""
+    if elements is None:
+        return locked(np.zeros((0, width[0]), dtype=np.int64))
+    array = np.asarray(elements)
+    if array.size == 0:
+        return locked(np.zeros((0, width[0]), dtype=np.int64))
+    if array.ndim != 2 or array.shape[1] not in width:
+        raise DataError(
+            f"{name} need rows of {' or '.join(map(str, width))} node names",
+            f"the shape is {array.shape}",
+            "Give one row an element.",
+        )
+    position = {node: i for i, node in enumerate(nodes)}
+    unknown = sorted({str(node) for node in array.ravel()} - set(position))
+    if unknown:
+        raise DataError(
+            f"{name} join nodes of the geometry",
+            f"there is no node {', '.join(unknown[:5])}",
+            "Add the nodes or drop the element.",
+        )
+    return locked(np.array([[position[str(node)] for node in row] for row in array], dtype=np.int64))
+
+
+def _motions(given: Any) -> dict[str, tuple[Motion, ...]]:
+    """Return what every channel moves, by its label."""
+    check_kind("motions of a geometry", given, Mapping)
+    try:
+        return {str(label): tuple((str(node), _vector(v)) for node, v in rows) for label, rows in given.items()}
+    except (TypeError, ValueError) as error:
+        if isinstance(error, DataError):
+            raise
+        raise DataError(
+            "motions of a geometry were asked",
+            f"they are no lists of a node and a direction ({error})",
+            'Give for instance {"a": [("1", (0, 0, 1))]}.',
+        ) from None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
+class Geometry(Shown):
+    """Nodes of a structure, the lines and faces between them, and the motion that each channel measures.
+
+    Parameters
+    ----------
+    nodes : sequence of str or int, (n,)
+        Names of the nodes.
+    coordinates : array, (n, 3)
+        Their positions, in one unit of length.
+    lines : array, (k, 2), optional
+        Pairs of node names to join.
+    faces : array, (k, 3) or (k, 4), optional
+        Node names around each face.
+    motions : mapping, optional
+        Channel label -> sequence of (node, (dx, dy, dz)): the nodes that move with the channel and in which direction.
+        A label made of node and direction, `3:+Z`, needs no entry.
+
+    Examples
+    --------
+    >>> g = Geometry(nodes=[1, 2], coordinates=[[0, 0, 0], [1, 0, 0]], lines=[[1, 2]])
+    >>> g.motion_of("2:-Z")
+    (('2', (-0.0, -0.0, -1.0)),)
+    """
+
+    nodes: tuple[str, ...]
+    coordinates: RealArray
+    lines: IntArray = field(default=None)  # type: ignore[arg-type]
+    faces: IntArray = field(default=None)  # type: ignore[arg-type]
+    motions: Mapping[str, tuple[Motion, ...]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        nodes = tuple(str(node) for node in check_each("nodes", self.nodes, "names"))
+        if len(set(nodes)) != len(nodes):
+            raise DataError(
+                "geometry needs different node names", "some stand there twice", "Rename the repeated nodes."
+            )
+        xyz = real_array("geometry coordinates", self.coordinates, "(nodes, 3)", 2)
+        if xyz.shape != (len(nodes), 3):
+            raise DataError(
+                f"geometry of {len(nodes)} nodes needs coordinates of shape ({len(nodes)}, 3)",
+                f"the shape is {xyz.shape}",
+                "Give x, y, z a node.",
+            )
+        freeze(
+            self,
+            nodes=nodes,
+            coordinates=xyz,
+            lines=_elements("geometry lines", self.lines, (2,), nodes),
+            faces=_elements("geometry faces", self.faces, (3, 4), nodes),
+            motions=_motions(self.motions),
+        )
+
+    def motion_of(self, label: str) -> tuple[Motion, ...]:
+        """Return the (node, direction) pairs that a channel moves; empty when the geometry does not know it.
+
+        Parameters
+        ----------
+        label : str
+            Of the channel.
+        """
+        if label in self.motions:
+            return self.motions[label]
+        dof = parse_dof(label)
+        if dof is None or dof.vector is None or dof.node not in self.nodes:
+            return ()
+        return ((dof.node, dof.vector),)
+
+    def displaced(self, labels: tuple[str, ...], shape: Array) -> Array:
+        """Return the displacement of every node for one shape, (nodes, 3), zero where nothing was measured.
+
+        Parameters
+        ----------
+        labels : tuple of str, (l,)
+            Channels of the shape.
+        shape : array, (l,)
+            One value a channel.
+        """
+        if np.shape(shape) != (len(labels),):
+            raise DataError(
+                f"a shape of {len(labels)} channels was asked",
+                f"shape has {np.shape(shape)} entries",
+                "Give shape one value a channel.",
+            )
+        moved = np.zeros((len(self.nodes), 3), dtype=np.result_type(np.asarray(shape), float))
+        position = {node: i for i, node in enumerate(self.nodes)}
+        for label, value in zip(labels, shape, strict=True):
+            for node, direction in self.motion_of(label):
+                if node in position:
+                    moved[position[node]] += value * np.asarray(direction)
+        return moved
+
+
+def _vector(direction: ArrayLike) -> tuple[float, float, float]:
+    x, y, z = (float(v) for v in np.asarray(direction, dtype=float).ravel())
+    return (x, y, z)

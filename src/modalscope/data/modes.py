@@ -1,0 +1,550 @@
+"""Modes: poles, shapes and participation, and what they say about a structure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from modalscope.data.channels import Channels, derivatives_between
+from modalscope.data.frequency import FrequencyResponse
+from modalscope.data.impulse import ImpulseResponse
+from modalscope.data.mode_fields import (
+    COLUMNS,
+    DIRECT,
+    Candidate,
+    Harmonic,
+    as_dataframe,
+    as_text,
+    checked_fields,
+    mode_indices,
+    taken_fields,
+)
+from modalscope.data.notes import Note, notes_of
+from modalscope.data.poles import HasPoles, to_discrete
+from modalscope.data.response import CORRELATED, UNTOLD
+from modalscope.numerics.checks import (
+    ComplexArray,
+    DataError,
+    RealArray,
+    check_choice,
+    check_count,
+    check_positive,
+    freeze,
+)
+from modalscope.numerics.statistics import intervals
+
+__all__ = ["NORMALIZATIONS", "ModalModel", "Mode", "named_near"]
+
+
+# ---------------------------------------------------------------------------------------------------------- mode names
+# Names that users give to modes, by frequency.
+
+#: A name belongs to the mode within this part of its frequency.
+_NEAR = 0.005
+
+
+def named_near(names: Mapping[str, str], frequency: float) -> str:
+    """Return the name that was given nearest to a frequency; empty where there is none.
+
+    Examples
+    --------
+    >>> named_near({"177.05": "first bending", "480": "second"}, 177.2)
+    'first bending'
+    """
+    near = [(abs(float(text) - frequency), name) for text, name in names.items()]
+    distance, name = min(near, default=(float("inf"), ""))
+    return name if distance <= _NEAR * frequency else ""
+
+
+# ------------------------------------------------------------------------------------------------------- normalization
+# What mode shapes are scaled to.
+
+#: What shapes can be scaled to (see `ModalModel.normalized`).
+NORMALIZATIONS = ("unit", "max", "mass", "none")
+
+
+def shape_factor(modes: ModalModel, scale: str) -> tuple[ComplexArray, str]:
+    """Return the factor (n,) that shapes are divided by to be scaled as asked, and what they are scaled to, in words."""
+    if scale == "mass":
+        return _mass_factor(modes)
+    largest = modes.shapes[np.argmax(np.abs(modes.shapes), axis=0), np.arange(len(modes))]
+    if scale == "max":
+        return np.where(largest == 0, 1, largest), "largest component 1"
+    norm = np.linalg.norm(modes.shapes, axis=0)
+    sign = np.where(largest == 0, 1, largest / np.where(largest == 0, 1, np.abs(largest)))
+    return sign * np.where(norm == 0, 1, norm), "length 1, largest component real"
+
+
+def _mass_factor(modes: ModalModel) -> tuple[ComplexArray, str]:
+    """Return the factor of unit modal mass, phi_d^2 = 2 j w_d R_dd at each mode's largest driving point d."""
+    part = modes.known_participation("unit modal mass")
+    if any(step.startswith(CORRELATED) for step in modes.processing):
+        raise DataError(
+            "shapes of unit modal mass were asked",
+            "no force was measured: participation is the correlation of each mode with references",
+            "Measure again with known masses added, and give both to scale_by_mass.",
+        )
+    common = [dof for dof in modes.output_dofs if dof in modes.input_dofs]
+    untold = {dof for note in modes.notes if note.kind == UNTOLD for dof in note.numbers}
+    if common and untold.issuperset(common):
+        raise DataError(
+            "shapes of unit modal mass were asked",
+            f"the driving points {', '.join(common)} are inputs whose shares in the response the record does not tell",
+            "Drive each of them by a force of its own, or leave out what is no force of its own: exclude=[...].",
+        )
+    common = [dof for dof in common if dof not in untold]
+    if not common:
+        raise DataError(
+            "shapes of unit modal mass were asked",
+            "no output has the label of an input: no driving point",
+            "Measure one, or give it the same label on both sides.",
+        )
+    power = derivatives_between(modes.quantity, "displacement")
+    rows = [modes.output_dofs.index(dof) for dof in common]
+    columns = [modes.input_dofs.index(dof) for dof in common]
+    driving = np.abs(modes.shapes[rows] * part.T[columns])
+    best, each = np.argmax(driving, axis=0), np.arange(len(modes))
+    shape, weight = modes.shapes[rows][best, each], part.T[columns][best, each]
+    residue = shape * weight * modes.poles**power
+    if modes.held_input and modes.dt:  # an input held over dt gives R (exp(s dt) - 1) / s of a structure's residue R
+        residue = residue * modes.poles / np.expm1(modes.poles * modes.dt)
+    target = np.sqrt(2j * np.abs(modes.poles.imag) * residue)
+    # of the two roots the one that leaves the mode nearest to its own phase
+    with np.errstate(divide="ignore", invalid="ignore"):
+        factor = np.where(target == 0, 1, shape / np.where(target == 0, 1, target))
+    return np.asarray(factor), f"unit modal mass, driving point {', '.join(common)}"
+
+
+# ----------------------------------------------------------------------------------------------------------- synthesis
+# Responses of modes: sums over poles, shapes and participation.
+
+
+def _impulse_response(
+    modes: ModalModel, samples: int, sampling_rate: float | None, first_sample: int
+) -> ImpulseResponse:
+    """Return sum_j phi_j exp(s_j (k + first_sample) dt) l_j' and conjugates (see `ModalModel.impulse_response`)."""
+    part = modes.known_participation("an impulse response")
+    rate = _rate(modes, sampling_rate)
+    steps = np.arange(check_count("samples", samples)) + first_sample
+    decay = np.exp(np.outer(steps / rate, modes.poles)) * _weights(modes)
+    values = np.einsum("kj,aj,jb->kab", decay, modes.shapes, part).real
+    return ImpulseResponse(
+        values=values,
+        sampling_rate=rate,
+        feedthrough=modes.feedthrough,
+        kind="pulse" if modes.held_input else "dirac",
+        first_sample=first_sample,
+        quantity=modes.quantity,
+        **modes.labelled(),
+    )
+
+
+def _frequency_response(modes: ModalModel, frequencies: ArrayLike, residuals: bool) -> FrequencyResponse:
+    """Return the sum over the modes, the direct term and the residuals (see `ModalModel.frequency_response`)."""
+    f = np.asarray(frequencies, dtype=float)
+    values = _modal_sum(modes, f)
+    if modes.feedthrough is not None:
+        values = values + modes.feedthrough
+    if residuals and (modes.lower_residual is not None or modes.upper_residual is not None):
+        p = 0 if modes.quantity is None else -derivatives_between(modes.quantity, "displacement")
+        s = (2j * np.pi * f)[:, None, None]
+        for residual, power in ((modes.lower_residual, p - 2), (modes.upper_residual, p)):
+            if residual is not None:
+                values = values + residual * s**power
+    rate = 1 / modes.dt if modes.dt is not None and modes.held_input else None
+    return FrequencyResponse(
+        values=values, frequencies=f, quantity=modes.quantity, sampling_rate=rate, **modes.labelled()
+    )
+
+
+def _rate(modes: ModalModel, sampling_rate: float | None) -> float:
+    """Return the sampling rate that is asked, or that of the identified system; a held input allows no other."""
+    known = None if modes.dt is None else 1 / modes.dt
+    rate = known if sampling_rate is None else check_positive("sampling_rate", sampling_rate)
+    if rate is None:
+        raise DataError("an impulse response was asked", "the modes are of a continuous system", "Give sampling_rate.")
+    if modes.held_input and known is not None and not np.isclose(rate, known, rtol=1e-9):
+        raise DataError(
+            f"a pulse response at {rate:g} Hz was asked",
+            f"the participation is that of an input held at {known:g} Hz",
+            "Leave sampling_rate out.",
+        )
+    return rate
+
+
+def _modal_sum(modes: ModalModel, f: RealArray) -> ComplexArray:
+    """Return sum_j phi_j l_j' / (x - p_j) and conjugates on lines in Hz, (F, l, m), in the plane of the model."""
+    part = modes.known_participation("a frequency response")
+    sampled = modes.dt is not None and modes.held_input
+    x = np.exp(2j * np.pi * f * modes.dt) if sampled and modes.dt is not None else 2j * np.pi * f
+    poles = to_discrete(modes.poles, modes.dt) if sampled and modes.dt is not None else modes.poles
+    direct = 1 / (x[:, None] - poles)
+    pair = np.where(_weights(modes) == 2, 1.0, 0.0) / (x[:, None] - poles.conj())
+    first = np.einsum("fj,aj,jb->fab", direct, modes.shapes, part, optimize=True)
+    return np.asarray(first + np.einsum("fj,aj,jb->fab", pair, modes.shapes.conj(), part.conj(), optimize=True))
+
+
+def _weights(modes: ModalModel) -> RealArray:
+    """2 for a pole that stands for a conjugate pair, 1 for one that stands alone."""
+    alone = np.array([kind in ("real", "nyquist", "zero") for kind in modes.kinds], dtype=bool)
+    return np.where(alone | (modes.poles.imag == 0), 1.0, 2.0)
+
+
+# ---------------------------------------------------------------------------------------------------------------- mode
+# One mode, seen in the model that it belongs to.
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Mode:
+    """One mode of a `ModalModel`: `modes[0]` is the first; nothing is copied.
+
+    Parameters
+    ----------
+    modes : ModalModel
+        The model that it belongs to.
+    index : int
+        Which of its modes, from zero.
+
+    Examples
+    --------
+    >>> from modalscope.systems import chain5
+    >>> first = chain5().modes()[0]
+    >>> print(first, first.shape.size)
+    0.9060 Hz, 0.247 % 4
+    """
+
+    modes: ModalModel
+    index: int
+
+    @property
+    def frequency(self) -> float:
+        """Undamped natural frequency, Hz."""
+        return float(np.abs(self.pole) / (2 * np.pi))
+
+    @property
+    def damping_ratio(self) -> float:
+        """Damping ratio (0.01 is 1 %)."""
+        return float(self.modes.damping_ratios[self.index])
+
+    @property
+    def pole(self) -> complex:
+        """The pole in rad/s: of a conjugate pair the one above the real axis."""
+        return complex(self.modes.poles[self.index])
+
+    @property
+    def kind(self) -> str:
+        """What the pole is: mode, real, unstable, nyquist or zero."""
+        return self.modes.kinds[self.index]
+
+    @property
+    def shape(self) -> ComplexArray:
+        """The mode shape, (l,)."""
+        return self.modes.shapes[:, self.index]
+
+    @property
+    def participation(self) -> ComplexArray | None:
+        """How strongly each input drives the mode, (m,); None where that is not known."""
+        return None if self.modes.participation is None else self.modes.participation[self.index]
+
+    @property
+    def indicators(self) -> Mapping[str, float]:
+        """Accuracy indicators by name."""
+        return {name: float(values[self.index]) for name, values in self.modes.indicators.items()}
+
+    @property
+    def reason(self) -> Mapping[str, Any]:
+        """Why the mode is reported; empty where nothing was said."""
+        return self.modes.reasons[self.index] if self.modes.reasons else {}
+
+    @property
+    def spreads(self) -> Mapping[str, float]:
+        """Every deviation and gain that is known, by the name of its column, such as `frequency_std_hz`."""
+        known = {column: getattr(self.modes, name) for column, name in COLUMNS.items()}
+        return {column: float(values[self.index]) for column, values in known.items() if values is not None}
+
+    def __repr__(self) -> str:
+        return f"<mode {self.index + 1}: {self}>"
+
+    def __str__(self) -> str:
+        return f"{self.frequency:.4f} Hz, {100 * self.damping_ratio:.3f} %"
+
+
+# --------------------------------------------------------------------------------------------------------------- modes
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
+class ModalModel(Channels, HasPoles):
+    """Modes of a structure: one pole of each conjugate pair, and real poles.
+
+    The impulse response is h(t) = sum_j phi_j exp(s_j t) l_j' over the poles and, for each pole off the real axis, its
+    conjugate; the frequency response is sum_j phi_j l_j' / (j w - s_j) + conjugates + `feedthrough` + residuals.
+
+    Parameters
+    ----------
+    poles : array of complex, (n,)
+        rad/s.
+    shapes : array of complex, (l, n)
+        Mode shapes phi_j as columns.
+    participation : array of complex, (n, m), optional
+        Modal participation l_j as rows: inputs, initial conditions or reference directions.
+    feedthrough : array, (l, m), optional
+        Direct term.
+    lower_residual, upper_residual : array, (l, m), optional
+        Contributions of the modes below and above the band: real factors of (j w)^(p-2) and (j w)^p, where p = 0, 1, 2 for
+        displacement, velocity and acceleration.
+    quantity : str, optional
+        Displacement, velocity or acceleration.
+    dt : float, optional
+        Sampling interval of the system that was identified; None for a continuous one.
+    held_input : bool
+        The sampled system's participation is that of a held input: H(z) = D + sum phi l' / (z - exp(s dt)).
+    frequencies_spread, damping_ratios_spread : array, (n,), optional
+        Standard deviation over the orders of a stabilization diagram (Hz, ratio).
+    frequencies_std, damping_ratios_std : array, (n,), optional
+        Standard deviation from the noise (Hz, ratio); NaN where it is withheld, None where it was not asked for.
+    shapes_std : array, (l, n), optional
+        Standard deviation of every component of the shapes from the noise, sqrt(E |phi - E phi|^2).
+    frequencies_repeatability, damping_ratios_repeatability : array, (n,), optional
+        Standard deviation between groups of inputs, runs or setups (Hz, ratio); None without groups.
+    gain : array, (n,), optional
+        By how many standard deviations the data are explained better with each mode.
+    indicators : mapping of name to array (n,)
+        Accuracy indicators.
+    reasons : tuple of mapping
+        For every mode why it is reported.
+    scaling : str
+        What the shapes are scaled to, in words.
+    notes : sequence of Note or str
+        What must be told about these modes.
+    left_out : sequence of Candidate
+        Poles that looked like modes and are not reported, each with the reason.
+    harmonics : sequence of Harmonic
+        Lines of turning machines, which are no modes.
+    unrefined : ModalModel, optional
+        The same modes before they were refined.
+    converged : bool, optional
+        Whether the refinement converged; None where there was none.
+
+    Examples
+    --------
+    >>> from modalscope.systems import chain5
+    >>> modes = chain5().modes()
+    >>> print(len(modes), modes[0], len(modes[1:3]))
+    5 0.9060 Hz, 0.247 % 2
+    """
+
+    poles: ComplexArray
+    shapes: ComplexArray
+    participation: ComplexArray | None = None
+    feedthrough: RealArray | None = None
+    lower_residual: RealArray | None = None
+    upper_residual: RealArray | None = None
+    quantity: str | None = None
+    dt: float | None = None
+    held_input: bool = False
+    frequencies_spread: RealArray | None = None
+    damping_ratios_spread: RealArray | None = None
+    frequencies_std: RealArray | None = None
+    damping_ratios_std: RealArray | None = None
+    shapes_std: RealArray | None = None
+    frequencies_repeatability: RealArray | None = None
+    damping_ratios_repeatability: RealArray | None = None
+    gain: RealArray | None = None
+    indicators: Mapping[str, RealArray] = field(default_factory=dict)
+    reasons: tuple[Mapping[str, Any], ...] = ()
+    scaling: str = "as identified"
+    notes: tuple[Note, ...] = ()
+    left_out: tuple[Candidate, ...] = ()
+    harmonics: tuple[Harmonic, ...] = ()
+    unrefined: ModalModel | None = None
+    converged: bool | None = None
+
+    def __post_init__(self) -> None:
+        freeze(self, **checked_fields(self))
+        self._label(len(self.shapes), 0 if self.participation is None else self.participation.shape[1])
+
+    def __len__(self) -> int:
+        return int(self.poles.size)
+
+    def __iter__(self) -> Iterator[Mode]:
+        return (Mode(self, j) for j in range(len(self)))
+
+    @overload
+    def __getitem__(self, which: int) -> Mode: ...
+
+    @overload
+    def __getitem__(self, which: slice | ArrayLike) -> ModalModel: ...
+
+    def __getitem__(self, which: Any) -> Mode | ModalModel:
+        if isinstance(which, slice):
+            return self.take(np.arange(len(self))[which])
+        if isinstance(which, int | np.integer) and not isinstance(which, bool):
+            return Mode(self, int(mode_indices(which, len(self))[0]))
+        return self.take(which)
+
+    @property
+    def residues(self) -> ComplexArray:
+        """Residue matrices phi_j l_j', (n, l, m)."""
+        part = self.known_participation("residues")
+        return np.asarray(self.shapes.T[:, :, None] * part[:, None, :])
+
+    def take(self, modes: ArrayLike) -> ModalModel:
+        """Return some of the modes, with all that belongs to them.
+
+        Parameters
+        ----------
+        modes : array of int or bool
+            Which, counted from zero.
+
+        Raises
+        ------
+        DataError
+            A mode that is not there.
+        """
+        return replace(self, **taken_fields(self, mode_indices(modes, len(self))))
+
+    def noted(self, notes: Iterable[Note | str] | Note | str) -> ModalModel:
+        """Return the same modes with more notes.
+
+        Parameters
+        ----------
+        notes : Note, str, or a sequence of them
+        """
+        return replace(self, notes=(*self.notes, *notes_of(notes)))
+
+    def normalized(self, scale: str = "unit") -> ModalModel:
+        """Return the modes with shapes scaled as asked; participation takes the inverse, so that residues stay.
+
+        Parameters
+        ----------
+        scale : {"unit", "max", "mass", "none"}
+            Length one with the largest component real and positive; largest component one; unit modal mass, from a
+            driving point (an output and an input with the same label): phi_d^2 = 2 j w_d R_dd for the displacement's
+            residue R_dd.
+
+        Raises
+        ------
+        DataError
+            "mass" without participation, a driving point, a known quantity, or forces that were measured and are told apart.
+        """
+        check_choice("scale", scale, NORMALIZATIONS)
+        if scale == "none" or not len(self):
+            return self
+        factor, words = shape_factor(self, scale)
+        return replace(
+            self,
+            shapes=self.shapes / factor,
+            shapes_std=None if self.shapes_std is None else self.shapes_std / np.abs(factor),
+            participation=None if self.participation is None else self.participation * factor[:, None],
+            unrefined=None if self.unrefined is None else self.unrefined.normalized(scale),
+            scaling=words,
+        )
+
+    def interval(self, level: float = 0.95) -> dict[str, RealArray]:
+        """Return value -+ z sigma, the wider of the deviations from the noise and between groups; NaN where it is withheld.
+
+        Parameters
+        ----------
+        level : float
+            Probability that each interval holds the true value, for errors of normal distribution.
+
+        Returns
+        -------
+        dict of str to array
+            "frequency" (n, 2), Hz, and "damping_ratio" (n, 2): lower and upper ends.
+
+        Raises
+        ------
+        DataError
+            No deviation is known, or a level that is no probability.
+
+        Examples
+        --------
+        >>> modes = ModalModel(poles=[-1 + 100j], shapes=[[1.0]], frequencies_std=[0.1])
+        >>> modes.interval(0.95)["frequency"].round(3)
+        array([[15.72 , 16.112]])
+        """
+        return intervals(self, level)
+
+    def impulse_response(
+        self, samples: int, sampling_rate: float | None = None, *, first_sample: int = 0
+    ) -> ImpulseResponse:
+        """Return sum_j phi_j exp(s_j (k + first_sample) dt) l_j' and conjugates, k = 0 ... samples - 1.
+
+        Parameters
+        ----------
+        samples : int
+        sampling_rate : float, optional
+            Samples per second; that of the identified system by default.
+        first_sample : int
+            Sampling intervals from the impulse to the first value.
+
+        Raises
+        ------
+        DataError
+            No participation, no sampling rate, or another rate than that of a held input.
+        """
+        return _impulse_response(self, samples, sampling_rate, first_sample)
+
+    def frequency_response(self, frequencies: ArrayLike, *, residuals: bool = True) -> FrequencyResponse:
+        """Return the response of the modes, the direct term and the residuals.
+
+        Parameters
+        ----------
+        frequencies : array, (F,)
+            Lines in Hz.
+        residuals : bool
+            Whether modes outside the band take part, where they are known.
+
+        Raises
+        ------
+        DataError
+            No participation.
+        """
+        return _frequency_response(self, frequencies, residuals)
+
+    def known_participation(self, asked: str) -> ComplexArray:
+        """Return the participation, or raise where it is not known.
+
+        Parameters
+        ----------
+        asked : str
+            What it is needed for.
+        """
+        if self.participation is None:
+            raise DataError(
+                f"{asked} was asked",
+                "the participation of the modes is not known",
+                "Identify from data with inputs or references.",
+            )
+        return self.participation
+
+    def table(self) -> str:
+        """Return the modes as a text table: frequency, damping, spread over orders, indicators."""
+        return as_text(self)
+
+    def to_dataframe(self) -> Any:
+        """Return the table as a pandas DataFrame, in the columns of the files.
+
+        Raises
+        ------
+        DataError
+            pandas is not installed: the extra `pandas` brings it.
+        """
+        return as_dataframe(self)
+
+    def _cut(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
+        direct = {name: None if (a := getattr(self, name)) is None else a[np.ix_(outputs, inputs)] for name in DIRECT}
+        return {**Channels._cut(self, outputs, inputs), **direct}
+
+    def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
+        return {
+            "shapes": self.shapes[outputs],
+            "shapes_std": None if self.shapes_std is None else self.shapes_std[outputs],
+            "participation": None if self.participation is None else self.participation[:, inputs],
+            "unrefined": None if self.unrefined is None else self.unrefined.select(outputs=outputs, inputs=inputs),
+        }

@@ -1,0 +1,113 @@
+"""Notes: what a result has to tell, as a kind that programs ask for, its numbers, and a text for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from modalscope.numerics.checks import DataError, check_each, check_kind, check_number, freeze
+
+__all__ = ["REMARK", "Note", "notes_of"]
+
+#: The kind of a note that is nothing but its text.
+REMARK = "remark"
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """One thing that must be told; programs read `kind` and `numbers`, people read the text.
+
+    Parameters
+    ----------
+    kind : str
+        What sort of thing it is, in one word, such as "left out".
+    numbers : mapping of name to number
+        The numbers of the text; NaN where one is not known.
+    text : str
+        One sentence. `str(note)` is this text.
+
+    Raises
+    ------
+    DataError
+        A kind or a text that is no text, or a number that is none.
+
+    Examples
+    --------
+    >>> note = Note("orders left out", {"lowest": 62, "rank": 60}, "orders from 62 on left out: the data have rank 60")
+    >>> print(note, note.numbers["rank"])
+    orders from 62 on left out: the data have rank 60 60.0
+    """
+
+    kind: str
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    text: str = ""
+
+    def __post_init__(self) -> None:
+        for name, text in (("kind", self.kind), ("text", self.text)):
+            check_kind(f"{name} of a note", text, str)
+        check_kind("numbers of a note", self.numbers, Mapping)
+        freeze(self, numbers={str(name): _number(name, value) for name, value in self.numbers.items()})
+
+    def __str__(self) -> str:
+        return self.text
+
+    def __hash__(self) -> int:
+        return hash((self.kind, self.text, tuple(sorted(self.numbers.items()))))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return kind, numbers and text as the JSON module writes them; null for a number that is not finite."""
+        numbers = {name: value if np.isfinite(value) else None for name, value in self.numbers.items()}
+        return {"kind": self.kind, "numbers": numbers, "text": self.text}
+
+    @classmethod
+    def from_dict(cls, entries: Mapping[str, Any]) -> Note:
+        """Take back what `to_dict` gave.
+
+        Parameters
+        ----------
+        entries : mapping
+            With "text", and "kind" and "numbers" where they are known.
+
+        Raises
+        ------
+        DataError
+            No text, or entries of the wrong type.
+        """
+        check_kind("a note", entries, Mapping)
+        if "text" not in entries:
+            raise DataError("a note needs a text", f"it has {', '.join(entries) or 'nothing'}", 'Give "text".')
+        kind, numbers = entries.get("kind", REMARK), entries.get("numbers") or {}
+        return cls(kind, numbers, entries["text"])
+
+
+def notes_of(values: Iterable[Note | str | Mapping[str, Any]] | Note | str) -> tuple[Note, ...]:
+    """Return notes as a tuple; plain text becomes a note of the kind "remark", entries of a file the note they were.
+
+    Parameters
+    ----------
+    values : Note, str, or a sequence of them and of what `Note.to_dict` gave
+
+    Examples
+    --------
+    >>> [note.kind for note in notes_of(["one pole left out", Note("band", {}, "2 to 5 Hz")])]
+    ['remark', 'band']
+    """
+    each = [values] if isinstance(values, str | Note) else check_each("notes", values, "notes or texts")
+    return tuple(_note(value) for value in each)
+
+
+def _note(value: Any) -> Note:
+    if isinstance(value, Mapping):
+        return Note.from_dict(value)
+    check_kind("each of the notes", value, (Note, str))
+    return value if isinstance(value, Note) else Note(REMARK, {}, value)
+
+
+def _number(name: str, value: Any) -> float:
+    """Return a number of a note; what JSON calls null is NaN, and infinite numbers stay."""
+    if value is None or (isinstance(value, float) and np.isnan(value)):
+        return np.nan  # one object, so that notes of the same content stay equal
+    return value if isinstance(value, float) and np.isinf(value) else check_number(f"{name} of a note", value)

@@ -1,0 +1,445 @@
+"""What poles can contribute to a response, as real columns, and least squares with them.
+
+A conjugate pair of poles with residue R = a + j b contributes a g1 + b g2, two functions of the line (or sample) that are the
+same for every output and input. One orthogonal decomposition of these functions therefore serves all channels: the data
+enter only through their few coefficients. The constant (and residual) terms come first in it, so that they take one
+coefficient each and leave the rest to the modes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg as sla
+
+from modalscope.data.channels import QUANTITIES
+from modalscope.data.poles import is_real, powers_of, to_discrete
+from modalscope.numerics.checks import Array, ComplexArray, RealArray
+from modalscope.numerics.orthonormal import resolved
+
+__all__ = [
+    "LineData",
+    "ModalBasis",
+    "line_basis",
+    "line_data",
+    "line_functions",
+    "of_pairs",
+    "residual_powers",
+    "sample_basis",
+    "sample_functions",
+    "scaled_terms",
+    "stacked_basis",
+]
+
+
+# ------------------------------------------------------------------------------------------------------ pole functions
+# The functions of poles on lines and on samples, real columns that are the same for every output and input, and their derivatives.
+
+#: Real and imaginary part.
+_Parts = tuple[RealArray, RealArray]
+
+
+#: A pole that grows by more than exp of this over the samples is no mode: it is taken as one that grows so much, whose squares are numbers.
+_GROWN = 300.0
+
+
+def line_functions(frequencies: RealArray, rate: float | None, poles: Array, *, slopes: bool = False) -> RealArray:
+    """Return the functions 1 / (x - pole) and conjugates on lines, (2 F, 2 n); with `slopes` their d/ds behind them, e1, e2 of every pole.
+
+    The transposed matrix is made row by row: each function lies in one piece. Real and imaginary parts apart take a third of the time that
+    complex numbers do.
+    """
+    x, p, chain = _points(frequencies, rate, poles)
+    found = np.empty((1 + slopes, p.size, 2, 2, x.size))
+    step = max(_AT_A_TIME // max(x.size, 1), 1)
+    for some in (slice(first, first + step) for first in range(0, p.size, step)):
+        _fill(found[:, some], x, p[some], None if chain is None else chain[some])
+    return found.reshape(-1, 2 * x.size).T
+
+
+def _fill(found: RealArray, x: ComplexArray, p: ComplexArray, chain: ComplexArray | None) -> None:
+    """Lay the functions of some poles into their place, (1 or 2, n, 2, 2, F)."""
+    own, pair = _inverse(x, p), _inverse(x, p.conj())
+    alone = is_real(p)  # exp(j pi) is -1 but for rounding
+    pairs = [(own, tuple(np.where(alone[:, None], 0, part) for part in pair) if np.any(alone) else pair)]
+    if len(found) > 1:
+        pairs.append((_squared(own, chain), _squared(pair, None if chain is None else chain.conj())))
+    for to, ((g, g_imag), (h, h_imag)) in zip(found, pairs, strict=True):
+        np.add(g, h, out=to[:, 0, 0])
+        np.add(g_imag, h_imag, out=to[:, 0, 1])
+        np.subtract(h_imag, g_imag, out=to[:, 1, 0])
+        np.subtract(g, h, out=to[:, 1, 1])
+    found[0, alone, 1] = 0
+
+
+def of_pairs(own: ComplexArray, pair: ComplexArray, alone: Array) -> ComplexArray:
+    """Return g1 = own + pair and g2 = j (own - pair) of pairs, own and nothing of real poles, (F, n, 2).
+
+    Parameters
+    ----------
+    own, pair : array of complex, (F, n)
+        The functions of the poles and of their conjugates.
+    alone : array of bool, (n,)
+        Real poles.
+    """
+    return np.stack([np.where(alone, own, own + pair), np.where(alone, 0, 1j * (own - pair))], axis=2)
+
+
+def _inverse(x: ComplexArray, p: ComplexArray) -> _Parts:
+    """Return 1 / (x - p) by its parts, (n, F) each: arrays are large, and few are made."""
+    u = x.real - p.real[:, None] if np.any(x.real) else -p.real[:, None]
+    v = p.imag[:, None] - x.imag
+    size = v * v
+    size += u * u
+    np.reciprocal(size, out=size)
+    return u * size, np.multiply(v, size, out=v)
+
+
+def _squared(values: _Parts, factors: ComplexArray | None) -> _Parts:
+    """Return the squares times a factor a row (n,), where there is one, by their parts."""
+    real, imag = values
+    squares, products = real * real, real * imag
+    squares -= imag * imag
+    products *= 2
+    if factors is None:
+        return squares, products
+    a, b = factors.real[:, None], factors.imag[:, None]
+    return a * squares - b * products, a * products + b * squares
+
+
+def _points(
+    frequencies: RealArray, rate: float | None, poles: Array
+) -> tuple[ComplexArray, ComplexArray, ComplexArray | None]:
+    """Return the lines and the poles in one plane, and d pole / d s there where it is not one."""
+    x, s = (np.asarray(values, dtype=complex) for values in (2j * np.pi * frequencies, poles))
+    if rate is None:
+        return x, s, None
+    z = to_discrete(s, 1 / rate)
+    return np.exp(x / rate), z, np.asarray(z / rate)
+
+
+def sample_functions(rate: float, first: int, count: int, poles: Array, *, slopes: bool = False) -> RealArray:
+    """Return Re and Im of exp(s t_k), (N, 2 n), with `slopes` their d/ds behind them, columns e1, e2 of every pole."""
+    s = np.asarray(poles, dtype=complex)
+    s = np.minimum(s.real, _GROWN * rate / max(first + count, 1)) + 1j * s.imag
+    z = to_discrete(s, 1 / rate)
+    decay = powers_of(z, count, first, rows=True)
+    alone = is_real(z)[:, None]
+    # as on lines each function lies in one piece
+    found = np.empty((1 + slopes, s.size, 2, count))
+    np.multiply(decay.real, np.where(alone, 1.0, 2.0), out=found[0, :, 0])
+    np.multiply(decay.imag, np.where(alone, 0.0, -2.0), out=found[0, :, 1])
+    if slopes:
+        t = (np.arange(count) + first) / rate
+        np.multiply(decay.real, 2 * t, out=found[1, :, 0])
+        np.multiply(decay.imag, -2 * t, out=found[1, :, 1])
+    return found.reshape(-1, count).T
+
+
+# ----------------------------------------------------------------------------------------------------------- line data
+# Values on lines as real rows, which are the same for whatever poles are fitted to them.
+
+
+class LineData(NamedTuple):
+    """Values on lines for any number of fits.
+
+    Parameters
+    ----------
+    values : array, (2 F, l, m)
+        Weighted, real parts above imaginary parts.
+    energy : array, (l, m)
+        Of every channel.
+    """
+
+    values: RealArray
+    energy: RealArray
+
+
+def line_data(values: ComplexArray, weights: Array | None) -> LineData:
+    """Return values on lines, (F, l, m), as fits take them."""
+    data = real_data(values, weights)
+    return LineData(data, energy_of(data))
+
+
+def energy_of(values: RealArray) -> RealArray:
+    """Return sum over the rows of |v|^2 of every channel, (l, m)."""
+    return np.asarray(np.einsum("klm,klm->lm", values, values))
+
+
+def real_rows(columns: Array, weights: Array | None) -> RealArray:
+    """Return real parts above imaginary parts, (F, k) -> (2 F, k), with the weights of the lines."""
+    weighted = columns if weights is None else columns * np.asarray(weights)[:, None]
+    return np.concatenate([weighted.real, weighted.imag])
+
+
+def real_data(values: Array, weights: Array | None) -> RealArray:
+    """Return the same of values of channels, (F, l, m) -> (2 F, l, m)."""
+    lines, *channels = values.shape
+    return real_rows(values.reshape(lines, -1), weights).reshape(2 * lines, *channels)
+
+
+# --------------------------------------------------------------------------------------------------------- modal basis
+
+#: Share of an output's energy below which what is left, a difference of sums, is told from rounding by rebuilding the data.
+_ROUNDING = 1e-10
+
+#: Numbers rebuilt at a time: they stay in the cache.
+_AT_A_TIME = 32_000
+
+#: Share of a channel's energy below which a difference of sums has fewer than eight digits of what is left.
+_TOLD = 1e-7
+
+
+class FittedSide(NamedTuple):
+    """Participation fitted to shapes.
+
+    Parameters
+    ----------
+    side : array of complex, (n, m)
+    terms : array, (t, l, m)
+        Coefficients of the constant and residual terms.
+    left : array, (l, m)
+        Energy that is left of every channel.
+    unexplained : array, (l, m)
+        What the best terms and residues of every channel leave; NaN where that is near rounding.
+    """
+
+    side: ComplexArray
+    terms: RealArray
+    left: RealArray
+    unexplained: RealArray
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ModalBasis:
+    """What poles (and constant terms) can contribute, as real columns.
+
+    Parameters
+    ----------
+    terms : array, (K, t)
+        Constant and residual terms, which every channel has for itself.
+    functions : array, (K, 2 n)
+        g1 and g2 of every pole; for a real pole g2 is zero.
+    data : array, (K, l, m)
+        The response on the same rows.
+    whole : array, (l, m), optional
+        Energy of the data of every channel, where it is known.
+    """
+
+    terms: RealArray
+    functions: RealArray
+    data: RealArray
+    whole: RealArray | None = None
+
+    @property
+    def columns(self) -> RealArray:
+        """Terms and functions side by side, (K, t + 2 n): all that the poles can explain."""
+        if not self.terms.size:
+            return self.functions
+        if not self.functions.size:
+            return self.terms
+        if self.functions.flags.f_contiguous:  # functions that lie in one piece each stay so
+            return np.concatenate([self.terms.T, self.functions.T]).T
+        return np.hstack([self.terms, self.functions])
+
+    @property
+    def by_pole(self) -> RealArray:
+        """The functions of each pole, (K, n, 2)."""
+        return self.functions.reshape(len(self.functions), -1, 2)
+
+    @property
+    def reach(self) -> RealArray:
+        """Norm of each pole's functions over the rows, (n,): how much of the data a pole can be seen in."""
+        squares = np.einsum("kj,kj->j", self.functions, self.functions)
+        return np.asarray(np.sqrt(squares.reshape(-1, 2).sum(axis=1)))
+
+    def compressed(self) -> ModalBasis:
+        """Return the same problem on as many rows as there are columns: fits are the same, the misfit less what no column can explain."""
+        rows, outputs, inputs = self.data.shape
+        if not 0 < self.columns.shape[1] < rows:
+            return self
+        factors = sla.qr(self.columns, mode="economic", check_finite=False)
+        Q, R = (np.asarray(factor, dtype=np.float64) for factor in factors)
+        t = self.terms.shape[1]
+        data = (Q.T @ self.data.reshape(rows, -1)).reshape(-1, outputs, inputs)
+        return ModalBasis(R[:, :t], R[:, t:], data)
+
+    def fit_participation(self, shapes: Array) -> tuple[ComplexArray, RealArray]:
+        """Fit participation rows l_j to known shapes c_j, with the terms of every channel, by least squares over all rows.
+
+        Parameters
+        ----------
+        shapes : array of complex, (l, n)
+
+        Returns
+        -------
+        participation : array of complex, (n, m)
+        terms : array, (t, l, m)
+            Coefficients of the constant and residual terms.
+        """
+        found = self.solved(shapes)
+        return found.side, found.terms
+
+    def fit_shapes(self, participation: Array) -> tuple[ComplexArray, RealArray]:
+        """Fit shapes to known participation rows, the other way round: shapes (l, n) and terms (t, l, m)."""
+        found = self.turned.solved(np.asarray(participation).T)
+        return found.side.T, found.terms.transpose(0, 2, 1)
+
+    @property
+    def turned(self) -> ModalBasis:
+        """Outputs and inputs in each other's places."""
+        return ModalBasis(self.terms, self.functions, self.data.transpose(0, 2, 1))
+
+    def solved(self, shapes: Array) -> FittedSide:
+        """Return what `fit_participation` does, and how much is left of every channel: |data|^2 - |Q'data|^2 + |Q'data - R theta|^2.
+
+        Nothing is rebuilt for that, unless so little is left that the difference is rounding.
+
+        Parameters
+        ----------
+        shapes : array of complex, (l, n)
+        """
+        rows, outputs, inputs = self.data.shape
+        t, n = self.terms.shape[1], shapes.shape[1]
+        columns = self.columns
+        used = np.flatnonzero(np.any(columns, axis=0))
+        seen, R = resolved(columns if used.size == t + 2 * n else columns[:, used], self.data.reshape(rows, -1))
+        coefficients = seen.reshape(-1, outputs, inputs)
+        kept = used[t:] - t
+        known = _with_shapes(R[t:, t:], kept, shapes)
+        theta = np.zeros((2 * n, inputs))
+        target = coefficients[t:].transpose(1, 0, 2)
+        theta[kept] = _solve(known.reshape(outputs * (len(R) - t), kept.size), target.reshape(-1, inputs))
+        side = theta[::2] + 1j * theta[1::2]
+        rest = _residues(shapes, side)[kept]
+        left = coefficients[:t] - np.tensordot(R[:t, t:], rest, axes=1)
+        terms = sla.solve_triangular(R[:t, :t], left.reshape(t, outputs * inputs)) if t else left
+        own = terms.reshape(t, outputs, inputs)
+        with np.errstate(over="ignore", invalid="ignore"):
+            missed = np.tensordot(R[t:, t:], rest, axes=1) - coefficients[t:]
+            whole = energy_of(self.data) if self.whole is None else self.whole
+            unexplained = whole - energy_of(coefficients)
+            energy = unexplained + energy_of(missed)
+            if not np.all(energy.sum(axis=1) > _ROUNDING * whole.sum(axis=1)):
+                energy = energy_of(self.data - self.rebuilt(shapes, side, own))
+        return FittedSide(side, own, energy, np.where(unexplained > _TOLD * whole, unexplained, np.nan))
+
+    def of_terms(self, coefficients: RealArray) -> RealArray:
+        """Return coefficients (t, channels) of the terms as `fit_participation` gives them, (t, l, m)."""
+        return coefficients.reshape(self.terms.shape[1], *self.data.shape[1:])
+
+    def rebuilt(self, shapes: Array, participation: Array, terms: Array) -> RealArray:
+        """Return what modes and terms give on the rows, (K, l, m): the counterpart of `fit_participation`."""
+        coefficients = _residues(shapes, participation).reshape(-1, self.data[0].size)
+        flat = self.functions @ coefficients + self.terms @ terms.reshape(len(terms), coefficients.shape[1])
+        return np.asarray(flat.reshape(self.data.shape))
+
+    def missed(self, shapes: Array, participation: Array, terms: Array) -> Iterator[RealArray]:
+        """Yield `rebuilt` without the data, (rows, l, m), some rows after the other: what is left in the cache."""
+        coefficients = _residues(shapes, participation).reshape(-1, self.data[0].size)
+        own, step = terms.reshape(len(terms), coefficients.shape[1]), max(_AT_A_TIME // self.data[0].size, 1)
+        for start in range(0, len(self.data), step):
+            rows = slice(start, start + step)
+            flat = self.functions[rows] @ coefficients
+            if len(own):
+                flat += self.terms[rows] @ own
+            left = flat.reshape(-1, *self.data.shape[1:])
+            left -= self.data[rows]
+            yield left
+
+
+def _residues(shapes: Array, participation: Array) -> RealArray:
+    """Return the residues c_j l_j as the functions take them, (2 n, l, m): real and imaginary part of every pole."""
+    found = shapes.T[:, :, None] * participation[:, None, :]
+    return np.stack([found.real, found.imag], axis=1).reshape(2 * len(found), *found.shape[1:])
+
+
+def _with_shapes(functions: RealArray, kept: Array, shapes: Array) -> RealArray:
+    """Return what (Re l_1, Im l_1, ...) give in the rows of every output, (l, K, kept): g1 a + g2 b with a + j b = c l.
+
+    Parameters
+    ----------
+    functions : array, (K, kept)
+        g1 and g2 of every pole, but for some that are zero.
+    kept : array of int
+        Which of all 2 n they are.
+    shapes : array of complex, (l, n)
+    """
+    whole = np.zeros((len(functions), 2 * shapes.shape[1]))
+    whole[:, kept] = functions
+    product = (whole[:, ::2] - 1j * whole[:, 1::2]) * shapes[:, None]
+    return np.stack([product.real, -product.imag], axis=3).reshape(len(shapes), *whole.shape)[:, :, kept]
+
+
+def _solve(known: RealArray, target: RealArray) -> RealArray:
+    """Least squares with columns scaled to length one: poles far apart would otherwise decide the rank by their units."""
+    scale = np.linalg.norm(known, axis=0)
+    scale = np.where(scale > 0, scale, 1)
+    return np.asarray(np.linalg.lstsq(known / scale, target, rcond=None)[0] / scale[:, None])
+
+
+def line_basis(
+    frequencies: RealArray,
+    rate: float | None,
+    data: LineData,
+    poles: Array,
+    powers: tuple[int, ...],
+    weights: Array | None,
+) -> ModalBasis:
+    """Return the functions 1 / (x - pole) and conjugates on lines, real and imaginary parts stacked.
+
+    x is j w with poles in rad/s; for the response of a sampled system x = exp(j w dt) and the poles go along. The terms are powers
+    of the relative frequency j f / f_max: only their span matters, and it is better conditioned. The data have the
+    weights already.
+    """
+    relative = 1j * frequencies / (float(frequencies[-1]) or 1.0)
+    terms = np.stack([relative**power for power in powers], axis=1) if powers else np.zeros((frequencies.size, 0))
+    functions = line_functions(frequencies, rate, poles)
+    if weights is not None:
+        functions *= np.tile(weights, 2)[:, None]
+    return ModalBasis(real_rows(terms, weights), functions, data.values, data.energy)
+
+
+def sample_basis(rate: float, first: int, values: RealArray, poles: Array) -> ModalBasis:
+    """Return the functions Re and Im of exp(s t_k) at samples, counted from the impulse."""
+    return ModalBasis(np.zeros((len(values), 0)), sample_functions(rate, first, len(values), poles), values)
+
+
+def stacked_basis(
+    own: ComplexArray, pair: ComplexArray, alone: Array, terms: Array, data: ComplexArray, weights: Array | None
+) -> ModalBasis:
+    """Return g1 = own + pair and g2 = j (own - pair) for pairs, own for real poles, with real and imaginary parts stacked.
+
+    Parameters
+    ----------
+    own, pair : array of complex, (F, n)
+        The functions of the poles and of their conjugates.
+    alone : array of bool, (n,)
+        Real poles.
+    terms : array of complex, (F, t)
+    data : array of complex, (F, l, m)
+    weights : array, (F,), optional
+    """
+    functions = of_pairs(own, pair, alone).reshape(len(data), -1)
+    return ModalBasis(real_rows(terms, weights), real_rows(functions, weights), real_data(data, weights))
+
+
+def residual_powers(quantity: str | None, residuals: bool) -> tuple[int, ...]:
+    """Return the powers of j w that stand beside the modes: of the direct term or, with residuals, of lower and upper modes.
+
+    Modes below the band look like a mass line, (j w)^(p - 2), and modes above it like a stiffness line, (j w)^p, with p = 0, 1, 2 for
+    displacement, velocity and acceleration. Without a known quantity there is the constant alone.
+    """
+    if quantity is None or not residuals:
+        return (0,)
+    p = QUANTITIES[quantity]
+    return (p - 2, p)
+
+
+def scaled_terms(terms: Array, powers: tuple[int, ...], frequencies: RealArray) -> RealArray:
+    """Return coefficients of powers of j w from those of the basis, which are of the relative frequency."""
+    factor = (2 * np.pi * (float(frequencies[-1]) or 1.0)) ** -np.asarray(powers, dtype=float)
+    return np.asarray(terms * factor[:, None, None])

@@ -1,0 +1,131 @@
+"""What a fit leaves of records near resonances and away from them, and poles that are none of the structure's.
+
+Forces that were not measured, and noise on the measured ones, shake the structure: what they leave is resonant. Noise of the output
+sensors is not.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from modalscope.data.notes import Note
+from modalscope.numerics.checks import Array, RealArray
+
+__all__ = ["DELAY", "UNMEASURED", "Excess", "excess", "excess_notes", "pole_notes"]
+
+#: Kinds of the notes on a residual that stands out at the modes, and on channels that come late.
+UNMEASURED, DELAY = "unmeasured forces", "delay"
+
+#: From so many decibels on the residual stands out at the modes (noise of sensors alone gives 0 to 3), where it matters: it biases damping
+#: by about the square of its share of the data.
+_STANDS_OUT, _MATTERS = 6.0, 0.01
+
+#: A pole of a drift lies within so many times 1 / T of z = 1, one pole of a delay within this distance of z = 0; more than so many samples
+#: are none, but damped noise.
+_DRIFT, _DELAY, _LATEST = 0.5, 1e-3, 6
+
+#: Imaginary parts below this share of a pole are rounding: it is no pair.
+_REAL = 1e-9
+
+#: Half bandwidths of a mode that are near it, and from which on lines are away from all modes.
+_NEAR, _AWAY = 2.0, 10.0
+
+#: Lines away from all modes that each line near one is compared with.
+_BESIDE = 10
+
+
+class Excess(NamedTuple):
+    """Residual at resonances.
+
+    Attributes
+    ----------
+    decibels : float
+        Mean square near the modes over that away from them, outputs brought level; NaN where there are no such lines.
+    share : float
+        Root mean square near the modes over that of the data there.
+    """
+
+    decibels: float
+    share: float
+
+
+def excess(frequencies: RealArray, power: RealArray, values: Array, poles: Array, resolution: float) -> Excess:
+    """Compare what a fit leaves near modes with what it leaves beside them.
+
+    Parameters
+    ----------
+    frequencies : array, (F,)
+        Hz.
+    power : array, (F, l)
+        Squares of what is left of the values.
+    values : array of complex, (F, l)
+    poles : array of complex, (n,)
+        rad/s, as they are in the data.
+    resolution : float
+        Distance of the lines of a run, Hz; no mode is taken to be narrower.
+    """
+    f = np.abs(poles) / (2 * np.pi)
+    half = np.maximum(np.abs(poles.real) / (2 * np.pi), resolution)
+    apart = np.min(np.abs(frequencies[:, None] - f) / half, axis=1, initial=np.inf)
+    near, away = np.flatnonzero(apart <= _NEAR), np.flatnonzero(apart > _AWAY)
+    if not near.size or not away.size:
+        return Excess(np.nan, np.nan)
+    away = away[np.argsort(frequencies[away], kind="stable")]
+    place = np.searchsorted(frequencies[away], frequencies[near])
+    beside = away[np.clip(place[:, None] + np.arange(-_BESIDE // 2, _BESIDE // 2), 0, away.size - 1)]
+    ratio, count, missed, whole = 0.0, 0, 0.0, 0.0
+    for level, data in zip(power.T, values.T, strict=True):  # of long records all outputs together are large
+        floor = level[beside].mean(axis=1)
+        usable = floor > 0
+        ratio += float(np.sum(level[near[usable]] / floor[usable]))
+        count += int(np.count_nonzero(usable))
+        missed += float(np.sum(level[near]))
+        whole += float(np.sum(np.abs(data[near]) ** 2))
+    decibels = 10 * np.log10(ratio / count) if count and ratio > 0 else np.nan
+    return Excess(float(decibels), float(np.sqrt(missed / whole)) if whole > 0 else np.nan)
+
+
+def excess_notes(found: Excess) -> tuple[Note, ...]:
+    """Return a note where what is left stands out at the modes and matters.
+
+    Parameters
+    ----------
+    found : Excess
+    """
+    if not (found.decibels >= _STANDS_OUT and found.share >= _MATTERS):
+        return ()
+    text = (
+        f"unmeasured forces, or noise on the inputs: what the fit leaves is {found.decibels:.0f} dB higher at the modes than beside them "
+        f"({100 * found.share:.2g} % of the response there). Damping is biased; one record cannot tell which of the two it is."
+    )
+    return (Note(UNMEASURED, {"decibels": found.decibels, "share": found.share}, text),)
+
+
+def pole_notes(poles: Array, sampling_rate: float | None, duration: float) -> tuple[Note, ...]:
+    """Return notes on poles of a drift and of a delay.
+
+    Parameters
+    ----------
+    poles : array of complex, (n,)
+        Of the sampled system, or rad/s where there is no sampling rate.
+    sampling_rate : float, optional
+    duration : float
+        Seconds of the longest run.
+    """
+    notes = []
+    distance = np.abs(poles - 1) * sampling_rate if sampling_rate is not None else np.abs(poles)
+    alone = np.abs(poles.imag) <= _REAL * np.abs(poles)  # a negative pole has been through logarithm and exponential
+    if np.any(alone & (distance < _DRIFT / duration)):
+        notes.append(
+            Note("drift", {}, "a pole at zero frequency: the records drift, which costs a state and no accuracy")
+        )
+    if sampling_rate is not None:
+        size = np.sort(np.repeat(np.abs(poles), np.where(alone, 1, 2)))
+        # a pole of multiplicity k is known to the k-th root of what one is known to
+        late = max((k for k in range(1, min(size.size, _LATEST) + 1) if size[k - 1] ** k < _DELAY), default=0)
+        if late:
+            text = f"{late} poles at z = 0: some channels come about {late} samples late in all"
+            notes.append(Note(DELAY, {"samples": late}, f"a delay of about {late} samples: {text}"))
+    return tuple(notes)

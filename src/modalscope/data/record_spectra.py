@@ -1,0 +1,581 @@
+"""Records on lines: the transforms of whole runs beside the inputs that drove them, judged where no frequency response is estimated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from modalscope.data.channels import check_groups, run_groups
+from modalscope.data.driven_basis import DrivenBasis, DrivenLines, Run, driven_basis
+from modalscope.data.frequency import FrequencyResponse, lines_inside
+from modalscope.data.notes import Note
+from modalscope.data.poles import to_discrete
+from modalscope.data.record_residual import excess, excess_notes, pole_notes
+from modalscope.data.response import UNTOLD, NoResponse, output_scale
+from modalscope.data.statespace import StateSpace
+from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, freeze, locked
+
+if TYPE_CHECKING:
+    from modalscope.data.modes import ModalModel
+
+__all__ = ["RecordSpectra", "line_power", "near_modes", "resonance_weights", "running_mean", "telling_lines"]
+
+
+# --------------------------------------------------------------------------------------------------------- line choice
+# Which lines of long records are enough: for judging, some of all and those of the peaks; for refining, those near the modes.
+#
+# The equations of records hold line by line, so that lines that are left out cost accuracy and bring no bias.
+
+#: Lines on either side that a weight is averaged over, and the least power over the median that it follows.
+_BESIDE, _QUIET = 20, 0.01
+
+#: Neighbours on either side over which a peak and its surroundings are averaged.
+_PEAK, _AROUND = 3, 2000
+
+#: Lines that are averaged together: of long records an array of all lines is large.
+_AT_A_TIME = 1 << 16
+
+
+def running_mean(values: RealArray, run: IntArray, beside: int) -> RealArray:
+    """Return the mean over each line and up to `beside` lines on either side within its run, (F,).
+
+    Parameters
+    ----------
+    values : array, (F,)
+    run : array of int, (F,)
+        Increasing.
+    beside : int
+
+    Examples
+    --------
+    >>> running_mean(np.array([1.0, 2.0, 6.0, 5.0]), np.array([0, 0, 0, 1]), 1)
+    array([1.5, 3. , 4. , 5. ])
+    """
+    found = np.empty_like(values)
+    for first, last in pairwise(np.searchsorted(run, np.arange(run[-1] + 2 if run.size else 1, dtype=run.dtype))):
+        for start in range(first, last, _AT_A_TIME):
+            own = np.arange(start, min(start + _AT_A_TIME, last))
+            low, high = np.maximum(own - beside, first), np.minimum(own + beside + 1, last)
+            total = np.concatenate([[0.0], np.cumsum(values[low[0] : high[-1]], dtype=float)])
+            found[own] = (total[high - low[0]] - total[low - low[0]]) / (high - low)
+    return found
+
+
+def resonance_weights(power: RealArray, run: IntArray) -> RealArray:
+    """Return a weight a line, (F,), of mean square one: the root of the outputs' amplitude over neighbouring lines of the run.
+
+    Parameters
+    ----------
+    power : array, (F,)
+        Of the outputs together.
+    run : array of int, (F,)
+    """
+    w = running_mean(power, run, _BESIDE)
+    np.maximum(w, _QUIET * max(float(np.median(w)), np.finfo(float).tiny), out=w)
+    np.sqrt(w, out=w)
+    mean = float(np.mean(w))
+    np.sqrt(w, out=w)
+    w /= np.sqrt(mean)
+    return w
+
+
+def telling_lines(power: RealArray, run: IntArray, most: int) -> IntArray:
+    """Return at most so many lines: half of them evenly spaced, and those that stand highest above their surroundings.
+
+    Parameters
+    ----------
+    power : array, (F,)
+        Of the outputs together.
+    run : array of int, (F,)
+    most : int
+    """
+    if power.size <= most:
+        return np.arange(power.size)
+    even = np.arange(0, power.size, -(-power.size // (most // 2)))
+    level, height = running_mean(power, run, _AROUND), running_mean(power, run, _PEAK)
+    np.divide(height, level, out=height, where=level > 0)
+    height[even] = np.inf
+    return _largest(height, most, level)
+
+
+def _largest(values: RealArray, most: int, place: RealArray) -> IntArray:
+    """Return where the `most` largest values are, increasing; of those alike at the limit the first. The place is overwritten."""
+    place[:] = values
+    place.partition(values.size - most)
+    least = place[values.size - most]
+    above = np.flatnonzero(values > least)
+    return np.sort(np.concatenate([above, np.flatnonzero(values == least)[: most - above.size]]))
+
+
+def near_modes(frequencies: RealArray, poles: Array, resolution: float, most: int) -> IntArray:
+    """Return at most so many lines, those nearest to a mode in half bandwidths.
+
+    What lies d half bandwidths away and farther holds a part of 1 / (2 d^3) or so of what is known of a pole.
+
+    Parameters
+    ----------
+    frequencies : array, (F,)
+        Hz.
+    poles : array of complex, (n,)
+        rad/s.
+    resolution : float
+        Hz; no mode is taken to be narrower.
+    most : int
+    """
+    if frequencies.size <= most:
+        return np.arange(frequencies.size)
+    apart = np.full(frequencies.size, np.inf)
+    for pole in np.asarray(poles):
+        half = max(abs(pole.real) / (2 * np.pi), resolution)
+        np.minimum(apart, np.abs(frequencies - abs(pole) / (2 * np.pi)) / half, out=apart)
+    np.negative(apart, out=apart)
+    return _largest(apart, most, np.empty_like(apart))
+
+
+# ------------------------------------------------------------------------------------------------------ record picture
+# Frequency responses for the eye from the lines of records: H1 over neighbouring lines.
+
+#: Lines that a picture has at most, and its neighbours on either side that each value is averaged over.
+_LINES, _NEAR = 4000, 3
+
+#: Power of an input below this share of the largest is no force.
+_SILENT = 1e-12
+
+
+def picture_of(
+    frequencies: RealArray, outputs: ComplexArray, inputs: ComplexArray, labels: dict[str, Any]
+) -> FrequencyResponse:
+    """Return H = S_yu S_uu^-1 with spectra averaged over groups of neighbouring lines, of all runs together.
+
+    Parameters
+    ----------
+    frequencies : array, (F,)
+        Hz, in any order.
+    outputs : array of complex, (F, l)
+    inputs : array of complex, (F, m)
+    labels : mapping
+        Labels, units and quantity of the response.
+    """
+    order = np.argsort(frequencies, kind="stable")
+    starts = np.arange(0, order.size, max(-(-order.size // _LINES), 1))
+    f, Y, U = frequencies[order], outputs[order], inputs[order]
+    cross = _near(np.add.reduceat(Y[:, :, None] * U[:, None, :].conj(), starts))
+    power = _near(np.add.reduceat(U[:, :, None] * U[:, None, :].conj(), starts))
+    m = U.shape[1]
+    level = np.einsum("fii->f", power).real
+    floor = _SILENT * max(float(level.max()), np.finfo(float).tiny)
+    H = cross @ np.linalg.inv(power + (_SILENT * level + floor)[:, None, None] * np.eye(m))
+    middle = np.add.reduceat(f, starts) / np.diff(np.append(starts, f.size))
+    lines, first = np.unique(middle, return_index=True)
+    return FrequencyResponse(values=H[first], frequencies=lines, **labels)
+
+
+def _near(sums: ComplexArray) -> ComplexArray:
+    """Return sums over each group of lines and its neighbours."""
+    total = np.concatenate([np.zeros_like(sums[:1]), np.cumsum(sums, axis=0)])
+    k = np.arange(len(sums))
+    return np.asarray(total[np.minimum(k + _NEAR + 1, len(sums))] - total[np.maximum(k - _NEAR, 0)])
+
+
+# --------------------------------------------------------------------------------------------------------- record sums
+# What lines of records say: smoothed spectra, what drives a pole, inputs that are not told apart, and models rebuilt on them.
+
+#: Neighbouring lines on either side that one value of the smoothed spectrum is made of.
+NEAR = 3
+
+#: Complex numbers that are held at a time: 4 MB.
+_NUMBERS_RECORD_SUMS = 1 << 18
+
+#: Inputs are alike where a direction of them, each of length one, is shorter than this; an input has part in it from so much on.
+_ALIKE, _SHARE = 1e-9, 1e-6
+
+
+def line_power(lines: RecordSpectra) -> RealArray:
+    """Return the squares of all outputs together on every line, each output level, (F,): to seven digits, for it only weighs lines."""
+    scale = output_scale(lines)
+    found: Any = np.empty(lines.count, np.float32)
+    weight = np.where(scale > 0, scale, 1.0) ** -2.0
+    step = max(_NUMBERS_RECORD_SUMS // weight.size, 1)
+    for start in range(0, lines.count, step):
+        some = slice(start, start + step)
+        found[some] = np.abs(lines.values[some, :, 0]) ** 2 @ weight
+    return np.asarray(found)
+
+
+def left_power(lines: RecordSpectra, modelled: Iterator[tuple[slice, ComplexArray]]) -> RealArray:
+    """Return the squares of what a model leaves of all outputs, (F, l), given it piece by piece."""
+    found = np.empty(lines.values.shape[:2])
+    for s, part in modelled:
+        found[s] = np.abs(lines.values[s, :, 0] - part) ** 2
+    return found
+
+
+def left_rows(lines: RecordSpectra, modelled: Iterator[tuple[slice, ComplexArray]]) -> RealArray:
+    """Return what a model leaves of all outputs, real parts above imaginary ones, (2 F, l, 1), given it piece by piece."""
+    found = np.empty((2, *lines.values.shape))
+    for s, part in modelled:
+        left = lines.values[s, :, 0] - part
+        found[0, s, :, 0], found[1, s, :, 0] = left.real, left.imag
+    return found.reshape(-1, *lines.values.shape[1:])
+
+
+def smoothed(lines: RecordSpectra) -> Iterator[tuple[RealArray, ComplexArray]]:
+    """Yield some lines in Hz, increasing, and the outputs on them and their neighbours, (F, l, p): their singular values show modes."""
+    order = np.argsort(lines.frequencies, kind="stable")
+    spans, beside = lines.spans_of_runs, np.arange(-NEAR, NEAR + 1)
+    lowest, highest = (np.array([getattr(own, end) for own in spans]) for end in ("start", "stop"))
+    step = max(_NUMBERS_RECORD_SUMS // (lines.values.shape[1] * beside.size), 1)
+    for start in range(0, order.size, step):
+        some = order[start : start + step]
+        r = lines.run[some, None]
+        values = lines.values[np.clip(some[:, None] + beside, lowest[r], highest[r] - 1), :, 0]
+        values /= np.sqrt(beside.size)
+        yield lines.frequencies[some], values.transpose(0, 2, 1)
+
+
+def untold_notes(lines: RecordSpectra) -> tuple[Note, ...]:
+    """Return a note on the inputs that are zero or depend on the others, its numbers their parts in what was not excited."""
+    _, alone = _silent(lines)
+    part = dict(zip(lines.input_dofs, np.linalg.norm(alone, axis=0).tolist(), strict=True))
+    untold = {dof: size for dof, size in part.items() if size > _SHARE}
+    text = (
+        f"inputs {', '.join(untold)} are zero or depend on each other: what they give together is known, "
+        "how it is shared among them is not (participation is the shortest that fits, of inputs brought to one size)"
+    )
+    return (Note(UNTOLD, untold, text),) if untold else ()
+
+
+def shortest_participation(lines: RecordSpectra, participation: Array) -> ComplexArray:
+    """Return the shortest participation (n, m) of the inputs that gives the same on all lines, inputs brought to one size."""
+    size, alone = _silent(lines)
+    level = participation * size
+    return np.asarray((level - (level @ alone.T) @ alone) / size)
+
+
+def _silent(lines: RecordSpectra) -> tuple[RealArray, RealArray]:
+    """Return the sizes of the inputs, one for what is zero, and what directions of the divided ones are zero on every line, (k, m)."""
+    U = np.concatenate([lines.drive.real, lines.drive.imag])
+    size = np.linalg.norm(U, axis=0)
+    size = np.where(size > 0, size, 1)
+    _, d, Vt = np.linalg.svd(np.linalg.qr(U / size, mode="r"))
+    return size, Vt[np.count_nonzero(d > _ALIKE) :]
+
+
+def drive_of_poles(lines: RecordSpectra, poles: Array, participation: Array) -> RealArray:
+    """Return the root mean square of what drives each pole on the lines near its frequency, (n,)."""
+    rate = lines.sampling_rate or 1.0
+    f, half = np.abs(poles.imag) / (2 * np.pi), np.abs(poles.real) / (2 * np.pi)
+    power, count = np.zeros(len(poles)), np.zeros(len(poles))
+    for r, run in enumerate(lines.runs()):
+        own = lines.frequencies[lines.run == r]
+        if not own.size:
+            continue
+        drives = np.hstack([run.inputs, np.zeros((own.size, len(lines.durations)))])
+        drives[:, run.inputs.shape[1] + r] = run.ends
+        middle = np.searchsorted(own, f)
+        low = np.clip(np.minimum(np.searchsorted(own, f - half), middle - NEAR), 0, own.size - 1)
+        high = np.clip(np.maximum(np.searchsorted(own, f + half), middle + NEAR), low + 1, own.size)
+        for j, (a, b) in enumerate(zip(low, high, strict=True)):
+            power[j] += np.sum(np.abs(drives[a:b, : participation.shape[1]] @ participation[j]) ** 2)
+            count[j] += b - a
+    return np.asarray(rate * np.sqrt(power / np.maximum(count, 1)))
+
+
+def rebuilt_values(lines: RecordSpectra, model: StateSpace) -> ComplexArray:
+    """Return what a model gives on lines under the measured inputs, from the first states that fit best, (F, l, 1)."""
+    s = 2j * np.pi * lines.frequencies
+    x = s if model.dt is None else np.exp(s * model.dt)
+    values = np.einsum("flm,fm->fl", model.transfer(x), lines.drive)
+    states = StateSpace(A=model.A, B=np.eye(model.order), C=model.C, dt=model.dt)
+    for r in range(len(lines.durations)):
+        own = lines.run == r
+        free = states.transfer(x[own]) * lines.ends(np.flatnonzero(own))[:, None, None]
+        columns, left = free.reshape(-1, model.order), (lines.values[own, :, 0] - values[own]).reshape(-1)
+        first = np.linalg.lstsq(
+            np.concatenate([columns.real, columns.imag]), np.concatenate([left.real, left.imag]), rcond=None
+        )[0]
+        values[own] += free @ first
+    return np.asarray(values[:, :, None])
+
+
+# ------------------------------------------------------------------------------------------------------ record spectra
+
+#: The degree below which damping is hardly known.
+_LEAST_DEGREE = 8
+
+#: Lines on which models of long records are judged, and refined, at most; numbers of the outputs on them, but so many lines at least.
+_JUDGED, _REFINED = 32_768, 131_072
+_NUMBERS, _LEAST_LINES = 1 << 19, 8192
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
+class RecordSpectra(NoResponse):
+    """Transforms of the outputs on the lines of all runs, one run after the other, beside those of the inputs.
+
+    A model gives Y = D U + sum_j c_j (l_j' U + w_j x) / (x - s_j) + conj: nothing is estimated, and a run may begin and end anywhere.
+
+    Parameters
+    ----------
+    values : array of complex, (F, l, 1)
+        Outputs, divided by the root of the number of samples.
+    frequencies : array, (F,)
+        Hz; increasing within a run.
+    drive : array of complex, (F, m)
+        Inputs; zero where a run has not this input.
+    run : array of int, (F,)
+        Which run each line belongs to.
+    durations : tuple of float
+        Seconds of every run.
+    sampling_rate : float, optional
+        Samples per second, when the inputs were held between samples (z-plane); None for those of a continuous structure.
+    source : RecordSpectra, optional
+        All lines, where these are some of them.
+    groups : sequence of labels, "auto" or None
+        One label a run: what disagrees between groups is repeatability. By default every run of several is one.
+    level : array, (l,), optional
+        What every output is divided by to be level with the others by its noise, where that was seen.
+    line_scale : array, (F,), optional
+        What outputs and inputs of every line were divided by, where their noise is not alike on all lines.
+    """
+
+    frequencies: RealArray
+    drive: ComplexArray
+    run: IntArray
+    durations: tuple[float, ...]
+    source: RecordSpectra | None = None
+    level: RealArray | None = None
+    line_scale: RealArray | None = None
+
+    def __post_init__(self) -> None:
+        given = (name for name in ("level", "line_scale") if getattr(self, name) is not None)
+        arrays = ("values", "frequencies", "drive", "run", *given)
+        freeze(self, **{name: locked(np.asarray(getattr(self, name))) for name in arrays})
+        runs = len(self.durations)
+        freeze(self, groups=check_groups(self.groups, runs, "a run", run_groups(runs)))
+        self._label(self.values.shape[1], self.drive.shape[1])
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Lowest and highest line, Hz."""
+        return float(self.frequencies.min()), float(self.frequencies.max())
+
+    @property
+    def grid(self) -> RealArray:
+        """The lines of all runs, Hz, increasing."""
+        return np.unique(self.frequencies)
+
+    @property
+    def held_input(self) -> bool:
+        """Whether the inputs were held between samples."""
+        return self.sampling_rate is not None
+
+    @property
+    def points(self) -> ComplexArray:
+        """Where the lines lie: exp(j w dt), or j w."""
+        return self._point(self.frequencies)
+
+    def _point(self, frequencies: Array) -> ComplexArray:
+        s = np.asarray(2j * np.pi * frequencies)
+        return s if self.sampling_rate is None else np.exp(s / self.sampling_rate)
+
+    def in_plane(self, poles: Array) -> ComplexArray:
+        """Return poles in the plane of the points."""
+        return (
+            np.asarray(poles, dtype=complex)
+            if self.sampling_rate is None
+            else to_discrete(poles, 1 / self.sampling_rate)
+        )
+
+    def chain(self, poles: Array) -> ComplexArray:
+        """Return d p / d s of poles p in the plane of the points."""
+        one = np.ones(len(poles), dtype=complex)
+        return one if self.sampling_rate is None else np.asarray(self.in_plane(poles) / self.sampling_rate)
+
+    @property
+    def spans_of_runs(self) -> tuple[slice, ...]:
+        """Where the lines of every run stand."""
+        return tuple(
+            slice(*ends)
+            for ends in pairwise(np.searchsorted(self.run, np.arange(len(self.durations) + 1, dtype=self.run.dtype)))
+        )
+
+    def runs(self) -> Iterator[Run]:
+        """Yield the lines of every run."""
+        for own in self.spans_of_runs:
+            x = self._point(self.frequencies[own])
+            yield Run(x, self.values[own, :, 0], self.drive[own], self.ends(own))
+
+    def ones(self, lines: slice | IntArray) -> RealArray:
+        """Return a one on some lines, divided by what the data there are divided by, (lines,)."""
+        if self.line_scale is None:
+            return np.ones(len(self.frequencies[lines]))
+        return np.asarray(1 / self.line_scale[lines])
+
+    def ends(self, lines: slice | IntArray) -> ComplexArray:
+        """Return what the first and the last state of a run act through on some lines, (lines,): x in the z-plane, 1 in the s-plane."""
+        one = self.ones(lines)
+        return np.asarray(one + 0j if self.sampling_rate is None else one * self._point(self.frequencies[lines]))
+
+    @property
+    def lines(self) -> DrivenLines:
+        """All lines with all drives, inputs and ends side by side."""
+        own = self.run[:, None] == np.arange(len(self.durations))
+        ends = own * self.ends(slice(None))[:, None]
+        return DrivenLines(self.points, np.hstack([self.drive, ends]), self.drive.shape[1])
+
+    @property
+    def parts(self) -> tuple[int, str]:
+        """Runs."""
+        return len(self.durations), "a run"
+
+    @property
+    def drives(self) -> int:
+        """Inputs and the ends of every run."""
+        return int(self.drive.shape[1]) + len(self.durations)
+
+    def continuous(self) -> RecordSpectra:
+        """Return the same records as those of a continuous structure, measured through filters (s-plane)."""
+        return replace(self, sampling_rate=None, source=None)
+
+    def basis(self, poles: Array, powers: tuple[int, ...] = (0,), weights: Array | None = None) -> DrivenBasis:
+        """Return what poles can contribute on the lines of all runs; see `Response.basis`."""
+        return driven_basis(list(self.runs()), self.in_plane(poles))
+
+    def judging(self) -> RecordSpectra:
+        """Return the lines on which models are judged: of a long record some of all, and those of the peaks; `whole` has the others."""
+        most = int(np.clip(_NUMBERS // self.values.shape[1], _LEAST_LINES, _JUDGED))
+        if self.count <= most:
+            return self
+        return replace(self._at(telling_lines(line_power(self), self.run, most)), source=self)
+
+    @property
+    def whole(self) -> RecordSpectra:
+        """The records with all their lines."""
+        return self if self.source is None else self.source
+
+    def around(self, poles: Array) -> RecordSpectra:
+        """Return the lines that tell about modes: all, or of a long record those nearest to a mode in half bandwidths."""
+        kept = near_modes(self.frequencies, poles, 1 / max(self.durations), _REFINED)
+        return self if kept.size == self.count else self._at(kept)
+
+    def _at(self, lines: Array) -> RecordSpectra:
+        names = ("values", "frequencies", "drive", "run", *(() if self.line_scale is None else ("line_scale",)))
+        own = {name: getattr(self, name)[lines] for name in names}
+        for array in own.values():
+            array.setflags(write=False)  # nobody else has it: it need not be copied again
+        return replace(self, source=None, **own)
+
+    def whole_basis(self, poles: Array, powers: tuple[int, ...] = (0,)) -> DrivenBasis:
+        """Return the same columns on all rows, with powers of the inputs and one less of the ends; see `Response.whole_basis`."""
+        relative = np.asarray(1j * self.frequencies / self.span[1])
+        return self.lines.basis(self.in_plane(poles), self.values, relative, powers)
+
+    def left_of(self, poles: Array, shapes: Array, participation: Array, powers: tuple[int, ...] = (0,)) -> RealArray:
+        """Return the data without what modes give; see `Response.left_of`."""
+        nothing = np.zeros((1, self.values.shape[1], self.drive.shape[1]))
+        return left_rows(self, self.modelled(poles, shapes, participation, nothing))
+
+    @property
+    def eliminated(self) -> tuple[int, int]:
+        """Functions beside the outputs: at most in one run (its inputs and its ends), and of all runs together."""
+        each = [1 + int(np.any(self.drive[own], axis=0).sum()) for own in self.spans_of_runs if own.stop > own.start]
+        return max(each), sum(each)
+
+    @property
+    def room(self) -> int:
+        """Largest number of states worth a try: half of the columns that are left at the least degree."""
+        return max((2 * self.count - (_LEAST_DEGREE + 1) * self.eliminated[1]) // 2, 2)
+
+    @property
+    def refined_powers(self) -> tuple[int, ...]:
+        """Powers 0 to 5: what the response has beside its modes where forces were not held between samples, and modes outside the band."""
+        return (0, 1, 2, 3, 4, 5)
+
+    def named_terms(self, terms: RealArray, powers: tuple[int, ...]) -> dict[str, RealArray | None]:
+        """Return the direct term by name."""
+        return {"feedthrough": terms[0]}
+
+    def spectrum(self) -> tuple[RealArray, ComplexArray]:
+        """Return lines in Hz and the outputs on them and their neighbours, (F, l, p), whose singular values are a smoothed spectrum's."""
+        f, values = zip(*smoothed(self), strict=True)
+        return np.concatenate(f), np.concatenate(values)
+
+    def spectra(self) -> Iterator[tuple[RealArray, ComplexArray]]:
+        """Yield the same, some lines at a time."""
+        return smoothed(self)
+
+    def doubts(
+        self, poles: Array, shapes: Array, participation: Array, terms: Array, trusted: Array
+    ) -> tuple[Note, ...]:
+        """Return what the fit of a model shows: forces that were not measured, noise on the inputs, drift, delay; see `Response.doubts`."""
+        power = left_power(self, self.modelled(poles, shapes, participation, terms))
+        found = excess(self.frequencies, power, self.values[:, :, 0], poles[trusted], 1 / max(self.durations))
+        return (*excess_notes(found), *pole_notes(self.in_plane(poles), self.sampling_rate, max(self.durations)))
+
+    def told_of(self, participation: Array) -> ComplexArray:
+        """Return the shortest participation of the inputs that gives the same; see `Response.told_of`."""
+        return shortest_participation(self, participation)
+
+    @property
+    def untold(self) -> tuple[Note, ...]:
+        """A note on inputs that are zero or depend on each other; see `ResponseFacts.untold`."""
+        return untold_notes(self)
+
+    def picture(self) -> FrequencyResponse:
+        """Return frequency responses H1 of the lines and their neighbours, for the eye alone: nothing is judged on them."""
+        return picture_of(
+            self.frequencies, self.values[:, :, 0], self.drive, {**self.labelled(), "quantity": self.quantity}
+        )
+
+    def energy(self, decay: Array) -> RealArray:
+        """Return T / (2 decay), T the seconds of all runs: the sum of |1 / (j w - s)|^2 over lines that lie 1 / T apart."""
+        return np.asarray(sum(self.durations) / (2 * np.asarray(decay)))
+
+    def driven(self, poles: Array, participation: Array) -> RealArray:
+        """Return the root mean square of what drives each pole on the lines near its frequency, (n,); see `Response.driven`."""
+        return drive_of_poles(self, poles, participation)
+
+    def in_band(self, band: tuple[float, float] | None) -> RecordSpectra:
+        """Return the lines in a band."""
+        return self if band is None else self._at(lines_inside(self.frequencies, band))
+
+    def reported_band(self, band: tuple[float, float] | None) -> tuple[float, float]:
+        """Return the lowest and the highest line: the band has cut them."""
+        return self.span
+
+    def rebuilt_by(self, model: StateSpace) -> RecordSpectra:
+        """Return what a model gives on these lines under the measured inputs, from the first states that fit best."""
+        return replace(self, values=rebuilt_values(self, model))
+
+    def of_modes(self, modes: ModalModel) -> RecordSpectra:
+        """Return what modes give on these lines under the measured inputs, from the first states that fit best."""
+        participation = modes.known_participation("records rebuilt from modes were asked")
+        direct = modes.feedthrough
+        terms = np.zeros((1, self.values.shape[1], self.drive.shape[1])) if direct is None else direct[None]
+        values = self.evaluated(modes.poles, modes.shapes, participation, terms)
+        values.setflags(write=False)  # nobody else has it: it need not be copied again
+        return replace(self, values=values[:, :, None])
+
+    def evaluated(self, poles: Array, shapes: Array, participation: Array, terms: Array) -> ComplexArray:
+        """Return the outputs (F, l) of shapes (l, n), participation (n, m) or (n, m + R) and D (1, l, m); ends not given are fitted."""
+        found = np.empty(self.values.shape[:2], complex)
+        for s, part in self.modelled(poles, shapes, participation, terms):
+            found[s] = part
+        return found
+
+    def modelled(
+        self, poles: Array, shapes: Array, participation: Array, terms: Array
+    ) -> Iterator[tuple[slice, ComplexArray]]:
+        """Yield some lines, and what `evaluated` returns there: of long records all outputs together are large."""
+        if participation.shape[1] == self.drive.shape[1]:
+            ends = self.basis(poles).fit_ends(shapes, participation, terms)
+            participation = np.hstack([participation, ends])
+        return self.lines.evaluated(self.in_plane(poles), shapes, participation, terms[0])
+
+    def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
+        own = {} if self.level is None else {"level": self.level[outputs]}
+        return {"values": self.values[:, outputs], "drive": self.drive[:, inputs], "source": None, **own}

@@ -1,0 +1,425 @@
+"""Records of several runs: one test, measured again and again, of any lengths and from any of its inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from modalscope.data.channels import (
+    AUTO,
+    Channels,
+    Chosen,
+    Groups,
+    SourcePath,
+    check_groups,
+    check_quantity,
+    check_source,
+    choose_channels,
+    chosen_groups,
+    run_groups,
+    source_of,
+)
+from modalscope.data.geometry import Geometry
+from modalscope.data.shown import Shown
+from modalscope.numerics.checks import (
+    DataError,
+    RealArray,
+    check_count,
+    check_each,
+    check_kind,
+    check_positive,
+    freeze,
+    real_array,
+)
+
+__all__ = ["Records", "Signals", "as_records"]
+
+
+# ------------------------------------------------------------------------------------------------------------- signals
+# Records: what the sensors and the exciters gave, sample by sample.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
+class Signals(Channels):
+    """Sampled outputs, and the inputs when they were measured.
+
+    Parameters
+    ----------
+    outputs : array, (N, l) or (R, N, l)
+        N samples of l outputs, or R runs of them.
+    inputs : array, (N, m) or (R, N, m), optional
+        The inputs; None when only the response was measured.
+    sampling_rate : float
+        Samples per second.
+    quantities : str or sequence of str, optional
+        Displacement, velocity or acceleration: one for all outputs or one each.
+    groups : sequence of labels, "auto" or None
+        One label a run: what disagrees between groups is repeatability. By default every run of several is one.
+
+    Raises
+    ------
+    DataError
+        Wrong axes, fewer than two samples, NaN or infinite samples, repeated labels.
+
+    Examples
+    --------
+    >>> record = Signals(outputs=[[0.0], [1.0], [0.5]], sampling_rate=100.0)
+    >>> record.samples, record.duration, record.output_dofs
+    (3, 0.03, ('y1',))
+    """
+
+    outputs: RealArray
+    inputs: RealArray | None = None
+    sampling_rate: float
+    quantities: tuple[str | None, ...] = None  # type: ignore[assignment]
+    groups: Groups = AUTO
+
+    def __post_init__(self) -> None:
+        outputs = real_array("outputs", self.outputs, "(samples, outputs) or (runs, samples, outputs)", (2, 3))
+        inputs = None
+        if self.inputs is not None:
+            inputs = real_array("inputs", self.inputs, "(samples, inputs) or (runs, samples, inputs)", (2, 3))
+            if inputs.shape[:-1] != outputs.shape[:-1]:
+                raise DataError(
+                    "outputs and inputs need the same runs and samples",
+                    f"the shapes are {outputs.shape} and {inputs.shape}",
+                    "Cut both to the same samples; the last axis counts channels.",
+                )
+        if outputs.shape[-2] < 2 or 0 in outputs.shape or (inputs is not None and 0 in inputs.shape):
+            raise DataError(
+                "a record needs at least two samples of one channel",
+                f"its shape is {outputs.shape}",
+                "Measure a longer record.",
+            )
+        given: Any = self.quantities
+        count = outputs.shape[-1]
+        alike = given is None or isinstance(given, str)
+        quantities = [given] * count if alike else check_each("quantities", given, "one for all, or one an output")
+        if len(quantities) != count:
+            raise DataError(
+                f"quantities needs {count}, one an output",
+                f"{len(quantities)} are given",
+                "Give one for all, or one each.",
+            )
+        runs = 1 if outputs.ndim == 2 else outputs.shape[0]
+        freeze(
+            self,
+            outputs=outputs,
+            inputs=inputs,
+            sampling_rate=check_positive("sampling_rate", self.sampling_rate),
+            quantities=tuple(check_quantity(q) for q in quantities),
+            groups=check_groups(self.groups, runs, "a run", run_groups(runs)),
+        )
+        self._label(count, 0 if inputs is None else inputs.shape[-1])
+
+    @property
+    def samples(self) -> int:
+        """Samples in a run."""
+        return int(self.outputs.shape[-2])
+
+    @property
+    def runs(self) -> int:
+        """Number of runs."""
+        return 1 if self.outputs.ndim == 2 else int(self.outputs.shape[0])
+
+    @property
+    def duration(self) -> float:
+        """Length of a run in seconds."""
+        return self.samples / self.sampling_rate
+
+    @property
+    def quantity(self) -> str | None:
+        """The quantity of all outputs; None when it is not known or not the same for all."""
+        return self.quantities[0] if len(set(self.quantities)) == 1 else None
+
+    def excerpt(self) -> Signals:
+        """Return what of it is looked at: all, for it is in memory."""
+        return self
+
+    def by_run(self) -> tuple[RealArray, RealArray | None]:
+        """Return outputs (R, N, l) and inputs (R, N, m), with R = 1 for a single run."""
+        shape = (self.runs, self.samples, -1)
+        return self.outputs.reshape(shape), None if self.inputs is None else self.inputs.reshape(shape)
+
+    def in_si(self) -> Signals:
+        """Return the same data in SI units: g, lbf, inches or a sensitivity such as 100 mV/g are converted; units not known stay."""
+        from modalscope.data.units import si_form
+
+        return si_form(self)[0]
+
+    def _cut(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
+        return {**Channels._cut(self, outputs, inputs), "quantities": tuple(self.quantities[i] for i in outputs)}
+
+    def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
+        chosen = None if self.inputs is None or not inputs else np.ascontiguousarray(self.inputs[..., inputs])
+        return {"outputs": np.ascontiguousarray(self.outputs[..., outputs]), "inputs": chosen}
+
+
+# ------------------------------------------------------------------------------------------------------------- records
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
+class Records(Shown):
+    """Runs of one test: the same outputs at one sampling rate, any length, any of the inputs.
+
+    Parameters
+    ----------
+    runs : sequence of Signals
+        Several runs in one `Signals` are taken apart.
+    groups : sequence of labels, "auto" or None
+        One label a run; runs of the same label belong together. By default every run is a group of its own.
+    source_path : path or paths, optional
+        The files that they were read from; by default those of the runs.
+
+    Raises
+    ------
+    DataError
+        No run, or runs of different sampling rates, outputs, quantities or units, or some with inputs and some without.
+
+    Examples
+    --------
+    >>> left = Signals(outputs=np.ones((4, 2)), inputs=np.ones((4, 1)), sampling_rate=8.0, input_dofs=["1:+Z"])
+    >>> right = Signals(outputs=np.ones((6, 2)), inputs=np.ones((6, 1)), sampling_rate=8.0, input_dofs=["2:+Z"])
+    >>> records = Records(runs=(left, right))
+    >>> records.samples, records.input_dofs, records.inputs_of(1), records.groups
+    ((4, 6), ('1:+Z', '2:+Z'), (1,), ('run 1', 'run 2'))
+    """
+
+    runs: tuple[Signals, ...]
+    groups: Groups = AUTO
+    source_path: SourcePath = field(default=None, compare=False)
+
+    def __post_init__(self) -> None:
+        parts = check_each("runs", self.runs, "records, one a run")
+        for part in parts:
+            check_kind("each of the runs", part, Signals)
+        runs = [run for part in parts for run in _apart(part)]
+        if not runs:
+            raise DataError("records of several runs were asked", "the list is empty", "Give at least one record.")
+        _check_alike(runs)
+        freeze(
+            self,
+            runs=tuple(runs),
+            groups=check_groups(self.groups, len(runs), "a run", _inherited(parts, len(runs))),
+            source_path=check_source(self.source_path) or source_of(runs),
+        )
+
+    @property
+    def sampling_rate(self) -> float:
+        """Samples per second, of all runs."""
+        return self.runs[0].sampling_rate
+
+    @property
+    def samples(self) -> tuple[int, ...]:
+        """Samples of every run."""
+        return tuple(run.samples for run in self.runs)
+
+    @property
+    def output_dofs(self) -> tuple[str, ...]:
+        """Labels of the outputs, of all runs."""
+        return self.runs[0].output_dofs
+
+    @property
+    def input_dofs(self) -> tuple[str, ...]:
+        """Labels of all inputs that some run has, in the order in which they come first."""
+        return tuple(dict.fromkeys(dof for run in self.runs for dof in run.input_dofs))
+
+    @property
+    def quantities(self) -> tuple[str | None, ...]:
+        """Displacement, velocity, acceleration or None, of every output."""
+        return self.runs[0].quantities
+
+    @property
+    def quantity(self) -> str | None:
+        """The quantity of all outputs; None when it is not known or not the same for all."""
+        return self.runs[0].quantity
+
+    @property
+    def units(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Units of the outputs and of the inputs."""
+        known = _input_units(self.runs)
+        return self.runs[0].units[0], tuple(known[dof] for dof in self.input_dofs)
+
+    @property
+    def geometry(self) -> Geometry | None:
+        """Where the channels are: that of the first run that knows it."""
+        return next((run.geometry for run in self.runs if run.geometry is not None), None)
+
+    @property
+    def processing(self) -> tuple[str, ...]:
+        """What was done to the runs so far, each step once."""
+        return tuple(dict.fromkeys(step for run in self.runs for step in run.processing))
+
+    def inputs_of(self, run: int) -> tuple[int, ...]:
+        """Return where the inputs of a run stand among all of them.
+
+        Parameters
+        ----------
+        run : int
+            Which, counted from zero.
+
+        Returns
+        -------
+        tuple of int
+            For each of the run's own inputs its position in `input_dofs`.
+        """
+        chosen = check_count("run", run, least=0)
+        if chosen >= len(self.runs):
+            raise DataError(
+                f"run {chosen} was asked", f"there are {len(self.runs)}, counted from 0", "Name one of these."
+            )
+        position = {dof: i for i, dof in enumerate(self.input_dofs)}
+        return tuple(position[dof] for dof in self.runs[chosen].input_dofs)
+
+    def stacked(self) -> tuple[Signals, ...]:
+        """Return the runs of the same inputs and length as one record of several runs each, in the order in which they come first."""
+        kinds: dict[tuple[Any, ...], list[int]] = {}
+        for k, run in enumerate(self.runs):
+            kinds.setdefault((run.input_dofs, run.samples), []).append(k)
+        return tuple(self._stack(places) for places in kinds.values())
+
+    def _stack(self, places: list[int]) -> Signals:
+        runs = [self.runs[k] for k in places]
+        if len(runs) == 1:
+            return runs[0]
+        return replace(
+            runs[0],
+            outputs=np.stack([run.outputs for run in runs]),
+            inputs=None if runs[0].inputs is None else np.stack([np.asarray(run.inputs) for run in runs]),
+            groups=chosen_groups(self.groups, places),
+            source_path=self.source_path,
+        )
+
+    def in_si(self) -> Records:
+        """Return the same data in SI units: g, lbf, inches or a sensitivity such as 100 mV/g are converted; units not known stay."""
+        from modalscope.data.units import si_form
+
+        return si_form(self)[0]
+
+    def select(
+        self,
+        outputs: Chosen = None,
+        inputs: Chosen = None,
+        exclude: Chosen = None,
+    ) -> Records:
+        """Return some of the channels; a run that keeps none of its inputs is left out, for what drove it is not known.
+
+        Parameters
+        ----------
+        outputs, inputs : labels or indices, optional
+            Channels to keep; all by default.
+        exclude : labels, optional
+            Channels to leave out, on whichever side they stand.
+
+        Raises
+        ------
+        DataError
+            A channel that is not there, or none left.
+        """
+        rows, columns = choose_channels(self.output_dofs, self.input_dofs, outputs, inputs, exclude)
+        wanted = [self.input_dofs[i] for i in columns]
+        kept, runs = [], []
+        for k, run in enumerate(self.runs):
+            own = [dof for dof in wanted if dof in run.input_dofs]
+            if own or not run.input_dofs:
+                kept.append(k)
+                runs.append(run.select(outputs=rows, inputs=own))
+        if not runs:
+            raise DataError("a choice of inputs was asked", "no run has one of them", "Choose at least one input.")
+        return replace(self, runs=tuple(runs), groups=chosen_groups(self.groups, kept))
+
+
+def as_records(data: Any) -> Records:
+    """Return a record, records of several runs, or a list of them as `Records`.
+
+    Parameters
+    ----------
+    data : Signals, Records, or a sequence of them
+
+    Raises
+    ------
+    DataError
+        Anything else, or runs that do not belong together.
+    """
+    if isinstance(data, Records):
+        return data
+    if isinstance(data, Signals):
+        return Records(runs=(data,), source_path=data.source_path)
+    parts = check_each("records", data, "Signals, Records, or a list of them")
+    for part in parts:
+        check_kind("each of the records", part, (Signals, Records))
+    if len(parts) == 1:
+        return as_records(parts[0])
+    return Records(runs=tuple(run for part in parts for run in (part.runs if isinstance(part, Records) else (part,))))
+
+
+def _apart(part: Signals) -> list[Signals]:
+    """Return the runs of a record, each by itself."""
+    if part.outputs.ndim == 2:
+        return [part]
+    outputs, inputs = part.by_run()
+    return [
+        replace(part, outputs=y, inputs=None if inputs is None else inputs[k], groups=None)
+        for k, y in enumerate(outputs)
+    ]
+
+
+def _inherited(parts: list[Signals], count: int) -> Groups:
+    """Return the labels that the parts were given, and a group a run for those that have none of their own."""
+    labels = run_groups(count)
+    if labels is None:
+        return parts[0].groups
+    named: list[str] = []
+    for part in parts:
+        own = None if part.groups == run_groups(part.runs) else part.groups
+        named += own or labels[len(named) : len(named) + part.runs]
+    return tuple(named)
+
+
+def _check_alike(runs: list[Signals]) -> None:
+    """Raise when runs differ in what all of them share; the message says which run, and in what."""
+    first = runs[0]
+    for number, run in enumerate(runs[1:], 2):
+        if not np.isclose(run.sampling_rate, first.sampling_rate, rtol=1e-9, atol=0):
+            rates = f"run 1 has {first.sampling_rate:g} Hz, run {number} {run.sampling_rate:g} Hz"
+            raise DataError("runs of one sampling rate were asked", rates, "Decimate the faster records.")
+        for what, one, other, change in (
+            ("outputs", first.output_dofs, run.output_dofs, "Select the same outputs, in the same order, of each run"),
+            ("quantities", first.quantities, run.quantities, "Convert the records to one"),
+            ("units of the outputs", first.units[0], run.units[0], "Convert the records to one"),
+        ):
+            if one != other:
+                raise DataError(f"runs of the same {what} were asked", _difference(one, other, number), f"{change}.")
+        if bool(run.input_dofs) is not bool(first.input_dofs):
+            silent = 1 if run.input_dofs else number
+            raise DataError(
+                "runs that all have inputs, or none, were asked",
+                f"run {silent} has none and others have some",
+                "Give inputs of zeros to a run in free decay; leave out a run whose forces were not measured.",
+            )
+    _input_units(runs)
+
+
+def _difference(one: tuple[Any, ...], other: tuple[Any, ...], number: int) -> str:
+    """Say in what the first run and another differ."""
+    if len(one) != len(other):
+        return f"run 1 has {len(one)}, run {number} {len(other)}"
+    k = next(k for k in range(len(one)) if one[k] != other[k])
+    return f"number {k + 1} is {one[k] or 'not known'} in run 1 and {other[k] or 'not known'} in run {number}"
+
+
+def _input_units(runs: Iterable[Signals]) -> dict[str, str]:
+    """Return the unit of every input, or raise when two runs have it in different ones."""
+    units: dict[str, str] = {}
+    for run in runs:
+        for dof, unit in zip(run.input_dofs, run.units[1], strict=True):
+            if units.setdefault(dof, unit) != unit:
+                raise DataError(
+                    f"input {dof} in one unit was asked",
+                    f"it is in {units[dof] or 'no unit'} in one run and in {unit or 'no unit'} in another",
+                    "Convert the records to one unit.",
+                )
+    return units

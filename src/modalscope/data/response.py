@@ -1,0 +1,519 @@
+"""What an identification asks of a response, whichever of the two kinds it is: lines or samples."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
+
+import numpy as np
+
+from modalscope.data.channels import AUTO, Channels, Groups
+from modalscope.data.notes import Note
+from modalscope.data.pole_basis import ModalBasis
+from modalscope.numerics.checks import Array, ComplexArray, DataError, RealArray
+
+if TYPE_CHECKING:
+    from modalscope.data.frequency import FrequencyResponse
+    from modalscope.data.impulse import ImpulseResponse
+    from modalscope.data.modes import ModalModel
+    from modalscope.data.statespace import StateSpace
+
+__all__ = [
+    "CORRELATED",
+    "HALF",
+    "UNTOLD",
+    "AsLines",
+    "AsSamples",
+    "NoResponse",
+    "Response",
+    "output_scale",
+    "root_mean_squares",
+]
+
+
+# ------------------------------------------------------------------------------------------------------ response facts
+# What a response is: its values, and the facts that stages ask for without computing anything.
+
+#: What the processing of correlations says, and of half spectra.
+CORRELATED, HALF = "correlated", "half spectra"
+
+#: The kind of a note on inputs whose shares in what they give together are not known, by label.
+UNTOLD = "inputs not told apart"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
+class ResponseFacts(Channels):
+    """A measured response, (lines or samples, outputs, inputs), and what is known of it before anything is computed; see `Response`.
+
+    Parameters
+    ----------
+    values : array, (K, l, m)
+    sampling_rate : float, optional
+        Samples per second of a sampled system; None when the response is that of a continuous structure.
+    quantity : str, optional
+        Displacement, velocity or acceleration of the outputs.
+    added_damping : float
+        Decay rate in 1/s that an exponential window added to every pole: identified poles are shifted back by it.
+    groups : sequence of labels, "auto" or None
+        One label an input (of records: a run): what disagrees between groups is repeatability.
+    """
+
+    values: Array
+    sampling_rate: float | None = None
+    quantity: str | None = None
+    added_damping: float = 0.0
+    groups: Groups = AUTO
+
+    @property
+    @abstractmethod
+    def origin(self) -> str:
+        """Where the values came from: "lines", or the kind of an impulse response."""
+
+    @property
+    def ambient(self) -> bool:
+        """Whether the response was estimated from outputs alone, so that its columns are references and it carries estimation errors."""
+        return self.origin == "correlation"
+
+    @property
+    def of_correlations(self) -> bool:
+        """Whether lines are half spectra, whose errors are correlated from line to line, as those of correlations are."""
+        return any(HALF in step for step in self.processing)
+
+    @property
+    def untold(self) -> tuple[Note, ...]:
+        """A note on inputs whose shares in what they give together the data do not tell; its numbers stand by their labels."""
+        return ()
+
+    @property
+    def known_variance(self) -> RealArray | None:
+        """Variance E|error|^2 of every value, where the data carry one."""
+        return getattr(self, "variance", None)
+
+    @property
+    def known_level(self) -> RealArray | None:
+        """What every output is divided by to be level with the others by its noise, (l,), where that is known."""
+        return getattr(self, "level", None)
+
+    @property
+    def scattered_variance(self) -> bool:
+        """Whether that variance is itself an estimate from a number of averages, line by line."""
+        return getattr(self, "averages", None) is not None
+
+    @property
+    def count(self) -> int:
+        """Number of lines or samples."""
+        return int(self.values.shape[0])
+
+    @property
+    def room(self) -> int | None:
+        """Largest number of states worth a try; None where the samples alone do not tell."""
+        return None
+
+    @property
+    @abstractmethod
+    def span(self) -> tuple[float, float]:
+        """Lowest and highest frequency that the data can show, Hz."""
+
+    @property
+    @abstractmethod
+    def grid(self) -> RealArray | None:
+        """The lines in Hz; None of samples, which have no resolution of their own."""
+
+    @property
+    @abstractmethod
+    def held_input(self) -> bool:
+        """Whether the response is that of a sampled system under a held input, H(z) = D + sum phi l' / (z - exp(s dt))."""
+
+    @property
+    @abstractmethod
+    def steps_late(self) -> int:
+        """Sampling intervals from the impulse to the first sample; 0 for lines."""
+
+    @property
+    def parts(self) -> tuple[int, str]:
+        """How many parts have labels of groups, and what a part is, in words."""
+        return int(self.values.shape[2]), "an input"
+
+    @property
+    def drives(self) -> int:
+        """How many numbers say what drives a pole: one an input."""
+        return len(self.input_dofs)
+
+    @property
+    @abstractmethod
+    def outside_powers(self) -> tuple[int, ...]:
+        """Powers of j w that a fit should carry beside the modes, for the modes outside the band; (0,) is the direct term alone."""
+
+    @property
+    def refined_powers(self) -> tuple[int, ...]:
+        """Powers that a refinement carries beside the modes."""
+        return self.outside_powers
+
+    @property
+    def separable(self) -> bool:
+        """Whether what a pole contributes is the same function for all inputs."""
+        return True
+
+    @property
+    def column_word(self) -> str:
+        """What the field calls a column of the values: an input, or a reference of ambient data."""
+        return "reference" if self.ambient else "input"
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """What the last axis of the values is: the inputs."""
+        return self.input_dofs
+
+    @property
+    @abstractmethod
+    def exact_samples(self) -> bool:
+        """Whether the response as samples loses nothing."""
+
+    @property
+    @abstractmethod
+    def exact_lines(self) -> bool:
+        """Whether the response as lines loses nothing."""
+
+
+# ------------------------------------------------------------------------------------------------------------ response
+
+
+class AsSamples(NamedTuple):
+    """A response as samples, and what was done (empty when they were samples)."""
+
+    response: ImpulseResponse
+    note: str
+
+
+class AsLines(NamedTuple):
+    """A response as lines, and what was done (empty when they were lines)."""
+
+    response: FrequencyResponse
+    note: str
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
+class Response(ResponseFacts):
+    """A measured response: what both kinds, lines and samples, offer to whoever identifies or judges; see `ResponseFacts` for its fields.
+
+    Nobody has to ask which kind it is: what differs is a method here.
+    """
+
+    @abstractmethod
+    def basis(self, poles: Array, powers: tuple[int, ...] = (0,), weights: Array | None = None) -> ModalBasis:
+        """Return what poles (rad/s, as they are in the data) can contribute to the values, as real columns.
+
+        Parameters
+        ----------
+        poles : array of complex, (n,)
+        powers : tuple of int
+            Powers of j w that stand beside the modes on lines: of the direct term, or of residuals.
+        weights : array (F,), optional
+            Weights of the lines.
+        """
+
+    def in_si(self) -> Self:
+        """Return the same data in SI units: g, lbf, inches or a sensitivity such as 100 mV/g are converted; units not known stay."""
+        from modalscope.data.units import si_form
+
+        return si_form(self)[0]
+
+    @property
+    def whole(self) -> Response:
+        """All of the data, where these are what models are judged on."""
+        return self
+
+    def judging(self) -> Response:
+        """Return what models are judged on: of very long records some lines, `whole` has the others; the data themselves else."""
+        return self
+
+    def around(self, poles: Array) -> Response:
+        """Return what tells about modes with these poles (rad/s) of very long data; the data themselves else.
+
+        Parameters
+        ----------
+        poles : array of complex, (n,)
+        """
+        return self
+
+    def whole_basis(self, poles: Array, powers: tuple[int, ...] = (0,)) -> ModalBasis:
+        """Return the basis on all rows of the data, one a sample or two a line, real parts first: nothing is compressed.
+
+        Parameters
+        ----------
+        poles : array of complex, (n,)
+        powers : tuple of int
+        """
+        return self.basis(poles, powers)
+
+    def left_of(self, poles: Array, shapes: Array, participation: Array, powers: tuple[int, ...] = (0,)) -> RealArray:
+        """Return the data without what modes give, on the rows of `whole_basis`, (K, l, m); terms stay in it.
+
+        Parameters
+        ----------
+        poles : array of complex, (n,)
+        shapes : array of complex, (l, n)
+        participation : array of complex, (n, m) or more columns
+        powers : tuple of int
+            Of the terms that the basis has.
+        """
+        basis = self.whole_basis(poles, powers)
+        nothing = basis.of_terms(np.zeros((basis.terms.shape[1], basis.data[0].size)))
+        return np.asarray(basis.data - basis.rebuilt(shapes, participation, nothing))
+
+    @abstractmethod
+    def named_terms(self, terms: RealArray, powers: tuple[int, ...]) -> dict[str, RealArray | None]:
+        """Return fitted terms as the fields of a `ModalModel`: direct term, or lower and upper residual in powers of j w.
+
+        Parameters
+        ----------
+        terms : array, (t, l, m)
+            As `ModalBasis` gives them, of the relative frequency.
+        powers : tuple of int, (t,)
+        """
+
+    def of_inputs(self, participation: Array) -> ComplexArray:
+        """Return participation of the inputs alone, (n, m): what a basis fits beside them belongs to the data, not to the modes.
+
+        Parameters
+        ----------
+        participation : array of complex, (n, m) or more columns
+            As a `ModalBasis` gives it.
+        """
+        return np.asarray(participation[:, : len(self.input_dofs)])
+
+    def told_of(self, participation: Array) -> ComplexArray:
+        """Return what the data tell of the participation of the inputs, (n, m): what inputs do not excite is left at zero.
+
+        Parameters
+        ----------
+        participation : array of complex, (n, m)
+        """
+        return np.asarray(participation)
+
+    @abstractmethod
+    def functions(self, poles: Array, *, slopes: bool = False, lines: slice = slice(None)) -> RealArray:
+        """Return the functions of `basis` alone, (K, 2 n), with `slopes` their d/ds behind them, real columns e1, e2 of every pole.
+
+        Parameters
+        ----------
+        poles : array of complex, (n,)
+        slopes : bool
+        lines : slice
+            Lines that are wanted; of samples these are always all.
+        """
+
+    def derivatives(self, poles: Array) -> RealArray:
+        """Return d/ds of the functions of `basis`, real columns e1, e2 of every pole.
+
+        Parameters
+        ----------
+        poles : array of complex, (n,)
+        """
+        return self.functions(poles, slopes=True)[:, 2 * len(poles) :]
+
+    @abstractmethod
+    def spectrum(self) -> tuple[RealArray, ComplexArray]:
+        """Return lines in Hz and complex values on them, fine enough that a neighbour's peak is not taken for a mode's own."""
+
+    def spectra(self) -> Iterator[tuple[RealArray, ComplexArray]]:
+        """Yield `spectrum`, of long records some lines at a time."""
+        yield self.spectrum()
+
+    def doubts(
+        self, poles: Array, shapes: Array, participation: Array, terms: Array, trusted: Array
+    ) -> tuple[Note, ...]:
+        """Return what the fit of a model shows about how the data were measured.
+
+        Parameters
+        ----------
+        poles : array of complex, (n,)
+            rad/s, as they are in the data; one of each pair, and real ones.
+        shapes : array of complex, (l, n)
+        participation : array of complex, (n, m) or more columns
+            As a `ModalBasis` gives it.
+        terms : array, (t, l, m)
+        trusted : array of bool, (n,)
+            Poles that are taken for modes.
+        """
+        return ()
+
+    def picture(self) -> Response:
+        """Return what is drawn for these data: themselves, where they are responses."""
+        return self
+
+    @abstractmethod
+    def energy(self, decay: Array) -> RealArray:
+        """Return sum over the values of |g|^2 for a mode of residue one by its decay rate -Re s, as if it lay inside whole.
+
+        Parameters
+        ----------
+        decay : array, (n,)
+            1/s, positive.
+        """
+
+    def driven(self, poles: Array, participation: Array) -> RealArray:
+        """Return how strongly the data drive each pole at its frequency, (n,): |l|, for responses to a unit at every input.
+
+        Parameters
+        ----------
+        poles : array of complex, (n,)
+            rad/s, as they are in the data.
+        participation : array of complex, (n, m)
+        """
+        return np.asarray(np.linalg.norm(participation, axis=1))
+
+    @abstractmethod
+    def as_samples(self) -> AsSamples:
+        """Return the response as samples."""
+
+    @abstractmethod
+    def as_lines(self) -> AsLines:
+        """Return the response as lines."""
+
+    @abstractmethod
+    def in_band(self, band: tuple[float, float] | None) -> Response:
+        """Return the part of the data in a band; samples are not filtered and stay as they are.
+
+        Parameters
+        ----------
+        band : (float, float) or None
+            Hz.
+        """
+
+    @abstractmethod
+    def reported_band(self, band: tuple[float, float] | None) -> tuple[float, float]:
+        """Return the frequencies between which poles are reported.
+
+        Parameters
+        ----------
+        band : (float, float) or None
+            Hz, as asked.
+        """
+
+    @abstractmethod
+    def rebuilt_by(self, model: StateSpace) -> Response:
+        """Return the response of a model where this one was measured.
+
+        Parameters
+        ----------
+        model : StateSpace
+        """
+
+    def values_of(self, model: StateSpace) -> Array:
+        """Return the values alone of `rebuilt_by`, whatever they are.
+
+        Parameters
+        ----------
+        model : StateSpace
+        """
+        return self.rebuilt_by(model).values
+
+    def beside(self, model: StateSpace) -> Iterator[tuple[Array, Array]]:
+        """Yield measured values and those of a model, some lines or samples after the other.
+
+        Parameters
+        ----------
+        model : StateSpace
+        """
+        yield self.values, self.values_of(model)
+
+    @abstractmethod
+    def of_modes(self, modes: ModalModel) -> Response:
+        """Return the response of modes where this one was measured.
+
+        Parameters
+        ----------
+        modes : ModalModel
+            With poles as they are in the data.
+        """
+
+    def rebuilt_labels(self) -> dict[str, Any]:
+        """Return labels and quantity for a response that a model gives in this one's place."""
+        return {**self.labelled(), "processing": (), "quantity": self.quantity}
+
+
+# ------------------------------------------------------------------------------------------------------- output levels
+# What brings the outputs of a response to one level: their noise, or their size.
+
+
+def output_scale(response: Response) -> RealArray:
+    """Return what brings outputs to one level, (l,): their noise where it is known, as least squares ask, else their root mean squares."""
+    return root_mean_squares(response) if response.known_level is None else response.known_level
+
+
+def root_mean_squares(response: Response) -> RealArray:
+    """Return the root mean square of every output over lines or samples and inputs, (l,)."""
+    parts = _real_parts(response.values)
+    return np.asarray(np.sqrt(np.einsum("klp,klp->l", parts, parts) / (response.count * response.values.shape[2])))
+
+
+def _real_parts(values: Array) -> RealArray:
+    """Return (K, l, m) numbers as real ones, (K, l, m) or (K, l, 2 m), without a copy where they lie in one piece."""
+    return np.ascontiguousarray(values).view(np.float64).reshape(*values.shape[:2], -1)
+
+
+# --------------------------------------------------------------------------------------------------------- no response
+# Outputs beside what drove them: data that are judged like responses and are none.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
+class NoResponse(Response):
+    """What records on lines refuse, and why: nothing was divided by the inputs, which act together."""
+
+    @property
+    def origin(self) -> str:
+        """Records."""
+        return "records"
+
+    @property
+    def steps_late(self) -> int:
+        """Lines begin at the impulse itself: 0."""
+        return 0
+
+    def functions(self, poles: Array, *, slopes: bool = False, lines: slice = slice(None)) -> RealArray:
+        """Records have no functions that are the same for all inputs."""
+        raise DataError(
+            "functions of poles alone were asked",
+            "in records every pole is driven by all inputs together",
+            "Use those of a frequency response.",
+        )
+
+    @property
+    def outside_powers(self) -> tuple[int, ...]:
+        """The direct term alone."""
+        return (0,)
+
+    @property
+    def separable(self) -> bool:
+        """False: all inputs act together."""
+        return False
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """What the last axis of the values is: all inputs act together."""
+        return ("all inputs",)
+
+    @property
+    def exact_samples(self) -> bool:
+        """False: records are no samples of a response."""
+        return False
+
+    @property
+    def exact_lines(self) -> bool:
+        """False: records are no lines of a response."""
+        return False
+
+    def as_samples(self) -> AsSamples:
+        """Records are no response; see `estimate_markov`."""
+        raise self._no_response("samples of a response", "route='markov'")
+
+    def as_lines(self) -> AsLines:
+        """Records are no response; see `estimate_frf`."""
+        raise self._no_response("frequency responses", "route='frf'")
+
+    @staticmethod
+    def _no_response(what: str, change: str) -> DataError:
+        return DataError(f"{what} were asked", "the data are records on lines", f"Use {change}.")

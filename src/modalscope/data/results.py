@@ -1,0 +1,244 @@
+"""The result of a whole analysis: modes, the diagrams they were selected from, and all that must be told."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+
+from modalscope.data.analysis import Analysis
+from modalscope.data.modes import ModalModel
+from modalscope.data.notes import Note, notes_of
+from modalscope.data.poles import HasPoles
+from modalscope.data.response import Response
+from modalscope.data.shown import Shown
+from modalscope.numerics.checks import Array, ComplexArray, DataError, IntArray, RealArray, freeze, locked
+
+__all__ = ["Result", "Settings", "StabilizationDiagram"]
+
+
+# ------------------------------------------------------------------------------------------------------------ settings
+# The options that an identification was made with, as one object that every result carries.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Settings:
+    """Options by name; those at their default None are left out, so that `identify(data, **settings)` repeats what was done.
+
+    Parameters
+    ----------
+    band : (float, float), optional
+        Lowest and highest frequency in Hz that is used.
+    exclude : tuple of labels, optional
+        Channels left out.
+    route : str, optional
+        From records with inputs: "records", "frf", "markov" or "subspace".
+    delays : mapping of label to int, optional
+        From records with inputs: samples by which outputs come late after the forces, which was taken out; {} for none.
+    factorization : {"auto", "dense", "gram", "randomized", "lanczos"}
+        The route to the singular vectors.
+    """
+
+    band: tuple[float, float] | None = None
+    exclude: tuple[Any, ...] | None = None
+    route: str | None = None
+    delays: Mapping[str, int] | None = None
+    factorization: str = "auto"
+
+    def keys(self) -> Iterator[str]:
+        """Return the names of the options that are set."""
+        return (f.name for f in fields(self) if getattr(self, f.name) is not None)
+
+    def __iter__(self) -> Iterator[str]:
+        return self.keys()
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self.keys():
+            raise KeyError(name)
+        return getattr(self, name)
+
+    def __contains__(self, name: object) -> bool:
+        return name in set(self.keys())
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """Return an option, or a default where it is not set.
+
+        Parameters
+        ----------
+        name : str
+        default : object, optional
+        """
+        value = getattr(self, name, None)
+        return default if value is None else value
+
+    def items(self) -> list[tuple[str, Any]]:
+        """Return names and values of the options that are set."""
+        return [(name, getattr(self, name)) for name in self.keys()]
+
+
+# ------------------------------------------------------------------------------------------------------------- diagram
+# The stabilization diagram: the poles of every order, side by side.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
+class StabilizationDiagram(Shown, HasPoles):
+    """Poles of all orders, flat, with what is stable against the order before.
+
+    Parameters
+    ----------
+    response : ImpulseResponse or FrequencyResponse
+        The data that were identified, cut to the band.
+    method, domain : str
+        The row and the column of the table of methods.
+    orders : tuple of int
+        The orders that were reached, increasing.
+    order_of_pole : array of int, (p,)
+        The order that each pole belongs to.
+    poles : array of complex, (p,)
+        rad/s; one of each conjugate pair, and real ones.
+    shapes : array of complex, (l, p)
+    participation : array of complex, (p, m)
+    stable_frequency, stable_damping, stable_shape : array of bool, (p,)
+        Whether a pole of the order before agrees within the tolerances.
+    frequencies_std, damping_ratios_std : array, (p,), optional
+        Standard deviations from the noise, Hz and ratio; NaN where they are withheld, None where they were not asked.
+    indicators : mapping of name to array (p,)
+    singular_values : array, (k,)
+        Of the data matrix that all orders were cut from.
+    fit_errors : array, (number of orders,)
+        norm(measured - rebuilt) / norm(measured) of every order, each output divided by its root mean square.
+    exact_rank : int, optional
+        The rank of data without noise; orders above it are left out.
+    asked_orders : tuple of int
+        The orders that were asked, with those out of reach: sizes that were not given followed from the largest.
+    tolerances : mapping
+        The limits of stability: frequency and damping (relative), shape (1 - MAC).
+    settings : mapping
+        Block sizes and options that were used.
+    notes : tuple of Note
+        What was left out, and why.
+    dt : float or None
+        Sampling interval of the identified system.
+    measured : FrequencyResponse, optional
+        The lines that the samples of `response` were made of; None where it was not transformed.
+    """
+
+    response: Response
+    method: str
+    domain: str
+    orders: tuple[int, ...]
+    order_of_pole: IntArray
+    poles: ComplexArray
+    shapes: ComplexArray
+    participation: ComplexArray
+    stable_frequency: Array
+    stable_damping: Array
+    stable_shape: Array
+    frequencies_std: RealArray | None = None
+    damping_ratios_std: RealArray | None = None
+    indicators: Mapping[str, RealArray] = field(default_factory=dict)
+    singular_values: RealArray
+    fit_errors: RealArray
+    exact_rank: int | None = None
+    asked_orders: tuple[int, ...] = ()
+    tolerances: Mapping[str, float] = field(default_factory=dict)
+    settings: Settings = field(default_factory=Settings)
+    notes: tuple[Note, ...] = ()
+    dt: float | None = None
+    measured: Response | None = None
+
+    def __post_init__(self) -> None:
+        count = np.shape(self.poles)[0]
+        flat = (
+            "order_of_pole",
+            "poles",
+            "shapes",
+            "participation",
+            "stable_frequency",
+            "stable_damping",
+            "stable_shape",
+        )
+        known = [name for name in ("frequencies_std", "damping_ratios_std") if getattr(self, name) is not None]
+        for name in (*flat, *known):
+            array = np.asarray(getattr(self, name))
+            there = array.shape[-1 if name == "shapes" else 0]
+            if there != count:
+                raise DataError(
+                    f"a diagram of {count} poles needs as many {name}",
+                    f"there are {there}",
+                    "Give one a pole.",
+                )
+            freeze(self, **{name: locked(array)})
+        freeze(
+            self,
+            notes=notes_of(self.notes),
+            indicators={k: locked(np.asarray(v)) for k, v in self.indicators.items()},
+            fit_errors=locked(np.asarray(self.fit_errors)),
+            singular_values=locked(np.asarray(self.singular_values)),
+        )
+
+    @property
+    def as_measured(self) -> Response:
+        """The data before they were transformed for the row: what they say against noise is asked there.
+
+        Samples that were made of lines have the errors of these, spread over all of them: where the band ends at nothing they are
+        correlated, and what lies outside the band is missing from every sample, where it has no form that a fit could carry.
+        """
+        return self.response if self.measured is None else self.measured
+
+    @property
+    def stable(self) -> Array:
+        """True where frequency, damping and shape all agree with the order before."""
+        return np.asarray(self.stable_frequency & self.stable_damping & self.stable_shape)
+
+
+# -------------------------------------------------------------------------------------------------------------- result
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
+class Result(Shown):
+    """What `analyze` gives.
+
+    Parameters
+    ----------
+    modes : ModalModel
+        With the reasons of each.
+    diagrams : tuple of StabilizationDiagram
+        One a band; none in a result that was read from a file.
+    findings : tuple of Finding
+        What an examination of the data saw.
+    notes : tuple of Note
+        What was chosen, converted and left out, and what to be careful about.
+    analysis : Analysis
+        The choices: `modalscope.replay(result.analysis)` gives the same result again.
+    data : object, optional
+        What was analysed; None in a result that was read from a file.
+    """
+
+    modes: ModalModel
+    diagrams: tuple[StabilizationDiagram, ...] = ()
+    findings: tuple[Any, ...] = ()
+    notes: tuple[Note, ...] = ()
+    analysis: Analysis
+    data: Any = None
+
+    def __post_init__(self) -> None:
+        freeze(self, notes=notes_of(self.notes), diagrams=tuple(self.diagrams), findings=tuple(self.findings))
+
+    @property
+    def diagram(self) -> StabilizationDiagram:
+        """The stabilization diagram; of several bands the first."""
+        if not self.diagrams:
+            raise DataError(
+                "the stabilization diagram of a result was asked",
+                "it was read from a file, which holds none",
+                "Make it again: modalscope.replay(result.analysis).",
+            )
+        return self.diagrams[0]
+
+    @property
+    def settings(self) -> tuple[Settings, ...]:
+        """Every option with the value that was taken, one a band."""
+        return tuple(diagram.settings for diagram in self.diagrams)

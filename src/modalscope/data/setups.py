@@ -1,0 +1,224 @@
+"""Ambient setups: one structure measured part by part, a few sensors staying where they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from modalscope.data.channels import (
+    AUTO,
+    Chosen,
+    Groups,
+    SourcePath,
+    check_groups,
+    check_source,
+    choose_channels,
+    chosen_groups,
+    source_of,
+)
+from modalscope.data.geometry import Geometry, check_labels, indices_of
+from modalscope.data.records import Records, Signals, as_records
+from modalscope.data.shown import Shown
+from modalscope.numerics.checks import DataError, check_each, check_kind, freeze
+
+__all__ = ["Setups", "as_test", "check_setups"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
+class Setups(Shown):
+    """Ambient records of one structure, taken one after another: some sensors stayed, the references, the others moved.
+
+    Parameters
+    ----------
+    parts : sequence of Signals
+        One a setup, without inputs, at one sampling rate.
+    references : sequence of labels, optional
+        Outputs that every setup has; by default all that every setup has.
+    groups : sequence of labels, "auto" or None
+        One label a setup: what disagrees between groups is repeatability. By default every setup is a group of its own.
+    source_path : path or paths, optional
+        The files that they were read from; by default those of the parts.
+
+    Raises
+    ------
+    DataError
+        No setup, no common output, measured inputs, or other sampling rates, quantities or units.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> first, second = (
+    ...     Signals(outputs=np.ones((8, 2)), sampling_rate=4.0, output_dofs=["1Z", d]) for d in ("2Z", "3Z")
+    ... )
+    >>> setups = Setups(parts=(first, second))
+    >>> setups.references, setups.output_dofs, setups.groups
+    (('1:+Z',), ('1:+Z', '2:+Z', '3:+Z'), ('setup 1', 'setup 2'))
+    """
+
+    parts: tuple[Signals, ...]
+    references: tuple[str, ...] = None  # type: ignore[assignment]
+    groups: Groups = AUTO
+    source_path: SourcePath = field(default=None, compare=False)
+
+    def __post_init__(self) -> None:
+        parts = check_each("setups", self.parts, "records, one a setup")
+        for part in parts:
+            check_kind("each of the setups", part, Signals)
+        if not parts:
+            raise DataError("setups of one structure were asked", "the list is empty", "Give at least one record.")
+        check_setups(parts)
+        common = _common(parts)
+        given = range(len(common)) if self.references is None else self.references
+        chosen = [common[i] for i in indices_of("reference that every setup has,", given, common)]
+        default = tuple(f"setup {k + 1}" for k in range(len(parts)))
+        freeze(
+            self,
+            parts=tuple(parts),
+            references=check_labels("references", chosen, len(chosen), "y"),
+            groups=check_groups(self.groups, len(parts), "a setup", default),
+            source_path=check_source(self.source_path) or source_of(parts),
+        )
+
+    @property
+    def sampling_rate(self) -> float:
+        """Samples per second, of all setups."""
+        return self.parts[0].sampling_rate
+
+    @property
+    def samples(self) -> tuple[int, ...]:
+        """Samples of every setup."""
+        return tuple(part.samples for part in self.parts)
+
+    @property
+    def output_dofs(self) -> tuple[str, ...]:
+        """Labels of all outputs that some setup has, in the order in which they come first."""
+        return tuple(dict.fromkeys(dof for part in self.parts for dof in part.output_dofs))
+
+    @property
+    def input_dofs(self) -> tuple[str, ...]:
+        """None were measured."""
+        return ()
+
+    @property
+    def quantities(self) -> tuple[str | None, ...]:
+        """Displacement, velocity, acceleration or None, of every output."""
+        known = {dof: q for part in self.parts for dof, q in zip(part.output_dofs, part.quantities, strict=True)}
+        return tuple(known[dof] for dof in self.output_dofs)
+
+    @property
+    def quantity(self) -> str | None:
+        """The quantity of all outputs; None when it is not known or not the same for all."""
+        return self.quantities[0] if len(set(self.quantities)) == 1 else None
+
+    @property
+    def units(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Units of the outputs; there are no inputs."""
+        known = {dof: unit for part in self.parts for dof, unit in zip(part.output_dofs, part.units[0], strict=True)}
+        return tuple(known[dof] for dof in self.output_dofs), ()
+
+    @property
+    def geometry(self) -> Geometry | None:
+        """Where the channels are: that of the first setup that knows it."""
+        return next((part.geometry for part in self.parts if part.geometry is not None), None)
+
+    @property
+    def processing(self) -> tuple[str, ...]:
+        """What was done to the setups so far, each step once."""
+        return tuple(dict.fromkeys(step for part in self.parts for step in part.processing))
+
+    def in_si(self) -> Setups:
+        """Return the same data in SI units: g, lbf, inches or a sensitivity such as 100 mV/g are converted; units not known stay."""
+        from modalscope.data.units import si_form
+
+        return si_form(self)[0]
+
+    def select(self, outputs: Chosen = None, inputs: Chosen = None, exclude: Chosen = None) -> Setups:
+        """Return some of the channels; a setup that keeps none of its outputs is left out.
+
+        Parameters
+        ----------
+        outputs, inputs : labels or indices, optional
+            Channels to keep; all by default. There are no inputs.
+        exclude : labels, optional
+            Channels to leave out.
+
+        Raises
+        ------
+        DataError
+            A channel that is not there, or no reference left.
+        """
+        rows, _ = choose_channels(self.output_dofs, (), outputs, inputs, exclude)
+        wanted = {self.output_dofs[i] for i in rows}
+        kept = [k for k, part in enumerate(self.parts) if wanted & set(part.output_dofs)]
+        parts = [self.parts[k].select(outputs=[d for d in self.parts[k].output_dofs if d in wanted]) for k in kept]
+        references = tuple(dof for dof in self.references if dof in wanted)
+        if not references:
+            raise DataError(
+                "a choice of outputs of setups was asked",
+                f"it leaves none of the references {', '.join(self.references)}",
+                "Keep one that every setup has.",
+            )
+        return replace(self, parts=tuple(parts), references=references, groups=chosen_groups(self.groups, kept))
+
+
+def as_test(data: Any) -> Records | Setups:
+    """Return the records of one test: `Setups` where none has inputs and their outputs differ, `Records` else.
+
+    Parameters
+    ----------
+    data : Signals, Records, Setups, or a sequence of them
+
+    Raises
+    ------
+    DataError
+        Anything else, or records that do not belong together.
+    """
+    if isinstance(data, Setups):
+        return data
+    if isinstance(data, list | tuple) and len(data) > 1 and all(isinstance(part, Signals) for part in data):
+        silent = not any(part.input_dofs for part in data)
+        if silent and len({frozenset(part.output_dofs) for part in data}) > 1:
+            return Setups(parts=tuple(data))
+    return as_records(data)
+
+
+def check_setups(parts: list[Signals]) -> None:
+    """Raise when records are no setups of one structure: measured inputs, no common output, other rates, quantities or units.
+
+    Parameters
+    ----------
+    parts : list of Signals
+    """
+    first = parts[0]
+    known: dict[str, tuple[Any, ...]] = {}
+    for number, part in enumerate(parts, 1):
+        if part.input_dofs:
+            raise DataError(
+                "ambient setups were asked",
+                f"setup {number} has the inputs {', '.join(part.input_dofs)}",
+                "Merge records with inputs as frequency responses: merge([...]).",
+            )
+        if part.sampling_rate != first.sampling_rate:
+            raise DataError(
+                "setups with the same sampling rates were asked",
+                f"setup 1 has {first.sampling_rate:g} Hz, setup {number} {part.sampling_rate:g} Hz",
+                "Decimate the faster records.",
+            )
+        for dof, quantity, unit in zip(part.output_dofs, part.quantities, part.units[0], strict=True):
+            if known.setdefault(dof, (quantity, unit)) != (quantity, unit):
+                words = [" in ".join(word or "not known" for word in each) for each in (known[dof], (quantity, unit))]
+                raise DataError(
+                    "setups with the same quantity and unit of a channel were asked",
+                    f"{dof} is {words[0]} in one setup and {words[1]} in setup {number}",
+                    "Convert them to one.",
+                )
+    if not _common(parts):
+        raise DataError(
+            "ambient setups to merge were asked",
+            "no output is common to all of them",
+            "Give the reference sensors the same labels in all setups.",
+        )
+
+
+def _common(parts: list[Signals]) -> tuple[str, ...]:
+    return tuple(dof for dof in parts[0].output_dofs if all(dof in part.output_dofs for part in parts))

@@ -1,0 +1,157 @@
+"""Data and results that show themselves: one line at a prompt, a small picture and a table in a notebook.
+
+What users wrote is escaped; the pictures are lines of SVG, made of at most a few hundred points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import singledispatch
+from html import escape
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from modalscope.numerics.checks import Array, DataError
+
+__all__ = ["Shown", "cells_of", "counted", "curve", "dots", "html_table", "sketch_of", "summary_of"]
+
+_WIDTH, _HEIGHT, _COLUMNS = 420, 90, 400
+
+#: So many dots are drawn at most.
+_DOTS = 3000
+
+
+class Shown:
+    """Something that shows itself: with one line at a prompt, in a notebook with a picture and a table, too, where it has them."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return f"<{summary_of(self)}>"
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw it as its kind is drawn: a diagram with its poles, modes as their shapes, responses as curves.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        Axes
+
+        Raises
+        ------
+        DataError
+            It has no picture.
+        """
+        if ax is not None and not hasattr(ax, "transData"):
+            found = f"ax is {type(ax).__name__}"
+            raise DataError("a picture was asked", found, "Give Matplotlib axes, or leave ax out.")
+        # what draws stands above the data classes, and is only loaded where something is drawn
+        return import_module("modalscope.plot.shown").drawn(self, ax)
+
+    def _repr_html_(self) -> str:
+        return f"<div><p>{escape(summary_of(self))}</p>{sketch_of(self)}{html_table(cells_of(self))}</div>"
+
+
+@singledispatch
+def summary_of(thing: object) -> str:
+    """Return what something is and how large, in one line.
+
+    Examples
+    --------
+    >>> from modalscope.data import Signals
+    >>> summary_of(Signals(outputs=[[0.0], [1.0]], sampling_rate=10.0, quantities="velocity"))
+    'records: 2 samples at 10 Hz, 1 output (velocity), no inputs'
+    """
+    return type(thing).__name__
+
+
+@singledispatch
+def sketch_of(thing: object) -> str:
+    """Return a small picture of something as SVG; empty text where it has none."""
+    return ""
+
+
+@singledispatch
+def cells_of(thing: object) -> list[list[str]]:
+    """Return the rows of a table of something, the first its heads; none where it has no table."""
+    return []
+
+
+def counted(number: int, word: str) -> str:
+    """Return a number with its noun.
+
+    Examples
+    --------
+    >>> counted(1, "mode"), counted(2, "mode")
+    ('1 mode', '2 modes')
+    """
+    return f"{number} {word}" + ("" if number == 1 else "s")
+
+
+def html_table(rows: Sequence[Sequence[str]]) -> str:
+    """Return rows as an HTML table, the first as its head; empty text where there is none."""
+    if not rows:
+        return ""
+    head = "".join(f"<th>{escape(cell)}</th>" for cell in rows[0])
+    body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows[1:])
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def curve(values: Array) -> str:
+    """Return a curve as SVG: of long data the lowest and the highest value of every column of the picture.
+
+    Parameters
+    ----------
+    values : array of float, (N,)
+        Values that are not finite are left out.
+    """
+    y = np.asarray(values, dtype=float)
+    parts = [part[np.isfinite(part)] for part in np.array_split(y, max(min(len(y), _COLUMNS), 1))]
+    points = [
+        (k / max(len(parts) - 1, 1), v)
+        for k, part in enumerate(parts)
+        if part.size
+        for v in dict.fromkeys((float(part.min()), float(part.max())))
+    ]
+    if len(points) < 2:
+        return ""
+    x, level = (np.array(side) for side in zip(*points, strict=True))
+    at = " ".join(f"{px:.1f},{py:.1f}" for px, py in zip(*_placed(x, level), strict=True))
+    return _framed(f'<polyline points="{at}" fill="none" stroke="currentColor" stroke-width="1"/>')
+
+
+def dots(x: Array, y: Array, dark: Array) -> str:
+    """Return dots as SVG, dark ones over pale ones.
+
+    Parameters
+    ----------
+    x, y : array, (N,)
+    dark : array of bool, (N,)
+    """
+    step = max(1, -(-len(x) // _DOTS))
+    chosen = np.argsort(dark, kind="stable")[::step]
+    if not len(chosen):
+        return ""
+    px, py = _placed(np.asarray(x)[chosen], np.asarray(y)[chosen])
+    marks = (
+        f'<circle cx="{a:.1f}" cy="{b:.1f}" r="1.3" fill-opacity="{0.9 if full else 0.2}"/>'
+        for a, b, full in zip(px, py, np.asarray(dark)[chosen], strict=True)
+    )
+    return _framed(f'<g fill="currentColor">{"".join(marks)}</g>')
+
+
+def _placed(x: Array, y: Array) -> tuple[Array, Array]:
+    """Return points in the frame of the picture."""
+    wide, high = (max(float(np.ptp(side)), np.finfo(float).tiny) for side in (x, y))
+    return 3 + (x - x.min()) / wide * (_WIDTH - 6), _HEIGHT - 3 - (y - y.min()) / high * (_HEIGHT - 6)
+
+
+def _framed(inner: str) -> str:
+    size = f'width="{_WIDTH}" height="{_HEIGHT}" viewBox="0 0 {_WIDTH} {_HEIGHT}"'
+    return f'<svg xmlns="http://www.w3.org/2000/svg" role="img" aria-label="overview" {size}>{inner}</svg>'

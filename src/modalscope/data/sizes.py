@@ -1,0 +1,95 @@
+"""Sizes of what was measured: beyond them the squares and fourth powers that verbs form are no numbers any more."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modalscope.data.records import Records, Signals
+from modalscope.data.response import Response
+from modalscope.data.setups import Setups
+from modalscope.numerics.checks import Array, DataError
+
+__all__ = ["check_alive", "check_size"]
+
+#: The largest number of a channel lies between 1 over these and these. Correlations of records are responses: they go with the square.
+_RECORDS, _RESPONSES = 1e30, 1e60
+
+#: Samples whose channels are compared side by side: rows of a few numbers each take several times as long.
+_TOGETHER = 64
+
+
+def check_size(data: Signals | Records | Setups | Response) -> None:
+    """Raise when a channel's numbers are so large or so small that powers of them cannot be computed with.
+
+    Parameters
+    ----------
+    data : Signals, Records, Setups, FrequencyResponse or ImpulseResponse
+
+    Raises
+    ------
+    DataError
+        Names the channel.
+
+    Examples
+    --------
+    >>> check_size(Signals(outputs=[[1e-9], [1e-12]], sampling_rate=1.0))
+    """
+    if isinstance(data, Records | Setups):
+        for part in data.runs if isinstance(data, Records) else data.parts:
+            check_size(part)
+    elif isinstance(data, Signals):
+        _check("records", _rows(data.outputs), data.output_dofs, _RECORDS)
+        if data.inputs is not None:
+            _check("records", _rows(data.inputs), data.input_dofs, _RECORDS)
+    else:
+        _check("responses", data.values, data.output_dofs, _RESPONSES, channel=1)
+
+
+def _rows(record: Array) -> Array:
+    """Return the samples of all runs below each other, (R N, l)."""
+    return record.reshape(-1, record.shape[-1])
+
+
+def _check(name: str, array: Array, labels: tuple[str, ...], most: float, channel: int = -1) -> None:
+    real = not np.iscomplexobj(array)
+    largest = _largest(array) if real else np.abs(array).max(axis=0)
+    rest = np.moveaxis(largest[None], channel, -1)  # whole lines or samples are compared first: they lie together
+    size = rest.max(axis=tuple(range(rest.ndim - 1)))
+    odd = np.flatnonzero((size > 0) & ((size < 1 / most) | (size > most)))
+    if odd.size:
+        raise DataError(
+            f"{name} between {1 / most:g} and {most:g} were asked",
+            f"the largest of channel {labels[odd[0]]} is {size[odd[0]]:.3g}, in whatever unit that is",
+            "Give them in another unit, or correct the factor they were multiplied with.",
+        )
+
+
+def _largest(array: Array) -> Array:
+    """Return the largest modulus of real numbers over the first axis; no copy is made, and of few channels many samples lie in a row."""
+    few = array.ndim == 2 and array.shape[1] < _TOGETHER and array.flags.c_contiguous
+    head = len(array) - len(array) % _TOGETHER if few else 0
+    parts = (array[:head].reshape(-1, _TOGETHER * array.shape[1]) if head else array[:0], array[head:])
+    found = [np.maximum(part.max(axis=0), -part.min(axis=0)) for part in parts if len(part)]
+    return np.asarray(np.max([each.reshape(-1, *array.shape[1:]).max(axis=0) for each in found], axis=0))
+
+
+def check_alive(response: Response) -> None:
+    """Raise on a channel of zeros: nothing can be read off it, and it hides a wrong cable or a wrong column.
+
+    Parameters
+    ----------
+    response : Response
+    """
+    speaks = np.zeros(response.values.shape[1:], dtype=bool)
+    for values in response.values:  # nearly always the first line or sample settles it
+        speaks |= values != 0
+        if speaks.all():
+            return
+    for side, axis, labels in (("output", 1, response.output_dofs), ("input", 0, response.input_dofs)):
+        dead = [labels[i] for i in np.flatnonzero(~speaks.any(axis=axis))]
+        if dead:
+            raise DataError(
+                f"data with a response in every {side} were asked",
+                f"{side} {', '.join(dead)} is zero throughout",
+                f"Leave it out: exclude={dead!r}, or --exclude {' '.join(dead)}.",
+            )

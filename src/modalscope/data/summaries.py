@@ -1,0 +1,156 @@
+"""What the data classes show of themselves: one line, a small picture, a table."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modalscope.data.frequency import FrequencyResponse
+from modalscope.data.geometry import Geometry
+from modalscope.data.impulse import ImpulseResponse
+from modalscope.data.mode_fields import cells_of_modes
+from modalscope.data.modes import ModalModel
+from modalscope.data.record_spectra import RecordSpectra
+from modalscope.data.records import Records, Signals
+from modalscope.data.results import Result, StabilizationDiagram
+from modalscope.data.setups import Setups
+from modalscope.data.shown import cells_of, counted, curve, dots, sketch_of, summary_of
+from modalscope.data.statespace import StateSpace
+from modalscope.data.stored import StoredResponse, StoredSignals
+
+__all__: list[str] = []
+
+
+@summary_of.register
+def _(thing: Geometry) -> str:
+    sizes = ((thing.nodes, "node"), (thing.lines, "line"), (thing.faces, "face"))
+    return f"geometry: {', '.join(counted(len(parts), word) for parts, word in sizes)}"
+
+
+@summary_of.register
+def _(thing: StabilizationDiagram) -> str:
+    size = f"{counted(len(thing.poles), 'pole')} at {counted(len(thing.orders), 'order')}"
+    return f"stabilization diagram: {size}, of {summary_of(thing.response)}"
+
+
+@summary_of.register
+def _(thing: StateSpace) -> str:
+    time = "continuous" if thing.dt is None else f"sampled every {thing.dt:g} s"
+    sizes = ((thing.order, "state"), (len(thing.C), "output"), (thing.B.shape[1], "input"))
+    return f"state-space model: {time}, {', '.join(counted(number, word) for number, word in sizes)}"
+
+
+@summary_of.register
+def _(thing: FrequencyResponse) -> str:
+    low, high = thing.span
+    return f"frequency responses{_kind(thing)}: {counted(thing.lines, 'line')} from {low:g} to {high:g} Hz, {_sides(thing)}"
+
+
+@summary_of.register
+def _(thing: ImpulseResponse) -> str:
+    at = f"{thing.samples} samples at {thing.sampling_rate:g} Hz"
+    return f"impulse responses{_kind(thing)} ({thing.kind}): {at}, {_sides(thing)}"
+
+
+@summary_of.register
+def _(thing: RecordSpectra) -> str:
+    low, high = thing.span
+    return f"records of {counted(len(thing.durations), 'run')} on {thing.count} lines from {low:g} to {high:g} Hz, {_sides(thing)}"
+
+
+@summary_of.register
+def _(thing: ModalModel) -> str:
+    f = thing.frequencies
+    span = f" from {f.min():.4g} to {f.max():.4g} Hz" if len(thing) else ""
+    return f"modes{_kind(thing)}: {counted(len(thing), 'mode')}{span}, {_sides(thing)}"
+
+
+@summary_of.register
+def _(thing: Signals) -> str:
+    runs = "" if thing.runs == 1 else f"{thing.runs} runs of "
+    return f"records: {runs}{thing.samples} samples at {thing.sampling_rate:g} Hz, {_outputs_and_inputs(thing)}"
+
+
+@summary_of.register
+def _(thing: StoredSignals) -> str:
+    return f"stored records: {thing.samples} samples at {thing.sampling_rate:g} Hz, {_outputs_and_inputs(thing)}"
+
+
+@summary_of.register
+def _(thing: StoredResponse) -> str:
+    return f"stored impulse responses ({thing.kind}): {thing.samples} samples at {thing.sampling_rate:g} Hz, {_sides(thing)}"
+
+
+@summary_of.register
+def _(thing: Records) -> str:
+    lengths = ", ".join(map(str, thing.samples[:4])) + (", ..." if len(thing.samples) > 4 else "")
+    runs = f"{counted(len(thing.runs), 'run')} of {lengths} samples"
+    return f"records: {runs} at {thing.sampling_rate:g} Hz, {_outputs_and_inputs(thing)}"
+
+
+@summary_of.register
+def _(thing: Setups) -> str:
+    lengths = ", ".join(map(str, thing.samples[:4])) + (", ..." if len(thing.samples) > 4 else "")
+    references = counted(len(thing.references), "reference")
+    parts = f"{counted(len(thing.parts), 'setup')} of {lengths} samples"
+    return f"ambient setups: {parts} at {thing.sampling_rate:g} Hz, {references}, {_outputs_and_inputs(thing)}"
+
+
+@summary_of.register
+def _(thing: Result) -> str:
+    return f"result: {summary_of(thing.modes)}; {counted(len(thing.notes), 'note')}, {counted(len(thing.findings), 'finding')}"
+
+
+@sketch_of.register
+def _(thing: FrequencyResponse) -> str:
+    return curve(np.log10(np.maximum(np.linalg.norm(thing.values, axis=(1, 2)), 1e-300)))
+
+
+@sketch_of.register
+def _(thing: ImpulseResponse) -> str:
+    return curve(thing.values.reshape(len(thing.values), -1)[:, _strongest(thing.values)])
+
+
+@sketch_of.register
+def _(thing: Signals) -> str:
+    y = thing.by_run()[0][0]
+    return curve(y[:, _strongest(y)])
+
+
+@sketch_of.register
+def _(thing: StabilizationDiagram) -> str:
+    shown = thing.poles.imag > 0
+    sure = thing.stable_frequency & thing.stable_damping & thing.stable_shape
+    return dots(thing.frequencies[shown], thing.order_of_pole[shown], sure[shown])
+
+
+@sketch_of.register
+def _(thing: Result) -> str:
+    return sketch_of(thing.diagrams[0]) if thing.diagrams else ""
+
+
+@cells_of.register
+def _(thing: ModalModel) -> list[list[str]]:
+    return cells_of_modes(thing)
+
+
+@cells_of.register
+def _(thing: Result) -> list[list[str]]:
+    return cells_of_modes(thing.modes)
+
+
+def _kind(thing: FrequencyResponse | ImpulseResponse | ModalModel | Signals | StoredSignals | Records | Setups) -> str:
+    return f" ({thing.quantity})" if thing.quantity else ""
+
+
+def _sides(thing: FrequencyResponse | ImpulseResponse | StoredResponse | ModalModel | RecordSpectra) -> str:
+    return f"{counted(len(thing.output_dofs), 'output')}, {counted(len(thing.input_dofs), 'input')}"
+
+
+def _outputs_and_inputs(thing: Signals | StoredSignals | Records | Setups) -> str:
+    inputs = counted(len(thing.input_dofs), "input") if thing.input_dofs else "no inputs"
+    return f"{counted(len(thing.output_dofs), 'output')}{_kind(thing)}, {inputs}"
+
+
+def _strongest(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> int:
+    """Return the channel or pair of the largest mean square, counted over the flattened axes behind the first."""
+    return int(np.argmax(np.sum(values.reshape(len(values), -1) ** 2, axis=0)))

@@ -1,0 +1,268 @@
+"""Units of channels and what one of them is in SI.
+
+Units are compared after `plain_unit`, so that `m/s²`, `m/s^2` and `[m / s2]` are one unit. The foot, the pound, the standard acceleration
+and what follows from them are exact by definition (NIST Special Publication 811, 2008, appendix B).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+
+from modalscope.data.channels import QUANTITIES, Channels
+from modalscope.data.frequency import FrequencyResponse
+from modalscope.data.impulse import ImpulseResponse
+from modalscope.data.notes import Note
+from modalscope.data.records import Records, Signals
+from modalscope.data.setups import Setups
+from modalscope.data.stored import Picked, StoredSignals
+from modalscope.numerics.checks import RealArray
+
+__all__ = ["FACTORS", "InSi", "in_si", "plain_unit", "si_form"]
+
+
+_FOOT, _INCH, _GRAVITY, _POUND = 0.3048, 0.0254, 9.80665, 0.45359237
+_POUND_FORCE = _POUND * _GRAVITY
+
+#: What is measured -> its unit in SI, and how many of these one of each unit is.
+FACTORS: dict[str, tuple[str, dict[str, float]]] = {
+    "acceleration": (
+        "m/s2",
+        {
+            **dict.fromkeys(("m/s2", "m/s/s", "m/sec2", "ms-2", "ms2", "m*s-2"), 1.0),
+            **dict.fromkeys(("g", "G", "gn", "g0"), _GRAVITY),
+            "mg": 1e-3 * _GRAVITY, "ug": 1e-6 * _GRAVITY, "mm/s2": 1e-3, "cm/s2": 1e-2, "um/s2": 1e-6,
+            "gal": 1e-2, "Gal": 1e-2, "mGal": 1e-5, "ft/s2": _FOOT, "in/s2": _INCH,
+        },
+    ),
+    "velocity": (
+        "m/s",
+        {
+            **dict.fromkeys(("m/s", "m/sec", "m*s-1", "ms-1"), 1.0),
+            "mm/s": 1e-3, "cm/s": 1e-2, "um/s": 1e-6, "nm/s": 1e-9, "in/s": _INCH, "ips": _INCH, "ft/s": _FOOT, "km/h": 1 / 3.6,
+        },
+    ),
+    "displacement": (
+        "m",
+        {
+            "m": 1.0, "mm": 1e-3, "cm": 1e-2, "um": 1e-6, "nm": 1e-9, "micron": 1e-6, "in": _INCH, "inch": _INCH, "inches": _INCH,
+            "mil": 1e-3 * _INCH, "mils": 1e-3 * _INCH, "ft": _FOOT,
+        },
+    ),
+    "force": (
+        "N",
+        {
+            **dict.fromkeys(("N", "newton", "Newton"), 1.0),
+            **dict.fromkeys(("lbf", "lb", "lbs"), _POUND_FORCE),
+            **dict.fromkeys(("kgf", "kp"), _GRAVITY),
+            "kN": 1e3, "MN": 1e6, "mN": 1e-3, "dyn": 1e-5, "kip": 1e3 * _POUND_FORCE, "ozf": _POUND_FORCE / 16,
+        },
+    ),
+    "moment": ("N*m", {"Nm": 1.0, "N*m": 1.0, "kNm": 1e3, "lbf*in": _POUND_FORCE * _INCH, "lbf*ft": _POUND_FORCE * _FOOT}),
+    "strain": (
+        "m/m",
+        {
+            **dict.fromkeys(("m/m", "strain"), 1.0),
+            **dict.fromkeys(("um/m", "ustrain", "ue", "microstrain", "uepsilon", "ueps"), 1e-6),
+            "mm/m": 1e-3,
+        },
+    ),
+    "pressure": (
+        "Pa",
+        {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "mPa": 1e-3, "hPa": 1e2, "bar": 1e5, "mbar": 1e2, "psi": _POUND_FORCE / _INCH**2},
+    ),
+    "angle": (
+        "rad",
+        {"rad": 1.0, "mrad": 1e-3, "grad": 0.015707963267948967, **dict.fromkeys(("deg", "degree", "degrees"), 0.017453292519943295)},
+    ),
+    "voltage": ("V", {**dict.fromkeys(("V", "volt", "volts", "Volt", "Volts"), 1.0), "mV": 1e-3, "uV": 1e-6, "kV": 1e3}),
+}  # fmt: skip
+
+_KNOWN = {unit: (kind, si, factor) for kind, (si, units) in FACTORS.items() for unit, factor in units.items()}
+
+#: Characters of a unit that are looked at: nobody writes longer ones.
+_LONGEST = 400
+
+_SIGNS = str.maketrans(
+    {
+        "²": "2",
+        "³": "3",
+        "⁻": "-",
+        "¹": "1",
+        "µ": "u",
+        "μ": "u",
+        "·": "*",
+        "⋅": "*",
+        "×": "*",
+        "ε": "epsilon",
+        "^": "",
+        " ": "",
+    }
+)
+
+#: A sensitivity, such as 100 mV/g: the channel is in mV, of which so many are one g.
+_SENSITIVITY = re.compile(r"^(?P<number>\d+\.?\d*(?:[eE][-+]?\d+)?|\.\d+)(?P<signal>mV|V|uV|pC)/(?P<unit>.+)$")
+
+
+class InSi(NamedTuple):
+    """What one of a unit is in SI.
+
+    Attributes
+    ----------
+    factor : float
+        So many of the unit in SI.
+    unit : str
+        In SI.
+    kind : str
+        What it measures; empty for a ratio.
+    """
+
+    factor: float
+    unit: str
+    kind: str
+
+
+def plain_unit(unit: str) -> str:
+    """Return a unit without blanks, brackets, signs of powers and capitals of dB.
+
+    Examples
+    --------
+    >>> plain_unit("m / s²"), plain_unit("[m/s^2]"), plain_unit("µm/m"), plain_unit("°")
+    ('m/s2', 'm/s2', 'um/m', 'deg')
+    """
+    text = unit.strip()[:_LONGEST].replace("**", "").translate(_SIGNS).replace("°", "deg")
+    while len(text) > 1 and text[0] + text[-1] in ("[]", "()", "<>", "{}"):
+        text = text[1:-1]
+    return re.sub(r"\(([^()]*)\)", r"\1", text) if text.count("/") < 3 else text
+
+
+@cache
+def in_si(unit: str) -> InSi | None:
+    """Return what one of a unit is in SI: of a known unit, a ratio of two, or a sensitivity; None where it is not known.
+
+    A sensitivity such as `100 mV/g` says that the channel is in mV, and that 100 of them are one g.
+
+    Parameters
+    ----------
+    unit : str
+
+    Examples
+    --------
+    >>> in_si("g"), in_si("100 mV/g").factor, in_si("m/s^2/lbf").unit, in_si("furlong")
+    (InSi(factor=9.80665, unit='m/s2', kind='acceleration'), 0.0980665, 'm/s2/N', None)
+    """
+    plain = plain_unit(unit)
+    if plain in _KNOWN:
+        kind, si, factor = _KNOWN[plain]
+        return InSi(factor, si, kind)
+    given = _SENSITIVITY.match(plain)
+    if given and float(given["number"]) > 0:
+        measured = in_si(given["unit"])
+        return None if measured is None else measured._replace(factor=measured.factor / float(given["number"]))
+    above, slash, below = plain.rpartition("/")
+    parts = (in_si(above), in_si(below)) if slash else (None, None)
+    if parts[0] is None or parts[1] is None:
+        return None
+    return InSi(parts[0].factor / parts[1].factor, f"{parts[0].unit}/{parts[1].unit}", "")
+
+
+# ------------------------------------------------------------------------------------------------------------------ si
+# Data in SI: channels multiplied by what their units are, those of unknown units left as they are, with a word.
+
+Data = TypeVar("Data")
+
+#: Units of what has none.
+_BARE = ("", "-", "1", "none", "n/a")
+
+
+def si_form(data: Data) -> tuple[Data, tuple[Note, ...]]:
+    """Return data in SI, and what was converted and what was not; other things are returned as they are.
+
+    Parameters
+    ----------
+    data : Signals, Records, Setups, FrequencyResponse or ImpulseResponse
+    """
+    if isinstance(data, Records):
+        runs, notes = _each(data.runs)
+        return replace(data, runs=runs, groups=data.groups), notes
+    if isinstance(data, Setups):
+        parts, notes = _each(data.parts)
+        return replace(data, parts=parts), notes
+    if not isinstance(data, Signals | StoredSignals | FrequencyResponse | ImpulseResponse):
+        return data, ()
+    sides = tuple(_side(units) for units in data.units)
+    notes = _notes(data)
+    if all(
+        f == 1 and new == old
+        for side, units in zip(sides, data.units, strict=True)
+        for (f, new), old in zip(side, units, strict=True)
+    ):
+        return data, tuple(note for note in notes if note.kind == "units not known")
+    outputs, inputs = (np.array([factor for factor, _ in side]) for side in sides)
+    units = (tuple(unit for _, unit in sides[0]), tuple(unit for _, unit in sides[1]))
+    changed: Any = replace(data, **_scaled(data, outputs, inputs), units=units, **_quantity(data))
+    return changed.processed(str(notes[0])), notes
+
+
+def _each(parts: Sequence[Signals]) -> tuple[tuple[Signals, ...], tuple[Note, ...]]:
+    told = [si_form(part) for part in parts]
+    return tuple(part for part, _ in told), tuple(dict.fromkeys(note for _, notes in told for note in notes))
+
+
+def _side(units: Sequence[str]) -> list[tuple[float, str]]:
+    """Return factor and unit of every channel of one side; a unit that is written otherwise than in SI is no other unit."""
+    found: list[tuple[InSi | None, str]] = [(in_si(unit), unit) for unit in units]
+    return [(1.0, unit) if si is None else (si.factor, unit if si.factor == 1 else si.unit) for si, unit in found]
+
+
+def _scaled(
+    data: Signals | StoredSignals | FrequencyResponse | ImpulseResponse, outputs: RealArray, inputs: RealArray
+) -> dict[str, Any]:
+    """Return the arrays in SI. A response is a ratio of both sides, a correlation their product."""
+    if isinstance(data, StoredSignals):
+        return {"rows": Picked(data.rows, tuple(range(len(outputs))), tuple(map(float, outputs)))}
+    if isinstance(data, Signals):
+        return {"outputs": data.outputs * outputs, "inputs": None if data.inputs is None else data.inputs * inputs}
+    by = outputs[:, None] * (inputs if data.origin == "correlation" else 1 / inputs)
+    arrays: dict[str, Any] = {"values": data.values * by}
+    if isinstance(data, FrequencyResponse):
+        return arrays | {"variance": None if data.variance is None else data.variance * by**2}
+    return arrays | {"feedthrough": None if data.feedthrough is None else data.feedthrough * by}
+
+
+def _quantity(data: Signals | StoredSignals | FrequencyResponse | ImpulseResponse) -> dict[str, Any]:
+    """Return the quantity that the units say where it was not given."""
+    kinds = [None if (si := in_si(unit)) is None or si.kind not in QUANTITIES else si.kind for unit in data.units[0]]
+    if isinstance(data, Signals | StoredSignals):
+        return {"quantities": tuple(q or kind for q, kind in zip(data.quantities, kinds, strict=True))}
+    known = set(kinds)
+    return {"quantity": data.quantity or (known.pop() if len(known) == 1 else None)}
+
+
+def _notes(data: Channels) -> tuple[Note, ...]:
+    turned: dict[str, list[str]] = {}
+    unknown: dict[str, list[str]] = {}
+    for units, dofs in zip(data.units, (data.output_dofs, data.input_dofs), strict=True):
+        for unit, dof in zip(units, dofs, strict=True):
+            si = in_si(unit)
+            if si is None and unit.strip() not in _BARE:
+                unknown.setdefault(unit, []).append(dof)
+            elif si is not None and si.factor != 1:
+                turned.setdefault(f"{unit} to {si.unit} (times {si.factor:.7g})", []).append(dof)
+    notes = []
+    if turned:
+        words = "; ".join(f"{_some(dofs)} from {how}" for how, dofs in turned.items())
+        notes.append(Note("units", {}, f"converted to SI: {words}"))
+    for unit, channels in unknown.items():
+        text = f"the unit {unit} of {_some(channels)} is not known: values stay in it, and modal masses are not in kg"
+        notes.append(Note("units not known", {}, text))
+    return tuple(notes)
+
+
+def _some(dofs: Sequence[str]) -> str:
+    return ", ".join(dofs[:3]) + (f" and {len(dofs) - 3} more" if len(dofs) > 3 else "")

@@ -1,0 +1,1 @@
+"""The likelihood of modes: noise models, descent, refinement, standard deviations."""

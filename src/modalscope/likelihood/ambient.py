@@ -1,0 +1,452 @@
+"""Fisher's scoring over several ambient records that share their poles: what each has of its own is eliminated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg as sla
+
+from modalscope.data.records import Signals
+from modalscope.numerics.checks import ComplexArray, RealArray
+
+__all__ = [
+    "Cells",
+    "Driven",
+    "Scored",
+    "begun",
+    "cells_of",
+    "covariance",
+    "equations",
+    "loss",
+    "moved",
+    "scored",
+    "spectrum",
+    "unknowns",
+]
+
+
+# ------------------------------------------------------------------------------------------------- spectral likelihood
+# The likelihood of an ambient record's lines: Whittle's, of a model of poles, shapes and what drives them beside a smooth background.
+#
+#     S(w) = sum_j T_j(w) phi_j g_j + T_j*(w) conj(phi_j g_j) + its conjugate transpose + N0 + N1 x + N2 x^2,     x in [-1, 1] over the band
+#
+# T_j is the half spectrum of exp(s_j t) over the record, whose correlations are seen through a triangle of its length:
+#
+#     T = z / (z - mu) - 1/2 - mu z / (z - mu)^2 / n,     z = exp(i w dt), mu = exp(s dt), n samples
+#
+# phi and g are free and complex, so that forces may be correlated and noise enter anywhere, as in every stochastic realization; N is
+# Hermitian. -log p = sum over cells of (log det S + tr S^-1 I) lines, I being the mean periodogram of the lines of a cell. Fisher's
+# information of two unknowns is the sum of tr S^-1 dS_a S^-1 dS_b over the lines.
+#
+# Source: P. Whittle, Arkiv foer Matematik 2, 1953.
+
+#: Cells a half bandwidth, at the distance of a half bandwidth; elsewhere they grow with the distance to the nearest pole.
+_CELLS = 6.0
+
+#: Powers of the background over the band.
+_POWERS = 3
+
+#: The background that a descent begins with: this quantile of every channel's spectrum.
+_QUIET = 0.1
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Cells:
+    """Periodograms of a record, neighbouring lines averaged; every channel divided by its root mean square in the band.
+
+    Parameters
+    ----------
+    values : array of complex, (c, l, l)
+    frequencies : array, (c,)
+        Hz.
+    counts : array, (c,)
+        Lines.
+    rate : float
+        Samples a second.
+    samples : int
+        Of the record.
+    """
+
+    values: ComplexArray
+    frequencies: RealArray
+    counts: RealArray
+    rate: float
+    samples: int
+
+    def functions(self, poles: ComplexArray) -> ComplexArray:
+        """Return T of poles, (c, n)."""
+        z = np.exp(2j * np.pi * self.frequencies / self.rate)[:, None]
+        mu = np.exp(poles / self.rate)
+        return np.asarray(z / (z - mu) - 0.5 - mu * z / (z - mu) ** 2 / self.samples)
+
+    def slopes(self, poles: ComplexArray) -> ComplexArray:
+        """Return dT/ds, (c, n)."""
+        z = np.exp(2j * np.pi * self.frequencies / self.rate)[:, None]
+        mu = np.exp(poles / self.rate)
+        once = z / (z - mu) ** 2
+        return np.asarray(mu / self.rate * (once - (once + 2 * mu * z / (z - mu) ** 3) / self.samples))
+
+    @property
+    def powers(self) -> RealArray:
+        """1, x and x^2 of the background, (3, c)."""
+        low, high = self.frequencies[[0, -1]]
+        return np.asarray((2 * (self.frequencies - low) / max(high - low, 1e-300) - 1) ** np.arange(_POWERS)[:, None])
+
+
+class Driven(NamedTuple):
+    """What a record has of its own.
+
+    Attributes
+    ----------
+    shapes : array of complex, (l, n)
+    drives : array of complex, (n, l)
+    background : array of complex, (3, l, l)
+        Hermitian.
+    """
+
+    shapes: ComplexArray
+    drives: ComplexArray
+    background: ComplexArray
+
+
+class Equations(NamedTuple):
+    """One step of scoring.
+
+    Attributes
+    ----------
+    information : array, (p, p)
+        Of Re and Im of every pole, then of what the record has of its own.
+    score : array, (p,)
+    misfit : float
+        Square of the whitened residual by degrees of freedom; about one where the model is right.
+    """
+
+    information: RealArray
+    score: RealArray
+    misfit: float
+
+
+def cells_of(record: Signals, poles: ComplexArray, band: tuple[float, float]) -> Cells:
+    """Return the cells of a record in a band: fine near poles, coarse far from them.
+
+    Parameters
+    ----------
+    record : Signals
+        Without inputs.
+    poles : array of complex, (n,)
+        rad/s.
+    band : (float, float)
+        Hz.
+    """
+    y = np.asarray(record.outputs)
+    count = len(y)
+    lines = np.fft.rfft(y - y.mean(axis=0), axis=0) / np.sqrt(count)
+    x = np.fft.rfftfreq(count, 1 / record.sampling_rate)
+    first, last = (int(k) for k in np.searchsorted(x, band))
+    first, last = max(first, 1), min(last, len(x) - 1)
+    half, centre = np.abs(poles.real) / (2 * np.pi), poles.imag / (2 * np.pi)
+    starts = [first]
+    while starts[-1] < last:
+        near = float(np.min(np.hypot(x[starts[-1]] - centre, half)))
+        starts.append(starts[-1] + max(int(near / _CELLS * count / record.sampling_rate), 1))
+    at = np.array(starts[:-1]) - first
+    inside, own = lines[first : starts[-1]], x[first : starts[-1]]
+    counts = np.diff(np.append(at, len(own))).astype(float)
+    products = np.add.reduceat(inside[:, :, None] * inside[:, None, :].conj(), at, axis=0)
+    scale = np.sqrt(np.maximum(np.einsum("kaa->a", products).real / counts.sum(), 1e-300))
+    values = products / counts[:, None, None] / scale[:, None] / scale
+    return Cells(values, np.add.reduceat(own, at) / counts, counts, record.sampling_rate, count)
+
+
+def unknowns(modes: int, outputs: int) -> int:
+    """Return how many real unknowns a record has with so many modes: poles, shapes, drives and background.
+
+    Parameters
+    ----------
+    modes, outputs : int
+    """
+    return 2 * modes + 4 * modes * outputs + _POWERS * outputs**2
+
+
+def begun(cells: Cells, poles: ComplexArray) -> Driven:
+    """Return where to begin: near every pole the leading vector of the periodograms, forces without correlation; S is positive definite.
+
+    Parameters
+    ----------
+    cells : Cells
+    poles : array of complex, (n,)
+    """
+    outputs = cells.values.shape[1]
+    shapes, drives = np.zeros((outputs, len(poles)), complex), np.zeros((len(poles), outputs), complex)
+    peaks = 2 * cells.functions(poles).real
+    for j, pole in enumerate(poles):
+        away = np.abs(2 * np.pi * cells.frequencies - pole.imag)
+        near = away <= max(abs(pole.real), float(np.sort(away)[: outputs // 2 + 1].max()))
+        mean = np.average(cells.values[near], axis=0, weights=cells.counts[near])
+        values, vectors = np.linalg.eigh(mean)
+        shapes[:, j] = vectors[:, -1]
+        size = values[-1] / np.average(peaks[near, j], weights=cells.counts[near])
+        drives[j] = 0.5 * size * vectors[:, -1].conj()
+    background = np.zeros((_POWERS, outputs, outputs), complex)
+    background[0] = np.diag(np.quantile(np.einsum("caa->ca", cells.values).real, _QUIET, axis=0))
+    return Driven(shapes, drives, background)
+
+
+def spectrum(cells: Cells, poles: ComplexArray, own: Driven) -> ComplexArray:
+    """Return S of every cell, (c, l, l).
+
+    Parameters
+    ----------
+    cells : Cells
+    poles : array of complex, (n,)
+    own : Driven
+    """
+    T, turned = cells.functions(poles), cells.functions(poles.conj())
+    half = (T[:, None, :] * own.shapes) @ own.drives + (turned[:, None, :] * own.shapes.conj()) @ own.drives.conj()
+    background = np.einsum("pc,pab->cab", cells.powers, own.background)
+    return np.asarray(half + half.conj().transpose(0, 2, 1) + background)
+
+
+def loss(cells: Cells, poles: ComplexArray, own: Driven) -> float:
+    """Return -log p, up to a number; infinite where S is not positive definite everywhere.
+
+    Parameters
+    ----------
+    cells : Cells
+    poles : array of complex, (n,)
+    own : Driven
+    """
+    S = spectrum(cells, poles, own)
+    try:
+        L = np.linalg.cholesky(S)
+    except np.linalg.LinAlgError:
+        return np.inf
+    root = np.linalg.inv(L)
+    logs = 2 * np.log(np.einsum("caa->ca", L).real).sum(axis=1)
+    traces = np.einsum("cab,cbd,cad->c", root, cells.values, root.conj(), optimize=True).real
+    return float(cells.counts @ (logs + traces))
+
+
+def equations(cells: Cells, poles: ComplexArray, own: Driven) -> Equations:
+    """Return information and score at a point where S is positive definite.
+
+    Parameters
+    ----------
+    cells : Cells
+    poles : array of complex, (n,)
+    own : Driven
+    """
+    S = spectrum(cells, poles, own)
+    root: ComplexArray = np.asarray(np.linalg.inv(np.linalg.cholesky(S)), dtype=np.complex128)
+    weight = np.sqrt(cells.counts)[:, None, None]
+    left = weight * (root @ (cells.values - S) @ root.conj().transpose(0, 2, 1))
+    half = _directions(cells, poles, own, root)
+    whole = np.ascontiguousarray(weight * (half + half.conj().swapaxes(2, 3)))
+    rows: RealArray = whole.view(np.float64).reshape(len(half), -1)
+    flat = np.ascontiguousarray(left).view(float).ravel()
+    free = max(len(S) * S.shape[1] ** 2 - len(rows), 1)
+    return Equations(rows @ rows.T, rows @ flat, float(flat @ flat) / free)
+
+
+def _directions(cells: Cells, poles: ComplexArray, own: Driven, root: ComplexArray) -> ComplexArray:
+    """Return half of L^-1 dS L^-H by every unknown, (p, c, l, l): the other half is its conjugate transpose."""
+    c, l = root.shape[:2]
+    T, turned = cells.functions(poles).T[:, None, :, None], cells.functions(poles.conj()).T[:, None, :, None]
+    d, d_turned = cells.slopes(poles).T[:, :, None], cells.slopes(poles.conj()).T[:, :, None]
+    x, x_turned = (np.einsum("cab,bj->jca", root, shapes) for shapes in (own.shapes, own.shapes.conj()))
+    y, y_turned = (np.einsum("cab,jb->jca", root.conj(), drives) for drives in (own.drives, own.drives.conj()))
+    unit, unit_turned = root.transpose(2, 0, 1)[None], root.conj().transpose(2, 0, 1)[None]  # (1, l, c, l)
+    found = []
+    for left, right, left_turned, right_turned in (
+        ((d * x)[:, None], y[:, None], (d_turned * x_turned)[:, None], y_turned[:, None]),
+        (T * unit, y[:, None], turned * unit, y_turned[:, None]),
+        (T * x[:, None], unit_turned, turned * x_turned[:, None], unit_turned),
+    ):
+        one = left[..., :, None] * right[..., None, :]
+        other = left_turned[..., :, None] * right_turned[..., None, :]
+        both = np.stack([one + other, 1j * (one - other)], axis=2)  # (n, 1 or l, 2, c, l, l)
+        found.append(both.reshape(-1, c, l, l))
+    upper = [(a, b) for a in range(l) for b in range(a, l)]
+    still = np.array([root[:, :, a, None] * root[:, None, :, b].conj() for a, b in upper])
+    crossed = 1j * still[[a != b for a, b in upper]]
+    still = np.concatenate([still, crossed])
+    smooth = cells.powers[:, None, :, None, None] * still
+    return np.concatenate([*found, smooth.reshape(-1, c, l, l)])
+
+
+def moved(own: Driven, step: RealArray) -> Driven:
+    """Return what a record has of its own after a step, in the order of `equations` behind the poles.
+
+    Parameters
+    ----------
+    own : Driven
+    step : array
+    """
+    l, n = own.shapes.shape
+    sides = step[: 4 * n * l].reshape(2, n, l, 2)
+    change = sides[..., 0] + 1j * sides[..., 1]
+    smooth = step[4 * n * l :].reshape(_POWERS, l * l)
+    upper = [(a, b) for a in range(l) for b in range(a, l)]
+    half = np.zeros((_POWERS, l, l), complex)
+    for k, (a, b) in enumerate(upper):
+        half[:, a, b] += smooth[:, k]
+    for k, (a, b) in enumerate([(a, b) for a, b in upper if a != b], len(upper)):
+        half[:, a, b] += 1j * smooth[:, k]
+    background = own.background + half + half.conj().swapaxes(1, 2)
+    return Driven(own.shapes + change[0].T, own.drives + change[1], background)
+
+
+# ------------------------------------------------------------------------------------------------------------- scoring
+
+#: Steps of scoring at most, as many that a record takes by itself first, and the fall of -log p of a record below which they end.
+_STEPS, _ALONE, _DONE = 20, 6, 1e-3
+
+#: Damping of the first step, what a whole step and none make of it, and where no step helps any more.
+_FIRST, _EASE, _STIFFEN, _STUCK = 1e-2, 1 / 6, 8.0, 1e6
+
+#: The square of a step, in deviations of the poles, that is no matter.
+_LEFT = 0.01
+
+#: How often a step is halved: beyond some part of it S is not positive definite.
+_HALVED = 10
+
+#: Of the information: shape and drive share a factor, of which nothing is known.
+_RIDGE = 1e-9
+
+
+class Scored(NamedTuple):
+    """Where scoring ended.
+
+    Attributes
+    ----------
+    poles : array of complex, (n,)
+    informations : array, (records, 2n, 2n)
+        Of Re and Im of the poles, in every record by itself.
+    scores : array, (records, 2n)
+    misfit : float
+        As in `Equations`, the mean of all records.
+    converged : bool
+    """
+
+    poles: ComplexArray
+    informations: RealArray
+    scores: RealArray
+    misfit: float
+    converged: bool
+
+
+class _Eliminated(NamedTuple):
+    """The equations of a record with what it has of its own eliminated: what a step of the poles asks of that."""
+
+    information: RealArray
+    score: RealArray
+    own: RealArray
+    follows: RealArray
+
+
+def scored(records: Sequence[Cells], poles: ComplexArray) -> Scored:
+    """Return the poles of greatest likelihood over all records, from a start near them.
+
+    Parameters
+    ----------
+    records : sequence of Cells
+    poles : array of complex, (n,)
+    """
+    parts = [begun(cells, poles) for cells in records]
+    if not np.isfinite(_total(records, poles, parts)):
+        nothing = np.zeros((len(records), 2 * len(poles)))
+        return Scored(poles, nothing[:, :, None] * nothing[:, None], nothing, np.inf, False)
+    parts = [_descended([cells], poles, [own], hold=True)[1][0] for cells, own in zip(records, parts, strict=True)]
+    found, parts = _descended(records, poles, parts, hold=False)
+    built = [equations(cells, found, own) for cells, own in zip(records, parts, strict=True)]
+    last = [_eliminated(each, len(poles), 0.0) for each in built]
+    informations, scores = np.array([e.information for e in last]), np.array([e.score for e in last])
+    score = scores.sum(axis=0)
+    left = score @ np.linalg.lstsq(informations.sum(axis=0), score, rcond=None)[0]
+    return Scored(found, informations, scores, float(np.mean([each.misfit for each in built])), bool(left < _LEFT))
+
+
+def covariance(found: Scored) -> RealArray:
+    """Return the covariance of Re and Im of the poles, (2n, 2n): the inverse of all information, wider where the model does not fit.
+
+    Parameters
+    ----------
+    found : Scored
+    """
+    return np.asarray(max(found.misfit, 1.0) * np.linalg.pinv(found.informations.sum(axis=0), hermitian=True))
+
+
+def _descended(
+    records: Sequence[Cells], poles: ComplexArray, parts: list[Driven], *, hold: bool
+) -> tuple[ComplexArray, list[Driven]]:
+    """Return poles and parts where no further step helps, or steps end; poles stay where they are to be held."""
+    cost, damping = _total(records, poles, parts), _FIRST
+    for _ in range(_ALONE if hold else _STEPS):
+        built = [equations(cells, poles, own) for cells, own in zip(records, parts, strict=True)]
+        while True:
+            each = [_eliminated(one, len(poles), damping) for one in built]
+            whole = np.zeros(2 * len(poles)) if hold else _step(each, damping)
+            part, there, tried, new = _halved(records, poles, parts, each, whole, cost)
+            if new < cost or damping > _STUCK:
+                break
+            damping *= _STIFFEN
+        if not new < cost:
+            break
+        done = cost - new < _DONE * len(records)
+        poles, parts, cost = there, tried, new
+        damping *= _EASE if part == 1 else 1
+        if done:
+            break
+    return poles, parts
+
+
+def _halved(
+    records: Sequence[Cells],
+    poles: ComplexArray,
+    parts: Sequence[Driven],
+    each: Sequence[_Eliminated],
+    whole: RealArray,
+    cost: float,
+) -> tuple[float, ComplexArray, list[Driven], float]:
+    """Return the largest part of a step, of its halves, that lowers -log p, where it leads, and -log p there."""
+    for part in 0.5 ** np.arange(_HALVED):
+        step = part * whole
+        there = poles + step[::2] + 1j * step[1::2]
+        tried = [moved(own, part * (one.own - one.follows @ whole)) for own, one in zip(parts, each, strict=True)]
+        near = bool(np.all(np.abs(there - poles) < np.abs(poles.real)) and np.all(there.real < 0))
+        new = _total(records, there, tried) if near else np.inf
+        if new < cost:
+            break
+    return float(part), there, tried, new
+
+
+def _total(records: Sequence[Cells], poles: ComplexArray, parts: Sequence[Driven]) -> float:
+    total = 0.0
+    for cells, own in zip(records, parts, strict=True):
+        total += loss(cells, poles, own)
+        if not np.isfinite(total):
+            break
+    return total
+
+
+def _step(each: Sequence[_Eliminated], damping: float) -> RealArray:
+    information = np.sum([one.information for one in each], axis=0)
+    stiff = information + damping * np.diag(np.diag(information))
+    return np.asarray(np.linalg.lstsq(stiff, np.sum([one.score for one in each], axis=0), rcond=None)[0])
+
+
+def _eliminated(built: Equations, modes: int, damping: float) -> _Eliminated:
+    """Eliminate all but the poles, by Schur's complement."""
+    k = 2 * modes
+    size = np.sqrt(np.maximum(np.diag(built.information), 1e-300))
+    H, r = built.information / size[:, None] / size, built.score / size
+    stiff = H[k:, k:] + (damping + _RIDGE) * np.eye(len(H) - k)
+    both = sla.cho_solve(sla.cho_factor(stiff), np.column_stack([r[k:], H[k:, :k]]))
+    own, follows = both[:, 0], both[:, 1:]
+    information = (H[:k, :k] - H[:k, k:] @ follows) * size[:k, None] * size[:k]
+    score = (r[:k] - H[:k, k:] @ own) * size[:k]
+    back = size[k:]
+    return _Eliminated(information, score, own / back, follows * size[:k] / back[:, None])

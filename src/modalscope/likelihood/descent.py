@@ -1,0 +1,364 @@
+"""Descent to the optimum of the likelihood: Levenberg and Marquardt's steps, held among decaying oscillations.
+
+The damping follows the fall of the misfit over what the linear model promised: where that holds but in part it stays as it is, so that
+of a curved valley no other step is a trial in vain.
+
+Source: H. B. Nielsen, "Damping parameter in Marquardt's method", IMM-REP-1999-05, Technical University of Denmark.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.fft as sfft
+import scipy.linalg as sla
+from scipy.linalg.lapack import dpotrf
+
+from modalscope.data.response import Response
+from modalscope.data.window import window_over_lines
+from modalscope.likelihood.likelihood import Fitted, Point, Whitened
+from modalscope.numerics.checks import Array, ComplexArray, RealArray
+
+__all__ = [
+    "Descent",
+    "correlated",
+    "descend",
+    "inverse",
+    "normal",
+    "residual",
+    "scores",
+    "scores_of_rows",
+    "window_noise",
+]
+
+
+# --------------------------------------------------------------------------------------------------------- information
+# Gradient and information of the likelihood, whole and by parts of the data, from the complex columns of a point.
+#
+# The derivative of channel o by the real and the imaginary part of an unknown a is Re(c_oa W_a) and Re(j c_oa W_a), where W_a is its
+# column without what the modes themselves explain; sums over channels then need nothing but the products W'W, W^H W and c'c, c^H c.
+
+
+def normal(point: Point, fitted: Fitted) -> tuple[RealArray, RealArray]:
+    """Return the information J'J (2 n p, 2 n p) and J'r (2 n p,), real and imaginary part of every unknown side by side."""
+    W, c = _free(point, fitted), _coefficients(point, fitted)
+    V = W.view(np.float64)  # real and imaginary parts side by side
+    slope = V.T @ fitted.left
+    return _over_channels(V.T @ V, c), _interleaved(np.einsum("oa,ao->a", c, slope[::2] + 1j * slope[1::2]))
+
+
+def covariance_of_scores(point: Point, fitted: Fitted, noise: RealArray) -> RealArray:
+    """Return the covariance of J'e (2 n p, 2 n p), e of the covariance `noise` (4 n, 4 n) between compressed rows, alike in all channels.
+
+    Parameters
+    ----------
+    point, fitted
+    noise : array, (4 n, 4 n)
+    """
+    V = _free(point, fitted).view(np.float64)
+    coloured = (noise @ V.reshape(len(noise), -1)).reshape(V.shape)
+    return _over_channels(V.T @ coloured, _coefficients(point, fitted))
+
+
+def _over_channels(G: RealArray, c: ComplexArray) -> RealArray:
+    """Return sum_o of products of Re(c_oa W_a) and Re(j c_oa W_a) from those of real and imaginary parts of W, side by side."""
+    RR, RI, II = G[::2, ::2], G[::2, 1::2], G[1::2, 1::2]
+    H = (RR + II + 1j * (RI - RI.T)) * (c.conj().T @ c)
+    S = (RR - II + 1j * (RI + RI.T)) * (c.T @ c)
+    J = np.empty((2 * len(H), 2 * len(H)))
+    J[::2, ::2], J[1::2, 1::2] = (H + S).real / 2, (H - S).real / 2
+    J[::2, 1::2], J[1::2, ::2] = -(H + S).imag / 2, (H - S).imag / 2
+    return J
+
+
+def scores(point: Point, fitted: Fitted) -> RealArray:
+    """Return J'r of every channel, (l, m, 2 n p): at the optimum they sum to zero."""
+    W, c = _free(point, fitted), _coefficients(point, fitted)
+    p = point.data.shape[2]
+    each = np.einsum("kia,kio->oia", _split(W, p), _split(fitted.left, p), optimize=True) * c[:, None]
+    return _interleaved(each.transpose(1, 0, 2) if point.problem.turned else each)
+
+
+def scores_of_rows(point: Point, fitted: Fitted, blocks: Array) -> RealArray:
+    """Return J'r of every block of rows, all channels together, (blocks, 2 n p).
+
+    Parameters
+    ----------
+    point, fitted
+    blocks : array of int, (K,)
+        The block of every row, counted from zero.
+    """
+    W, c = _free(point, fitted), _coefficients(point, fitted)
+    left, span = residual(point, fitted), point.span
+    found = []
+    for block in range(int(blocks.max()) + 1):
+        rows = blocks == block
+        part = np.tensordot(span[rows].T, left[rows], axes=1)  # (4 n, q, p)
+        found.append(np.sum(c * np.einsum("kia,koi->oa", _split(W, part.shape[2]), part, optimize=True), axis=0))
+    return _interleaved(np.array(found))
+
+
+def residual(point: Point, fitted: Fitted) -> RealArray:
+    """Return the whitened residual on all rows, (K, q, p)."""
+    q, p = point.data.shape[1:]
+    explained = point.data - _split(fitted.left, p).transpose(0, 2, 1)
+    left = point.spanned(explained.reshape(len(explained), q * p)).reshape(-1, q, p)
+    return np.subtract(point.problem.data, left, out=left)
+
+
+def inverse(information: RealArray) -> RealArray:
+    """Return the inverse, columns brought to one level first; directions that the data say nothing about are left at zero."""
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    found = np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-13, hermitian=True)
+    return np.asarray(found / np.outer(scale, scale))
+
+
+def _free(point: Point, fitted: Fitted) -> ComplexArray:
+    W = np.ascontiguousarray(point.directions())
+    V = W.view(np.float64)  # real columns with real columns: half the work
+    V -= fitted.kept @ (fitted.kept.T @ V)
+    return W
+
+
+def _coefficients(point: Point, fitted: Fitted) -> ComplexArray:
+    """C of the mode of every unknown, (q, n p)."""
+    return np.repeat(fitted.linear, point.sides.shape[1], axis=1)
+
+
+def _split(columns: Array, p: int) -> Array:
+    return columns.reshape(-1, p, columns.shape[1])
+
+
+def _interleaved(values: ComplexArray) -> RealArray:
+    """Derivatives by real and imaginary parts, Re v and Re(j v) = -Im v, side by side on the last axis."""
+    return np.stack([values.real, -values.imag], axis=-1).reshape(*values.shape[:-1], -1)
+
+
+# -------------------------------------------------------------------------------------------------------- under window
+# Noise under an exponential window: correlated between lines, what it lets through to the unknowns, and how much of it a fit takes up.
+#
+# With T the correlation of noise on lines, T_fg = 1 / (1 + j pi (f - g) / a) at lines f, g and the rate a of the window, noise
+# e = e_r + j e_i is circular, and compressed rows Q'(e_r, e_i) have the covariance C = Re Z^H T Z with Z = Q_r + j Q_i.
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class WindowNoise:
+    """What noise of variance one does to a fit.
+
+    Parameters
+    ----------
+    covariance : array, (2 n p, 2 n p)
+        Of the unknowns, J'J^-1 J'C J J'J^-1.
+    free : float
+        Expected squared misfit.
+    """
+
+    covariance: RealArray
+    free: float
+
+
+def window_noise(point: Point, fitted: Fitted, response: Response) -> WindowNoise | None:
+    """Return what noise under the window of a response does to a fit; None without a window, and of samples, whose rows are divided by it.
+
+    Parameters
+    ----------
+    point, fitted
+        Of the response.
+    response : Response
+    """
+    window, grid = window_over_lines(response), response.grid
+    if window <= 0 or grid is None:
+        return None
+    problem, (q, p) = point.problem, point.data.shape[1:]
+    noise = _of_rows(point.span, grid, window)
+    back = inverse(normal(point, fitted)[0])
+    scores = covariance_of_scores(point, fitted, noise)
+    kept = fitted.kept.reshape(len(noise), -1)
+    linear = float(np.vdot(kept, noise @ kept))
+    fixed = float(np.trace(_of_rows(problem.terms, grid, window)))
+    taken = q * p * fixed + q * linear + float(np.vdot(back, scores))
+    return WindowNoise(np.asarray(back @ scores @ back), problem.data.size - taken)
+
+
+def _of_rows(Q: RealArray, grid: RealArray, window: float) -> RealArray:
+    """Return the covariance C of Q'(e_r, e_i)."""
+    real, imag = np.split(Q, 2)
+    Z = real + 1j * imag
+    return np.asarray((Z.conj().T @ correlated(Z, grid, window)).real)
+
+
+def correlated(columns: ComplexArray, grid: RealArray, window: float) -> ComplexArray:
+    """Return T times columns (F, k).
+
+    Parameters
+    ----------
+    columns : array of complex, (F, k)
+    grid : array, (F,)
+        Hz, evenly spaced but for gaps.
+    window : float
+        The rate a over the distance of lines.
+    """
+    place = np.rint((grid - grid[0]) / np.median(np.diff(grid))).astype(int)
+    longest = int(place[-1])
+    size = sfft.next_fast_len(2 * longest + 1)
+    lags = 1 / (1 + 1j * np.pi * np.arange(longest + 1) / window)
+    kernel, spread = np.zeros(size, dtype=complex), np.zeros((size, columns.shape[1]), dtype=complex)
+    kernel[: longest + 1], kernel[size - longest :] = lags, lags[:0:-1].conj()
+    spread[place] = columns
+    together = sfft.ifft(sfft.fft(spread, axis=0) * sfft.fft(kernel)[:, None], axis=0)
+    return np.asarray(together[place])
+
+
+# ------------------------------------------------------------------------------------------------------------- descent
+
+#: The model of the misfit's fall may be wrong beyond this part of a decay rate, and no step crosses an axis.
+_LONGEST = 0.9
+
+#: Data that are explained to this part are explained to rounding.
+_ROUNDING = 1e-14
+
+#: No descent goes further than so many times what its steps promise.
+_HOPED = 300.0
+
+#: Columns of J of length one that stand so far out of the span of those before them: their products have digits enough.
+_WELL_APART = 1e-4
+
+#: Damping at first, at least and at most; what it falls to where the misfit falls as promised, and how it rises, faster every time.
+_FIRST, _LEAST, _MOST = 1e-3, 1e-15, 1e10
+_LESS, _MORE = 1 / 3, 2.0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Descent:
+    """Where a descent ended.
+
+    Parameters
+    ----------
+    point : Point
+    fitted : Fitted
+    cost : float
+        Squared misfit.
+    converged : bool
+    why : str
+        Why not.
+    iterations : int
+    """
+
+    point: Point
+    fitted: Fitted
+    cost: float
+    converged: bool
+    why: str
+    iterations: int
+
+
+def descend(
+    problem: Whitened,
+    poles: ComplexArray,
+    sides: ComplexArray,
+    *,
+    tolerance: float = 1e-12,
+    most: int = 60,
+    decisive: float | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Descent:
+    """Lower the squared misfit from poles (n,) and unit vectors (n, p) on until no step promises more than `tolerance` of it.
+
+    What is promised counts, not what was gained: near the optimum rounding hides the gain.
+
+    Parameters
+    ----------
+    problem : Whitened
+    poles, sides
+        Where to start.
+    tolerance : float
+    most : int
+        Iterations.
+    decisive : float, optional
+        A squared misfit that decides: the descent ends below it, and where no hundreds of steps like the next would lead there.
+    progress : callable, optional
+        Called with (iterations done, iterations at most).
+    """
+    point = problem.at(poles, sides)
+    fitted = point.fitted()
+    cost, size = point.cost(fitted), float(np.vdot(problem.data, problem.data))
+    damping = _FIRST
+    for iteration in range(most):
+        if progress is not None:
+            progress(iteration, most)
+        step = _Step(*normal(point, fitted))
+        decided = decisive is not None and not decisive <= cost <= decisive + _HOPED * step.promised
+        if decided or step.promised <= tolerance * cost or cost <= _ROUNDING**2 * size:
+            return Descent(point, fitted, cost, True, "", iteration)
+        more = _MORE
+        while True:
+            moved = _held(step.damped(damping), point, problem.light.sampling_rate)
+            trial = problem.at(*point.moved(moved))
+            found = trial.fitted()
+            lower = trial.cost(found)
+            if lower < cost:
+                damping = max(damping * _lessening(cost - lower, step.fall(moved)), _LEAST)
+                point, fitted, cost = trial, found, lower
+                break
+            damping, more = damping * more, more * _MORE
+            if damping > _MOST:
+                steep = step.promised > 1e-8 * cost
+                return Descent(point, fitted, cost, not steep, "no step lowers the misfit" if steep else "", iteration)
+    return Descent(point, fitted, cost, False, f"{most} iterations were not enough", most)
+
+
+class _Step:
+    """Solutions of (J'J + damping D) step = J'r, D the diagonal of J'J.
+
+    By Cholesky's factor for each damping, a twentieth of the time of the eigenvalues; by these, which serve all, where J has columns near
+    the span of the others.
+    """
+
+    def __init__(self, information: RealArray, slope: RealArray) -> None:
+        self.scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+        self.whole, self.slope = information / np.outer(self.scale, self.scale), slope / self.scale
+        triangle, failed = dpotrf(self.whole, lower=True)
+        self.apart = not failed and bool(np.diag(triangle).min(initial=1.0) > _WELL_APART)
+        if self.apart:
+            there = sla.solve_triangular(triangle, self.slope, lower=True, check_finite=False)
+            self.promised = float(there @ there)
+            return
+        self.values, self.vectors = np.linalg.eigh(self.whole)
+        self.along = self.vectors.T @ self.slope
+        known = self.values > 1e-12 * max(self.values.max(initial=0.0), 1e-300)
+        self.promised = float(np.sum(self.along[known] ** 2 / self.values[known]))
+
+    def damped(self, damping: float) -> ComplexArray:
+        if self.apart:
+            stiff = self.whole + damping * np.eye(len(self.whole))
+            factor = sla.cho_factor(stiff, lower=True, overwrite_a=True, check_finite=False)
+            step = sla.cho_solve(factor, self.slope, check_finite=False) / self.scale
+        else:
+            step = self.vectors @ (self.along / (np.maximum(self.values, 0) + damping)) / self.scale
+        return np.asarray(step[::2] + 1j * step[1::2])
+
+    def fall(self, step: ComplexArray) -> float:
+        """Return by how much a step lowers the squared misfit of the linear model."""
+        h = np.stack([step.real, step.imag], axis=-1).reshape(-1) * self.scale
+        return float(2 * h @ self.slope - h @ self.whole @ h)
+
+
+def _lessening(fall: float, promised: float) -> float:
+    """Return the factor of the damping after a step: one where the misfit has fallen by half of what was promised, two by nothing of it."""
+    held = min(fall / promised, 1.0) if promised > 0 else 1.0
+    return max(_LESS, 1 - (2 * held - 1) ** 3)
+
+
+def _held(step: ComplexArray, point: Point, rate: float | None) -> ComplexArray:
+    """Shorten the steps of poles to what keeps them apart from the axes and below half the sampling rate, and of b to half a radian."""
+    step = step.reshape(point.sides.shape).copy()
+    poles = point.poles
+    room = np.minimum(-poles.real, poles.imag)
+    if rate is not None:
+        room = np.minimum(room, np.maximum(np.pi * rate - poles.imag, 1e-3 * room))
+    step[:, 0] *= np.minimum(1, _LONGEST * room / np.maximum(np.abs(step[:, 0]), 1e-300))
+    turned = np.linalg.norm(step[:, 1:], axis=1)
+    step[:, 1:] *= np.minimum(1, 0.5 / np.maximum(turned, 1e-300))[:, None]
+    return step

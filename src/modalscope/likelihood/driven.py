@@ -1,0 +1,171 @@
+"""The likelihood of modes in records: every pole is driven by all inputs and by the ends of every run, in one column of outputs.
+
+    Y_o(x) = sum_j c_oj (b_j' d(x)) / (x - p_j) + conjugate + D_o U(x),      d = [U; ends]
+
+Participation of inputs and ends together is the side b_j that varies, unit vectors after division of each drive by its size; shapes and D
+are eliminated. The rows are compressed at every point to the span of what the modes give and of its derivatives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.linalg as sla
+
+from modalscope.data.driven_basis import DrivenLines
+from modalscope.data.record_spectra import RecordSpectra
+from modalscope.likelihood.likelihood import Point, Whitened, across
+from modalscope.likelihood.matched import Peak, strongest_driven
+from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
+from modalscope.numerics.orthonormal import scaled_span, triangle_of
+
+__all__ = ["DrivenWhitened", "whitened_records"]
+
+
+#: Numbers in the columns of the rows that are taken at a time: 2 MB.
+_NUMBERS = 1 << 18
+
+#: Length that a column keeps beside those before it where a Gram matrix is enough: what is left of the data decides the last steps.
+_OWN = 1e-3
+
+#: Singular values below this part of the largest are rounding.
+_RANK = 1e-11
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class DrivenWhitened(Whitened):
+    """Records whose noise is white and of one deviation, without what terms explain.
+
+    Parameters
+    ----------
+    light : RecordSpectra
+        One output.
+    lines : DrivenLines
+        Of the drives divided by their sizes, 1 / `varying`.
+    """
+
+    light: RecordSpectra
+    lines: DrivenLines = field(kw_only=True)
+
+    @property
+    def parts(self) -> IntArray | None:
+        """The run that each row belongs to, (K,)."""
+        return np.tile(self.light.run, 2)
+
+    def peaks(self, left: RealArray, known: Array, least: float) -> list[Peak]:
+        """Return the strongest oscillation in a whitened residual (K, l, 1), its sides in the scale of the data."""
+        found = strongest_driven(self.light, self.lines, left[:, :, 0], self.rows, known, least)
+        return [Peak(peak.pole, peak.shape * self.linear, peak.participation * self.varying) for peak in found]
+
+    def at(self, poles: ComplexArray, sides: ComplexArray, *, slopes: bool = True) -> Point:
+        """Return the likelihood at poles (n,) and unit vectors (n, m + R), and all that a step needs unless there is to be none.
+
+        The triangular factor of [terms, columns, data] says it all: of the rows nothing is kept.
+        """
+        n, p = sides.shape
+        t, width = self.terms.shape[1], 2 * n * (1 + p if slopes else 1)
+        flat = self.data[:, :, 0]
+
+        def chunks() -> Iterator[RealArray]:
+            for rows, columns in self.columns_of(poles, sides, slopes=slopes):
+                yield np.hstack([self.terms[rows], columns, flat[rows]])
+
+        R = triangle_of(chunks, t + width + flat.shape[1], _OWN)
+        own = R[t : t + width, t : t + width]
+        beyond = np.sum(R[t + width :, t + width :] ** 2, axis=0)
+        Z, taken = R[t : t + width, t + width :], R[:t, :t].T @ R[:t, t : t + width]
+        each = own[:, ::2] - 1j * own[:, 1::2]
+        return DrivenPoint(self, poles, sides, each[:, :n], each[:, n:], Z[:, :, None], beyond[:, None], (taken, own))
+
+    def columns_of(
+        self, poles: ComplexArray, sides: ComplexArray, *, slopes: bool
+    ) -> Iterator[tuple[IntArray, RealArray]]:
+        """Yield some rows and on them the functions of the modes, and their derivatives by the pole and by b across itself, with terms."""
+        n, p = sides.shape
+        where, chain, count = self.light.in_plane(poles), self.light.chain(poles), len(self.lines.points)
+        width = 2 * n * (1 + p if slopes else 1)
+        step = max(_NUMBERS // (2 * width), 1)
+        for start in range(0, count, step):
+            s = slice(start, min(start + step, count))
+            lines = DrivenLines(self.lines.points[s], self.lines.drives[s], self.lines.inputs)
+            both = np.empty((2 * (s.stop - s.start), width))
+            _lay(both[:, : 2 * n], lines.columns(where, sides), 1)
+            if slopes:
+                moved = both[:, 2 * n :]
+                _lay(moved, lines.columns(where, sides, chain), p)
+                for k, side in enumerate(across(sides).transpose(2, 0, 1), start=1):
+                    _lay(moved[:, 2 * k :], lines.columns(where, side), p)
+            rows = np.concatenate([np.arange(s.start, s.stop), count + np.arange(s.start, s.stop)])
+            both /= self.rows[rows, None]
+            yield rows, both
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class DrivenPoint(Point):
+    """Poles and unit vectors in records; `own` are the columns of the modes (K, n), `derived` those of their unknowns (K, n p).
+
+    `basis` holds what the columns have of the terms (t, c), and the triangular factor of the rest (c, c).
+    """
+
+    @property
+    def span(self) -> RealArray:
+        """Orthonormal columns, from compressed rows to rows, (K, c)."""
+        return self.spanned(np.eye(len(self.own)))
+
+    def spanned(self, coefficients: RealArray) -> RealArray:
+        """Return `span` times coefficients (c, k), on the rows: (columns - terms T'columns) R^-1 of them."""
+        taken, R = self.basis
+        assert R is not None
+        size = np.maximum(np.linalg.norm(R, axis=0), 1e-300)
+        weights = sla.lstsq(R / size, coefficients, cond=_RANK, check_finite=False)[0] / size[:, None]
+        problem, slopes = self.problem, self.derived.shape[1] > 0
+        assert isinstance(problem, DrivenWhitened)
+        found = np.empty((len(problem.rows), coefficients.shape[1]))
+        for rows, columns in problem.columns_of(self.poles, self.sides, slopes=slopes):
+            found[rows] = columns @ weights - problem.terms[rows] @ (taken @ weights)
+        return found
+
+    def columns(self) -> ComplexArray:
+        """Return what the modes give, (K, n)."""
+        return self.own
+
+    def directions(self) -> ComplexArray:
+        """Return its derivatives by the pole and by b across itself, (K, n p), mode by mode."""
+        return self.derived
+
+
+def _lay(place: RealArray, columns: ComplexArray, apart: int) -> None:
+    """Put real parts and minus imaginary parts side by side, every pair `apart` pairs from the one before."""
+    place[:, :: 2 * apart] = columns.real
+    place[:, 1 :: 2 * apart] = -columns.imag
+
+
+def whitened_records(
+    records: RecordSpectra, fixed: Array, powers: tuple[int, ...], rows: RealArray, outputs: RealArray
+) -> DrivenWhitened:
+    """Divide records by the deviation of rows and outputs, the drives by their size, and take out what the terms explain.
+
+    Parameters
+    ----------
+    records : RecordSpectra
+    fixed, powers, rows, outputs
+        As in `likelihood.whitened`.
+    """
+    basis = records.whole_basis(fixed, powers)
+    flat, terms = basis.data[:, :, 0], basis.columns
+    del basis
+    terms /= rows[:, None]
+    terms = scaled_span(terms)
+    flat /= rows[:, None]
+    flat /= outputs
+    seen, step = terms.T @ flat, max(_NUMBERS // flat.shape[1], 1)
+    for first in range(0, len(flat), step):  # of long records each copy is large
+        flat[first : first + step] -= terms[first : first + step] @ seen
+    lines = records.lines
+    size = np.sqrt(np.mean(np.abs(lines.drives) ** 2, axis=0))
+    size[lines.inputs :] = 1
+    size = np.where(size > 0, size, 1)
+    light = records.select(outputs=[0])
+    return DrivenWhitened(light, rows, terms, flat[:, :, None], outputs, 1 / size, False, lines=lines.divided(size))

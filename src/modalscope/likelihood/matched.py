@@ -1,0 +1,354 @@
+"""The pole that stands out of a residual: a filter that is matched to a decaying oscillation, on a grid of frequencies and damping."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from modalscope.data.driven_basis import DrivenLines
+from modalscope.data.poles import poles_from, to_discrete
+from modalscope.data.record_spectra import RecordSpectra
+from modalscope.data.response import Response
+from modalscope.data.window import line_step
+from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
+
+__all__ = [
+    "REACH",
+    "Peak",
+    "amplitudes",
+    "amplitudes_by_channel",
+    "apart",
+    "grid_of",
+    "line_filters",
+    "strongest_driven",
+    "strongest_peaks",
+]
+
+
+# -------------------------------------------------------------------------------------------------------- line filters
+# The functions of oscillations on lines together with their squares, for filters that are matched to thousands of poles.
+
+
+def line_filters(frequencies: RealArray, rate: float | None, poles: Array) -> tuple[RealArray, RealArray]:
+    """Return g1 and g2 of poles on lines, real parts before imaginary ones, (n, 2, 2, F), and (|g1|^2 + |g2|^2) / 2, (n, F).
+
+    With h and p of a pole and its conjugate g1 = h + p and g2 = j (h - p), so that their squares are |h|^2 + |p|^2, which is on the way to
+    them: h = (u - j v) / (u^2 + v^2), x - pole = u + j v.
+
+    Parameters
+    ----------
+    frequencies : array, (F,)
+        Hz.
+    rate : float or None
+        Of a sampled system, Hz.
+    poles : array of complex, (n,)
+        rad/s, so few that all of this stays in the cache.
+    """
+    x, s = 2j * np.pi * frequencies, np.asarray(poles, dtype=complex)
+    if rate is not None:
+        x, s = np.exp(x / rate), to_discrete(s, 1 / rate)
+    u = (x.real if rate is not None else 0.0) - s.real[:, None]
+    found, squares = np.empty((s.size, 2, 2, x.size)), np.empty((s.size, x.size))
+    g1, g1_imag, g2, g2_imag = found[:, 0, 0], found[:, 0, 1], found[:, 1, 0], found[:, 1, 1]
+    v, w = x.imag - s.imag[:, None], -x.imag - s.imag[:, None]
+    own, pair = np.multiply(v, v, out=g1), np.multiply(w, w, out=g2_imag)
+    for size in (own, pair):
+        size += u * u
+        np.reciprocal(size, out=size)
+    v *= own
+    w *= pair
+    np.subtract(w, v, out=g1_imag)
+    np.add(v, w, out=g2)
+    np.add(own, pair, out=squares)
+    own -= pair
+    np.multiply(own, u, out=g2_imag)
+    np.multiply(squares, u, out=g1)
+    return found, squares
+
+
+# ------------------------------------------------------------------------------------------------------------- matched
+
+#: Damping ratios of the grid: neighbours lose less than a tenth of the gain between them.
+_RATIOS = (0.001, 0.003, 0.007, 0.015, 0.03, 0.06)
+
+#: Peaks that are found together lie so many sums of their half bandwidths apart: nearer ones may be one.
+_APART = 4.0
+
+#: Poles whose lines are cut out together, lines so many half bandwidths to either side: beyond lie 2 % of the whole; so many at least.
+_TOGETHER, REACH, _FEW = 32, 30.0, 8
+
+#: Samples to this part of the first, far below rounding, tell nothing: rows are divided by no less than 1e-7 of each other.
+_FADED = 1e-25
+
+#: Numbers held at a time, and numbers of a function of some poles: what lies in between stays in the cache.
+_HELD, _AT_A_TIME = 1 << 23, 48_000
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Peak:
+    """A pole that stands out.
+
+    Parameters
+    ----------
+    pole : complex
+        As it is in the data, rad/s.
+    shape, participation : array of complex, (l,), (m,)
+        Of length one, of the residual's largest singular value there.
+    """
+
+    pole: complex
+    shape: ComplexArray
+    participation: ComplexArray
+
+
+def strongest_peaks(
+    response: Response, left: RealArray, rows: RealArray, known: Array, least: float, most: int = 1
+) -> list[Peak]:
+    """Return where a residual holds the strongest oscillations: those that lower the squared misfit by `least`, far from each other.
+
+    A pole's functions g1 and g2 are orthogonal but for their overlap with the mirror image; a residue of rank one lowers the misfit by
+    the square of the largest singular value of its `amplitudes`.
+
+    Parameters
+    ----------
+    response : Response
+        One channel of the data.
+    left : array, (K, l, m)
+        Whitened residual, on rows divided by `rows`.
+    rows : array, (K,)
+        The same for both parts of a line.
+    known : array of complex
+        Poles that are there already: nothing is taken within half a half bandwidth of them.
+    least : float
+    most : int
+        Peaks at most; half bandwidths of any two do not reach a quarter of the way.
+    """
+    grid = grid_of(response)
+    A = amplitudes(response, left, rows, grid)
+    new = ~np.any(np.abs(grid[:, None] - known) < -0.5 * known.real, axis=1)
+    # no singular value exceeds the norm, which costs nothing
+    may = np.flatnonzero(new & (np.sum(np.abs(A) ** 2, axis=(1, 2)) >= least))
+    gain = np.zeros(grid.size)
+    gain[may] = np.linalg.norm(A[may], ord=2, axis=(1, 2)) ** 2
+    found: list[Peak] = []
+    for best in apart(grid, gain, least, most):
+        U, _, Vh = np.linalg.svd(A[best])
+        found.append(Peak(complex(grid[best]), U[:, 0], Vh[0]))
+    return found
+
+
+def apart(grid: ComplexArray, gain: RealArray, least: float, most: int) -> list[int]:
+    """Return where the largest gains are, far from each other, `most` of them while they reach `least`.
+
+    Parameters
+    ----------
+    grid : array of complex, (n,)
+    gain : array, (n,)
+    least : float
+    most : int
+    """
+    gain, found = gain.copy(), list[int]()
+    while len(found) < most and gain.size and gain[best := int(np.argmax(gain))] >= max(least, 1e-300):
+        found.append(best)
+        gain[np.abs(grid - grid[best]) < _APART * np.abs(grid.real + grid[best].real)] = 0
+    return found
+
+
+def amplitudes(response: Response, left: RealArray, rows: RealArray, poles: Array) -> ComplexArray:
+    """Return A = (<g1, E> + j <g2, E>) / |g| of every pole, (n, l, m): its residue beside nothing else, in deviations of a row.
+
+    Parameters
+    ----------
+    response, left, rows
+        As in `strongest_peaks`.
+    poles : array of complex, (n,)
+        Oscillations.
+    """
+    divided = (left / rows[:, None, None]).reshape(len(left), -1)
+    quiet = _of_places(response, rows) ** -2.0
+    A = np.empty((poles.size, divided.shape[1]), dtype=complex)
+    for some, used, g, squares in _side_by_side(response, poles, len(left)):
+        A[some] = _sums(g, used, divided) / np.sqrt(np.maximum(squares @ quiet[used], 1e-300))[:, None]
+    return A.reshape(-1, *left.shape[1:])
+
+
+def amplitudes_by_channel(
+    response: Response, left: RealArray, weights: RealArray, rows: RealArray, poles: Array
+) -> tuple[ComplexArray, RealArray]:
+    """Return the residue of every pole beside nothing else by weighted least squares, and what it explains in each channel, (n, l, m) each.
+
+    Parameters
+    ----------
+    response, left, rows
+        As in `strongest_peaks`.
+    weights : array, (F, l, m)
+        One over the variance of every value that is left, of either part of a line.
+    poles : array of complex, (n,)
+    """
+    shape, w = (poles.size, *left.shape[1:]), weights.reshape(len(weights), -1)
+    A, sizes = np.empty((poles.size, w.shape[1]), dtype=complex), np.empty((poles.size, w.shape[1]))
+    weighted = (weights / rows.reshape(-1, len(weights), 1, 1) * left.reshape(-1, *weights.shape)).reshape(
+        len(left), -1
+    )
+    w = w / _of_places(response, rows)[:, None] ** 2
+    for some, used, g, squares in _side_by_side(response, poles, len(left)):
+        sizes[some] = squares @ w[used]
+        A[some] = _sums(g, used, weighted)
+    sizes = np.maximum(sizes, 1e-300)
+    return (A / sizes).reshape(shape), ((A.real**2 + A.imag**2) / sizes).reshape(shape)
+
+
+def _of_places(response: Response, rows: RealArray) -> RealArray:
+    """Return the deviations of samples, or of lines, whose real and imaginary parts have one."""
+    return rows if response.grid is None else rows[: len(rows) // 2]
+
+
+def _side_by_side(
+    response: Response, poles: Array, count: int
+) -> Iterator[tuple[IntArray, slice, RealArray, RealArray]]:
+    """Yield some poles, the lines or samples that they show in, their functions there (n, 2, r, F) and half their squares (n, F).
+
+    Neighbours of one damping share their lines; r are real and imaginary parts, or samples alone.
+    """
+    order = np.argsort(-poles.real / np.abs(poles), kind="stable")
+    few = min(_TOGETHER, max(1, _HELD // (2 * count)))
+    for near in (order[first : first + few] for first in range(0, poles.size, few)):
+        used = _near(response, poles[near], count)
+        step = max(_AT_A_TIME // (used.stop - used.start), 1)
+        for some in (near[first : first + step] for first in range(0, near.size, step)):
+            yield some, used, *_filters(response, poles[some], used)
+
+
+def _filters(response: Response, poles: Array, used: slice) -> tuple[RealArray, RealArray]:
+    """Return the functions g1 and g2 of poles on lines or samples, and half the sum of their squares at each; see `line_filters`."""
+    if response.grid is not None:
+        return line_filters(response.grid[used], response.sampling_rate, poles)
+    g = response.functions(poles, lines=used).T.reshape(poles.size, 2, 1, -1)
+    return g, np.einsum("njrf,njrf->nf", g, g) / 2
+
+
+def _sums(g: RealArray, used: slice, data: RealArray) -> ComplexArray:
+    """Return <g1, E> + j <g2, E> of all poles, (n, c), from their functions on some lines and data (K, c)."""
+    n, _, parts, _ = g.shape
+    each = data.reshape(parts, -1, data.shape[1])[:, used]
+    sums = np.sum([g[:, :, r].reshape(2 * n, -1) @ each[r] for r in range(parts)], axis=0)
+    return np.asarray(sums[::2] + 1j * sums[1::2])
+
+
+def _near(response: Response, poles: Array, rows: int) -> slice:
+    """Return the lines that poles show in: those far off a resonance tell nothing of it; the samples before all have faded."""
+    lines, f, half = response.grid, np.abs(poles.imag) / (2 * np.pi), REACH * np.max(-poles.real) / (2 * np.pi)
+    if lines is None:
+        rate, slowest = response.sampling_rate, float(np.min(-poles.real))
+        last = rows if rate is None or slowest <= 0 else np.log(_FADED) / -slowest * rate
+        return slice(0, int(min(max(last, _FEW), rows)))
+    half = max(half, _FEW * line_step(response))
+    low, high = np.searchsorted(lines, [f.min() - half, f.max() + half])
+    return slice(min(low, max(lines.size - _FEW, 0)), max(high, min(_FEW, lines.size)))
+
+
+def grid_of(response: Response) -> ComplexArray:
+    """Return poles in the band of the data: every line, or every half bandwidth where lines lie closer than that."""
+    low, high = response.span
+    low = max(low, high / 1000)
+    lines = response.grid if response.grid is not None else np.linspace(low, high, max(response.count // 2, 2))
+    found = []
+    for ratio in _RATIOS:
+        even = low * (1 + ratio) ** np.arange(int(np.log(high / low) / np.log1p(ratio)) + 1)
+        places = even if even.size < lines.size else lines[lines > 0]
+        found.append(poles_from(places, np.full(places.size, ratio)))
+    return np.concatenate(found)
+
+
+# ----------------------------------------------------------------------------------------------------- matched records
+# The pole that stands out of what a fit leaves of records: a matched filter under every input and the ends of every run.
+#
+# With a_i = d_i / (x - p) for every drive i and E the residual, H = a^H a = L L^H and g = a^H E: a mode of shape c under b lowers
+# the squared
+# misfit by the square of the largest singular value of L^-1 g, and b and c are its vectors.
+
+#: Poles whose lines are cut out together; so many lines at least; numbers held at a time.
+_TOGETHER_MATCHED_RECORDS, _FEW_MATCHED_RECORDS, _HELD_MATCHED_RECORDS = 32, 16, 1 << 22
+
+#: Directions of the drives that are this weak beside the strongest on the lines of a pole are none.
+_WEAK = 1e-6
+
+
+class _Seen(NamedTuple):
+    """Lines in the order of their frequencies: where, points, drives and residual, both divided by the deviation of the row."""
+
+    frequencies: RealArray
+    points: ComplexArray
+    drives: ComplexArray
+    left: ComplexArray
+
+
+def strongest_driven(
+    records: RecordSpectra, lines: DrivenLines, left: RealArray, rows: RealArray, known: Array, least: float
+) -> list[Peak]:
+    """Return where the residual of records holds the strongest oscillation, if that lowers the squared misfit by `least`.
+
+    Parameters
+    ----------
+    records : RecordSpectra
+        One output: where the lines are.
+    lines : DrivenLines
+        The drives, each in its own size.
+    left : array, (2 F, l)
+        Whitened residual.
+    rows : array, (2 F,)
+        What rows were divided by.
+    known : array of complex
+        Poles that are there already: nothing is taken within half a half bandwidth of them.
+    least : float
+    """
+    count, order = records.count, np.argsort(records.frequencies, kind="stable")
+    seen = _Seen(
+        records.frequencies[order],
+        lines.points[order],
+        lines.drives[order] / rows[:count][order, None],
+        (left[:count] + 1j * left[count:])[order],
+    )
+    grid = grid_of(records)
+    best, gain = 0j, 0.0
+    for poles, (_, M) in _matched(records, seen, grid):
+        found = np.linalg.norm(M, ord=2, axis=(1, 2)) ** 2
+        found[np.any(np.abs(poles[:, None] - known) < -0.5 * known.real, axis=1)] = 0
+        if found.max() > gain:
+            best, gain = complex(poles[np.argmax(found)]), float(found.max())
+    if gain < max(least, 1e-300):
+        return []
+    ((_, (back, M)),) = _matched(records, seen, np.array([best]))
+    u, _, Vh = np.linalg.svd(M[0])
+    b = back[0] @ u[:, 0]
+    return [Peak(best, Vh[0], b / np.linalg.norm(b))]
+
+
+def _matched(
+    records: RecordSpectra, seen: _Seen, grid: ComplexArray
+) -> Iterator[tuple[ComplexArray, tuple[ComplexArray, ComplexArray]]]:
+    """Yield poles and their (B, B^H g), B B^H the inverse of H: (k, D, D) and (k, D, l)."""
+    D, l = seen.drives.shape[1], seen.left.shape[1]
+    order = np.argsort(-grid.real / np.abs(grid), kind="stable")
+    few = min(_TOGETHER_MATCHED_RECORDS, max(1, _HELD_MATCHED_RECORDS // (len(seen.points) * max(D, 1))))
+    for start in range(0, grid.size, few):
+        poles = grid[order[start : start + few]]
+        s = _near_matched_records(seen.frequencies, poles)
+        d, E = seen.drives[s], seen.left[s]
+        filters = 1 / (seen.points[s] - records.in_plane(poles)[:, None])  # (k, F)
+        H = (np.abs(filters) ** 2 @ (d.conj()[:, :, None] * d[:, None, :]).reshape(len(d), -1)).reshape(-1, D, D)
+        g = np.stack([(filters.conj() * drive.conj()) @ E for drive in d.T], axis=1).reshape(-1, D, l)
+        weights, V = np.linalg.eigh(H)
+        kept = weights > _WEAK * weights[:, -1:]
+        B = V * np.where(kept, 1 / np.sqrt(np.where(kept, weights, 1)), 0)[:, None, :]
+        yield poles, (B, B.conj().transpose(0, 2, 1) @ g)
+
+
+def _near_matched_records(frequencies: RealArray, poles: ComplexArray) -> slice:
+    """Return the lines that poles show on."""
+    f, half = np.abs(poles.imag) / (2 * np.pi), REACH * np.max(-poles.real) / (2 * np.pi)
+    low, high = np.searchsorted(frequencies, [f.min() - half, f.max() + half])
+    return slice(max(min(low, frequencies.size - _FEW_MATCHED_RECORDS), 0), max(high, low + _FEW_MATCHED_RECORDS))

@@ -1,0 +1,386 @@
+"""What is known of the noise in a response, and what it does to poles: variances of the values, or deviations of parts of a record.
+
+Every kind is one contraction with the influence of the data on the poles (`modalscope.likelihood.covariance`).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+
+from modalscope.blocks.influence import Moments
+from modalscope.data.modes import ModalModel
+from modalscope.data.notes import Note
+from modalscope.data.records import Signals
+from modalscope.data.response import Response
+from modalscope.data.stored import StoredSignals
+from modalscope.data.window import faded_noise, line_step
+from modalscope.likelihood.covariance import PoleInfluence
+from modalscope.numerics.checks import Array, BoolArray, ComplexArray, DataError, RealArray
+from modalscope.preprocess.correlation import BLOCKS, correlation_blocks
+from modalscope.preprocess.frf import LEAKING
+
+__all__ = [
+    "KIND",
+    "SPLIT",
+    "Noise",
+    "Parts",
+    "Residual",
+    "Unknown",
+    "White",
+    "coloured",
+    "noise_of",
+    "typical_deviation",
+    "withheld",
+]
+
+
+# --------------------------------------------------------------------------------------------------------------- drawn
+# Noise drawn at random for replicates: with the correlation of lines under a window, or with the spectrum of what a model leaves.
+
+#: Neighbours on either side whose spectrum stands for that of a line.
+_NEAR = 20
+
+
+def correlated(shape: tuple[int, ...], correlation: Array, rng: np.random.Generator) -> ComplexArray:
+    """Return circular noise of variance one on lines that correlate as given, by circulant embedding.
+
+    Parameters
+    ----------
+    shape : (int, int, int)
+        Lines, outputs and inputs.
+    correlation : array of complex, (F,)
+        Of one line with that k lines below it.
+    rng : numpy Generator
+
+    Notes
+    -----
+    C. R. Dietrich and G. N. Newsam, SIAM J. Sci. Comput. 18 (1997) 1088-1107.
+    """
+    weights = np.maximum(np.fft.fft(np.concatenate([correlation, [0], correlation[:0:-1].conj()])).real, 0)
+    long = (weights.size, *shape[1:])
+    drawn = np.sqrt(weights / 2)[:, None, None] * (rng.standard_normal(long) + 1j * rng.standard_normal(long))
+    return np.asarray(np.fft.ifft(drawn, axis=0)[: shape[0]] * np.sqrt(weights.size))
+
+
+def coloured(left: Array, rng: np.random.Generator) -> ComplexArray:
+    """Return circular noise whose covariance on every line is that of the neighbouring lines of a residual.
+
+    n(f) = sum_j g_j e(f + j) / sqrt(2 k + 1), g_j normal and new for every line: channels keep what they have in common.
+
+    Parameters
+    ----------
+    left : array of complex, (F, l, m)
+        e.
+    rng : numpy Generator
+    """
+    count = len(left)
+    total = np.zeros(left.shape, dtype=complex)
+    for j in range(-_NEAR, _NEAR + 1):
+        weights = (rng.standard_normal(count) + 1j * rng.standard_normal(count)) / np.sqrt(2 * (2 * _NEAR + 1))
+        index = np.abs(np.arange(count) + j)
+        index = np.minimum(np.where(index >= count, 2 * (count - 1) - index, index), count - 1)
+        total += weights[:, None, None] * left[np.maximum(index, 0)]
+    return total
+
+
+# --------------------------------------------------------------------------------------------------------------- noise
+
+#: The kind of every note on deviations.
+KIND = "deviations"
+
+#: Fewer parts say too little of their scatter.
+_FEWEST = 5
+
+#: Lines that a mode's bandwidth 2 zeta f must span where leakage is in the data, so that its damping is not biased by it.
+_LEAST_LINES = 4.0
+
+#: Numbers that the deviations of a record's parts may have together.
+_LARGEST = 100_000_000
+
+
+class Noise(ABC):
+    """What is known of the noise."""
+
+    of_residual: ClassVar[bool] = False  # whether `beside` has any use for what a model leaves
+
+    @property
+    @abstractmethod
+    def note(self) -> Note:
+        """Where the deviations come from."""
+
+    @abstractmethod
+    def moments(self, influence: PoleInfluence, other: PoleInfluence | None = None) -> Moments:
+        """Return what the noise does to poles, or to poles and as many others together.
+
+        Parameters
+        ----------
+        influence : PoleInfluence
+        other : PoleInfluence, optional
+            Of the same response; by default `influence` itself.
+        """
+
+    def beside(self, residual: RealArray, left: Array | None = None) -> Noise:
+        """Return the noise, given what a model leaves of the data.
+
+        Parameters
+        ----------
+        residual : array, (l, m)
+            Its variance.
+        left : array, (K, l, m), optional
+            Itself: noise is then drawn with its spectrum.
+        """
+        return self
+
+    def damping_is_told(self, poles: ComplexArray) -> BoolArray:
+        """Return for which poles (rad/s) the deviation of the damping ratio means something."""
+        return np.ones(np.shape(poles), bool)
+
+    @abstractmethod
+    def drawn(self, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+        """Return noise of this kind for a response of a given shape (K, l, m)."""
+
+
+@dataclass(frozen=True, eq=False)
+class White(Noise):
+    """Noise that differs from value to value; under an exponential window noise that fades.
+
+    Parameters
+    ----------
+    variance : array, (l, m) or (F, l, m)
+        E|noise|^2.
+    source : str
+        Where it is known from, in words.
+    is_complex : bool
+        Whether the values are lines.
+    resolution : float
+        Distance of lines that leak into each other, Hz; 0 where none do.
+    fading : array, optional
+        What an exponential window makes of it, see `Influence.joint`; None without one.
+    left : array of complex, (F, l, m), optional
+        What a model leaves on lines: noise is drawn with its spectrum.
+    """
+
+    variance: RealArray
+    source: str
+    is_complex: bool = False
+    resolution: float = 0.0
+    fading: Array | None = None
+    left: ComplexArray | None = None
+
+    @property
+    def note(self) -> Note:
+        """Where the deviations come from, and where leakage forbids them."""
+        text = f"standard deviations from {self.source}"
+        if self.resolution:
+            text += (
+                f"; leakage, lines {self.resolution:.4g} Hz apart: no deviation is given for the damping of modes whose bandwidth "
+                f"2 zeta f is below {_LEAST_LINES:g} lines"
+            )
+        return Note(KIND, {"resolution_hz": self.resolution} if self.resolution else {}, text)
+
+    def moments(self, influence: PoleInfluence, other: PoleInfluence | None = None) -> Moments:
+        """Return what the noise does to poles."""
+        return influence.joint(other or influence, self.variance, self.fading)
+
+    def damping_is_told(self, poles: ComplexArray) -> BoolArray:
+        """Return which poles have a bandwidth that leakage does not widen."""
+        return np.asarray(np.abs(np.real(poles)) / np.pi >= _LEAST_LINES * self.resolution)
+
+    def drawn(self, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+        """Return noise of this variance, circular on lines: as a window makes it, with the spectrum that is known, or white."""
+        size = np.sqrt(np.broadcast_to(self.variance, shape))
+        if not self.is_complex:
+            fading = np.ones(shape[0]) if self.fading is None else self.fading[: shape[0]]
+            return np.asarray(size * np.sqrt(fading)[:, None, None] * rng.standard_normal(shape))
+        if self.left is not None:
+            return coloured(self.left, rng)
+        return np.asarray(size * correlated(shape, np.eye(1, shape[0])[0] if self.fading is None else self.fading, rng))
+
+
+@dataclass(frozen=True, eq=False)
+class Residual(Noise):
+    """Noise of which only what a model leaves of the data is known: taken as white, of one variance a channel."""
+
+    of_residual: ClassVar[bool] = True
+    is_complex: bool = False
+    fading: Array | None = None
+
+    @property
+    def note(self) -> Note:
+        """Where the deviations come from, and what they are not."""
+        text = (
+            "standard deviations from what the model leaves of the data, taken as white noise; "
+            "what differs between inputs, runs or setups is not in them"
+        )
+        return Note(KIND, {}, text)
+
+    def beside(self, residual: RealArray, left: Array | None = None) -> Noise:
+        """Return noise of the variance that the model leaves."""
+        shown = left if self.is_complex and self.fading is None else None
+        return White(residual, "the residual", self.is_complex, fading=self.fading, left=shown)
+
+    def moments(self, influence: PoleInfluence, other: PoleInfluence | None = None) -> Moments:
+        """Raise: a model is needed first."""
+        raise TypeError("the residual of a model is needed first: beside()")
+
+    def drawn(self, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+        """Raise: a model is needed first."""
+        raise TypeError("the residual of a model is needed first: beside()")
+
+
+@dataclass(frozen=True, eq=False)
+class Parts(Noise):
+    """Noise as the deviations of a record's parts from the whole.
+
+    Parameters
+    ----------
+    deviations : array, (K, T, l, m)
+        Scaled so that the sum of their squares is the variance of the whole.
+    duration : float
+        Seconds of a part: a mode that forgets its state more slowly is not seen to scatter.
+    """
+
+    deviations: RealArray
+    duration: float
+
+    @property
+    def note(self) -> Note:
+        """Where the deviations come from."""
+        count = len(self.deviations)
+        text = (
+            f"standard deviations from {count} parts of the record of {self.duration:.4g} s; none is given for modes "
+            "that decay more slowly than a part lasts"
+        )
+        return Note(KIND, {"parts": count, "degrees_of_freedom": count - 1}, text)
+
+    def moments(self, influence: PoleInfluence, other: PoleInfluence | None = None) -> Moments:
+        """Return sum dp dq* and sum dp dq over the parts."""
+        moved = influence.of(self.deviations)
+        beside = moved if other is None else other.of(self.deviations)
+        return Moments(np.sum(moved * beside.conj(), axis=0), np.sum(moved * beside, axis=0))
+
+    def damping_is_told(self, poles: ComplexArray) -> BoolArray:
+        """Return which poles decay within a part."""
+        return np.asarray(np.abs(np.real(poles)) * self.duration >= 1)
+
+    def drawn(self, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+        """Return a random sum of the deviations: noise of their covariance."""
+        drawn = np.tensordot(rng.standard_normal(len(self.deviations)), self.deviations, axes=1)
+        return np.asarray(drawn[: shape[0]])
+
+
+@dataclass(frozen=True, eq=False)
+class Unknown(Noise):
+    """Noise of which nothing is known: every deviation is withheld, and `cure` says what would give some."""
+
+    why: str
+    cure: str = "Give other data, or another method."
+    numbers: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def note(self) -> Note:
+        """Why deviations are withheld."""
+        return Note(KIND, {"withheld": 1.0, **self.numbers}, f"standard deviations are withheld: {self.why}")
+
+    def moments(self, influence: PoleInfluence, other: PoleInfluence | None = None) -> Moments:
+        """Return NaN."""
+        nothing = np.full(influence.slope.shape, np.nan)
+        return Moments(nothing, nothing.astype(complex))
+
+    def drawn(self, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+        """Raise: nothing is known of it."""
+        raise DataError("a certificate was asked", f"nothing is known of the noise: {self.why}", self.cure)
+
+
+def noise_of(response: Response, records: Signals | StoredSignals | None = None) -> Noise:
+    """Return what is known of the noise in a response.
+
+    The variance of the estimates where the response has it; else their coherence with the number of averages; for correlations the
+    scatter of parts of the record, and nothing for their half spectra; else the residual of whatever model is fitted.
+
+    Parameters
+    ----------
+    response : Response
+    records : Signals or StoredSignals, optional
+        That correlations were made from.
+    """
+    if response.ambient:
+        return _of_parts(response, records)
+    if response.of_correlations:
+        return Unknown(
+            "the errors of half spectra are correlated from line to line and with each other, as those of correlations are",
+            "Take a method of samples on the record, such as method='alternate', domain='time'.",
+        )
+    is_complex, fading = bool(np.iscomplexobj(response.values)), faded_noise(response)
+    leaks = any(LEAKING in step for step in response.processing)
+    given = getattr(response, "variance", None)
+    if given is not None:
+        apart = line_step(response) if leaks else 0.0
+        return White(given, "the variance of the frequency responses", is_complex, apart, fading)
+    coherence, averages = getattr(response, "coherence", None), getattr(response, "averages", None)
+    if coherence is not None and averages is not None and averages > 1:
+        g2 = np.clip(coherence.reshape(response.count, response.values.shape[1], -1), 1e-6, 1 - 1e-12)
+        variance = np.abs(response.values) ** 2 * (1 - g2) / (g2 * averages)
+        return White(variance, f"the coherence of {averages} averages", is_complex, line_step(response), fading)
+    return Residual(is_complex, fading)
+
+
+def _of_parts(response: Response, records: Signals | StoredSignals | None) -> Noise:
+    """Return D_k = (R_k - R) pairs_k / sum pairs sqrt(K / (K - 1)) over the lags of the correlation."""
+    if records is None:
+        why = "the errors of a correlation are themselves correlated, and its records are not there"
+        return Unknown(why, "Give the record that it was made from.")
+    lags = response.count
+    size = BLOCKS * response.values[0].size * (lags + 1)
+    if size > _LARGEST:
+        why = f"{BLOCKS} parts of the record would take {size} numbers"
+        return Unknown(why, "Take fewer channels or references.", {"numbers": float(size)})
+    most = records.runs * (records.samples // (lags + 2))
+    if most < _FEWEST:
+        why = f"the record has {most} parts as long as the {lags} lags used, and {_FEWEST} are needed"
+        return Unknown(why, "Give a longer record.")
+    blocks = correlation_blocks(records, references=response.input_dofs, lags=lags, blocks=min(BLOCKS, most))
+    count = len(blocks.sums)
+    weights = (blocks.pairs / blocks.pairs.sum(axis=0))[:, 1:, None, None]
+    deviations = (blocks.values - blocks.mean)[:, 1:] * weights * np.sqrt(count / (count - 1))
+    duration = records.samples * records.runs / count / records.sampling_rate
+    return Parts(np.asarray(deviations), float(duration))
+
+
+# ------------------------------------------------------------------------------------------------------------ of modes
+# Deviations of modes that were found at several orders.
+
+#: Members whose deviation is above so many times that of the smallest quarter are split, or of an order that fits badly.
+SPLIT = 2.0
+
+
+def typical_deviation(values: RealArray) -> float:
+    """Return the median of the deviations that are not large beside the smallest; NaN where none is known.
+
+    Where a mode splits in two at an order, the deviation of each part is, rightly, many times that of the whole.
+
+    Examples
+    --------
+    >>> typical_deviation(np.array([1.0, 1.1, 1.2, 40.0]))
+    1.1
+    """
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return float("nan")
+    return float(np.median(known[known <= SPLIT * np.quantile(known, 0.25)]))
+
+
+def withheld(modes: ModalModel) -> tuple[Note, ...]:
+    """Return a note that names the modes without a deviation of frequency or damping; none where all have theirs."""
+    notes = []
+    for what, values in (("frequency", modes.frequencies_std), ("damping ratio", modes.damping_ratios_std)):
+        if values is None or not np.any(np.isnan(values)) or not len(modes):
+            continue
+        names = ", ".join(f"{f:.5g}" for f in modes.frequencies[np.isnan(values)])
+        count = float(np.count_nonzero(np.isnan(values)))
+        notes.append(Note(KIND, {"withheld": count}, f"no deviation of the {what} is given at {names} Hz"))
+    return tuple(notes)

@@ -1,0 +1,265 @@
+"""The noise of every channel, from a model that is richer than any that is reported."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg as sla
+
+from modalscope.data.pole_basis import ModalBasis
+from modalscope.data.response import Response
+from modalscope.data.window import fading, window_over_lines
+from modalscope.likelihood.whitening import (
+    Colour,
+    Levels,
+    colour,
+    from_variance,
+    levels_of,
+    smoothed,
+    told_under_window,
+)
+from modalscope.numerics.checks import Array, RealArray
+
+__all__ = ["Floor", "by_line", "floor_of", "level_of", "parts_of_level"]
+
+#: Columns of the richer model are no more than this part of the rows: the rest tells the noise.
+_COLUMNS = 0.5
+
+#: One in so many rows of noise is left at least.
+_LEFT = 8.0
+
+#: Lines over which the level of a coloured residual is smoothed, and the correlation of neighbours; which is white below so many
+#: deviations, and lengthens the noise by this factor at most.
+_LEVELLED, _CORRELATED, _WHITE, _LONGEST = 41, 81, 2.0, 99.0
+
+#: Rounds in which the weights of a level settle, and courses of noise and response that are one to rounding.
+_LEVEL_ROUNDS, _ONE_COURSE = 10, 1e-13
+
+#: A rate of fading counts above so many deviations, and no noise falls below this part of where it started; rounds until rows settle
+#: to this.
+_SEEN, _STORED, _ROUNDS, _SETTLED = 5.0, 1e-7, 4, 0.05
+
+#: Noise is no less than rounding, relative to the data.
+_ROUNDING = 1e-13
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Floor:
+    """What a richer model leaves: the noise, where the data are of a linear structure.
+
+    Parameters
+    ----------
+    rows : array, (K,)
+        Deviations of the rows, relative to each other.
+    levels : Levels
+        Deviations of the channels.
+    variance : float
+        Of a row divided by all of these.
+    colour : Colour
+    left : array, (K, l, m)
+        The residual, not divided.
+    data : array, (K, l, m)
+        Not divided.
+    correlation : array, (F,), optional
+        Of neighbouring lines around each, where rows are divided line by line.
+    window : float
+        a T of an exponential window that noise on lines lies under; see `colour`.
+    """
+
+    rows: RealArray
+    levels: Levels
+    variance: float
+    colour: Colour
+    left: RealArray
+    data: RealArray
+    correlation: RealArray | None = None
+    window: float = 0.0
+
+
+def floor_of(response: Response, poles: Array) -> Floor:
+    """Fit poles (n,) in rad/s with free residues in every channel, and the residual terms, and judge what is left.
+
+    sigma_om^2 = RSS_om / (rows - columns) of channel (o, m), so s_i nearest to it in the logarithm.
+    """
+    few = _few(response, poles)
+    basis = response.basis(few, response.outside_powers)
+    taken = _taken(response, few, basis.columns.shape[1])
+    variance, scattered = response.known_variance, response.scattered_variance
+    if variance is not None:
+        return _floor(response, basis, taken, *from_variance(variance, len(basis.data), scattered=scattered))
+    told = fading(response)
+    floor = _floor(response, basis, taken, np.ones(len(basis.data)) if told is None else told)
+    if response.grid is not None:
+        return floor
+    for _ in range(_ROUNDS):
+        if floor.colour.coloured:
+            break
+        by_row = _faded(floor)
+        if np.allclose(by_row, floor.rows, rtol=_SETTLED):
+            break
+        floor = _floor(response, basis, taken, by_row)
+    return floor
+
+
+def _floor(
+    response: Response, basis: ModalBasis, taken: float, by_row: RealArray, known: Levels | None = None
+) -> Floor:
+    """Return what the columns leave of the data when rows are divided by their deviations."""
+    rows = len(basis.data)
+    columns = basis.columns / by_row[:, None]
+    size = np.linalg.norm(columns, axis=0)
+    Q = np.asarray(sla.qr(columns[:, size > 0] / size[size > 0], mode="economic", check_finite=False)[0])
+    flat = basis.data.reshape(rows, -1) / by_row[:, None]
+    left = (flat - Q @ (Q.T @ flat)).reshape(basis.data.shape)
+    least = _ROUNDING * np.sqrt(np.mean(flat**2))
+    sigma = np.maximum(np.sqrt(np.sum(left**2, axis=0) / max(rows - taken, rows / _LEFT, 1)), least)
+    levels = known or levels_of(sigma)
+    variance = float(np.mean((sigma / np.outer(levels.outputs, levels.inputs)) ** 2))
+    # a model that is too rich follows the noise of samples while its poles last, and not later: there the level tells nothing
+    window = window_over_lines(response)
+    seen = colour(left, response.count, taken, level=response.grid is not None, window=window)
+    return Floor(by_row, levels, variance, seen, left * by_row[:, None, None], basis.data, window=window)
+
+
+def _taken(response: Response, poles: Array, unknown: int) -> float:
+    """Return how many real rows of noise the columns of poles and terms take up: under an exponential window a pole takes more than two.
+
+    That noise lies where the window is large, as the poles do.
+    """
+    window = window_over_lines(response)
+    if window <= 0:
+        return unknown
+    each = 1 / told_under_window(window, -poles.real * window / response.added_damping)
+    return float(unknown + 2 * np.sum(each - 1))
+
+
+def _faded(floor: Floor) -> RealArray:
+    """Return exp(-a k) for the rate a at which the residual of samples is likeliest to fade, ones where it does not.
+
+    Noise e_k of variance s^2 exp(-2 a k): the likelihood is largest where the mean of k under the weights e_k^2 exp(2 a k) is the mean
+    of all k. The rate of K samples of q channels is known to 1 / sqrt(2 q sum (k - mean k)^2). Noise never rises: a model that is too
+    rich follows it while its poles last.
+    """
+    from scipy.optimize import brentq  # slow to load
+
+    e = floor.left / np.maximum(np.sqrt(np.mean((floor.left / floor.rows[:, None, None]) ** 2, axis=0)), 1e-300)
+    size = np.log(np.maximum(np.mean(e**2, axis=(1, 2)), 1e-300))
+    k = np.arange(len(size)) - (len(size) - 1) / 2
+
+    def late(a: float) -> float:
+        exponent = size + 2 * a * k
+        weights = np.exp(exponent - exponent.max())
+        return float(weights @ k)
+
+    steepest = -np.log(_STORED) / len(size)
+    least = _SEEN / np.sqrt(2 * e[0].size * np.sum(k**2))
+    if late(least) >= 0:
+        return np.ones(len(size))
+    a = steepest if late(steepest) < 0 else float(brentq(late, least, steepest))
+    return np.asarray(np.exp(-a * np.arange(len(size))))
+
+
+def by_line(floor: Floor, count: int) -> Floor:
+    """Return the noise with deviations line by line, for a residual that is coloured: misfit of the model as much as noise.
+
+    With e the residual, channels brought to unit level: level(f) as in `level_of`, then smoothed,
+    rho(f) = Re mean(e_k+1 conj e_k) / mean |e|^2 over neighbours, and a row's deviation sqrt(level tau),
+    tau = (1 + rho) / (1 - rho): so many lines tell as much as one of white noise. The variance is that of the residual divided by its level
+    alone, or the colour would cancel.
+
+    Parameters
+    ----------
+    floor : Floor
+    count : int
+        Lines.
+    """
+    rows, l, m = floor.left.shape
+    each, data = floor.left / floor.rows[:, None, None], floor.data / floor.rows[:, None, None]
+    channels = np.maximum(np.sqrt(np.mean(each**2, axis=0)), 1e-300)
+    e = (each / channels).reshape(rows // count, count, l * m)
+    size = np.mean((data / channels).reshape(e.shape) ** 2, axis=(0, 2))
+    power = np.mean(e**2, axis=(0, 2))
+    level = level_of(power, np.ones(count), size)
+    level = level * smoothed(power / level, _LEVELLED)
+    around = smoothed(power, _CORRELATED)
+    neighbours = np.append(np.mean(e[:, 1:] * e[:, :-1], axis=(0, 2)), 0)
+    rho = smoothed(neighbours, _CORRELATED) / around
+    rho = np.where(rho > _WHITE / np.sqrt(len(e) * l * m * _CORRELATED), rho, 0)
+    tau = (1 + rho) / np.maximum(1 - rho, 2 / (_LONGEST + 1))
+    own = np.tile(np.sqrt(level * np.minimum(tau, _LONGEST)), len(e))
+    levelled = float(np.mean(e**2 / level[:, None]))
+    longest = (_LONGEST - 1) / (_LONGEST + 1)
+    return replace(
+        floor, rows=floor.rows * own, variance=floor.variance * levelled, correlation=np.clip(rho, 0, longest)
+    )
+
+
+def level_of(power: RealArray, even: RealArray, size: RealArray) -> RealArray:
+    """Return the level of a coloured residual line by line: noise of a known course, and error that is a part of the response.
+
+    Parameters
+    ----------
+    power, even, size : array, (F,)
+        As in `parts_of_level`, of one channel.
+    """
+    noise, own = parts_of_level(power[:, None], even, size[:, None])
+    return np.asarray(noise + own)[:, 0]
+
+
+def parts_of_level(power: RealArray, even: RealArray, size: RealArray) -> tuple[RealArray, RealArray]:
+    """Return a even and b size of every channel, power ~ a even + b size, the likeliest for squares of normal numbers.
+
+    Two unknowns by weighted least squares, the weights from the level before; neither is negative.
+
+    Parameters
+    ----------
+    power : array, (F, c)
+        Squares of the residual.
+    even : array, (F,)
+        Of what is even noise.
+    size : array, (F, c)
+        Of the data.
+    """
+    unit = np.maximum(power.mean(axis=0), 1e-300)  # a channel of zeros has no size
+    power = power / unit
+    e, s = (each / np.maximum(each.mean(axis=0), 1e-300) for each in (even, size))
+    level, weights, weighted = np.ones_like(power), np.empty_like(power), np.empty_like(power)
+    a, b = np.zeros((2, len(unit)))
+    for _ in range(_LEVEL_ROUNDS):  # all in their own places: arrays are large
+        np.multiply(level, level, out=weights)
+        np.reciprocal(weights, out=weights)
+        np.multiply(weights, s, out=weighted)
+        ee, es, ss = e**2 @ weights, e @ weighted, np.einsum("fc,fc->c", s, weighted)
+        ps = np.einsum("fc,fc->c", power, weighted)
+        weights *= power
+        a, b = _neither_negative(ee, es, ss, e @ weights, ps)
+        np.multiply(s, b, out=level)
+        level += np.multiply.outer(e, a, out=weights)
+        np.maximum(level, 1e-6, out=level)
+    own = np.minimum(b * s, level)
+    return (level - own) * unit, own * unit
+
+
+def _neither_negative(
+    ee: RealArray, es: RealArray, ss: RealArray, pe: RealArray, ps: RealArray
+) -> tuple[RealArray, RealArray]:
+    """Return a, b >= 0 that lower a^2 ee + 2 a b es + b^2 ss - 2 a pe - 2 b ps most, all sums of products that are not negative."""
+    alone = pe / np.maximum(ee, 1e-300), ps / np.maximum(ss, 1e-300)
+    rest = ee * ss - es**2
+    apart = rest > _ONE_COURSE * ee * ss
+    rest = np.where(apart, rest, 1.0)
+    a, b = (ss * pe - es * ps) / rest, (ee * ps - es * pe) / rest
+    first = np.where(apart, b <= 0, alone[0] * pe >= alone[1] * ps)
+    second = ~first & np.where(apart, a <= 0, True)
+    return (
+        np.where(first, alone[0], np.where(second, 0.0, a)),
+        np.where(second, alone[1], np.where(first, 0.0, b)),
+    )
+
+
+def _few(response: Response, poles: Array) -> Array:
+    """Leave out poles that grow, and the most damped of too many."""
+    decaying = poles[poles.real < 0]
+    most = max(int(_COLUMNS * response.count * (2 if response.grid is not None else 1)) // 2, 1)
+    return np.asarray(decaying[np.argsort(-decaying.real / np.abs(decaying), kind="stable")[:most]])

@@ -1,0 +1,171 @@
+"""Modes of ambient setups refined to the maximum of the likelihood of the setups' own lines, together or one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from modalscope.data.modes import ModalModel
+from modalscope.data.notes import Note
+from modalscope.data.records import Signals
+from modalscope.data.setups import Setups
+from modalscope.likelihood.ambient import Cells, Scored, cells_of, covariance, scored, unknowns
+from modalscope.likelihood.covariance import deviations_of_poles, pole_blocks, sandwich
+from modalscope.likelihood.noise import KIND
+from modalscope.likelihood.refined import astray
+from modalscope.likelihood.spread import LEAST_GROUPS
+from modalscope.numerics.checks import BoolArray, ComplexArray, RealArray
+from modalscope.numerics.resources import one_thread
+from modalscope.preprocess.harmonics import find_lines
+
+__all__ = ["refine_setups"]
+
+#: The lines reach so far beyond the first and the last mode: a part of the frequency, and half bandwidths.
+_BEYOND, _HALVES = 0.15, 10.0
+
+#: Lines of machines are left out with this part of their frequency on either side, and so many of their spreads: what leaks from them.
+_HUM, _SPREADS = 0.01, 3.0
+
+#: Products of one step of all setups that are worth it, and how much larger than told residuals may be without a word.
+_PRODUCTS, _ROUGH = 2e11, 1.2
+
+#: Lines that scatter so many times as much are not those of these modes.
+_WRONG = 2.0
+
+
+@one_thread
+def refine_setups(setups: Setups, modes: ModalModel, *, apart: bool = False) -> ModalModel:
+    """Refine modes of ambient setups, and say how sure that is: Whittle's likelihood of their periodograms (`spectral_likelihood`).
+
+    Poles are common, everything else is every setup's own: shapes, what drives them, background. Correlations, from which the modes were
+    found, follow what is strong; here every line counts as much as it tells.
+
+    Parameters
+    ----------
+    setups : Setups
+        With the channels that the modes have.
+    modes : ModalModel
+        Where to start; all of them stand in the band.
+    apart : bool
+        Whether every setup is refined by itself and the poles are means weighted by their information; a pole that goes astray in a setup
+        is not counted there. By default the poles are refined over all setups at once.
+
+    Returns
+    -------
+    ModalModel
+        With deviations from the lines' own scatter and, of four groups of setups or more, repeatability. As it was, with a note that says
+        why, where that is out of reach: too many channels and modes, more in the lines than modes, or an optimum that is another.
+    """
+    if not len(modes):
+        return modes
+    cells = _cells(setups, modes.poles)
+    work = sum(
+        len(each.counts) * (4 * unknowns(len(modes), len(each.values[0])) * len(each.values[0])) ** 2 for each in cells
+    )
+    if work > _PRODUCTS:
+        return _kept(
+            modes, f"{len(modes)} modes in so many channels take {work / _PRODUCTS:.2g} times as long as is worth it"
+        )
+    found = (
+        _means([scored([each], modes.poles) for each in cells], modes.poles) if apart else scored(cells, modes.poles)
+    )
+    away = astray(modes.poles, found.poles)
+    if found.misfit > _WRONG:
+        return _kept(
+            modes,
+            f"lines scatter {found.misfit:.2g} times as much as these modes say: there is more, a machine or other modes",
+        )
+    if not found.converged or np.any(away):
+        where = ", ".join(f"{f:.5g} Hz" for f in modes.frequencies[away])
+        return _kept(modes, f"the optimum lies far from {where}" if where else "no optimum was reached")
+    return _wrapped(setups, modes, found)
+
+
+def _cells(setups: Setups, poles: ComplexArray) -> list[Cells]:
+    """Return the lines of all setups from below the first mode to above the last."""
+    f, half = poles.imag / (2 * np.pi), np.abs(poles.real) / (2 * np.pi)
+    reach = np.maximum(_BEYOND * f, _HALVES * half)
+    band = (float(np.min(f - reach)), float(min(np.max(f + reach), 0.49 * setups.sampling_rate)))
+    return [_without_lines(cells_of(part, poles, band), part) for part in setups.parts]
+
+
+def _without_lines(cells: Cells, record: Signals) -> Cells:
+    """Return cells without those in which a machine turns: no modes and no noise explain it."""
+    kept = np.ones(cells.frequencies.size, dtype=bool)
+    for line in find_lines(record, (float(cells.frequencies[0]), float(cells.frequencies[-1]))):
+        kept &= np.abs(cells.frequencies - line.frequency) > _HUM * line.frequency + _SPREADS * line.spread
+    if kept.all():
+        return cells
+    return replace(cells, values=cells.values[kept], frequencies=cells.frequencies[kept], counts=cells.counts[kept])
+
+
+def _means(each: Sequence[Scored], start: ComplexArray) -> Scored:
+    """Return the mean of poles that setups gave one by one, weighted by their information; one astray is eliminated there."""
+    informations, away = [], []
+    for one in each:
+        step = np.stack([(one.poles - start).real, (one.poles - start).imag], axis=1)
+        lost = np.repeat(astray(start, one.poles) if one.converged else np.ones(len(start), bool), 2)
+        informations.append(_without(one.informations[0], lost))
+        away.append(np.where(lost, 0, step.ravel()))
+    held, steps = np.array(informations), np.array(away)
+    mean = np.linalg.lstsq(held.sum(axis=0), np.einsum("jab,jb->a", held, steps), rcond=None)[0]
+    scores = np.einsum("jab,jb->ja", held, steps - mean)
+    misfit = float(np.mean([one.misfit for one in each]))
+    known = bool(np.all(np.diag(held.sum(axis=0)) > 0))
+    return Scored(start + mean[::2] + 1j * mean[1::2], held, scores, misfit, known)
+
+
+def _without(information: RealArray, lost: BoolArray) -> RealArray:
+    """Return the information of the other unknowns where some are free, and none of these."""
+    kept = np.zeros_like(information)
+    a, b = np.ix_(~lost, ~lost), np.ix_(~lost, lost)
+    own = information[np.ix_(lost, lost)]
+    kept[a] = information[a] - information[b] @ np.linalg.pinv(own, hermitian=True) @ information[b].T
+    return kept
+
+
+def _wrapped(setups: Setups, modes: ModalModel, found: Scored) -> ModalModel:
+    """Return the refined modes with their deviations and what these rest on."""
+    C, first = covariance(found), 2 * np.arange(len(modes))
+    f, zeta = deviations_of_poles(found.poles, pole_blocks(C, first))
+    notes = [note for note in modes.notes if note.kind != KIND]
+    text = "deviations are those of the lines' own scatter, by Whittle's likelihood of every setup"
+    notes.append(Note(KIND, {"misfit": found.misfit}, text))
+    if found.misfit > _ROUGH:
+        text = (
+            f"lines scatter {found.misfit:.2g} times as much as these modes say: there is more; deviations are widened"
+        )
+        notes.append(Note("more than modes", {"misfit": found.misfit}, text))
+    repeated: tuple[RealArray | None, RealArray | None] = (
+        modes.frequencies_repeatability,
+        modes.damping_ratios_repeatability,
+    )
+    if (between := _between(setups, found)) is not None:
+        repeated = deviations_of_poles(found.poles, pole_blocks(between, first))
+    return replace(
+        modes,
+        poles=found.poles,
+        frequencies_std=f,
+        damping_ratios_std=zeta,
+        frequencies_repeatability=repeated[0],
+        damping_ratios_repeatability=repeated[1],
+        unrefined=replace(modes, unrefined=None),
+        converged=True,
+        notes=tuple(notes),
+    )
+
+
+def _between(setups: Setups, found: Scored) -> RealArray | None:
+    """Return the covariance of the poles by how far groups of setups disagree; None of fewer than four."""
+    labels = () if setups.groups is None else tuple(dict.fromkeys(setups.groups))
+    if len(labels) < LEAST_GROUPS or setups.groups is None:
+        return None
+    member = np.array([[own == label for own in setups.groups] for label in labels], dtype=float)
+    each, held = (np.tensordot(member, of_setups, axes=1) for of_setups in (found.scores, found.informations))
+    return sandwich(np.linalg.pinv(found.informations.sum(axis=0), hermitian=True), each, held)
+
+
+def _kept(modes: ModalModel, why: str) -> ModalModel:
+    return modes.noted(Note("not refined", {}, f"values are not refined: {why}"))

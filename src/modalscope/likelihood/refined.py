@@ -1,0 +1,140 @@
+"""What a refinement gives: modes with both deviations, what was lost, and notes on what the deviations rest on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from modalscope.data.channels import Groups
+from modalscope.data.mode_fields import DIRECT, Candidate
+from modalscope.data.modes import ModalModel
+from modalscope.data.notes import Note
+from modalscope.data.poles import frequencies_and_damping
+from modalscope.data.response import UNTOLD
+from modalscope.likelihood.noise import KIND
+from modalscope.likelihood.settling import Settled, Task
+from modalscope.likelihood.spread import LEAST_GROUPS, Spread, spread_of
+from modalscope.likelihood.whitening import Colour
+from modalscope.numerics.checks import BoolArray, ComplexArray
+
+__all__ = ["astray", "refined"]
+
+#: Poles closer than this many deviations of their difference share what is known of them.
+_APART = 3
+
+#: Kinds of notes that an earlier refinement may have left, and that this one says of its own values.
+_SAID_ANEW = (KIND, UNTOLD, "held", "moved far", "coloured residual", "noise and model only", "repeated")
+
+#: Decay rates beyond which an optimum is not the one near a mode, which lies within a fraction of one.
+_ASTRAY = 1.0
+
+
+def refined(
+    task: Task,
+    before: ModalModel,
+    settled: Settled | None,
+    groups: Groups,
+    lost: list[Candidate],
+    notes: list[Note],
+) -> ModalModel:
+    """Wrap the optimum: values, deviations, what was lost, and the modes as they were."""
+    response = task.response
+    if lost:
+        listed = ", ".join(f"{each.frequency:.5g} Hz" for each in lost)
+        notes = [*notes, Note("nothing of its own", {"modes": len(lost)}, f"left out, no more than noise: {listed}")]
+    if settled is None:
+        return replace(before, left_out=(*before.left_out, *lost), unrefined=before, converged=True).noted(notes)
+    point, fitted = settled.descent.point, settled.descent.fitted
+    poles = point.poles + response.added_damping
+    spread = spread_of(point, fitted, poles, settled.variance, response, groups, settled.colour)
+    order = np.argsort(np.abs(poles), kind="stable")
+    shapes, participation = settled.residues
+    dt = 1 / response.sampling_rate if response.held_input and response.sampling_rate else before.dt
+    beside: dict[str, Any] = {**dict.fromkeys(DIRECT), **_terms(task, point.poles, shapes, participation)}
+    model = replace(
+        before,
+        poles=poles,
+        shapes=shapes,
+        participation=response.told_of(response.of_inputs(participation)),
+        dt=dt,
+        held_input=response.held_input,
+        frequencies_std=spread.frequency,
+        damping_ratios_std=spread.damping,
+        shapes_std=spread.shapes,
+        frequencies_repeatability=spread.frequency_between,
+        damping_ratios_repeatability=spread.damping_between,
+        gain=np.sqrt(settled.gain / 2),
+        left_out=(*before.left_out, *lost),
+        converged=settled.descent.converged,
+        notes=(*(note for note in before.notes if note.kind not in _SAID_ANEW), *response.untold),
+        **beside,
+    )
+    scaled = replace(model.normalized(_scale(before)), unrefined=before)
+    notes = [*notes, *_moved_far(before.poles, poles)]
+    return scaled.take(order).noted([*notes, *_told(settled.colour, spread, groups, poles)])
+
+
+#: What scaled shapes are said to be scaled to -> how that is asked; others get length one.
+_SCALES = {"unit modal mass": "mass", "largest component": "max"}
+
+
+def _scale(before: ModalModel) -> str:
+    return next((scale for words, scale in _SCALES.items() if before.scaling.startswith(words)), "unit")
+
+
+def _terms(task: Task, poles: ComplexArray, shapes: ComplexArray, participation: ComplexArray) -> dict[str, Any]:
+    """Fit what stands beside the modes, and return the residual terms by name."""
+    powers = task.response.outside_powers
+    beside = task.response.whole_basis(task.fixed, powers)
+    columns, count = beside.columns / task.rows[:, None], beside.terms.shape[1]
+    # of long records the data are as large as what is left: only their shape is asked
+    beside = replace(beside, data=beside.data[:0].copy())
+    size = np.where((norm := np.linalg.norm(columns, axis=0)) > 0, norm, 1)
+    left = task.response.left_of(poles, shapes, participation, powers)
+    flat = left.reshape(len(left), -1)
+    flat /= task.rows[:, None]
+    Q, R = np.linalg.qr(columns / size)  # of long records the data are large: they are not copied
+    found = np.linalg.lstsq(R, Q.T @ flat, rcond=None)[0] / size[:, None]
+    return task.response.named_terms(beside.of_terms(found[:count]), powers)
+
+
+def astray(before: ComplexArray, after: ComplexArray) -> BoolArray:
+    """Return which poles moved by more than their decay rate: the optimum that they reached is that of others."""
+    return np.asarray(np.abs(after - before) > _ASTRAY * np.abs(before.real))
+
+
+def _moved_far(before: ComplexArray, poles: ComplexArray) -> list[Note]:
+    """Say which modes moved so far that they stand for others: the data hold more than the modes that were given."""
+    far = astray(before, poles)
+    if not far.any():
+        return []
+    (old, _), (new, _) = frequencies_and_damping(before[far]), frequencies_and_damping(poles[far])
+    moves = ", ".join(f"{a:.5g} to {b:.5g} Hz" for a, b in zip(old, new, strict=True))
+    text = f"moved by more than their decay rate: {moves}; the data hold more than these modes. Give all of them: `analyze` does"
+    return [Note("moved far", {"modes": int(far.sum())}, text)]
+
+
+def _told(seen: Colour, spread: Spread, groups: Groups, poles: ComplexArray) -> list[Note]:
+    """Say what the deviations rest on, and which poles are too close to have deviations of their own."""
+    notes = []
+    if seen.coloured:
+        text = (
+            f"the residual is coloured (neighbours correlate by {seen.correlation:.2g}): deviations are widened "
+            "by the scatter of its blocks; model error may exceed them"
+        )
+        notes.append(Note("coloured residual", {"correlation": seen.correlation, "uneven": seen.uneven}, text))
+    if spread.frequency_between is None:
+        count = 0 if groups is None else len(set(groups))
+        why = "no groups are known" if not count else f"{count} groups are too few, {LEAST_GROUPS} are needed"
+        text = f"deviations hold noise and model only: {why}, so that it is not known how far the test would repeat"
+        notes.append(Note("noise and model only", {"groups": count}, text))
+    f = frequencies_and_damping(poles)[0]
+    distance = np.abs(f[:, None] - f) + np.diag(np.full(f.size, np.inf))
+    near = np.argwhere(np.triu(distance < _APART * np.hypot(spread.frequency[:, None], spread.frequency)))
+    if near.size:
+        pairs = ", ".join(f"{f[i]:.5g} and {f[j]:.5g} Hz" for i, j in near)
+        text = f"closer than {_APART} deviations, so that only their mean and common subspace are sure: {pairs}"
+        notes.append(Note("repeated", {"pairs": len(near)}, text))
+    return notes

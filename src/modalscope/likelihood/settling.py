@@ -1,0 +1,337 @@
+"""Poles and the noise of every channel settled together: each descent tells what the next one divides the data by."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import singledispatch
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg as sla
+
+from modalscope.data.record_spectra import RecordSpectra
+from modalscope.data.response import Response, output_scale
+from modalscope.data.window import fading, line_step, window_over_lines
+from modalscope.likelihood.descent import Descent, descend, residual, window_noise
+from modalscope.likelihood.driven import whitened_records
+from modalscope.likelihood.likelihood import Whitened, whitened
+from modalscope.likelihood.whitening import (
+    Colour,
+    Levels,
+    colour,
+    from_variance,
+    levels_of,
+    row_deviations,
+    search_bound,
+    told_under_window,
+)
+from modalscope.numerics.checks import Array, ComplexArray, DataError, RealArray
+
+__all__ = ["Settled", "Task", "least_gain", "needed_beside", "settle", "skirts", "task_of"]
+
+
+# -------------------------------------------------------------------------------------------------------------- skirts
+# What modes outside a band leave in it: their skirts, told by poles beside the band that stay where they are.
+#
+# A skirt has its only singularities at the poles of its mode and is smooth in the band, the less so the nearer these lie. With d the
+# distance from an end, functions of this kind are told by fixed poles at distances d, d / 2, d / 4, ... to an error that falls with
+# exp(-c sqrt(n)) for n of them, however near the singularity comes, and their residues follow by least squares.
+#
+# Source: A. Gopal and L. N. Trefethen, SIAM J. Numer. Anal. 57, 2019.
+
+#: Each pole lies so many times nearer to its end of the band than the one before, the nearest so many lines off: nearer ones would be
+#: modes at the end.
+_NEARER, _LINES = 2.0, 8.0
+
+
+def skirts(response: Response) -> ComplexArray:
+    """Return poles on either side of the band of lines (n,) in rad/s, at 45 degrees off each end; none for samples and few lines.
+
+    Parameters
+    ----------
+    response : Response
+    """
+    if response.grid is None or len(response.grid) < 2 * _LINES:
+        return np.zeros(0, dtype=complex)
+    low, high = 2 * np.pi * np.array(response.span)
+    farthest, nearest = high - low, 2 * np.pi * _LINES * line_step(response)
+    count = int(np.log(farthest / nearest) / np.log(_NEARER)) + 1
+    away = farthest / _NEARER ** np.arange(count) / np.sqrt(2)
+    below, above = 1j * low - (1 + 1j) * away, 1j * high - (1 - 1j) * away
+    top = np.inf if response.sampling_rate is None else np.pi * response.sampling_rate
+    poles = np.concatenate([below[below.imag > 0], above[above.imag < top]]) + response.added_damping
+    return np.asarray(poles, dtype=complex)
+
+
+# -------------------------------------------------------------------------------------------------------------- beside
+# Poles that take part beside the modes: what the data need and no mode is, so that the modes need not make up for it.
+
+#: A pole within so many decay rates of a mode may be part of it, and would take from it.
+_PART = 3.0
+
+#: One pole of noise in a thousand sets.
+_FALSE = 1e-3
+
+
+def needed_beside(response: Response, modes: Array, candidates: Array) -> ComplexArray:
+    """Return those of the candidates that explain more than noise does beside the modes, all residues free.
+
+    The weakest goes first, and the others are judged again. A pole with free residues in l m channels explains of white noise a
+    chi-squared number of k = 2 l m degrees (in records 2 l (m + R), R the ends of runs); what is kept exceeds k + 2 sqrt(k t) + 2 t,
+    t = ln(positions / 1e-3), in variances of what all poles together leave.
+
+    Parameters
+    ----------
+    response : Response
+    modes : array of complex, (n,)
+        rad/s.
+    candidates : array of complex, (k,)
+        rad/s; those that grow, and those near a mode, are left out.
+
+    Source
+    ------
+    B. Laurent and P. Massart, Annals of Statistics 28, 2000, Lemma 1.
+    """
+    added = response.added_damping
+    far = np.abs(candidates[:, None] - modes) > _PART * np.abs(modes.real)
+    poles = candidates[(candidates.real < added) & far.all(axis=1)]
+    basis = response.whole_basis(np.concatenate([modes, poles]) - added, response.refined_powers)
+    data = basis.data / np.maximum(output_scale(response), 1e-300)[:, None]
+    channels, rows, width = data[0].size, len(data), basis.by_pole.shape[2]
+    columns = np.hstack([basis.terms, basis.by_pole.reshape(rows, -1)])
+    columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    free = (rows - columns.shape[1]) * channels
+    if not poles.size or free < channels:
+        return np.zeros(0, dtype=complex)
+    Q, R = (np.asarray(factor) for factor in sla.qr(columns, mode="economic", check_finite=False))
+    flat = data.reshape(rows, channels)
+    Z = Q.T @ flat
+    variance = float(np.sum((flat - Q @ Z) ** 2)) / free
+    t = np.log(rows / 2 / _FALSE)
+    least = variance * (width * channels + 2 * np.sqrt(width * channels * t) + 2 * t)
+    before = basis.terms.shape[1] + width * len(modes)
+    kept = np.arange(poles.size)
+    while kept.size:
+        gains = _gains(np.hstack([R[:, :before], _of_poles(R[:, before:], kept, width)]), Z, width)[-kept.size :]
+        weakest = int(np.argmin(gains))
+        if gains[weakest] >= least:
+            break
+        kept = np.delete(kept, weakest)
+    return np.asarray(poles[kept])
+
+
+def _of_poles(columns: RealArray, which: Array, width: int) -> RealArray:
+    return columns.reshape(len(columns), -1, width)[:, which].reshape(len(columns), -1)
+
+
+def _gains(columns: RealArray, data: RealArray, width: int) -> RealArray:
+    """Return the rise of the squared misfit without each set of `width` columns; those left over stand first, for themselves."""
+    odd = columns.shape[1] % width
+    U, d, Vt = sla.svd(columns, full_matrices=False, check_finite=False)
+    rank = int(np.count_nonzero(d > 1e-11 * d[0]))
+    back = Vt[:rank].T / d[:rank]
+    c = (back @ (U[:, :rank].T @ data))[odd:].reshape(-1, width, data.shape[1])
+    sets = back[odd:].reshape(-1, width, rank)
+    own = np.linalg.pinv(sets @ sets.transpose(0, 2, 1), hermitian=True)
+    return np.asarray(np.sum(c * (own @ c), axis=(1, 2)))
+
+
+# ------------------------------------------------------------------------------------------------------------ settling
+
+#: Rounds at most, and the relative change of any deviation at which they end.
+_ROUNDS, _SETTLED = 30, 1e-7
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Task:
+    """Data to be explained, and what stays as it is while modes are refined.
+
+    Parameters
+    ----------
+    response : Response
+    fixed : array of complex
+        Poles, as they are in the data, that are held and free in every channel.
+    powers : tuple of int
+        Residual terms.
+    rows : array, (K,)
+        Standard deviations of the rows, relative to each other.
+    known : Levels, optional
+        Of the channels, where they are known.
+    progress : callable, optional
+    """
+
+    response: Response
+    fixed: ComplexArray
+    powers: tuple[int, ...]
+    rows: RealArray
+    known: Levels | None
+    progress: Callable[[int, int], None] | None = None
+
+    @property
+    def channels(self) -> tuple[int, int]:
+        """Numbers of a shape and of what drives a pole."""
+        return int(self.response.values.shape[1]), self.response.drives
+
+
+def task_of(
+    response: Response, fixed: ComplexArray, weights: Array | None, progress: Callable[[int, int], None] | None
+) -> Task:
+    """Return the task of a response: noise from its variance where it carries one and no weights are given, faded as a window made it.
+
+    Parameters
+    ----------
+    response : Response
+    fixed : array of complex
+    weights : array, (lines or samples,), optional
+    progress : callable, optional
+    """
+    powers = response.refined_powers
+    rows = response.count * (1 + bool(np.iscomplexobj(response.values)))
+    variance = response.known_variance
+    if weights is None and variance is not None:
+        by_row, known = from_variance(variance, rows, scattered=response.scattered_variance)
+        return Task(response, fixed, powers, by_row, known, progress)
+    faded = fading(response) if weights is None else None
+    return Task(response, fixed, powers, row_deviations(rows, weights) if faded is None else faded, None, progress)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Settled:
+    """The optimum, and the noise that goes with it.
+
+    Parameters
+    ----------
+    descent : Descent
+    variance : float
+        Of a row of the whitened data.
+    unknown : int
+        Unknowns a channel.
+    colour : Colour
+        Of the residual.
+    worth : array, (n,)
+        What a gain in variances counts beside one in white noise; see `told_under_window`.
+    """
+
+    descent: Descent
+    variance: float
+    unknown: int
+    colour: Colour
+    worth: RealArray
+
+    @property
+    def gain(self) -> RealArray:
+        """Rise of the squared misfit without each mode, in variances, (n,)."""
+        return self.descent.fitted.gain / self.variance * self.worth
+
+    @property
+    def residues(self) -> tuple[ComplexArray, ComplexArray]:
+        """Shapes (l, n) and participation (n, m)."""
+        return self.descent.point.problem.scaled_back(self.descent.point, self.descent.fitted)
+
+
+class _Start(NamedTuple):
+    """Where a round begins: modes, the side with fewer channels as it is and the other to follow, and the noise of the channels."""
+
+    poles: ComplexArray
+    shapes: ComplexArray
+    participation: ComplexArray
+    levels: Levels
+
+
+def settle(
+    task: Task, poles: ComplexArray, shapes: ComplexArray, participation: ComplexArray, most: int = 60
+) -> Settled:
+    """Return the optimum from modes on.
+
+    The first descent divides the channels by their own size. What it leaves tells the noise of each channel where it is white, and
+    further descents and levels settle together. Where it is coloured it is model error, and no second descent: channels that happen
+    to fit well would draw all weight to themselves.
+
+    Parameters
+    ----------
+    task : Task
+    poles : array of complex, (n,)
+        As they are in the data.
+    shapes, participation : array of complex, (l, n), (n, m)
+        The side with fewer channels is where the descent starts; the other follows.
+    most : int
+        Iterations of a descent.
+
+    Raises
+    ------
+    DataError
+        No more data than unknowns.
+    """
+    levels = task.known or levels_of(np.sqrt(np.mean(np.abs(task.response.values) ** 2, axis=0)))
+    found: _Start | Settled = _Start(poles, shapes, participation, levels)
+    later = _ROUNDS
+    while not isinstance(found, Settled):
+        later -= 1
+        found = _round(task, found, most, last=not later)
+    return found
+
+
+def _round(task: Task, start: _Start, most: int, *, last: bool) -> _Start | Settled:
+    """Return the optimum under some levels where they are those that it leaves, else where to go on.
+
+    Of long records a problem is large: with this function the one before has gone when the next is made.
+    """
+    levels, poles = start.levels, start.poles
+    problem = _divided(task.response, task, levels)
+    _check_freedom(task, problem, len(poles))
+    sides = (start.shapes.T if problem.turned else start.participation) / problem.varying
+    sides = sides / np.maximum(np.linalg.norm(sides, axis=1, keepdims=True), 1e-300)
+    descent = descend(problem, poles, sides, most=most, progress=task.progress)
+    point, fitted = descent.point, descent.fitted
+    unknown = problem.terms.shape[1] + 2 * len(poles)
+    window = window_over_lines(task.response)
+    seen = colour(residual(point, fitted), task.response.count, unknown, window=window)
+    left = np.sqrt(point.left_by_channel(fitted) / len(task.rows))
+    following = levels_of(left * np.outer(levels.outputs, levels.inputs))
+    done = task.known or seen.coloured or not descent.converged or following.change(levels) < _SETTLED
+    if not (done or last):
+        return _Start(point.poles, *problem.scaled_back(point, fitted), following)
+    noise = window_noise(point, fitted, task.response)
+    free = problem.freedom - 2 * len(poles) * sum(task.channels) if noise is None else noise.free
+    variance = descent.cost / free
+    if (
+        task.known is not None and variance <= 1
+    ):  # what is left is no more than the noise that is known: its colour is none of a model's
+        variance, seen = 1.0, replace(seen, excess=0.0)
+    return Settled(descent, variance, unknown, seen, _worth(task.response, point.poles))
+
+
+def _worth(response: Response, poles: ComplexArray) -> RealArray:
+    """Return what gains of poles count beside those in white noise, (n,)."""
+    window = window_over_lines(response)
+    if window <= 0:
+        return np.ones(len(poles))
+    return told_under_window(window, -poles.real * window / response.added_damping)
+
+
+@singledispatch
+def _divided(response: Response, task: Task, levels: Levels) -> Whitened:
+    """Return the data divided by the noise, ready for a descent."""
+    return whitened(response, task.fixed, task.powers, task.rows, levels.outputs, levels.inputs)
+
+
+@_divided.register
+def _(response: RecordSpectra, task: Task, levels: Levels) -> Whitened:
+    outputs = levels.outputs * levels.inputs[0]
+    return whitened_records(response, task.fixed, task.powers, task.rows, outputs)
+
+
+def _check_freedom(task: Task, problem: Whitened, modes: int) -> None:
+    l, m = task.channels
+    if problem.freedom <= 2 * modes * (l + m):
+        raise DataError(
+            f"{modes} modes of {l} outputs and {m} inputs were to be refined, {2 * modes * (l + m)} unknowns",
+            f"there are {max(problem.freedom, 0)} real values beside the residual terms",
+            "Give more lines or samples, or fewer modes.",
+        )
+
+
+def least_gain(task: Task) -> float:
+    """Return half of what the search over noise may explain: no noise explains more than half of the whole; see `search_bound`."""
+    return search_bound(*task.channels, len(task.rows)) / 2

@@ -1,0 +1,268 @@
+"""What the data are divided by so that their noise is white: deviations of rows, outputs and inputs; and whether what is left is white."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from modalscope.numerics.checks import Array, DataError, RealArray
+
+__all__ = [
+    "Colour",
+    "Levels",
+    "blocks_of",
+    "colour",
+    "free_bound",
+    "from_variance",
+    "lag_factor",
+    "levels_of",
+    "row_deviations",
+    "search_bound",
+    "smoothed",
+    "told_apart",
+    "told_under_window",
+]
+
+#: Quieter channels than this part of the loudest residual are brought to it: what is fitted to rounding must not decide alone.
+_QUIETEST = 1e-7
+
+#: Neighbours over which the level of the residual is smoothed before it is called uneven.
+_SMOOTHED = 41
+
+#: Lines over which a variance that scatters is averaged: as wide as the narrowest resonance, and as far as noise stays the same.
+_NEAR, _FAR = 3, 21
+
+#: White noise exceeds these in less than one of a thousand sets: standard deviations of the correlation, and of the smoothed level.
+_CORRELATED, _UNEVEN = 5.0, 3.0
+
+#: Lines further off are taken as not correlated.
+_LAGS = 400
+
+#: One false mode in a thousand sets of noise.
+_FALSE = 1e-3
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Levels:
+    """Standard deviations of one real row of the noise: the product of these, channel by channel.
+
+    Parameters
+    ----------
+    outputs, inputs : array, (l,), (m,)
+    """
+
+    outputs: RealArray
+    inputs: RealArray
+
+    def change(self, other: Levels) -> float:
+        """Return the largest relative difference of any channel's deviation."""
+        ratio = np.outer(self.outputs, self.inputs) / np.outer(other.outputs, other.inputs)
+        return float(np.max(np.abs(np.log(ratio))))
+
+
+def levels_of(deviations: RealArray) -> Levels:
+    """Return the nearest product of an output's and an input's part, in the logarithm.
+
+    Parameters
+    ----------
+    deviations : array, (l, m)
+    """
+    d = np.maximum(deviations, max(_QUIETEST * float(deviations.max(initial=0.0)), 1e-290))
+    log = np.log(d)
+    return Levels(np.exp(log.mean(axis=1)), np.exp(log.mean(axis=0) - log.mean()))
+
+
+def row_deviations(rows: int, weights: Array | None) -> RealArray:
+    """Return what K real rows are divided by: one over the weights of lines, whose real and imaginary parts are rows; ones without."""
+    if weights is None:
+        return np.ones(rows)
+    w = np.asarray(weights, dtype=float)
+    if w.ndim != 1 or w.size == 0 or rows % w.size or not (np.all(np.isfinite(w)) and np.all(w > 0)):
+        raise DataError(
+            "weights need one positive number a line or sample",
+            f"they have shape {w.shape}, and the data {rows} real rows",
+            "Give 1 / standard deviation of each.",
+        )
+    return np.tile(1 / w, rows // w.size)
+
+
+def from_variance(variance: RealArray, rows: int, *, scattered: bool = False) -> tuple[RealArray, Levels]:
+    """Return deviations of rows and levels of channels from the variance E |error|^2 of every value, (F, l, m).
+
+    A variance that is itself estimated line by line, from few averages, is `scattered`: a line that is quiet by chance would draw a
+    pole to itself. A row has then the larger of what its near and its far neighbours have in the mean: far ones for noise, which is
+    smooth, near ones at a resonance that noise on the force makes louder.
+    """
+    known = variance[variance > 0]
+    log = np.log(np.maximum(variance, known.min() if known.size else 1.0)) / 2
+    level = log.mean(axis=(1, 2))
+    by_row = np.exp(np.maximum(smoothed(level, _NEAR), smoothed(level, _FAR)) if scattered else level)
+    each = log - np.log(by_row)[:, None, None]
+    parts = rows // len(variance)
+    return np.tile(by_row, parts), levels_of(np.exp(each.mean(axis=0)) / np.sqrt(parts))
+
+
+def smoothed(values: RealArray, length: int) -> RealArray:
+    """Return the mean over neighbours, of those that there are at the ends."""
+    window = np.ones(min(length, len(values)))
+    return np.asarray(np.convolve(values, window, mode="same") / np.convolve(np.ones(len(values)), window, mode="same"))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Colour:
+    """How far a residual is from white noise.
+
+    Parameters
+    ----------
+    correlation : float
+        Of neighbouring lines or samples.
+    uneven : float
+        Scatter of the smoothed level over that of white noise; 0 with too few rows to smooth.
+    excess : float
+        The larger of both over what white noise may show.
+    """
+
+    correlation: float
+    uneven: float
+    excess: float
+
+    @property
+    def coloured(self) -> bool:
+        """Whether this is no white noise."""
+        return self.excess > 1
+
+
+def colour(left: RealArray, count: int, unknown: float, *, level: bool = True, window: float = 0.0) -> Colour:
+    """Judge a whitened residual by how far neighbours agree, and by how its level changes along lines or samples.
+
+    Parameters
+    ----------
+    left : array, (K, q, p)
+    count : int
+        Lines or samples; K is that, or twice that with real and imaginary parts one after the other.
+    unknown : float
+        Unknowns a channel: a fit itself correlates what it leaves by about unknown / K.
+    level : bool
+        Whether a level that changes counts.
+    window : float
+        a T of an exponential window over the length that a line's distance tells: its noise has the correlation
+        rho_i = 1 / (1 + j pi i / (a T)) between lines, and sum |rho_i|^2 = a T coth(a T) lines tell as much as one.
+    """
+    e = left.reshape(-1, count, left[0].size)
+    power = np.einsum("rkc,rkc->c", e, e) / len(left)  # no copy: of long records each is large
+    quiet = 1 / np.maximum(power, 1e-300)
+    neighbours = e[:, 1:].size
+    rho = float(np.einsum("rkc,rkc,c->", e[:, 1:], e[:, :-1], quiet)) / neighbours if count > 1 else 0.0
+    deviation = 1 / np.sqrt(max(neighbours, 1))
+    uneven = 0.0
+    if count >= 4 * _SMOOTHED:
+        squares = np.einsum("rkc,rkc,c->k", e, e, quiet) / (e.shape[0] * e.shape[2])
+        smooth = np.convolve(squares, np.ones(_SMOOTHED) / _SMOOTHED, mode="valid")
+        # the square of a standard normal number scatters by sqrt 2
+        uneven = float(np.std(np.log(smooth)) * np.sqrt(_SMOOTHED * e.shape[0] * e.shape[2] / 2))
+    expected = window**2 / (window**2 + np.pi**2)
+    together = np.sqrt(window / np.tanh(window)) if window > 0 else 1.0
+    correlated = abs(rho - expected) / (_CORRELATED * deviation * together + unknown / len(left))
+    excess = max(correlated, uneven / _UNEVEN / together if level else 0.0)
+    return Colour(rho, uneven, float(excess))
+
+
+def blocks_of(rows: int, count: int, correlation: float) -> Array:
+    """Return the block of every row, neighbouring lines or samples together: a correlation length long, eight blocks at least.
+
+    Parameters
+    ----------
+    rows, count : int
+        Real rows, and lines or samples.
+    correlation : float
+        Of neighbours.
+    """
+    rho = float(np.clip(correlation, 0, 0.99))
+    length = int(np.clip(np.ceil((1 + rho) / (1 - rho)), 2, max(count // 8, 1)))
+    return np.tile(np.arange(count) // length, rows // count)
+
+
+def told_apart(correlation: RealArray, half: RealArray) -> RealArray:
+    """Return by how much more modes stand out of correlated noise than noise of tau = (1 + rho) / (1 - rho) times the variance says, (n,).
+
+    Of noise with correlations rho^i the matched filter of a resonance of half bandwidth h (in lines) has
+    1 + 2 sum_i rho^i / (1 + (i / 2 h)^2) times the variance that white noise gives it: the correlation of 1 / (j w - s) with itself i lines
+    off is 1 / (1 + j i / 2 h). That is tau for wide resonances, and much less for those narrower than the noise is correlated.
+
+    Parameters
+    ----------
+    correlation, half : array, (n,)
+    """
+    own = lag_factor(correlation[:, None] ** np.arange(1, _LAGS), half)
+    return np.asarray((1 + correlation) / (1 - correlation) / own)
+
+
+def told_under_window(window: float, decay: RealArray) -> RealArray:
+    """Return by how much less modes stand out of noise under an exponential window than out of white noise of the same power, (n,).
+
+    Where the window is large both are: with w = exp(-a t), r = exp(-b t), b >= a the decay in the data, over a length T,
+    mean(w^2) mean(r^2) / mean(w^2 r^2).
+
+    Parameters
+    ----------
+    window : float
+        a T.
+    decay : array, (n,)
+        b T.
+    """
+
+    def mean(rate: RealArray) -> RealArray:
+        rate = np.maximum(2 * rate, 1e-9)
+        return np.asarray(-np.expm1(-rate) / rate)
+
+    return mean(np.asarray(window)) * mean(decay) / mean(window + decay)
+
+
+def lag_factor(correlation: RealArray, half: RealArray) -> RealArray:
+    """Return 1 + 2 sum_i r_i / (1 + (i / 2 h)^2), (n,): how errors of correlations r_i raise the variance of a resonance's amplitude.
+
+    Parameters
+    ----------
+    correlation : array, (k,) or (n, k)
+        r_i of lines i = 1 ... k apart.
+    half : array, (n,)
+        Half bandwidths h in lines.
+    """
+    lags = np.arange(1, correlation.shape[-1] + 1)
+    return np.asarray(1 + 2 * np.sum(correlation / (1 + (lags / (2 * np.maximum(half, 1e-6)[:, None])) ** 2), axis=-1))
+
+
+def free_bound(channels: int, rows: int) -> float:
+    """Return k + 2 sqrt(k t) + 2 t, k = 2 channels, t = ln(positions / 1e-3): what noise gives a pole with free residues, in variances.
+
+    Parameters
+    ----------
+    channels : int
+    rows : int
+        Real values a channel; half as many positions.
+
+    Source
+    ------
+    B. Laurent and P. Massart, Annals of Statistics 28, 2000, Lemma 1.
+    """
+    k, t = 2 * channels, np.log(max(rows / 2, 2.0) / _FALSE)
+    return float(k + 2 * np.sqrt(k * t) + 2 * t)
+
+
+def search_bound(outputs: int, inputs: int, rows: int) -> float:
+    """Return 2 (sqrt l + sqrt m + sqrt t)^2, t = ln(positions / 1e-3): the squared misfit, in variances, that a mode of noise may explain.
+
+    That is the bound on the largest singular value of an l x m matrix of complex normal numbers (K. R. Davidson and S. J. Szarek, 2001),
+    over all positions on the frequency axis that a pole may take: half as many as there are rows. So the free shape and participation
+    count, and the search for the best place does.
+
+    Parameters
+    ----------
+    outputs, inputs : int
+        Channels.
+    rows : int
+        Real values a channel.
+    """
+    positions = max(rows / 2, 2.0)
+    return float(2 * (np.sqrt(outputs) + np.sqrt(inputs) + np.sqrt(np.log(positions / _FALSE))) ** 2)

@@ -1,0 +1,325 @@
+"""Verbs as users call them: a misspelt keyword is answered by the nearest there is, a wrong value by its name (`entries`)."""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
+from functools import wraps
+from os import PathLike
+from types import NoneType, UnionType
+from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin
+
+import numpy as np
+
+from modalscope.numerics.checks import DataError, check_option_names
+
+__all__ = ["named", "plain_methods", "plainly"]
+
+
+# ------------------------------------------------------------------------------------------------------------- entries
+# Wrong arguments in plain words: where a public call ends in Python's or numpy's own words, the argument that cannot be meant is named.
+#
+# Nothing is checked while all is well. After a failure the arguments are held against the annotations of the call, and then looked at for
+# values that no computation bears (not finite, empty, of absurd size). Where none is found the error is the library's own fault, and stays.
+
+#: What Python and numpy raise on values that do not belong.
+_OWN_WORDS = (
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    IndexError,
+    KeyError,
+    MemoryError,
+    NotImplementedError,
+    RecursionError,
+    TypeError,
+    ValueError,
+)
+
+#: Beyond these, numbers are no measure, count or factor of anything.
+_SMALLEST, _LARGEST = 1e-100, 1e15
+
+#: Names that modules have for type checkers alone, and where they come from once pictures are drawn.
+_LATE = {"Axes": "matplotlib.axes"}
+
+_WORDS = {
+    int: "a whole number",
+    float: "a number",
+    complex: "a number",
+    str: "text",
+    bool: "True or False",
+    NoneType: "None",
+    Mapping: "a mapping of name to value",
+    dict: "a mapping of name to value",
+    np.ndarray: "an array of numbers",
+    PathLike: "the name of a file",
+    Callable: "a function",
+}
+
+
+def plainly(verb: Callable[P, R]) -> Callable[P, R]:
+    """Return a public function whose failures on wrong arguments are `DataError`.
+
+    Examples
+    --------
+    >>> @plainly
+    ... def half(number: float) -> float:
+    ...     return number / 2
+    >>> half("three")
+    Traceback (most recent call last):
+    modalscope.numerics.checks.DataError: half(number=...) needs a number, but it is 'three'.
+    Give number as a number.
+    """
+
+    @wraps(verb)
+    def run(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return verb(*args, **kwargs)
+        except DataError:
+            raise
+        except _OWN_WORDS as error:
+            told = _blame(verb, args, kwargs)
+            if told is None:
+                raise
+            raise told from error
+
+    return run
+
+
+def plain_methods(*kinds: type[Any]) -> None:
+    """Make the public methods of classes, and the making of their objects, answer in plain words, as `plainly` does.
+
+    Parameters
+    ----------
+    *kinds : type
+    """
+    own = [base for kind in kinds for base in kind.__mro__ if base.__module__.startswith(__package__.partition(".")[0])]
+    for base in dict.fromkeys(own):
+        for name, held in list(vars(base).items()):
+            if (name != "__init__" and name.startswith("_")) or hasattr(held, "__wrapped__"):
+                continue
+            if inspect.isfunction(held):
+                setattr(base, name, plainly(held))
+            elif isinstance(held, classmethod):
+                setattr(base, name, classmethod(plainly(held.__func__)))
+
+
+def _blame(verb: Callable[..., Any], args: Sequence[Any], kwargs: Mapping[str, Any]) -> DataError | None:
+    """Return an error that names the argument which cannot be meant; None where none stands out."""
+    try:
+        given = list(_arguments(verb, args, kwargs))
+    except TypeError:  # too many, too few or unknown: Python's words name them
+        return None
+    name = verb.__qualname__.removesuffix(".__init__")
+    for argument, value, hint in given:
+        if not _fits(value, hint):
+            return _error(name, argument, value, _words(hint))
+    for argument, value, hint in given:
+        odd = _odd(value)
+        if odd:
+            return _error(name, argument, value, f"{_words(hint) or 'a value'} that is {odd}")
+    for argument, value, hint in given:
+        if "array" in _words(hint) and _numbers(value) and np.ndim(value) == 0:
+            return _error(name, argument, value, "an array of numbers that has an axis")
+    return None
+
+
+def _error(verb: str, argument: str, value: Any, words: str) -> DataError:
+    shown = repr(value) if isinstance(value, str | bytes | float | int | complex | NoneType | np.generic) else ""
+    if not shown or len(shown) > _SHOWN:
+        shown = f"{type(value).__name__}{f' of shape {value.shape}' if isinstance(value, np.ndarray) else ''}"
+    return DataError(f"{verb}({argument}=...) needs {words}", f"it is {shown}", f"Give {argument} as {words}.")
+
+
+#: Characters of a value in a message.
+_SHOWN = 60
+
+
+def _arguments(
+    verb: Callable[..., Any], args: Sequence[Any], kwargs: Mapping[str, Any]
+) -> Iterator[tuple[str, Any, Any]]:
+    """Give name, value and annotation of every argument that was given; options behind ** by their own names."""
+    parameters = inspect.signature(verb).parameters
+    for name, value in inspect.signature(verb).bind(*args, **kwargs).arguments.items():
+        hint = _resolved(parameters[name].annotation, verb)
+        if parameters[name].kind is inspect.Parameter.VAR_KEYWORD:
+            options = getattr(next(iter(get_args(hint)), None), "__annotations__", {})
+            yield from ((key, item, _resolved(options.get(key, Any), verb)) for key, item in value.items())
+        elif name not in ("self", "cls"):
+            yield name, value, hint
+
+
+def _resolved(annotation: Any, verb: Callable[..., Any]) -> Any:
+    """Return an annotation as the type that it names; Any where that is known to type checkers alone."""
+    text = getattr(annotation, "__forward_arg__", annotation)
+    if not isinstance(text, str):
+        return annotation
+    names = dict(vars(sys.modules[inspect.unwrap(verb).__module__]))
+    names |= {name: vars(sys.modules[home])[name] for name, home in _LATE.items() if home in sys.modules}
+    try:
+        return eval(text, names)
+    except (NameError, AttributeError, TypeError, SyntaxError):
+        return Any
+
+
+def _fits(value: Any, hint: Any) -> bool:
+    """Whether a value is what an annotation says, as far as that can be told from outside."""
+    origin, inner = get_origin(hint), get_args(hint)
+    if hint is Any:
+        return True
+    if origin in (Union, UnionType):
+        return any(_fits(value, each) for each in _meant(inner))
+    if hint is None or hint is NoneType:
+        return value is None
+    if origin is Literal:
+        return any(value is each or (isinstance(value, type(each)) and value == each) for each in inner)
+    if origin is np.ndarray or hint is np.ndarray:
+        return _numbers(value) and np.ndim(value) > 0
+    if isinstance(hint, TypeVar):
+        return _fits(value, hint.__bound__ or Union[hint.__constraints__ or (Any,)])  # noqa: UP007 - made of a tuple
+    if hint in (int, float, complex, bool):
+        return _number(value, hint)
+    kind = origin or hint
+    if not isinstance(kind, type):
+        return True
+    if kind.__module__.startswith("numpy"):  # the protocols of what becomes an array
+        return _numbers(value)
+    if getattr(kind, "_is_protocol", False):
+        return True
+    return _holds(value, kind, inner)
+
+
+def _meant(members: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return the members of a union without the texts and bytes that numpy counts among what becomes an array."""
+    arrays = any(_module(each).startswith("numpy") for each in members)
+    return tuple(each for each in members if not (arrays and each in (str, bytes)))
+
+
+def _module(hint: Any) -> str:
+    return getattr(get_origin(hint) or hint, "__module__", "")
+
+
+def _holds(value: Any, kind: type[Any], inner: tuple[Any, ...]) -> bool:
+    """Whether a value is of a kind, and what it holds is what it should hold."""
+    if kind is PathLike:
+        return isinstance(value, str | PathLike)
+    listed = (
+        issubclass(kind, Iterable)
+        and not issubclass(kind, str | bytes | Mapping)
+        and not hasattr(kind, "__dataclass_fields__")
+    )
+    if not listed:
+        return isinstance(value, kind)
+    if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable):
+        return False
+    if not inner or not isinstance(value, Sized):
+        return True
+    if kind is tuple and inner[-1] is not Ellipsis:
+        return len(value) == len(inner) and all(map(_fits, value, inner))
+    return all(_fits(item, inner[0]) for item in value)
+
+
+def _number(value: Any, kind: type[Any]) -> bool:
+    """Whether a value is one number of a kind; True and False are none."""
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value[()]
+    if kind is bool:
+        return isinstance(value, bool | np.bool_)
+    if isinstance(value, bool | np.bool_):
+        return False
+    real = (int, np.integer) if kind is int else (int, float, np.integer, np.floating)
+    return isinstance(value, real) or (kind is complex and isinstance(value, complex | np.complexfloating))
+
+
+def _numbers(value: Any) -> bool:
+    """Whether a value becomes an array of numbers."""
+    try:
+        return np.asarray(value).dtype.kind in "biufc"
+    except (ValueError, TypeError, OverflowError):
+        return False
+
+
+def _odd(value: Any) -> str:
+    """Return what a number or an array of numbers should be and is not; nothing of other things."""
+    if isinstance(value, Iterator):
+        return "there to be read again"
+    if isinstance(value, str | bytes | Mapping) or hasattr(value, "__dataclass_fields__") or not _numbers(value):
+        huge = isinstance(value, int) and abs(value) > _LARGEST
+        return "of a size that can be computed with" if huge else ""
+    array = np.abs(np.asarray(value, dtype=complex))
+    if not array.size:
+        return "not empty"
+    if not np.isfinite(array).all():
+        return "finite"
+    sizes = array[array > 0]
+    if sizes.size and (sizes.max() > _LARGEST or sizes.max() < _SMALLEST):
+        return "of a size that can be computed with"
+    return ""
+
+
+def _words(hint: Any) -> str:
+    """Return an annotation in words."""
+    origin, inner = get_origin(hint), get_args(hint)
+    if origin in (Union, UnionType):
+        members = [each for each in _meant(inner) if each is not NoneType]
+        if any(_module(each).startswith("numpy") for each in members):  # single numbers are arrays without axes
+            members = [each for each in members if each not in (int, float, complex, bool)]
+        return " or ".join(dict.fromkeys(filter(None, map(_words, members))))
+    if origin is Literal:
+        return " or ".join(repr(each) for each in inner)
+    if hint is None:
+        return "None"
+    kind = origin or hint
+    known = next((words for each, words in _WORDS.items() if kind is each), None)
+    if known is not None:
+        return known
+    if not isinstance(kind, type):
+        return ""
+    if kind.__module__.startswith("numpy"):
+        return "an array of numbers"
+    if issubclass(kind, Iterable) and kind.__module__ in ("builtins", "collections.abc"):
+        items = [words for each in inner if each is not Ellipsis and (words := _words(each))]
+        return f"a list of {items[0]}" if items and len(set(items)) == 1 else "a list"
+    return kind.__name__
+
+
+# ------------------------------------------------------------------------------------------------------------ keywords
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def named(*options: Iterable[str]) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Return a decorator that checks the names of keywords before the function is called, and names wrong values when it fails.
+
+    Parameters
+    ----------
+    options : iterables of str
+        What the function takes by `**options`, beside its own parameters.
+
+    Examples
+    --------
+    >>> @named()
+    ... def double(value: int, *, twice: bool = False) -> int:
+    ...     return 4 * value if twice else 2 * value
+    >>> double(2, twise=True)
+    Traceback (most recent call last):
+    modalscope.numerics.checks.DataError: double() has no option 'twise'; did you mean 'twice'?
+    """
+    more = [name for names in options for name in names]
+
+    def decorate(verb: Callable[P, R]) -> Callable[P, R]:
+        parameters = inspect.signature(verb).parameters.values()
+        own = [p.name for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
+
+        plain = plainly(verb)
+
+        @wraps(verb)
+        def run(*args: P.args, **kwargs: P.kwargs) -> R:
+            check_option_names(verb.__name__, kwargs, [*own, *more])
+            return plain(*args, **kwargs)
+
+        return run
+
+    return decorate

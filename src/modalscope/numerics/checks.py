@@ -1,0 +1,476 @@
+"""Checks that data classes make of what they are given: numbers, arrays, counts, bands, lists and file names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from difflib import get_close_matches
+from os import PathLike, fsencode, fspath
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = [
+    "Array",
+    "BoolArray",
+    "ComplexArray",
+    "DataError",
+    "IntArray",
+    "RealArray",
+    "check_axes",
+    "check_band",
+    "check_choice",
+    "check_count",
+    "check_each",
+    "check_finite",
+    "check_index",
+    "check_kind",
+    "check_number",
+    "check_option_names",
+    "check_path",
+    "check_positive",
+    "complex_array",
+    "freeze",
+    "locked",
+    "printable",
+    "real_array",
+    "real_stretch",
+    "sealed",
+    "shortened",
+]
+
+
+# -------------------------------------------------------------------------------------------------------------- errors
+# One form for all errors, and names that are misspelt.
+
+#: Characters of a message: it is read on a terminal, whatever the data are called and however many channels they have.
+_LONGEST = 600
+
+#: No part of a message is cut below this.
+_PART = 120
+
+
+def printable(text: str) -> str:
+    r"""Return text with an escape for every character that has no sign of its own; lines stay lines.
+
+    Examples
+    --------
+    >>> print(printable("a\x1b[2Jb"))
+    a\x1b[2Jb
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)
+
+
+def shortened(text: str) -> str:
+    """Return text as a message may be: printable, and cut in the middle where it has more than 600 characters."""
+    return _within([printable(text)], _LONGEST)[0]
+
+
+def _within(parts: Iterable[str], limit: int) -> list[str]:
+    """Return the parts, the longest of them cut in the middle until all fit."""
+    kept = list(parts)
+    for k in sorted(range(len(kept)), key=lambda k: -len(kept[k])):
+        size = max(len(kept[k]) - max(sum(map(len, kept)) - limit, 0), _PART)
+        if size < len(kept[k]):
+            kept[k] = f"{kept[k][: size - size // 3 - 5]} ... {kept[k][-(size // 3) :]}"
+    return kept
+
+
+class DataError(ValueError):
+    """Data that cannot be used, or an option that cannot be met.
+
+    The message is printable, and cut in the middle of its longest part where it has more than 600 characters.
+
+    Parameters
+    ----------
+    asked : str
+        What was asked for.
+    found : str
+        What there is.
+    change : str
+        What to change.
+    text : str, optional
+        The message where one sentence says all three.
+
+    Examples
+    --------
+    >>> print(DataError("order=12 was asked", "the data have rank 10", "Lower the order to at most 10."))
+    order=12 was asked, but the data have rank 10.
+    Lower the order to at most 10.
+    """
+
+    def __init__(self, asked: str, found: str, change: str, text: str | None = None) -> None:
+        asked, found, change = _within(map(printable, (asked, found, change)), _LONGEST - len(", but .\n"))
+        text = None if text is None else shortened(text)
+        self.asked, self.found, self.change, self.text = asked, found, change, text
+        super().__init__(f"{asked}, but {found}.\n{change}" if text is None else text)
+
+    def __reduce__(self) -> tuple[type[DataError], tuple[str, str, str, str | None]]:
+        return type(self), (self.asked, self.found, self.change, self.text)
+
+
+def check_choice(name: str, value: Any, choices: Iterable[str]) -> str:
+    """Return `value` if it is one of the choices, or raise and name the nearest."""
+    known = list(choices)
+    if isinstance(value, str) and value in known:
+        return value
+    near = get_close_matches(str(value), known, n=1)
+    hint = f"Did you mean {near[0]!r}? " if near else ""
+    raise DataError(f"{name}={value!r} was asked", f"there are only {', '.join(known)}", f"{hint}Choose one of these.")
+
+
+def check_option_names(
+    verb: str, given: Iterable[str], known: Iterable[str], owners: Mapping[str, Iterable[str]] | None = None
+) -> None:
+    """Raise when an option has a name that the verb does not know, and name the nearest.
+
+    Parameters
+    ----------
+    verb : str
+        What was called, such as "identify" or "identify(method='era')".
+    given, known : iterable of str
+        Names of the options that were given, and of those that there are.
+    owners : mapping of option to names, optional
+        Who takes an option that this verb does not.
+
+    Examples
+    --------
+    >>> check_option_names("identify", ["blok_rows"], ["block_rows", "block_columns", "order"])
+    Traceback (most recent call last):
+    modalscope.numerics.checks.DataError: identify() has no option 'blok_rows'; did you mean 'block_rows'?
+    """
+    options, elsewhere = list(dict.fromkeys(known)), dict(owners or {})
+    for name in given:
+        if name in options:
+            continue
+        call = verb if verb.endswith(")") else f"{verb}()"
+        found = f"{call} has no option {name!r}"
+        near = get_close_matches(name, [*options, *elsewhere], n=1)
+        if name in elsewhere:
+            hint = f"it belongs to {', '.join(elsewhere[name])}"
+        elif near:
+            hint = f"did you mean {near[0]!r}?"
+        else:
+            hint = f"its options are {', '.join(options)}" if options else "it has no options"
+        raise DataError(f"{name} of {call} was asked", found, f"{hint[0].upper()}{hint[1:]}", f"{found}; {hint}")
+
+
+# --------------------------------------------------------------------------------------------------------------- kinds
+# Things of the wrong type: what was expected, what was given, and how to make the one of the other.
+
+#: How arrays become data.
+_WRAPPED = {
+    "FrequencyResponse": "FrequencyResponse(values=..., frequencies=...)",
+    "ImpulseResponse": "ImpulseResponse(values=..., sampling_rate=...)",
+    "Signals": "Signals(outputs=..., sampling_rate=...)",
+    "ModalModel": "ModalModel(poles=..., shapes=...)",
+    "Geometry": "Geometry(nodes=..., coordinates=...)",
+    "StateSpace": "StateSpace(A=..., B=..., C=...)",
+}
+
+#: What reading a file gives.
+_READ = ("FrequencyResponse", "ImpulseResponse", "Signals", "Records", "Setups", "ModalModel", "Geometry")
+
+_MEASURED = ("FrequencyResponse", "ImpulseResponse", "Signals", "Records", "Setups")
+
+#: (expected, given) -> how the one is made of the other.
+_MADE: dict[tuple[str, str], str] = {
+    ("FrequencyResponse", "Signals"): "estimate it first: ms.estimate_frf(record)",
+    ("FrequencyResponse", "Records"): "estimate it from one of its runs: ms.estimate_frf(records.runs[0])",
+    ("FrequencyResponse", "ImpulseResponse"): "transform it: response.to_frequency_response()",
+    ("FrequencyResponse", "StateSpace"): "compute it: model.frequency_response(frequencies)",
+    ("FrequencyResponse", "ModalModel"): "compute it: modes.frequency_response(frequencies)",
+    ("FrequencyResponse", "Structure"): "compute it: structure.frequency_response(frequencies)",
+    ("ImpulseResponse", "Signals"): "estimate it first: ms.estimate_correlation(record) or ms.estimate_markov(record)",
+    ("ImpulseResponse", "FrequencyResponse"): "transform it: response.to_impulse_response()",
+    ("ImpulseResponse", "StateSpace"): "compute it: model.impulse_response(samples)",
+    ("ImpulseResponse", "ModalModel"): "compute it: modes.impulse_response(samples)",
+    ("ImpulseResponse", "Structure"): "compute it: structure.impulse_response(samples)",
+    ("Signals", "Records"): "give one of its runs: records.runs[0]",
+    ("Signals", "Setups"): "give one of its setups: setups.parts[0]",
+    ("Signals", "Structure"): "simulate it: structure.simulate(duration=...)",
+    ("ModalModel", "StabilizationDiagram"): "select them first: ms.select(diagram)",
+    ("ModalModel", "Identification"): "give its modes: result.modes",
+    ("ModalModel", "Structure"): "compute them: structure.modes()",
+    ("ModalModel", "Mode"): "give all of them: mode.modes",
+    ("StabilizationDiagram", "ModalModel"): "give the diagram that they were selected from",
+    ("StabilizationDiagram", "Identification"): "that is one order; ms.stabilize(data) tries all",
+    ("StateSpace", "Identification"): "give its model: result.state_space",
+    ("StateSpace", "Structure"): "compute it: structure.state_space()",
+    ("Result", "Comparison"): "ask for it there: ms.compare(data, replicates=40)",
+    **{
+        ("Result", kind): "analyse the data: ms.analyze(data)"
+        for kind in (*_MEASURED, "ModalModel", "StabilizationDiagram")
+    },
+    **{("ModalModel", kind): "identify them first: ms.select(ms.stabilize(data))" for kind in _MEASURED},
+    **{("StabilizationDiagram", kind): "make it first: ms.stabilize(data)" for kind in _MEASURED},
+    **{("StateSpace", kind): "identify it first: ms.realize(data, order=...)" for kind in _MEASURED},
+}
+
+#: Python's own types in plain words.
+_WORDS = {"str": "text", "bool": "True or False", "Mapping": "a mapping of name to value", "NoneType": "None"}
+
+
+def check_kind(name: str, value: Any, kinds: type[Any] | tuple[type[Any], ...]) -> None:
+    """Raise when a value is not of the type that is expected, and say how to make it so.
+
+    Parameters
+    ----------
+    name : str
+        The verb or the option that expects it.
+    value : object
+    kinds : type or tuple of types
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from modalscope.data import FrequencyResponse
+    >>> check_kind("mmif", np.ones(3) * 1j, FrequencyResponse)
+    Traceback (most recent call last):
+    modalscope.numerics.checks.DataError: mmif: expected FrequencyResponse, got ndarray: wrap it as FrequencyResponse(values=...,
+    frequencies=...)
+    """
+    if isinstance(value, kinds):
+        return
+    known = kinds if isinstance(kinds, tuple) else (kinds,)
+    words = [_WORDS.get(kind.__name__, kind.__name__) for kind in known]
+    expected = _one_of(words)
+    given = type(value).__name__
+    fallback = "give one of these" if len(known) > 1 else f"give {expected}"
+    hint = _hint(value, given, [kind.__name__ for kind in known], known) or fallback
+    asked, found = f"{name}: expected {expected}", f"got {_WORDS.get(given, given)}"
+    raise DataError(asked, found, f"{hint[0].upper()}{hint[1:]}.", f"{asked}, {found}: {hint}")
+
+
+def _hint(value: Any, given: str, expected: Sequence[str], kinds: tuple[type[Any], ...]) -> str | None:
+    """Return how to make what is expected of what was given; None where nothing is known to help."""
+    if isinstance(value, str | PathLike):
+        return "read it first: ms.read(path)" if set(expected) & set(_READ) else None
+    if isinstance(value, tuple | list) and value:
+        fitting = [k for k, item in enumerate(value) if isinstance(item, kinds)]
+        if len(fitting) == len(value) > 1:
+            several = "put them together first, ms.merge([...]), or " if expected[0] in _MEASURED else ""
+            return f"{several}give them one by one"
+        if fitting:
+            return f"give only its item {fitting[0]}, counted from 0"
+        if all(hasattr(item, "__dataclass_fields__") for item in value):
+            return None
+    if given in ("ndarray", "list", "tuple", "memmap", "Tensor"):
+        return _wrapped(value, expected)
+    if given in ("DataFrame", "Series"):
+        wrapped = _wrapped(None, expected)
+        return None if wrapped is None else f"take its numbers, table.to_numpy(), and {wrapped}"
+    return next((_MADE[kind, given] for kind in expected if (kind, given) in _MADE), None)
+
+
+def _wrapped(array: Any, expected: Sequence[str]) -> str | None:
+    """Return how numbers become one of what is expected; complex ones are no samples, and real ones no response over frequency."""
+    fitting = [_WRAPPED[kind] for kind in expected if kind in _WRAPPED]
+    kind = getattr(getattr(array, "dtype", None), "kind", None)
+    if len(fitting) > 1 and kind in ("c", "f"):
+        fitting = [form for form in fitting if form.startswith("Frequency") is (kind == "c")] or fitting
+    return f"wrap it as {_one_of(fitting)}" if fitting else None
+
+
+def _one_of(words: Sequence[str]) -> str:
+    return " or ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+
+
+# -------------------------------------------------------------------------------------------------------------- checks
+
+#: From so many numbers on arrays are looked through without one of their size beside them.
+_LONG = 1_000_000
+
+#: What an array holds; `Array` where that is either.
+Array = NDArray[Any]
+RealArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+IntArray = NDArray[np.intp]
+BoolArray = NDArray[np.bool_]
+
+
+def freeze(data: object, **values: object) -> None:
+    """Store validated values in a frozen data class, from its `__post_init__`."""
+    for name, value in values.items():
+        object.__setattr__(data, name, value)
+
+
+def locked(array: Array) -> Array:
+    """Return the array read-only: itself when nobody can write to it any more, else a copy. A map of a file opened to read stays one."""
+    owner: Any = array
+    while isinstance(owner, np.ndarray) and not owner.flags.writeable:
+        if owner.base is None or (isinstance(owner, np.memmap) and owner.mode == "r"):
+            return array
+        owner = owner.base
+    copy = np.array(array, order="C")
+    copy.setflags(write=False)
+    return copy
+
+
+def sealed(array: Array) -> Array:
+    """Return an array that nobody else holds, read-only with all that it is a view of: stored as it is, where `locked` would copy."""
+    owner: Any = array
+    while isinstance(owner, np.ndarray):
+        owner.setflags(write=False)
+        owner = owner.base
+    return array
+
+
+def _numeric(name: str, values: ArrayLike, axes: str, ndim: int | Sequence[int]) -> Array:
+    try:
+        array = np.asarray(values)
+    except ValueError as error:  # ragged nested lists
+        raise DataError(
+            f"{name} needs one array of axes {axes}", f"it is ragged ({error})", "Give rows of equal length."
+        ) from None
+    if array.dtype.kind not in "biufc":
+        raise DataError(f"{name} needs numbers", f"its type is {array.dtype}", "Convert it to numbers.")
+    allowed = (ndim,) if isinstance(ndim, int) else tuple(ndim)
+    if array.ndim not in allowed:
+        raise DataError(
+            f"{name} needs axes {axes}",
+            f"the array has shape {array.shape}",
+            "Samples or lines come first, then outputs, then inputs; add or move the missing axis.",
+        )
+    return array
+
+
+def check_finite(name: str, array: Array, change: str = "Repair or leave out what is not a finite number.") -> None:
+    """Raise a `DataError` that names the first NaN or infinite value and how many there are."""
+    if array.dtype.kind == "f" and array.size > _LONG and np.isfinite(array.min()) and np.isfinite(array.max()):
+        return  # of long records nothing of their size is made
+    bad = ~np.isfinite(array)
+    count = int(np.count_nonzero(bad))
+    if count:
+        first = tuple(int(i) for i in np.argwhere(bad)[0])
+        raise DataError(
+            f"{name} needs finite numbers",
+            f"{count} of {array.size} values are NaN or infinite, the first at index {first}",
+            change,
+        )
+
+
+def real_array(name: str, values: ArrayLike, axes: str, ndim: int | Sequence[int], *, finite: bool = True) -> RealArray:
+    """Return a locked float array, or raise a `DataError` that says what is wrong with it."""
+    array = _numeric(name, values, axes, ndim)
+    if array.dtype.kind == "c":
+        raise DataError(f"{name} needs real numbers", "it is complex", "Give the real samples, not a spectrum.")
+    if finite:
+        check_finite(name, array)
+    return locked(np.asarray(array, dtype=np.float64))
+
+
+def real_stretch(name: str, place: str, values: ArrayLike) -> Array:
+    """Return what was read of a longer array, at a place in words, or raise a `DataError` that says what is wrong with it."""
+    read = np.asarray(values)
+    if read.dtype.kind not in "biuf":
+        raise DataError(f"{name} needs real numbers", f"its type is {read.dtype}", "Give the real samples.")
+    check_finite(f"{name}, from {place} on,", read)
+    return read
+
+
+def complex_array(name: str, values: ArrayLike, axes: str, ndim: int | Sequence[int]) -> ComplexArray:
+    """Return a locked complex array, or raise a `DataError` that says what is wrong with it."""
+    array = _numeric(name, values, axes, ndim)
+    check_finite(name, array)
+    return locked(np.asarray(array, dtype=np.complex128))
+
+
+def check_positive(name: str, value: float) -> float:
+    """Return the value as a float, or raise when it is not a finite positive number."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = np.nan
+    if not (np.isfinite(number) and number > 0):
+        raise DataError(f"{name} needs a positive number", f"it is {value!r}", f"Give {name} in its unit, above zero.")
+    return number
+
+
+def check_count(name: str, value: int, least: int = 1) -> int:
+    """Return a whole number not below `least`, or raise."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value < 2**62:
+        raise DataError(
+            f"{name} needs a whole number of at least {least}", f"it is {value!r}", f"Raise {name} to {least} or more."
+        )
+    return int(value)
+
+
+def check_axes(**arrays: tuple[Any, int]) -> None:
+    """Raise when one of several arrays has not the number of axes that it should have.
+
+    Parameters
+    ----------
+    **arrays : (array, int)
+        What each is, and how many axes it needs.
+    """
+    for name, (array, axes) in arrays.items():
+        if getattr(array, "ndim", None) != axes:
+            raise DataError(
+                f"{name} needs an array of {axes} axes",
+                f"it is {type(array).__name__} of shape {np.shape(array)}",
+                "Add or move the missing axis, and give a NumPy array.",
+            )
+
+
+def check_index(name: str, index: Any, count: int) -> None:
+    """Raise when an index does not choose from `count` things."""
+    try:
+        np.empty(count)[index]
+    except IndexError as error:
+        raise DataError(
+            f"some of {count} {name} were asked", f"{name} is not of them: {error}", "Count from 0."
+        ) from None
+
+
+def check_number(name: str, value: Any) -> float:
+    """Return a finite number as a float, or raise."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = np.nan
+    if not np.isfinite(number):
+        raise DataError(f"{name} needs a finite number", f"it is {value!r}", f"Give {name} as one number.")
+    return number
+
+
+def check_band(band: Any) -> tuple[float, float]:
+    """Return the two ends of a band in Hz, or raise when they are not two numbers that increase."""
+    try:
+        low, high = (float(end) for end in band)
+    except (TypeError, ValueError):
+        raise DataError(
+            "a band of two frequencies in Hz was asked", f"it is {band!r}", "Give band=(lowest, highest)."
+        ) from None
+    if not low < high:
+        raise DataError(
+            f"the band {low:g} to {high:g} Hz was asked", "its ends do not increase", "Give the lower end first."
+        )
+    return low, high
+
+
+def check_each(name: str, values: Any, what: str) -> list[Any]:
+    """Return what a list, a tuple, a range or an array holds; text, one bare value and other things are an error."""
+    if not isinstance(values, str | bytes | Mapping):
+        try:
+            return list(values)
+        except TypeError:
+            pass
+    raise DataError(f"{name} needs {what}", f"it is {type(values).__name__}", f"Give {name} as a list.")
+
+
+def check_path(path: Any) -> Path:
+    """Return the name of a file as a path, or raise."""
+    if not isinstance(path, str | PathLike) or isinstance(fspath(path), bytes):
+        raise DataError("the name of a file was asked", f"it is {type(path).__name__}", "Give it as text or as a Path.")
+    if "\0" in fspath(path):
+        raise DataError("the name of a file was asked", "it holds a NUL, which no name may", "Take it out.")
+    try:
+        fsencode(path)
+    except UnicodeEncodeError:
+        what = f"{fspath(path)!r} has characters that no name has on this system"
+        raise DataError("the name of a file was asked", what, "Take them out.") from None
+    return Path(path)

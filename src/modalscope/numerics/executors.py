@@ -1,0 +1,200 @@
+"""Who does work that falls into tasks: this process, or the workers of a Dask scheduler; how far it is, and where what is done is kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any, TypeVar
+
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import DataError
+from modalscope.numerics.resources import Device, device_named
+
+__all__ = ["Crew", "crew", "each", "working"]
+
+Task = TypeVar("Task")
+Done = TypeVar("Done")
+Progress = Callable[[int, int], None]
+
+#: Tasks that wait for every thread of the workers: none stands idle, and what is done does not pile up here.
+_WAITING = 2
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Crew:
+    """Who works, and what is told and kept.
+
+    Parameters
+    ----------
+    client : distributed.Client, optional
+        Of a Dask scheduler; without it this process does everything.
+    progress : callable, optional
+        Called with (tasks done, tasks in all).
+    folder : path, optional
+        Where what is done is kept, so that a stopped run resumes.
+    device : Device, optional
+        Where large products are computed; without it by NumPy.
+    """
+
+    client: Any = None
+    progress: Progress | None = None
+    folder: Path | None = None
+    device: Device | None = None
+
+    def place(self, array: Any) -> Any:
+        """Return an array where large products are computed: itself, where that is NumPy."""
+        return array if self.device is None else self.device.place(array)
+
+
+_ALONE = Crew()
+_crew: ContextVar[Crew | None] = ContextVar("crew", default=None)
+
+
+def crew() -> Crew:
+    """Return who works now."""
+    return _crew.get() or _ALONE
+
+
+@named()
+@contextmanager
+def working(
+    client: Any = None,
+    *,
+    progress: Progress | None = None,
+    save: str | Path | None = None,
+    device: str | None = None,
+) -> Iterator[None]:
+    """Let long sums over a record be done by others, be told of, and be kept, and large products be computed elsewhere.
+
+    Within the block, what is not given stays as it was outside.
+
+    Parameters
+    ----------
+    client : distributed.Client, optional
+        Its workers share the tasks; each reads its own part of the record, so that they must see the file by the same name.
+    progress : callable, optional
+        Called with (tasks done, tasks in all).
+    save : path, optional
+        A folder for partial sums: the same work, started again, goes on where it was stopped.
+    device : {"cpu", "cuda"}, optional
+        Where Gram matrices, cross spectra, triangular factors and products with data matrices are computed: by PyTorch on the processor
+        or on a graphics card (extra `torch`); by NumPy without it. Workers of a client compute by NumPy.
+
+    Raises
+    ------
+    DataError
+        No client of a Dask scheduler; a folder that cannot be made; a device that is not there.
+
+    Examples
+    --------
+    >>> from modalscope.systems import chain5
+    >>> record = chain5().simulate(inputs="ambient", duration=60.0, sampling_rate=20.0)
+    >>> with working(progress=print):
+    ...     pass  # estimate_correlation of a stored record tells here how far it is
+    """
+    if client is not None and not all(hasattr(client, name) for name in ("submit", "cancel", "nthreads")):
+        raise DataError(
+            "a client of a Dask scheduler was asked",
+            f"client is {type(client).__name__}",
+            "Give distributed.Client(address).",
+        )
+    outer = crew()
+    token = _crew.set(
+        Crew(
+            outer.client if client is None else client,
+            outer.progress if progress is None else progress,
+            outer.folder if save is None else _folder(save),
+            outer.device if device is None else device_named(device),
+        )
+    )
+    try:
+        yield
+    finally:
+        _crew.reset(token)
+
+
+def _folder(path: str | Path) -> Path:
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise DataError(
+            f"partial sums in {str(path)!r} were asked",
+            f"the system refuses: {(error.strerror or str(error)).lower()}",
+            "Choose a folder that you may write to.",
+        ) from None
+    return folder
+
+
+def each(work: Callable[[Task], Done], tasks: Sequence[Task]) -> Iterator[tuple[Task, Done]]:
+    """Yield every task with what came of it, in the order in which they end.
+
+    A worker that dies costs its own tasks: they are done again by others.
+
+    Parameters
+    ----------
+    work : callable
+        A function of a module, or a partial of one: it is sent to the workers.
+    tasks : sequence
+    """
+    if crew().client is None:
+        for task in tasks:
+            yield task, work(task)
+        return
+    yield from _by_workers(crew().client, work, tasks)
+
+
+def _by_workers(client: Any, work: Callable[[Task], Done], tasks: Sequence[Task]) -> Iterator[tuple[Task, Done]]:
+    """Yield what the workers of a scheduler give: a few tasks wait for each, the others are handed out as these end."""
+    as_completed = import_module("distributed").as_completed
+    left, handed = iter(tasks), {}
+
+    def hand_out(count: int) -> list[Any]:
+        futures = []
+        for _, task in zip(
+            range(count), left, strict=False
+        ):  # in this order: no task is taken without being handed out
+            future = client.submit(work, task, pure=False)
+            handed[future] = task
+            futures.append(future)
+        return futures
+
+    ended = as_completed(hand_out(_WAITING * max(_threads(client), 1)))
+    try:
+        for future in ended:
+            result = _result(future)
+            task = handed.pop(future)
+            yield task, result
+            for more in hand_out(1):
+                ended.add(more)
+    finally:
+        client.cancel(list(handed))
+
+
+def _result(future: Any) -> Any:
+    """Return what a worker found; that the work ends its workers, or that the scheduler is gone, is said in words."""
+    distributed = import_module("distributed")
+    asked = "sums by the workers of a scheduler were asked"
+    try:
+        return future.result()
+    except distributed.scheduler.KilledWorker as error:
+        raise DataError(
+            asked,
+            f"one stretch ended every worker that took it, the last of them {error.last_worker.address}",
+            "Give the workers more memory (dask worker --memory-limit), or lower lags; their own logs say how they ended.",
+        ) from None
+    except CancelledError:
+        raise DataError(
+            asked,
+            "the scheduler is gone, or has given the work up",
+            "Start it again, and the same work: with save or --resume it goes on from the sums that were kept.",
+        ) from None
+
+
+def _threads(client: Any) -> int:
+    return sum(int(threads) for threads in client.nthreads().values())

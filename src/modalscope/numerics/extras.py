@@ -1,0 +1,36 @@
+"""Packages that are needed for one thing only: imported where they are used, and named when they are missing."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from modalscope.numerics.checks import DataError
+
+__all__ = ["optional_package"]
+
+
+def optional_package(asked: str, package: str, extra: str, name: str | None = None) -> Any:
+    """Return an optional package, or say which extra of modalscope brings it.
+
+    Parameters
+    ----------
+    asked : str
+        What it is needed for.
+    package : str
+        The name that is imported.
+    extra : str
+    name : str, optional
+        What the package is called, when that is not the name that is imported.
+
+    Raises
+    ------
+    DataError
+        It is not installed.
+    """
+    try:
+        return import_module(package)
+    except ImportError:
+        raise DataError(
+            f"{asked} was asked", f"{name or package} is not installed", f"Run: pip install 'modalscope[{extra}]'"
+        ) from None

@@ -1,0 +1,246 @@
+"""Transfer functions D + C (x I - A)^-1 B at many points."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.linalg as sla
+from numpy.typing import ArrayLike
+
+from modalscope.numerics.checks import ComplexArray, DataError, RealArray, check_count, check_positive, real_array
+
+if TYPE_CHECKING:
+    from modalscope.data.records import Signals
+    from modalscope.data.statespace import Quadruple
+
+__all__ = [
+    "HELD",
+    "gramian",
+    "gramian_factor",
+    "krylov",
+    "markov_parameters",
+    "predicted",
+    "scaled",
+    "simulated",
+    "state_scale",
+    "transfer",
+]
+
+
+# ------------------------------------------------------------------------------------------------------------- scaling
+# Units of the states: positions and velocities differ by orders of magnitude, and rounding should not see it.
+
+
+def state_scale(A: RealArray) -> RealArray:
+    """Return the powers of two s, (n,), for which rows and columns of A s_j / s_i have like norms (LAPACK's balancing)."""
+    if not A.size:
+        return np.ones(0)
+    _, (scale, _) = sla.matrix_balance(A, permute=False, separate=True)
+    return np.asarray(scale, dtype=float)
+
+
+def scaled(A: RealArray, scale: RealArray) -> RealArray:
+    """Return A in the states x_i / s_i: A s_j / s_i."""
+    return A * scale / scale[:, None]
+
+
+# ------------------------------------------------------------------------------------------------------------ gramians
+# Controllability and observability: matrices and Gramians (after Eq. 30).
+#
+# Everything here is written for controllability of (A, B); observability of (A, C) is that of (A', C').
+
+
+def krylov(A: RealArray, B: RealArray, blocks: int) -> RealArray:
+    """Return [B, A B, ..., A^(blocks-1) B], (n, m blocks)."""
+    parts = [B]
+    for _ in range(blocks - 1):
+        parts.append(A @ parts[-1])
+    return np.hstack(parts)
+
+
+def gramian(A: RealArray, B: RealArray, horizon: float | None, sampled: bool) -> RealArray:
+    """Return the Gramian over all time, or to a horizon in samples (sampled) or seconds."""
+    if horizon is None:
+        L = gramian_factor(A, B, sampled)
+        return np.asarray(L @ L.T)
+    if sampled and horizon != int(horizon):
+        raise DataError("a horizon of whole samples was asked", f"it is {horizon!r}", "Round it.")
+    checked = check_count("horizon", int(horizon)) if sampled else check_positive("horizon", horizon)
+    return finite_gramian(A, B, checked, sampled)
+
+
+def finite_gramian(A: RealArray, B: RealArray, horizon: float, sampled: bool) -> RealArray:
+    """Return sum_{k < horizon} A^k B B' A'^k of a sampled model, or the integral of exp(A t) B B' exp(A' t) to `horizon`.
+
+    By doubling, W(a + b) = W(a) + E(a) W(b) E(a)' with E the transition over a: exact for any model, stable or not.
+    """
+    n = A.shape[0]
+    if sampled:
+        unit, transition, steps = B @ B.T, np.array(A), int(horizon)
+    else:
+        # so many halvings that the exponential of the block matrix, which holds -A, cannot grow
+        halvings = max(0, int(np.ceil(np.log2(max(float(np.linalg.norm(A, 1)) * horizon, 1.0)))))
+        step = horizon / 2**halvings
+        block = sla.expm(np.block([[-A, B @ B.T], [np.zeros((n, n)), A.T]]) * step)
+        transition = block[n:, n:].T
+        unit, steps = transition @ block[:n, n:], 2**halvings
+    total, passed = np.zeros((n, n)), np.eye(n)
+    while steps:
+        if steps % 2:
+            total = total + passed @ unit @ passed.T
+            passed = passed @ transition
+        unit = unit + transition @ unit @ transition.T
+        transition = transition @ transition
+        steps //= 2
+    return np.asarray((total + total.T) / 2)
+
+
+def gramian_factor(A: RealArray, B: RealArray, sampled: bool) -> RealArray:
+    """Return L, (n, n), with L L' the Gramian over all time of a stable model.
+
+    By Smith's doubling, L <- [L, A^(2^k) L] compressed by QR: the factor is found without squaring it, so that small
+    Hankel singular values keep their digits. A continuous model is first mapped to a sampled one of the same Gramian.
+
+    Raises
+    ------
+    DataError
+        A pole that does not decay.
+    """
+    values = np.linalg.eigvals(A)
+    growing = np.abs(values) >= 1 if sampled else values.real >= 0
+    if growing.any():
+        raise DataError(
+            "a Gramian over all time was asked",
+            f"{int(growing.sum())} of the {values.size} poles do not decay",
+            "Give a finite horizon, or leave those poles out.",
+        )
+    n, scale = A.shape[0], state_scale(A)
+    A, B = scaled(A, scale), B / scale[:, None]
+    if not sampled:
+        # Cayley's map at the geometric mean of the poles' moduli keeps fast and slow ones alike away from the unit circle
+        shift = float(np.exp(np.mean(np.log(np.abs(values))))) if n else 1.0
+        inverse = np.linalg.inv(shift * np.eye(n) - A)
+        A, B = inverse @ (shift * np.eye(n) + A), np.sqrt(2 * shift) * inverse @ B
+    L, power = _compressed(B), A
+    while np.linalg.norm(power) > np.finfo(float).eps:
+        L = _compressed(np.hstack([L, power @ L]))
+        power = power @ power
+    return np.hstack([L, np.zeros((n, n - L.shape[1]))]) * scale[:, None]
+
+
+def _compressed(L: RealArray) -> RealArray:
+    """Return at most n columns with the same L L'."""
+    triangle: RealArray = np.linalg.qr(L.T)[1]
+    return triangle.T
+
+
+# ----------------------------------------------------------------------------------------------------------- recursion
+# The recursion x(k+1) = A x(k) + B u(k), y(k) = C x(k) + D u(k) of a sampled model (Eqs. 5, 11).
+
+
+def markov_parameters(A: RealArray, B: RealArray, C: RealArray, samples: int) -> RealArray:
+    """Return Y(k) = C A^k B, k = 0 ... samples - 1, (samples, l, m)."""
+    states, state = np.empty((samples, B.shape[1], len(A))), np.array(B)
+    for k in range(samples):
+        states[k] = state.T
+        state = A @ state
+    # one product for all samples: outputs are many beside inputs
+    values = states.reshape(-1, len(A)) @ C.T
+    return np.ascontiguousarray(values.reshape(samples, B.shape[1], len(C)).transpose(0, 2, 1))
+
+
+def simulated(model: Quadruple, inputs: ArrayLike, initial: ArrayLike | None) -> RealArray:
+    """Return the outputs (N, l) for inputs (N, m) and a state to start from (see `StateSpace.simulate`)."""
+    u = real_array("inputs", inputs, "(samples, inputs)", 2)
+    if u.shape[1] != model.B.shape[1]:
+        raise DataError(
+            f"inputs of {model.B.shape[1]} channels were asked",
+            f"there are {u.shape[1]}",
+            "Give one column an input.",
+        )
+    states = _states(model.A, u @ model.B.T, _initial(model, initial))
+    return np.asarray(states @ model.C.T + u @ model.D.T)
+
+
+def predicted(model: Quadruple, signals: Signals, initial: ArrayLike | None) -> RealArray:
+    """Return one-step predictions of a record's outputs (see `StateSpace.predict`): x(k+1) = (A - K C) x + (B - K D) u + K y."""
+    if model.gain is None:
+        raise DataError(
+            "one-step predictions were asked",
+            "the model has no gain",
+            "Identify it from records with method='n4sid', give gain=, or use simulate().",
+        )
+    _check_record(model, signals)
+    outputs, inputs = signals.by_run()
+    u = np.zeros((*outputs.shape[:2], 0)) if inputs is None else inputs
+    A, B = model.A - model.gain @ model.C, model.B - model.gain @ model.D
+    start = _initial(model, initial)
+    runs = [
+        _states(A, v @ B.T + y @ model.gain.T, start) @ model.C.T + v @ model.D.T
+        for y, v in zip(outputs, u, strict=True)
+    ]
+    return np.asarray(np.stack(runs).reshape(signals.outputs.shape))
+
+
+def _check_record(model: Quadruple, signals: Signals) -> None:
+    l, m = model.D.shape
+    rate = 1 / model.dt if model.dt else np.nan
+    if (len(signals.output_dofs), len(signals.input_dofs)) != (l, m) or not np.isclose(signals.sampling_rate, rate):
+        raise DataError(
+            f"predictions of {l} outputs from {m} inputs at {rate:g} Hz were asked",
+            f"the record has {len(signals.output_dofs)} outputs and {len(signals.input_dofs)} inputs at {signals.sampling_rate:g} Hz",
+            "Select the model's channels, and resample to its rate.",
+        )
+
+
+def _initial(model: Quadruple, initial: ArrayLike | None) -> RealArray:
+    x = np.zeros(model.order) if initial is None else np.array(real_array("initial", initial, "(states,)", 1))
+    if x.shape != (model.order,):
+        raise DataError(f"initial needs {model.order} entries", f"it has {x.size}", "Give one a state.")
+    return x
+
+
+def _states(A: RealArray, driven: RealArray, x: RealArray) -> RealArray:
+    """Return x(k), (N, n), of x(k+1) = A x(k) + driven(k)."""
+    states = np.empty((len(driven), A.shape[0]))
+    for k, push in enumerate(driven):
+        states[k] = x
+        x = A @ x + push
+    return states
+
+
+# ----------------------------------------------------------------------------------------------------------- resolvent
+
+#: Complex numbers that a sum over many lines may hold at once, 64 MB.
+HELD = 4_000_000
+
+
+def transfer(A: RealArray, B: RealArray, C: RealArray, D: RealArray, points: ComplexArray) -> ComplexArray:
+    """Return D + C (x I - A)^-1 B at every point, (points, l, m): one Schur form A = Z S Z*, then back substitution (Eq. 75).
+
+    Raises
+    ------
+    DataError
+        A point that is a pole.
+    """
+    n, m = B.shape
+    scale = state_scale(A)
+    S, Z = sla.schur(scaled(A, scale), output="complex")
+    right, left, poles = Z.conj().T @ (B / scale[:, None]), (C * scale) @ Z, np.diag(S)
+    values = np.empty((points.size, C.shape[0], m), dtype=complex)
+    step = max(1, HELD // max(1, n * m))
+    for first in range(0, points.size, step):
+        x = points[first : first + step]
+        if np.any(x[:, None] == poles):
+            raise DataError(
+                "a transfer function was asked at a pole of the model",
+                "it is infinite there",
+                "Leave that frequency out.",
+            )
+        solution = np.empty((n, x.size, m), dtype=complex)
+        for i in range(n - 1, -1, -1):
+            above = np.tensordot(S[i, i + 1 :], solution[i + 1 :], axes=1)
+            solution[i] = (right[i] + above) / (x - poles[i])[:, None]
+        values[first : first + step] = np.moveaxis(np.tensordot(left, solution, axes=1), 0, 1)
+    return np.asarray(values + D)

@@ -1,0 +1,346 @@
+"""Orthonormal bases of tall arrays by Cholesky factors, where their condition allows it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import scipy.linalg as sla
+
+from modalscope.numerics.checks import RealArray
+
+__all__ = [
+    "energy_left",
+    "factor_of_gram",
+    "less",
+    "orthonormal",
+    "orthonormal_by",
+    "resolved",
+    "scaled_span",
+    "spanning",
+    "stacked_factor",
+    "triangle_of",
+]
+
+
+# ----------------------------------------------------------------------------------------------------------- triangles
+# Triangular factors of tall matrices in chunks: by their Gram matrix where that is accurate, else twice, else by orthogonal steps.
+#
+# R'R = sum of chunk'chunk. The Gram matrix costs a quarter of the time and squares the condition: its factor is taken where every column
+# keeps a ten-thousandth of its length beside the ones before it, which leaves eight digits. Where one keeps less, the Gram matrix S'S of
+# chunk R^-1, nearly the identity, gives what is missing: S R is accurate to rounding (Yamamoto and others, "Roundoff error analysis of the
+# CholeskyQR2 algorithm", ETNA 44, 2015), in three quarters of the time of reflections.
+
+#: Length that each column must keep beside the ones before it.
+_OWN = 1e-4
+
+#: Length from which on a first factor can be bettered by a second, and that each column must then keep: it is nearly one.
+_SEEN, _NEARLY = 1e-6, 0.5
+
+
+def triangle_of(
+    chunks: Callable[[], Iterator[RealArray]], columns: int, least: float = _OWN, gram: RealArray | None = None
+) -> RealArray:
+    """Return R (at most columns, columns) of all rows that the chunks give together.
+
+    Parameters
+    ----------
+    chunks : callable
+        Gives the chunks, (rows, columns) each, from the first on; it is called again where the Gram matrix is not accurate.
+    columns : int
+    least : float
+        Length that each column must keep beside the ones before it for the Gram matrix to be enough; R is then known to 1e-16 / least^2.
+    gram : array, optional
+        R'R of more rows than columns, where it is known already; its place is used.
+    """
+    if gram is None:
+        gram, rows = _gram(chunks(), columns)
+    else:
+        rows = columns + 1
+    R = factor_of_gram(gram, overwrite=True, least=_SEEN) if rows > columns else None
+    if R is None:
+        return _orthogonally(chunks(), columns)
+    size, own = np.linalg.norm(R, axis=0), np.diag(R)
+    if np.all(own >= least * size):
+        return R
+    divisor = np.asfortranarray(R + np.diag(np.where(size > 0, 0.0, 1.0)))
+    level = (sla.blas.dtrsm(1.0, divisor, chunk.T, trans_a=1).T for chunk in chunks())
+    S = factor_of_gram(_gram(level, columns)[0], overwrite=True, least=_NEARLY)
+    return _orthogonally(chunks(), columns) if S is None else np.asarray(S @ R)
+
+
+def _gram(chunks: Iterator[RealArray], columns: int) -> tuple[RealArray, int]:
+    """Return the Gram matrix of all chunks, its upper triangle, and how many rows they have."""
+    gram, rows = np.zeros((columns, columns), order="F"), 0
+    for chunk in chunks:
+        sla.blas.dsyrk(1.0, chunk.T, beta=1.0, c=gram, overwrite_c=1)  # in its place
+        rows += len(chunk)
+    return gram, rows
+
+
+def _orthogonally(chunks: Iterator[RealArray], columns: int) -> RealArray:
+    """Return R by Householder's reflections, in one place that holds R and as many rows again."""
+    place = np.zeros((2 * columns, columns), order="F")
+    filled = 0
+    for chunk in chunks:
+        for start in range(0, len(chunk), columns):
+            part = chunk[start : start + columns]
+            if filled + len(part) > len(place):
+                filled = _reflected(place, filled)
+            place[filled : filled + len(part)] = part
+            filled += len(part)
+    filled = _reflected(place, filled)
+    return np.ascontiguousarray(place[:filled])
+
+
+def _reflected(place: RealArray, filled: int) -> int:
+    """Replace the filled rows by their triangular factor, and return how many rows that has."""
+    columns: int = place.shape[1]
+    place[filled:] = 0
+    sla.lapack.dgeqrf(place, overwrite_a=1)
+    for k in range(columns):
+        place[k + 1 :, k] = 0
+    return min(filled, columns)
+
+
+def factor_of_gram(gram: RealArray, *, overwrite: bool = False, least: float = _OWN) -> RealArray | None:
+    """Return the upper triangular R with R'R = G, columns of zeros left as they are; None where a column is hardly one of its own.
+
+    Parameters
+    ----------
+    gram : array, (n, n)
+        G; its upper triangle is read.
+    overwrite : bool
+        Whether its place may be used.
+    least : float
+        Length that each column must keep beside the ones before it.
+
+    Examples
+    --------
+    >>> factor_of_gram(np.array([[4.0, 2.0], [2.0, 2.0]]))
+    array([[2., 1.],
+           [0., 1.]])
+    >>> factor_of_gram(np.ones((2, 2))) is None
+    True
+    """
+    size = np.sqrt(np.diag(gram))
+    alive = size > 0
+    level = gram if overwrite else np.array(gram, order="F")
+    level /= np.where(alive, size, 1)
+    level /= np.where(alive, size, 1)[:, None]
+    level[~alive, ~alive] = 1
+    found, failed = sla.lapack.dpotrf(level, lower=0, clean=1, overwrite_a=1)
+    own = np.diag(found)[alive]
+    if failed or not np.all(np.isfinite(own)) or own.min(initial=1.0) < least:
+        return None
+    found *= size
+    return np.asarray(found)
+
+
+def stacked_factor(R: RealArray, chunk: RealArray) -> RealArray:
+    """Return the triangular factor of R above a chunk; both as they are where they are wide."""
+    stacked = np.vstack([R, chunk]) if len(R) else np.array(chunk, dtype=float)
+    if len(stacked) <= stacked.shape[1]:
+        return stacked
+    found = sla.qr(stacked, mode="r", overwrite_a=True, check_finite=False)[0]
+    return np.asarray(found[: stacked.shape[1]], dtype=float)
+
+
+# --------------------------------------------------------------------------------------------------------- orthonormal
+
+#: Distance from orthonormal columns within which a pass reaches rounding: the condition is then below (1 + .1) / (1 - .1).
+_NEAR = 0.1
+
+
+def orthonormal(columns: RealArray) -> RealArray:
+    """Return orthonormal columns of the same span, (K, k): one or two passes X R^-1 with R'R = X'X, which are products, or Householder's.
+
+    The first pass leaves about eps times the square of the condition, columns brought to one length: rounding where they are nearly
+    orthogonal, as what comes out of a Gram matrix' eigenvectors is. Where it is small beside one the second pass leaves rounding; other
+    columns cost a tenth more for the trial.
+
+    Parameters
+    ----------
+    columns : array, (K, k)
+        K >= k.
+
+    References
+    ----------
+    Yamamoto, Nakatsukasa, Yanagisawa and Fukaya, "Roundoff error analysis of the CholeskyQR2 algorithm", ETNA 44 (2015).
+
+    Examples
+    --------
+    >>> X = np.random.default_rng(0).standard_normal((50, 3)) * [1, 1e-9, 1e5]
+    >>> Q = orthonormal(X)
+    >>> bool(np.allclose(Q.T @ Q, np.eye(3), atol=1e-14)), bool(np.allclose(Q @ (Q.T @ X), X, rtol=1e-12))
+    (True, True)
+    """
+    base, by = orthonormal_by(columns)
+    return base if by is None else np.asarray(base @ by)
+
+
+def orthonormal_by(columns: RealArray) -> tuple[RealArray, RealArray | None]:
+    """Return X (K, k) and T (k, k) of which X T is what `orthonormal` gives, for products that take T last; T is None where X is that."""
+    size = np.sqrt(np.einsum("kj,kj->j", columns, columns))
+    if not np.all(size > 0) or not np.all(np.isfinite(size)):
+        return np.asarray(np.linalg.qr(columns)[0]), None
+    found = columns
+    for scale in (size, np.ones_like(size)):
+        gram = found.T @ found / np.outer(scale, scale)
+        near = np.linalg.norm(gram - np.eye(len(size))) <= _NEAR
+        if found is not columns and not near:
+            break
+        try:
+            inverse = sla.lapack.dtrtri(sla.cholesky(gram, check_finite=False))[0]
+        except sla.LinAlgError:
+            break
+        by = np.asarray(inverse / scale[:, None])
+        if near:
+            return found, by
+        found = np.asarray(found @ by)
+    return np.asarray(np.linalg.qr(columns)[0]), None
+
+
+# ---------------------------------------------------------------------------------------------------------- orthogonal
+# Orthonormal columns with the same span, for matrices of many rows and few columns.
+
+#: From so many rows on reflections take longer than two Cholesky factors.
+_MANY_ROWS = 3000
+
+
+#: Rows that two products take at a time: what lies between them stays in the cache.
+_AT_A_TIME = 256
+
+#: Eigenvalues of a Gram matrix below this part of the largest are near rounding; what is left below that part of the data is, too.
+_DEPENDENT, _LEAST = 1e-11, 1e-8
+
+#: Largest relative error, by a bound that is met to a hundredth or so, of an energy that is told as a difference.
+_EXACT = 1e-7
+
+
+def resolved(X: RealArray, data: RealArray) -> tuple[RealArray, RealArray]:
+    """Return Q'D and R of Q R = X: of many rows by two Cholesky factors of Gram matrices, as exact as reflections.
+
+    Columns are brought to one length for that. The first basis X R1^-1, by substitution row by row, is orthonormal but for eps times the
+    squared condition; where its own Gram matrix shows that to be small, the second factor leaves rounding. It is applied to what the first
+    basis sees of the data, as reflections are to the data: Q is never made.
+
+    Parameters
+    ----------
+    X : array, (K, k)
+        Columns that are not zero.
+    data : array, (K, q)
+
+    References
+    ----------
+    Yamamoto et al., "Roundoff error analysis of the CholeskyQR2 algorithm", Electronic Transactions on Numerical Analysis 44 (2015).
+    """
+    if not X.size:  # no modes: LAPACK has no reflections for them
+        return np.zeros((0, data.shape[1])), np.zeros((0, X.shape[1]))
+    gram = X.T @ X
+    scale = np.sqrt(np.diag(gram))
+    first = _triangle(gram / np.outer(scale, scale)) if len(X) > _MANY_ROWS else None
+    if first is not None:
+        first = np.asfortranarray(first * scale)
+        near, seen = np.zeros_like(gram), np.zeros((len(scale), data.shape[1]))
+        for start in range(0, len(X), _AT_A_TIME):
+            some = np.array(X[start : start + _AT_A_TIME], order="F")
+            rows = sla.blas.dtrsm(1.0, first, some, side=1, overwrite_b=1)
+            near += rows.T @ rows
+            seen += rows.T @ data[start : start + _AT_A_TIME]
+        second = _triangle(near) if np.linalg.norm(near - np.eye(len(near))) <= _NEAR else None
+        if second is not None:
+            found = sla.solve_triangular(second, seen, trans=1, check_finite=False)
+            return np.asarray(found), np.asarray(second @ first)
+    mirrored, R = sla.qr_multiply(X / scale, data.T, mode="right", overwrite_a=True)
+    return np.asarray(mirrored.T, dtype=float), np.asarray(R * scale, dtype=float)
+
+
+def spanning(gram: RealArray) -> tuple[RealArray, RealArray]:
+    """Return W and R of columns P (K, k), from their products P'P (k, k): P W is orthonormal, and P = P W R.
+
+    With columns of length one P'P = V L V', W = V L^-1/2 and R = L^1/2 V', without directions that products cannot tell from dependent
+    ones.
+    """
+    W, R, _ = _spanned(gram)
+    return W, R
+
+
+def less(data: RealArray, columns: RealArray) -> RealArray:
+    """Return data (K, q) less all that columns (K, k) explain.
+
+    By their products, in a third of the time of an orthogonal basis; twice, as what is left is inexact to rounding times the condition;
+    data that are explained to 1e-4 by the orthogonal basis.
+    """
+    columns = _finite(columns)
+    return _less(data, columns, _spanned(columns.T @ columns)[0])
+
+
+def energy_left(data: RealArray, columns: RealArray) -> RealArray:
+    """Return the sums of squares of `less(data, columns)`, (q,): as differences where digits allow, else of the values themselves."""
+    columns = _finite(columns)
+    W, _, spread = _spanned(columns.T @ columns)
+    whole, seen = np.einsum("kq,kq->q", data, data), W.T @ (columns.T @ data)
+    left = whole - np.einsum("kq,kq->q", seen, seen)
+    # a direction is known to rounding times the condition, and takes that share of all others with it
+    error = np.finfo(float).eps * np.sqrt(whole) * (spread @ np.abs(seen))
+    rounded = ~(left * _EXACT > error)
+    if np.any(rounded):
+        rest = _less(data[:, rounded], columns, W)
+        left[rounded] = np.einsum("kq,kq->q", rest, rest)
+    return np.asarray(left)
+
+
+def _finite(columns: RealArray) -> RealArray:
+    """Return columns whose squares can be summed: only what they span counts."""
+    if np.isfinite(np.einsum("kc,kc->", columns, columns)):
+        return columns
+    size = np.abs(columns).max(axis=0)
+    return np.asarray(columns / np.where(size > 0, size, 1.0))
+
+
+def _spanned(gram: RealArray) -> tuple[RealArray, RealArray, RealArray]:
+    """Return W and R as `spanning` does, and by how much smaller than the largest each direction is, squared."""
+    size = np.sqrt(np.diag(gram))
+    used = np.flatnonzero(size)
+    values, vectors = np.linalg.eigh(gram[np.ix_(used, used)] / np.outer(size[used], size[used]))
+    kept = values > _DEPENDENT * values.max(initial=0.0)
+    root, V = np.sqrt(values[kept]), vectors[:, kept]
+    W, R = np.zeros((size.size, root.size)), np.zeros((root.size, size.size))
+    W[used], R[:, used] = V / root / size[used, None], (root[:, None] * V.T) * size[used]
+    return W, R, values.max(initial=0.0) / values[kept]
+
+
+def _less(data: RealArray, columns: RealArray, W: RealArray) -> RealArray:
+    left = data
+    for _ in range(2):
+        left = left - columns @ (W @ (W.T @ (columns.T @ left)))
+    if np.sum(left**2) < _LEAST * np.sum(data**2):
+        Q = np.asarray(np.linalg.qr(columns[:, np.any(W, axis=1)])[0])
+        left = data - Q @ (Q.T @ data)
+    return np.asarray(left)
+
+
+def _triangle(gram: RealArray) -> RealArray | None:
+    """Return R with R'R the Gram matrix; None where rounding leaves it no such factor."""
+    try:
+        return np.asarray(np.linalg.cholesky(gram).T)
+    except np.linalg.LinAlgError:
+        return None
+
+
+def scaled_span(columns: RealArray) -> RealArray:
+    """Return an orthonormal basis of what columns span, each brought to length one first, with one copy of long columns beside it.
+
+    Parameters
+    ----------
+    columns : array, (K, k)
+    """
+    size = np.sqrt(np.einsum("kj,kj->j", columns, columns))
+    if not np.any(size > 0):
+        return np.zeros((len(columns), 0))
+    # LAPACK makes no copy of columns that lie one after the other
+    scaled = columns.copy("F") if np.all(size > 0) else np.asfortranarray(columns[:, size > 0])
+    scaled /= size[size > 0]
+    U, s, _ = sla.svd(scaled, full_matrices=False, overwrite_a=True)
+    return np.asarray(U[:, : np.count_nonzero(s > max(scaled.shape) * np.finfo(float).eps * s[0])])

@@ -1,0 +1,192 @@
+"""Sums over chunks of data: add a chunk, merge two, finish. Files longer than memory, threads and clusters are one loop over chunks."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from pathlib import Path
+from secrets import token_hex
+from typing import IO, Protocol, Self, TypeVar
+
+import numpy as np
+import scipy.linalg as sla
+
+from modalscope.numerics.checks import BoolArray, RealArray
+from modalscope.numerics.executors import crew
+from modalscope.numerics.resources import fetched, namespace
+
+__all__ = ["SavedSums", "Sums", "TriangleSum"]
+
+
+Result_co = TypeVar("Result_co", covariant=True)
+
+
+class Sums(Protocol[Result_co]):
+    """What is gathered chunk by chunk: the order of the chunks, and who gathered which, changes nothing but rounding."""
+
+    def add(self, chunk: RealArray) -> None:
+        """Take one chunk in."""
+
+    def merge(self, other: Self) -> None:
+        """Take in what another has gathered."""
+
+    def finish(self) -> Result_co:
+        """What the chunks give together."""
+
+
+class TriangleSum:
+    """Triangular factor R of rows that come in chunks, R'R = sum of chunk'chunk: exact, with nothing of the data's size kept.
+
+    Parameters
+    ----------
+    columns : int
+        Length of a row.
+
+    Examples
+    --------
+    >>> X = np.random.default_rng(0).standard_normal((50, 3))
+    >>> total = TriangleSum(3)
+    >>> for chunk in np.split(X, 5):
+    ...     total.add(chunk)
+    >>> R = total.finish()
+    >>> bool(np.allclose(R.T @ R, X.T @ X)), R.shape
+    (True, (3, 3))
+    """
+
+    def __init__(self, columns: int) -> None:
+        self._R: RealArray = np.zeros((0, columns))
+
+    def add(self, chunk: RealArray) -> None:
+        """Take rows (k, columns) in."""
+        stacked = np.asarray(np.vstack([self._R, chunk]), dtype=float)
+        columns = stacked.shape[1]
+        if len(stacked) >= columns:
+            stacked = _triangle(stacked)
+        self._R = stacked
+
+    def merge(self, other: TriangleSum) -> None:
+        """Take in the rows of another sum."""
+        self.add(other._R)
+
+    def finish(self) -> RealArray:
+        """Return R, (at most columns, columns): fewer rows where fewer were added."""
+        return self._R
+
+
+def _triangle(rows: RealArray) -> RealArray:
+    """Return R of Q R = rows, (columns, columns), computed where large products are."""
+    placed, columns = crew().place(rows), rows.shape[1]
+    if placed is not rows:
+        return fetched(namespace(placed).linalg.qr(placed)[1])
+    return np.asarray(sla.qr(rows, mode="r", overwrite_a=True, check_finite=False)[0], dtype=float)[:columns]
+
+
+# ---------------------------------------------------------------------------------------------------------- saved sums
+# Partial sums in a file: written beside it and moved into place, so that a run that is stopped goes on where it was.
+
+#: Files of sums that are under way, which can be gone on from once they are there, and temporary ones that are being written: what ends
+#: the process without an exception speaks of the first and takes the others away itself.
+UNDER_WAY: set[Path] = set()
+PENDING: set[Path] = set()
+
+#: Seconds from one writing to the next, at least, and so many times as long as it took: what is kept costs little.
+_SECONDS, _TIMES = 10.0, 20.0
+
+#: Bytes of the digest that a file begins with.
+_DIGEST = 32
+
+
+class SavedSums:
+    """Sums of blocks, and which tasks are in them; in a file, where a folder is given.
+
+    Parameters
+    ----------
+    folder : path or None
+    work : str
+        All that decides the numbers: another work has a file of its own.
+    shape : tuple of int
+        Of the sums, blocks first.
+    tasks : int
+
+    Examples
+    --------
+    >>> saved = SavedSums(None, "sums of nothing", (1, 2), tasks=3)
+    >>> saved.add(2, 0, np.ones(2))
+    >>> saved.done.tolist(), saved.sums.tolist()
+    ([False, False, True], [[1.0, 1.0]])
+    """
+
+    def __init__(self, folder: Path | None, work: str, shape: tuple[int, ...], tasks: int) -> None:
+        self.sums: RealArray = np.zeros(shape)
+        self.done: BoolArray = np.zeros(tasks, dtype=bool)
+        self._path = None if folder is None else folder / f"sums-{_name(work, shape, tasks)}.npz"
+        self._next = time.monotonic() + _SECONDS
+        self._kept = 0
+        if self._path is not None:
+            UNDER_WAY.add(self._path)
+        self._take_up()
+
+    def add(self, task: int, block: int, sums: RealArray) -> None:
+        """Take in the sums of a task.
+
+        Parameters
+        ----------
+        task, block : int
+        sums : array
+        """
+        self.sums[block] += sums
+        self.done[task] = True
+        if time.monotonic() >= self._next:
+            self.keep()
+
+    def keep(self) -> None:
+        """Write what there is, if it is more than was written."""
+        if self._path is None or self._kept == self.done.sum():
+            return
+        began = time.monotonic()
+        temporary = self._path.with_name(f".{self._path.stem}-{token_hex(4)}.npz")
+        PENDING.add(temporary)
+        try:
+            with temporary.open("wb+") as file:
+                file.write(bytes(_DIGEST))
+                np.savez(file, sums=self.sums, done=self.done)
+                digest = _digest(file)
+                file.seek(0)
+                file.write(digest)
+            temporary.replace(self._path)
+        finally:
+            temporary.unlink(missing_ok=True)
+            PENDING.discard(temporary)
+        self._kept = int(self.done.sum())
+        self._next = time.monotonic() + max(_SECONDS, _TIMES * (time.monotonic() - began))
+
+    def forget(self) -> None:
+        """Take the file away: all is done."""
+        if self._path is not None:
+            UNDER_WAY.discard(self._path)
+            self._path.unlink(missing_ok=True)
+
+    def _take_up(self) -> None:
+        """Read what was kept; a file that is damaged is none."""
+        if self._path is None or not self._path.exists():
+            return
+        with self._path.open("rb") as file:
+            if file.read(_DIGEST) != _digest(file):
+                return
+            file.seek(_DIGEST)
+            with np.load(file, allow_pickle=False) as kept:
+                self.sums, self.done = kept["sums"], kept["done"]
+        self._kept = int(self.done.sum())
+
+
+def _digest(file: IO[bytes]) -> bytes:
+    """Return what tells that all after the digest itself is as it was written."""
+    file.seek(_DIGEST)
+    digest = hashlib.sha256()
+    while part := file.read(1 << 20):
+        digest.update(part)
+    return digest.digest()
+
+
+def _name(work: str, shape: tuple[int, ...], tasks: int) -> str:
+    return hashlib.sha256(f"{work} {shape} {tasks}".encode()).hexdigest()[:24]

@@ -1,0 +1,38 @@
+"""Deviations of rows from a variance that is known, or that is an estimate itself."""
+
+import numpy as np
+import pytest
+
+from modalscope.likelihood.whitening import from_variance
+
+LINES, AVERAGES = 2000, 4
+
+
+def estimated(true, seed=0):
+    """Variances of the mean of complex noise, estimated from so many averages: chi squared of 2 (n - 1)."""
+    rng = np.random.default_rng(seed)
+    free = 2 * (AVERAGES - 1)
+    return true[:, None, None] * rng.chisquare(free, (len(true), 2, 1)) / free
+
+
+def test_a_known_variance_is_taken_line_by_line():
+    true = np.exp(np.sin(np.arange(LINES) / 3.0))
+    by_row, levels = from_variance(np.tile(true[:, None, None], (1, 2, 1)), 2 * LINES)
+    assert by_row == pytest.approx(np.tile(np.sqrt(true), 2))
+    assert levels.outputs * levels.inputs[0] == pytest.approx(np.full(2, 1 / np.sqrt(2)))
+
+
+def test_an_estimate_scatters_less_than_its_lines_do():
+    """ln of a chi squared over its freedom n scatters by trigamma(n / 2); 21 lines and two channels leave a 42nd, three a sixth."""
+    plain, _ = from_variance(estimated(np.ones(LINES)), LINES)
+    even, _ = from_variance(estimated(np.ones(LINES)), LINES, scattered=True)
+    assert np.std(np.log(even)) < 0.4 * np.std(np.log(plain))
+    assert np.min(even) > 0.7 > np.min(plain)  # no line is quiet by chance
+
+
+def test_a_loud_resonance_stays_as_loud():
+    true = np.ones(LINES)
+    true[1000:1003] = 100.0
+    by_row, _ = from_variance(np.tile(true[:, None, None], (1, 2, 1)), LINES, scattered=True)
+    assert by_row[1001] == pytest.approx(10.0)
+    assert by_row[900] == pytest.approx(1.0)
