@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from tests.judging.test_ambient import measured
+from tests.judging.test_ambient_selection import measured
 
 
 def record_of(seed: int) -> ms.Signals:

@@ -43,7 +43,7 @@ __all__ = [
 EXTRA = 20
 
 #: Up to this many entries, and while the shorter side stays below `_DENSE_SIDE`, the dense route takes a fraction of a second.
-_DENSE_ENTRIES_COSTS, _DENSE_SIDE = 250_000, 400
+_DENSE_ENTRIES, _DENSE_SIDE = 250_000, 400
 
 #: How much longer than a matrix product an operation takes: of reflections, of an orthogonalization by two Cholesky factors, of
 #: eigenvectors, of a singular value decomposition. Measured on one thread.
@@ -103,7 +103,7 @@ def costs_of(matrix: Operator, wanted: int) -> tuple[Cost, ...]:
         return costs_of(matrix.transposed(), wanted)
     k = min(wanted + EXTRA, columns)
     dense = Cost("dense", _SINGULAR * 6 * rows * columns**2, 8.0 * 3 * rows * columns)
-    if k == columns or (rows * columns <= _DENSE_ENTRIES_COSTS and columns <= _DENSE_SIDE):
+    if k == columns or (rows * columns <= _DENSE_ENTRIES and columns <= _DENSE_SIDE):
         return (dense,)
     product = matrix.product_operations * k
     both = 8.0 * k * (rows + columns)
@@ -140,9 +140,6 @@ def speed() -> float:
 
 #: What may be asked for.
 FACTORIZATIONS = ("auto", "dense", "gram", "randomized", "lanczos")
-
-#: Up to this many entries the dense route takes a fraction of a second.
-_DENSE_ENTRIES = 250_000
 
 #: Ratio of singular values below which the Gram route alone loses more digits than noise-free work may.
 _PASS_BELOW = 1e-3

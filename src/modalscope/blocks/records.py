@@ -197,7 +197,7 @@ def _words(size: float) -> str:
 # and k. That takes 2 F (2 q + 1) (1 + m + l)^2 products instead of 2 F ((q + 1) (1 + m + l))^2.
 
 #: Numbers in the products of channels that are taken at a time: 4 MB, and as many again for imaginary parts.
-_NUMBERS_RECORD_GRAM = 1 << 19
+_NUMBERS_OF_GRAM = 1 << 19
 
 #: Lines among which the points are chosen, and lines a point below which columns are as cheap.
 _AMONG, _EACH = 8192, 4
@@ -249,7 +249,7 @@ class _Products:
 
     def __init__(self, c: int) -> None:
         self.ends = np.concatenate([[0], np.cumsum(np.arange(c, 0, -1))])
-        self.lines = max(_NUMBERS_RECORD_GRAM // int(self.ends[-1]), 1)
+        self.lines = max(_NUMBERS_OF_GRAM // int(self.ends[-1]), 1)
         self._place = scratch(3 * int(self.ends[-1]) * self.lines).reshape(3, -1)
         self.real: RealArray = np.zeros(1)
         self.imag: RealArray = np.zeros(1)
@@ -289,7 +289,7 @@ def _arranged(sums: RealArray, given: int) -> RealArray:
 # The columns of one run of records on lines: polynomials times a one, the inputs that the run has, and the outputs.
 
 #: Numbers in the columns of the lines that are taken at a time, complex ones: 2 MB, or an eighth of their products.
-_NUMBERS_RUN_COLUMNS, _EIGHTH = 1 << 17, 8
+_NUMBERS_OF_COLUMNS, _EIGHTH = 1 << 17, 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -341,7 +341,7 @@ class RunColumns:
         """Yield which of the lines, all or some, and the columns on them, real parts above imaginary ones."""
         own, drives, given, wide = self.own, self.drives, self.given, self.count
         step, count = (
-            max(_NUMBERS_RUN_COLUMNS // wide, wide // _EIGHTH),
+            max(_NUMBERS_OF_COLUMNS // wide, wide // _EIGHTH),
             own.stop - own.start if some is None else some.size,
         )
         for start in range(0, count, step):

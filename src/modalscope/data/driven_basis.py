@@ -285,7 +285,7 @@ def _least(known: RealArray, target: RealArray) -> RealArray:
 # The lines of all runs with what drives them, whole: columns of poles, and what a model gives on them.
 
 #: Complex numbers in the columns, or in the outputs, that are made at a time: 1 MB.
-_NUMBERS_DRIVEN_LINES = 1 << 16
+_NUMBERS_OF_LINES = 1 << 16
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -335,7 +335,7 @@ class DrivenLines:
         self, poles: Array, shapes: Array, participation: Array, direct: Array
     ) -> Iterator[tuple[slice, ComplexArray]]:
         """Yield some lines, and the outputs there (lines, l) of shapes (l, n), participation (n, m + R) and D (l, m)."""
-        alone, step = is_real(poles), max(_NUMBERS_DRIVEN_LINES // max(len(poles), len(shapes), 1), 1)
+        alone, step = is_real(poles), max(_NUMBERS_OF_LINES // max(len(poles), len(shapes), 1), 1)
         for start in range(0, len(self.points), step):
             s = slice(start, start + step)
             own, pair = DrivenLines(self.points[s], self.drives[s], self.inputs).pairs(poles, participation)

@@ -188,7 +188,7 @@ def _near(sums: ComplexArray) -> ComplexArray:
 NEAR = 3
 
 #: Complex numbers that are held at a time: 4 MB.
-_NUMBERS_RECORD_SUMS = 1 << 18
+_NUMBERS_AT_A_TIME = 1 << 18
 
 #: Inputs are alike where a direction of them, each of length one, is shorter than this; an input has part in it from so much on.
 _ALIKE, _SHARE = 1e-9, 1e-6
@@ -199,7 +199,7 @@ def line_power(lines: RecordSpectra) -> RealArray:
     scale = output_scale(lines)
     found: Any = np.empty(lines.count, np.float32)
     weight = np.where(scale > 0, scale, 1.0) ** -2.0
-    step = max(_NUMBERS_RECORD_SUMS // weight.size, 1)
+    step = max(_NUMBERS_AT_A_TIME // weight.size, 1)
     for start in range(0, lines.count, step):
         some = slice(start, start + step)
         found[some] = np.abs(lines.values[some, :, 0]) ** 2 @ weight
@@ -228,7 +228,7 @@ def smoothed(lines: RecordSpectra) -> Iterator[tuple[RealArray, ComplexArray]]:
     order = np.argsort(lines.frequencies, kind="stable")
     spans, beside = lines.spans_of_runs, np.arange(-NEAR, NEAR + 1)
     lowest, highest = (np.array([getattr(own, end) for own in spans]) for end in ("start", "stop"))
-    step = max(_NUMBERS_RECORD_SUMS // (lines.values.shape[1] * beside.size), 1)
+    step = max(_NUMBERS_AT_A_TIME // (lines.values.shape[1] * beside.size), 1)
     for start in range(0, order.size, step):
         some = order[start : start + step]
         r = lines.run[some, None]

@@ -135,7 +135,7 @@ def _onset(size: RealArray, begun: float) -> int:
 # Faults of time between channels: what is called input follows the output, and channels that come later than the others.
 
 #: Samples of a run, and runs, that are looked at.
-_SAMPLES_CAUSALITY_CHECKS, _RUNS_CAUSALITY_CHECKS = 1 << 16, 4
+_CAUSAL_SAMPLES, _CAUSAL_RUNS = 1 << 16, 4
 
 #: A cause comes first: its correlation with what follows has less energy on the wrong side of lag 0 than on the right one, whatever its
 #: spectrum. So many times more is no accident.
@@ -148,7 +148,7 @@ _FLOOR = 1.0
 _SURE = 8.0
 
 #: Segments of the spectra between outputs, and the least whose phases say something.
-_SEGMENTS_CAUSALITY_CHECKS, _LEAST_CAUSALITY_CHECKS = 16, 64
+_CAUSAL_SEGMENTS, _CAUSAL_LEAST = 16, 64
 
 #: With the delay taken out, phases lie on the real axis to this share, and the rest is at most this part of what it was without.
 _REAL, _BETTER = 0.85, 0.4
@@ -168,11 +168,10 @@ def exchanged(signals: Signals) -> list[Finding]:
     y = h * u with a causal h makes sum_(k > 0) R_yu(k)^2 the larger side, R_yu(k) = mean of y(t + k) u(t).
     """
     outputs, inputs = signals.by_run()
-    if inputs is None or signals.samples < 4 * _LEAST_CAUSALITY_CHECKS:
+    if inputs is None or signals.samples < 4 * _CAUSAL_LEAST:
         return []
     y, u = (
-        x[:_RUNS_CAUSALITY_CHECKS, :_SAMPLES_CAUSALITY_CHECKS]
-        - x[:_RUNS_CAUSALITY_CHECKS, :_SAMPLES_CAUSALITY_CHECKS].mean(axis=1, keepdims=True)
+        x[:_CAUSAL_RUNS, :_CAUSAL_SAMPLES] - x[:_CAUSAL_RUNS, :_CAUSAL_SAMPLES].mean(axis=1, keepdims=True)
         for x in (outputs, inputs)
     )
     lags = y.shape[1] // 8
@@ -222,10 +221,10 @@ def delayed(signals: Signals) -> list[Finding]:
     exp(-j w T). T maximizes sum c_ij^2 (S_ij / |S_ij|)^2 exp(2 j w T), c the coherence: the square does not see the signs.
     """
     outputs, _ = signals.by_run()
-    length = min(signals.runs * signals.samples // (_SEGMENTS_CAUSALITY_CHECKS // 2), signals.samples, 4096)
-    if outputs.shape[2] < 3 or length < _LEAST_CAUSALITY_CHECKS or len(set(signals.quantities)) > 1:
+    length = min(signals.runs * signals.samples // (_CAUSAL_SEGMENTS // 2), signals.samples, 4096)
+    if outputs.shape[2] < 3 or length < _CAUSAL_LEAST or len(set(signals.quantities)) > 1:
         return []
-    y = outputs[:, :_SAMPLES_CAUSALITY_CHECKS] - outputs[:, :_SAMPLES_CAUSALITY_CHECKS].mean(axis=1, keepdims=True)
+    y = outputs[:, :_CAUSAL_SAMPLES] - outputs[:, :_CAUSAL_SAMPLES].mean(axis=1, keepdims=True)
     halves = (y[:, : y.shape[1] // 2], y[:, y.shape[1] // 2 :])
     length = min(length, halves[0].shape[1])
     candidates = spanning_outputs(signals)

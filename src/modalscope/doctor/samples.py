@@ -26,13 +26,13 @@ __all__ = ["frozen", "jumps", "lone_outputs", "slips", "spikes", "wrapped"]
 # Samples that do not agree with those around them in any channel: weak spikes, and numbers that overflowed.
 
 #: How often Gaussian records of any length have one; a sample stands out by so much more than that.
-_BY_CHANCE_LONE_CHECKS, _MORE_LONE_CHECKS = 1e-3, 1.5
+_LONE_BY_CHANCE, _LONE_MORE = 1e-3, 1.5
 
 #: What is left around it once it is taken out is below this part of it.
 _LEFT = 0.25
 
 #: Samples on either side that say how large errors usually are.
-_NEAR_LONE_CHECKS = 100
+_LONE_NEAR = 100
 
 
 class Lone(NamedTuple):
@@ -84,9 +84,7 @@ def _alone(known: Joint) -> list[Lone]:
     W = np.linalg.inv(known.within(2 * p + 1))[p * l : (p + 1) * l].reshape(l, 2 * p + 1, l)
     ahead = np.asarray(np.linalg.inv(known.within(p + 1))[p * l :].reshape(l, p + 1, l), dtype=float)
     root = np.sqrt(np.diagonal(W[:, p]))
-    limit = _MORE_LONE_CHECKS * np.sqrt(
-        2 * np.log(known.runs.shape[0] * known.runs.shape[1] * l / _BY_CHANCE_LONE_CHECKS)
-    )
+    limit = _LONE_MORE * np.sqrt(2 * np.log(known.runs.shape[0] * known.runs.shape[1] * l / _LONE_BY_CHANCE))
     # of one number added to channel i at time 0, in the errors at the times -p ... p
     pattern = W[:, ::-1].transpose(1, 0, 2) / root[:, None] / root
     found = []
@@ -116,7 +114,7 @@ def _stands(z: RealArray, k: int, i: int, blow: RealArray, pattern: RealArray, l
     if own < np.abs(z[first:last]).max():
         return False
     left = z[first:last] - z[k, i] * pattern[first - k + p : last - k + p]
-    usual = NORMAL * float(np.median(np.abs(z[max(k - _NEAR_LONE_CHECKS, 0) : k + _NEAR_LONE_CHECKS, i])))
+    usual = NORMAL * float(np.median(np.abs(z[max(k - _LONE_NEAR, 0) : k + _LONE_NEAR, i])))
     return bool(own**2 > blow[k] and np.abs(left).max() < _LEFT * own and own > limit * usual)
 
 

@@ -68,9 +68,7 @@ def completed(task: Task, modes: ModalModel, participation: ComplexArray) -> Mod
     held = _pruned(task, settled, 0)
     if held.colour.coloured or not held.descent.converged:
         return modes
-    return joined(
-        [modes, _added_completion(task, modes, tuple(part[..., count:] for part in found[:2]), found[2][count:])]
-    )
+    return joined([modes, _completed_by(task, modes, tuple(part[..., count:] for part in found[:2]), found[2][count:])])
 
 
 def _with_peak(task: Task, settled: Settled) -> _Found | None:
@@ -98,7 +96,7 @@ def _pruned(task: Task, settled: Settled, count: int) -> Settled:
     return settled
 
 
-def _added_completion(task: Task, modes: ModalModel, found: tuple[Any, ...], participation: ComplexArray) -> ModalModel:
+def _completed_by(task: Task, modes: ModalModel, found: tuple[Any, ...], participation: ComplexArray) -> ModalModel:
     """Return the added modes alone; what is known of the others only is NaN."""
     poles, shapes = found
     unknown = np.full(len(poles), np.nan)

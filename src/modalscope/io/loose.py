@@ -319,7 +319,7 @@ def _table(found: _Sorted, columns: list[Column], held: Mapping[str, Array], for
 #: Bytes that a member takes beside its values.
 MEMBER = 300
 #: Members that a message names.
-_TOLD_MEMBERS = 6
+_TOLD_OF_MEMBERS = 6
 
 _MEMBER = re.compile(r"(?P<of>[^({]*)(?:\((?P<round>[0-9]{1,9})\)|\{(?P<curly>[0-9]{1,9})\})(?P<rest>.*)\Z")
 
@@ -521,7 +521,7 @@ def _refuse_clocks(where: str, name: str, held: Sequence[Array]) -> None:
 
 def _apart(held: Sequence[Array], place: int) -> str:
     """Return the entries of members at one place, each once, in words."""
-    return ", ".join(dict.fromkeys(f"{array[place]:.6g}" for array in held[:_TOLD_MEMBERS]))
+    return ", ".join(dict.fromkeys(f"{array[place]:.6g}" for array in held[:_TOLD_OF_MEMBERS]))
 
 
 def stacked_runs(where: str, runs: Sequence[object]) -> Signals:

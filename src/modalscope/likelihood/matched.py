@@ -271,7 +271,7 @@ def grid_of(response: Response) -> ComplexArray:
 # misfit by the square of the largest singular value of L^-1 g, and b and c are its vectors.
 
 #: Poles whose lines are cut out together; so many lines at least; numbers held at a time.
-_TOGETHER_MATCHED_RECORDS, _FEW_MATCHED_RECORDS, _HELD_MATCHED_RECORDS = 32, 16, 1 << 22
+_POLES_TOGETHER, _FEW_IN_RECORDS, _HELD_IN_RECORDS = 32, 16, 1 << 22
 
 #: Directions of the drives that are this weak beside the strongest on the lines of a pole are none.
 _WEAK = 1e-6
@@ -333,10 +333,10 @@ def _matched(
     """Yield poles and their (B, B^H g), B B^H the inverse of H: (k, D, D) and (k, D, l)."""
     D, l = seen.drives.shape[1], seen.left.shape[1]
     order = np.argsort(-grid.real / np.abs(grid), kind="stable")
-    few = min(_TOGETHER_MATCHED_RECORDS, max(1, _HELD_MATCHED_RECORDS // (len(seen.points) * max(D, 1))))
+    few = min(_POLES_TOGETHER, max(1, _HELD_IN_RECORDS // (len(seen.points) * max(D, 1))))
     for start in range(0, grid.size, few):
         poles = grid[order[start : start + few]]
-        s = _near_matched_records(seen.frequencies, poles)
+        s = _near_in_records(seen.frequencies, poles)
         d, E = seen.drives[s], seen.left[s]
         filters = 1 / (seen.points[s] - records.in_plane(poles)[:, None])  # (k, F)
         H = (np.abs(filters) ** 2 @ (d.conj()[:, :, None] * d[:, None, :]).reshape(len(d), -1)).reshape(-1, D, D)
@@ -347,8 +347,8 @@ def _matched(
         yield poles, (B, B.conj().transpose(0, 2, 1) @ g)
 
 
-def _near_matched_records(frequencies: RealArray, poles: ComplexArray) -> slice:
+def _near_in_records(frequencies: RealArray, poles: ComplexArray) -> slice:
     """Return the lines that poles show on."""
     f, half = np.abs(poles.imag) / (2 * np.pi), REACH * np.max(-poles.real) / (2 * np.pi)
     low, high = np.searchsorted(frequencies, [f.min() - half, f.max() + half])
-    return slice(max(min(low, frequencies.size - _FEW_MATCHED_RECORDS), 0), max(high, low + _FEW_MATCHED_RECORDS))
+    return slice(max(min(low, frequencies.size - _FEW_IN_RECORDS), 0), max(high, low + _FEW_IN_RECORDS))

@@ -28,12 +28,10 @@ from modalscope.numerics.checks import (
 )
 
 __all__ = [
-    "agreement",
     "amplitude_coherence",
     "cluster_mpc",
     "clusters",
     "cmif",
-    "coherence",
     "decay_step",
     "emac_channels",
     "mac",
@@ -42,7 +40,6 @@ __all__ = [
     "mpc",
     "mpd",
     "prominence",
-    "repeated",
     "weighted_mean",
 ]
 

@@ -123,7 +123,7 @@ def fitted_shapes(stored: StoredResponse, modes: ModalModel) -> Iterator[Fitted]
     DataError
         Modes without participation, or in other inputs.
     """
-    basis = _basis_field_shapes(stored, modes)
+    basis = _field_basis(stored, modes)
     size = np.linalg.norm(basis, axis=0)
     size = np.where(size > 0, size, 1.0)
     Q, d, turn = np.linalg.svd(basis / size, full_matrices=False)
@@ -139,7 +139,7 @@ def fitted_shapes(stored: StoredResponse, modes: ModalModel) -> Iterator[Fitted]
         yield Fitted(part, (found @ back).view(np.complex128), left, whole)
 
 
-def _basis_field_shapes(stored: StoredResponse, modes: ModalModel) -> RealArray:
+def _field_basis(stored: StoredResponse, modes: ModalModel) -> RealArray:
     """Return what Re phi_j and Im phi_j of each mode give in all samples and inputs, (N m, 2 n)."""
     participation = modes.known_participation("shapes of all outputs")
     inputs = len(stored.input_dofs)

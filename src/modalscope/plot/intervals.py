@@ -80,7 +80,7 @@ def intervals(modes: ModalModel, ax: Axes | None = None, *, of: str = "frequency
 # The certificate of a result: what was promised of every interval, and what simulations of the same case showed.
 
 #: What can be drawn -> the field of the certificate.
-_DRAWN_CERTIFICATES = {"frequency": "frequency", "damping": "damping_ratio"}
+_CERTIFIED_DRAWN = {"frequency": "frequency", "damping": "damping_ratio"}
 
 
 @named()
@@ -95,9 +95,9 @@ def certificate(found: Certificate, ax: Axes | None = None, *, of: str = "freque
     of : {"frequency", "damping"}
     """
     check_kind("found of certificate", found, Certificate)
-    check_choice("of", of, _DRAWN_CERTIFICATES)
-    told = getattr(found, _DRAWN_CERTIFICATES[of])
-    holds = getattr(found, f"{_DRAWN_CERTIFICATES[of]}_holds")
+    check_choice("of", of, _CERTIFIED_DRAWN)
+    told = getattr(found, _CERTIFIED_DRAWN[of])
+    holds = getattr(found, f"{_CERTIFIED_DRAWN[of]}_holds")
     ax = new_axes(ax)
     place = np.arange(len(found.modes))
     ax.axhspan(-_WIDTH, _WIDTH, color=PALE, alpha=0.35, linewidth=0, label="promised")

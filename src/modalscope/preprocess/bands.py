@@ -42,10 +42,10 @@ __all__ = [
 _WIDTH, _LINES = 0.01, 8
 
 #: A neighbourhood reaches so far on either side (in ln f), over so many bins at least and at most.
-_REACH, _FEWEST_PROMINENT, _MOST = 0.25, 8, 60
+_REACH, _FEWEST_LINES, _MOST = 0.25, 8, 60
 
 #: In white noise one record in so many shows a peak; and no peak is below this ratio, for backgrounds bend, too.
-_CHANCE_PROMINENT, _LEAST = 1e-3, 1.4
+_FALSE_ALARM, _LEAST = 1e-3, 1.4
 
 #: Bins that are looked at together: a damped resonance is that wide.
 _SIDE_BY_SIDE = 3
@@ -84,10 +84,10 @@ class Levels:
         count, ln_f = len(logs), np.log(self.frequencies)
         below = np.arange(count) - np.searchsorted(ln_f, ln_f - _REACH)
         above = np.searchsorted(ln_f, ln_f + _REACH) - 1 - np.arange(count)
-        reach, i = np.clip(np.minimum(below, above), _FEWEST_PROMINENT, _MOST), np.arange(count)
+        reach, i = np.clip(np.minimum(below, above), _FEWEST_LINES, _MOST), np.arange(count)
         reach = np.minimum(reach, np.minimum(i, i[::-1]))  # as far on one side as on the other: slopes cancel
         heights = np.ones(logs.shape)
-        for far in np.unique(reach[reach >= _FEWEST_PROMINENT]):
+        for far in np.unique(reach[reach >= _FEWEST_LINES]):
             some = np.flatnonzero(reach == far)
             around = _medians(logs[some[:, None] + np.arange(-far, far + 1)])
             heights[some] = np.exp(np.minimum(logs[some] - around, 50.0))
@@ -99,7 +99,7 @@ class Levels:
         The mean of k lines is a gamma variable of shape k over k.
         """
         worth = _SIDE_BY_SIDE * self.worth
-        return np.maximum(special.gammainccinv(worth, _CHANCE_PROMINENT / (len(worth) * trials)) / worth, _LEAST)
+        return np.maximum(special.gammainccinv(worth, _FALSE_ALARM / (len(worth) * trials)) / worth, _LEAST)
 
     @cached_property
     def stands_out(self) -> BoolArray:

@@ -40,7 +40,7 @@ _USEFUL = 0.01
 _WHOLE = 0.8
 
 #: Lines on which a pulse is looked at: it is short, so that its spectrum is smooth.
-_LINES_DRIVEN_BAND = 1025
+_DRIVEN_LINES = 1025
 
 
 def struck_band(
@@ -78,7 +78,7 @@ def struck_band(
 
 def _highest(part: Signals) -> float:
     """Return the highest useful line, Hz; half the sampling rate where there is no good hit."""
-    lines = np.linspace(0.0, part.sampling_rate / 2, _LINES_DRIVEN_BAND)
+    lines = np.linspace(0.0, part.sampling_rate / 2, _DRIVEN_LINES)
     return float(lines[useful_lines(part, lines)][-1])
 
 

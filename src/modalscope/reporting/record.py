@@ -44,7 +44,7 @@ def stabilization_script(diagram: StabilizationDiagram, source: str | None) -> s
     lines = [
         f"    method={diagram.method!r},\n",
         f"    domain={diagram.domain!r},\n",
-        f"    orders={_orders_scripts(diagram.asked_orders or diagram.orders)},\n",
+        f"    orders={_script_orders(diagram.asked_orders or diagram.orders)},\n",
         *_options(diagram.settings),
     ]
     if diagram.tolerances:
@@ -109,7 +109,7 @@ def _literal(value: Any) -> str:
     return repr(value)
 
 
-def _orders_scripts(orders: tuple[int, ...]) -> str:
+def _script_orders(orders: tuple[int, ...]) -> str:
     steps = {b - a for a, b in pairwise(orders)}
     if len(steps) == 1:
         return f"range({orders[0]}, {orders[-1] + 1}, {int(steps.pop())})"

@@ -30,7 +30,7 @@ _FORMS = tuple(
     )
 )
 _DAY = 86400.0
-_LONGEST_STAMPS = 40
+_LONGEST_STAMP = 40
 #: Digits of a second that stamps have.
 _PLACES = 9
 
@@ -46,7 +46,7 @@ def is_stamp(cell: str) -> bool:
     ... ]
     [True, True, True, False, False]
     """
-    return 4 <= len(cell) <= _LONGEST_STAMPS and not cell[-1].isspace() and any(form.match(cell) for form in _FORMS)
+    return 4 <= len(cell) <= _LONGEST_STAMP and not cell[-1].isspace() and any(form.match(cell) for form in _FORMS)
 
 
 def _day_and_seconds(cell: str) -> tuple[int, float]:
