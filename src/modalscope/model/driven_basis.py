@@ -14,8 +14,7 @@ import scipy.linalg as sla
 
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.modal_basis import ModalBasis
-from modalscope.model.pole_functions import of_pairs
-from modalscope.model.poles import is_real
+from modalscope.model.pole_functions import functions_at
 from modalscope.model.triangles import factor_of_gram, stacked_factor, triangle_of
 
 __all__ = ["DrivenBasis", "Run", "driven_basis"]
@@ -202,13 +201,11 @@ def _triangle(run: Run, poles: Array) -> RealArray:
 
 def _columns(run: Run, poles: Array, width: int) -> Iterator[RealArray]:
     """Yield the columns, real parts above imaginary ones, of some lines at a time."""
-    alone = is_real(poles)
     step = max(_NUMBERS // width, 1)
     for start in range(0, max(len(run.points), 1), step):
         s = slice(start, start + step)
-        x, U = run.points[s, None], run.inputs[s]
-        own, pair = 1 / (x - poles), 1 / (x - np.conj(poles))
-        flat, found = of_pairs(own, pair, alone).reshape(len(x), -1), np.empty((2, len(x), width))
+        U, flat = run.inputs[s], functions_at(run.points[s], poles)
+        found = np.empty((2, len(flat), width))
         parts = [U, *(drive[:, None] * flat for drive in (*U.T, run.ends[s])), run.outputs[s]]
         first = 0
         for part in parts:

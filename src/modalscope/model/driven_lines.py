@@ -9,7 +9,7 @@ import numpy as np
 
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.driven_basis import DrivenBasis
-from modalscope.model.pole_functions import of_pairs
+from modalscope.model.pole_functions import functions_at
 from modalscope.model.poles import is_real
 
 __all__ = ["DrivenLines"]
@@ -78,9 +78,8 @@ class DrivenLines:
 
         Terms are the inputs times powers of the relative frequency j f / f_max, (F,), then the ends times one power less.
         """
-        own, pair = 1 / (self.points[:, None] - poles), 1 / (self.points[:, None] - np.conj(poles))
-        g = of_pairs(own, pair, is_real(poles))
-        driven = self.drives[:, :, None] * g.reshape(len(g), 1, -1)
+        g = functions_at(self.points, poles)
+        driven = self.drives[:, :, None] * g[:, None]
         inputs, ends = np.split(self.drives, [self.inputs], axis=1)
         terms = [(inputs, k) for k in powers] + [(ends, k - 1) for k in powers if k]
         rows = np.empty((2 * len(g), sum(drives.shape[1] for drives, _ in terms)))

@@ -19,7 +19,7 @@ from modalscope.model.channels import QUANTITIES
 from modalscope.model.checks import Array, ComplexArray, RealArray
 from modalscope.model.line_data import LineData, energy_of, real_data, real_rows
 from modalscope.model.orthogonal import resolved
-from modalscope.model.pole_functions import line_functions, of_pairs, sample_functions
+from modalscope.model.pole_functions import line_functions, sample_functions
 
 __all__ = [
     "ModalBasis",
@@ -271,7 +271,8 @@ def stacked_basis(
     data : array of complex, (F, l, m)
     weights : array, (F,), optional
     """
-    functions = of_pairs(own, pair, alone).reshape(len(data), -1)
+    pairs = [np.where(alone, own, own + pair), np.where(alone, 0, 1j * (own - pair))]
+    functions = np.stack(pairs, axis=2).reshape(len(data), -1)
     return ModalBasis(real_rows(terms, weights), real_rows(functions, weights), real_data(data, weights))
 
 
