@@ -12,7 +12,7 @@ from modalscope.model.channels import Chosen, choose_channels
 from modalscope.model.checks import DataError, check_count, check_each, check_kind, freeze
 from modalscope.model.geometry import Geometry
 from modalscope.model.groups import AUTO, Groups, check_groups, chosen_groups, run_groups
-from modalscope.model.shown import Shown
+from modalscope.model.shown import Convertible, Shown
 from modalscope.model.signals import Signals
 from modalscope.model.sources import SourcePath, check_source, source_of
 
@@ -20,7 +20,7 @@ __all__ = ["Records", "as_records"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
-class Records(Shown):
+class Records(Shown, Convertible):
     """Runs of one test: the same outputs at one sampling rate, any length, any of the inputs.
 
     Parameters
@@ -150,12 +150,6 @@ class Records(Shown):
             groups=chosen_groups(self.groups, places),
             source_path=self.source_path,
         )
-
-    def in_si(self) -> Records:
-        """Return the same data in SI units: g, lbf, inches or a sensitivity such as 100 mV/g are converted; units not known stay."""
-        from modalscope.model.si import si_form
-
-        return si_form(self)[0]
 
     def select(
         self,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -56,12 +56,6 @@ class Response(ResponseFacts):
         weights : array (F,), optional
             Weights of the lines.
         """
-
-    def in_si(self) -> Self:
-        """Return the same data in SI units: g, lbf, inches or a sensitivity such as 100 mV/g are converted; units not known stay."""
-        from modalscope.model.si import si_form
-
-        return si_form(self)[0]
 
     @property
     def whole(self) -> Response:

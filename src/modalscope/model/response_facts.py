@@ -9,6 +9,7 @@ from modalscope.model.channels import Channels
 from modalscope.model.checks import Array, RealArray
 from modalscope.model.groups import AUTO, Groups
 from modalscope.model.notes import Note
+from modalscope.model.shown import Convertible
 
 __all__ = ["CORRELATED", "HALF", "UNTOLD", "ResponseFacts"]
 
@@ -20,7 +21,7 @@ UNTOLD = "inputs not told apart"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
-class ResponseFacts(Channels):
+class ResponseFacts(Channels, Convertible):
     """A measured response, (lines or samples, outputs, inputs), and what is known of it before anything is computed; see `Response`.
 
     Parameters

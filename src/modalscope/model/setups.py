@@ -11,7 +11,7 @@ from modalscope.model.geometry import Geometry
 from modalscope.model.groups import AUTO, Groups, check_groups, chosen_groups
 from modalscope.model.labels import check_labels, indices_of
 from modalscope.model.records import Records, as_records
-from modalscope.model.shown import Shown
+from modalscope.model.shown import Convertible, Shown
 from modalscope.model.signals import Signals
 from modalscope.model.sources import SourcePath, check_source, source_of
 
@@ -19,7 +19,7 @@ __all__ = ["Setups", "as_test", "check_setups"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
-class Setups(Shown):
+class Setups(Shown, Convertible):
     """Ambient records of one structure, taken one after another: some sensors stayed, the references, the others moved.
 
     Parameters
@@ -119,12 +119,6 @@ class Setups(Shown):
     def processing(self) -> tuple[str, ...]:
         """What was done to the setups so far, each step once."""
         return tuple(dict.fromkeys(step for part in self.parts for step in part.processing))
-
-    def in_si(self) -> Setups:
-        """Return the same data in SI units: g, lbf, inches or a sensitivity such as 100 mV/g are converted; units not known stay."""
-        from modalscope.model.si import si_form
-
-        return si_form(self)[0]
 
     def select(self, outputs: Chosen = None, inputs: Chosen = None, exclude: Chosen = None) -> Setups:
         """Return some of the channels; a setup that keeps none of its outputs is left out.

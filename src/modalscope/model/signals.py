@@ -17,12 +17,13 @@ from modalscope.model.checks import (
     real_array,
 )
 from modalscope.model.groups import AUTO, Groups, check_groups, run_groups
+from modalscope.model.shown import Convertible
 
 __all__ = ["Signals"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
-class Signals(Channels):
+class Signals(Channels, Convertible):
     """Sampled outputs, and the inputs when they were measured.
 
     Parameters
@@ -122,12 +123,6 @@ class Signals(Channels):
         """Return outputs (R, N, l) and inputs (R, N, m), with R = 1 for a single run."""
         shape = (self.runs, self.samples, -1)
         return self.outputs.reshape(shape), None if self.inputs is None else self.inputs.reshape(shape)
-
-    def in_si(self) -> Signals:
-        """Return the same data in SI units: g, lbf, inches or a sensitivity such as 100 mV/g are converted; units not known stay."""
-        from modalscope.model.si import si_form
-
-        return si_form(self)[0]
 
     def _cut(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
         return {**Channels._cut(self, outputs, inputs), "quantities": tuple(self.quantities[i] for i in outputs)}
