@@ -20,6 +20,7 @@ from modalscope.judging.contenders import Optimum, State, noise_beneath, own_var
 from modalscope.judging.likeness import collinear
 from modalscope.judging.recount import Recount, recount_of
 from modalscope.model.checks import Array, ComplexArray, RealArray
+from modalscope.model.poles import overlap
 from modalscope.uncertainty.covariance import deviations_of_poles, pole_blocks
 
 __all__ = ["Outcome", "contest", "gains_beside", "staying"]
@@ -190,7 +191,7 @@ def staying(poles: ComplexArray, standing: RealArray) -> Array:
     standing : array, (n,)
         As in `Recount.standing`.
     """
-    near = np.abs(poles.imag[:, None] - poles.imag) < -(poles.real[:, None] + poles.real)
+    near = overlap(poles, poles)
     rank = np.argsort(np.argsort(standing))
     first = np.all(~near | (rank[:, None] >= rank), axis=1)
     return np.asarray((standing > 1) | (first & (near.sum(axis=1) > 1)))

@@ -20,7 +20,7 @@ from modalscope.judging.channel_fits import ChannelFits
 from modalscope.judging.coloured_errors import ColouredErrors, errors_of
 from modalscope.modal.indicators import mac
 from modalscope.model.checks import Array, ComplexArray, RealArray
-from modalscope.model.poles import frequencies_and_damping
+from modalscope.model.poles import frequencies_and_damping, overlap
 
 __all__ = ["Recount", "inverse", "recount_of"]
 
@@ -134,7 +134,7 @@ class Recount:
         """
         s, size = self.descent.point.poles, self.descent.fitted.gain
         shapes, participation = self.arena.problem.scaled_back(self.descent.point, self.descent.fitted)
-        near = np.abs(s.imag[which, None] - s.imag) < -(s.real[which, None] + s.real)
+        near = overlap(s[which], s)
         stronger = size[None, :] > size[which, None]
         alike = np.maximum(mac(shapes), mac(participation.T))[which] > _UNLIKE
         return np.asarray(near & stronger & alike)

@@ -23,7 +23,7 @@ from modalscope.modal.indicators import mac
 from modalscope.modal.sufficient import usable_orders
 from modalscope.model.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.model.diagram import StabilizationDiagram
-from modalscope.model.poles import frequencies_and_damping, poles_from
+from modalscope.model.poles import frequencies_and_damping, overlap, poles_from
 
 __all__ = ["Trial", "verdicts"]
 
@@ -95,8 +95,7 @@ class Trial:
         if self.arena.coloured:
             one = collinear(s, *self.found.residues)
         else:
-            near = np.abs(s.imag[:, None] - s.imag) < -(s.real[:, None] + s.real)
-            one = near & self.open[:, None] & self.open
+            one = overlap(s, s) & self.open[:, None] & self.open
         for j in np.argsort(-gain):
             stronger = [k for k in np.flatnonzero(one[j]) if gain[k] > gain[j]]
             if stronger:
