@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.data.pole_basis import ModalBasis, of_pairs
+from modalscope.data.pole_basis import ModalBasis, functions_at
 from modalscope.data.poles import is_real
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.orthonormal import factor_of_gram, stacked_factor, triangle_of
@@ -202,13 +202,11 @@ def _triangle(run: Run, poles: Array) -> RealArray:
 
 def _columns(run: Run, poles: Array, width: int) -> Iterator[RealArray]:
     """Yield the columns, real parts above imaginary ones, of some lines at a time."""
-    alone = is_real(poles)
     step = max(_NUMBERS // width, 1)
     for start in range(0, max(len(run.points), 1), step):
         s = slice(start, start + step)
-        x, U = run.points[s, None], run.inputs[s]
-        own, pair = 1 / (x - poles), 1 / (x - np.conj(poles))
-        flat, found = of_pairs(own, pair, alone).reshape(len(x), -1), np.empty((2, len(x), width))
+        U, flat = run.inputs[s], functions_at(run.points[s], poles)
+        found = np.empty((2, len(flat), width))
         parts = [U, *(drive[:, None] * flat for drive in (*U.T, run.ends[s])), run.outputs[s]]
         first = 0
         for part in parts:
@@ -348,9 +346,8 @@ class DrivenLines:
 
         Terms are the inputs times powers of the relative frequency j f / f_max, (F,), then the ends times one power less.
         """
-        own, pair = 1 / (self.points[:, None] - poles), 1 / (self.points[:, None] - np.conj(poles))
-        g = of_pairs(own, pair, is_real(poles))
-        driven = self.drives[:, :, None] * g.reshape(len(g), 1, -1)
+        g = functions_at(self.points, poles)
+        driven = self.drives[:, :, None] * g[:, None]
         inputs, ends = np.split(self.drives, [self.inputs], axis=1)
         terms = [(inputs, k) for k in powers] + [(ends, k - 1) for k in powers if k]
         rows = np.empty((2 * len(g), sum(drives.shape[1] for drives, _ in terms)))

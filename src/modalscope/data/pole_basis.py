@@ -23,10 +23,10 @@ from modalscope.numerics.orthonormal import resolved
 __all__ = [
     "LineData",
     "ModalBasis",
+    "functions_at",
     "line_basis",
     "line_data",
     "line_functions",
-    "of_pairs",
     "residual_powers",
     "sample_basis",
     "sample_functions",
@@ -52,7 +52,16 @@ def line_functions(frequencies: RealArray, rate: float | None, poles: Array, *, 
     The transposed matrix is made row by row: each function lies in one piece. Real and imaginary parts apart take a third of the time that
     complex numbers do.
     """
-    x, p, chain = _points(frequencies, rate, poles)
+    return _stacked(*_points(frequencies, rate, poles), slopes)
+
+
+def functions_at(points: ComplexArray, poles: ComplexArray) -> ComplexArray:
+    """Return the functions of `line_functions` as complex numbers, (F, 2 n), at points in the plane of the poles."""
+    rows = _stacked(points, poles, None, False)
+    return rows[: points.size] + 1j * rows[points.size :]
+
+
+def _stacked(x: ComplexArray, p: ComplexArray, chain: ComplexArray | None, slopes: bool) -> RealArray:
     found = np.empty((1 + slopes, p.size, 2, 2, x.size))
     step = max(_AT_A_TIME // max(x.size, 1), 1)
     for some in (slice(first, first + step) for first in range(0, p.size, step)):
@@ -73,19 +82,6 @@ def _fill(found: RealArray, x: ComplexArray, p: ComplexArray, chain: ComplexArra
         np.subtract(h_imag, g_imag, out=to[:, 1, 0])
         np.subtract(g, h, out=to[:, 1, 1])
     found[0, alone, 1] = 0
-
-
-def of_pairs(own: ComplexArray, pair: ComplexArray, alone: Array) -> ComplexArray:
-    """Return g1 = own + pair and g2 = j (own - pair) of pairs, own and nothing of real poles, (F, n, 2).
-
-    Parameters
-    ----------
-    own, pair : array of complex, (F, n)
-        The functions of the poles and of their conjugates.
-    alone : array of bool, (n,)
-        Real poles.
-    """
-    return np.stack([np.where(alone, own, own + pair), np.where(alone, 0, 1j * (own - pair))], axis=2)
 
 
 def _inverse(x: ComplexArray, p: ComplexArray) -> _Parts:
@@ -423,7 +419,8 @@ def stacked_basis(
     data : array of complex, (F, l, m)
     weights : array, (F,), optional
     """
-    functions = of_pairs(own, pair, alone).reshape(len(data), -1)
+    pairs = [np.where(alone, own, own + pair), np.where(alone, 0, 1j * (own - pair))]
+    functions = np.stack(pairs, axis=2).reshape(len(data), -1)
     return ModalBasis(real_rows(terms, weights), real_rows(functions, weights), real_data(data, weights))
 
 

@@ -104,9 +104,9 @@ def one_of_each_pair(poles: ArrayLike) -> IntArray:
     return np.asarray(keep[np.lexsort((s[keep].imag, np.abs(s[keep])))])
 
 
-def is_real(s: ComplexArray) -> BoolArray:
-    """Return which poles lie on the real axis, to rounding."""
-    return np.asarray(np.abs(s.imag) <= _REAL * np.abs(s))
+def is_real(s: ComplexArray, share: float = _REAL) -> BoolArray:
+    """Return which poles lie on the real axis: imaginary parts of no more than a share of a pole are rounding."""
+    return np.asarray(np.abs(s.imag) <= share * np.abs(s))
 
 
 def pole_kinds(poles: ArrayLike, dt: float | None = None) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modalscope.data.notes import Note
+from modalscope.data.poles import is_real
 from modalscope.numerics.checks import Array, RealArray
 
 __all__ = ["DELAY", "UNMEASURED", "Excess", "excess", "excess_notes", "pole_notes"]
@@ -25,9 +26,6 @@ _STANDS_OUT, _MATTERS = 6.0, 0.01
 #: A pole of a drift lies within so many times 1 / T of z = 1, one pole of a delay within this distance of z = 0; more than so many samples
 #: are none, but damped noise.
 _DRIFT, _DELAY, _LATEST = 0.5, 1e-3, 6
-
-#: Imaginary parts below this share of a pole are rounding: it is no pair.
-_REAL = 1e-9
 
 #: Half bandwidths of a mode that are near it, and from which on lines are away from all modes.
 _NEAR, _AWAY = 2.0, 10.0
@@ -116,7 +114,7 @@ def pole_notes(poles: Array, sampling_rate: float | None, duration: float) -> tu
     """
     notes = []
     distance = np.abs(poles - 1) * sampling_rate if sampling_rate is not None else np.abs(poles)
-    alone = np.abs(poles.imag) <= _REAL * np.abs(poles)  # a negative pole has been through logarithm and exponential
+    alone = is_real(poles, 1e-9)  # a negative pole has been through logarithm and exponential
     if np.any(alone & (distance < _DRIFT / duration)):
         notes.append(
             Note("drift", {}, "a pole at zero frequency: the records drift, which costs a state and no accuracy")

@@ -23,7 +23,7 @@ from modalscope.data.channels import (
     source_of,
 )
 from modalscope.data.geometry import Geometry
-from modalscope.data.shown import Shown
+from modalscope.data.shown import Convertible, Shown
 from modalscope.numerics.checks import (
     DataError,
     RealArray,
@@ -43,7 +43,7 @@ __all__ = ["Records", "Signals", "as_records"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
-class Signals(Channels):
+class Signals(Channels, Convertible):
     """Sampled outputs, and the inputs when they were measured.
 
     Parameters
@@ -144,12 +144,6 @@ class Signals(Channels):
         shape = (self.runs, self.samples, -1)
         return self.outputs.reshape(shape), None if self.inputs is None else self.inputs.reshape(shape)
 
-    def in_si(self) -> Signals:
-        """Return the same data in SI units: g, lbf, inches or a sensitivity such as 100 mV/g are converted; units not known stay."""
-        from modalscope.data.units import si_form
-
-        return si_form(self)[0]
-
     def _cut(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
         return {**Channels._cut(self, outputs, inputs), "quantities": tuple(self.quantities[i] for i in outputs)}
 
@@ -162,7 +156,7 @@ class Signals(Channels):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
-class Records(Shown):
+class Records(Shown, Convertible):
     """Runs of one test: the same outputs at one sampling rate, any length, any of the inputs.
 
     Parameters
@@ -292,12 +286,6 @@ class Records(Shown):
             groups=chosen_groups(self.groups, places),
             source_path=self.source_path,
         )
-
-    def in_si(self) -> Records:
-        """Return the same data in SI units: g, lbf, inches or a sensitivity such as 100 mV/g are converted; units not known stay."""
-        from modalscope.data.units import si_form
-
-        return si_form(self)[0]
 
     def select(
         self,

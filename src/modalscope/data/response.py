@@ -5,13 +5,14 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from modalscope.data.channels import AUTO, Channels, Groups
 from modalscope.data.notes import Note
 from modalscope.data.pole_basis import ModalBasis
+from modalscope.data.shown import Convertible
 from modalscope.numerics.checks import Array, ComplexArray, DataError, RealArray
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ UNTOLD = "inputs not told apart"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
-class ResponseFacts(Channels):
+class ResponseFacts(Channels, Convertible):
     """A measured response, (lines or samples, outputs, inputs), and what is known of it before anything is computed; see `Response`.
 
     Parameters
@@ -213,12 +214,6 @@ class Response(ResponseFacts):
         weights : array (F,), optional
             Weights of the lines.
         """
-
-    def in_si(self) -> Self:
-        """Return the same data in SI units: g, lbf, inches or a sensitivity such as 100 mV/g are converted; units not known stay."""
-        from modalscope.data.units import si_form
-
-        return si_form(self)[0]
 
     @property
     def whole(self) -> Response:

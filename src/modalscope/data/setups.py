@@ -18,14 +18,14 @@ from modalscope.data.channels import (
 )
 from modalscope.data.geometry import Geometry, check_labels, indices_of
 from modalscope.data.records import Records, Signals, as_records
-from modalscope.data.shown import Shown
+from modalscope.data.shown import Convertible, Shown
 from modalscope.numerics.checks import DataError, check_each, check_kind, freeze
 
 __all__ = ["Setups", "as_test", "check_setups"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
-class Setups(Shown):
+class Setups(Shown, Convertible):
     """Ambient records of one structure, taken one after another: some sensors stayed, the references, the others moved.
 
     Parameters
@@ -125,12 +125,6 @@ class Setups(Shown):
     def processing(self) -> tuple[str, ...]:
         """What was done to the setups so far, each step once."""
         return tuple(dict.fromkeys(step for part in self.parts for step in part.processing))
-
-    def in_si(self) -> Setups:
-        """Return the same data in SI units: g, lbf, inches or a sensitivity such as 100 mV/g are converted; units not known stay."""
-        from modalscope.data.units import si_form
-
-        return si_form(self)[0]
 
     def select(self, outputs: Chosen = None, inputs: Chosen = None, exclude: Chosen = None) -> Setups:
         """Return some of the channels; a setup that keeps none of its outputs is left out.

@@ -5,7 +5,7 @@ A row of the table names its type; an option that the type has not is refused th
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from numbers import Integral
 from typing import Any, ClassVar, TypedDict
@@ -63,14 +63,17 @@ class AllOptions(TypedDict, total=False):
     column_compression: ArrayLike | None
 
 
-def _count(name: str, value: int | None) -> int | None:
-    return None if value is None else check_count(name, value)
-
-
-def _shifts(name: str, value: Any) -> tuple[int, ...] | None:
-    if value is None:
-        return None
+def _shifts(name: str, value: Any) -> tuple[int, ...]:
     return tuple(check_count(name, s, least=0) for s in check_each(name, value, "whole numbers that increase from 0"))
+
+
+#: Sizes and shifts of the blocks, which many types have.
+_CHECKED: dict[str, Callable[[str, Any], Any]] = {
+    "block_rows": check_count,
+    "block_columns": check_count,
+    "row_shifts": _shifts,
+    "column_shifts": _shifts,
+}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -82,8 +85,10 @@ class Options(Settings):
 
     def __post_init__(self) -> None:
         exclude: Any = self.exclude
+        given = {name: value for name in _CHECKED if (value := getattr(self, name, None)) is not None}
         freeze(
             self,
+            **{name: _CHECKED[name](name, value) for name, value in given.items()},
             band=None if self.band is None else check_band(self.band),
             exclude=None if exclude is None else labels_of(exclude),
             route=None if self.route is None else check_choice("route", self.route, ROUTES),
@@ -137,13 +142,6 @@ class HankelOptions(Options):
 
     def __post_init__(self) -> None:
         Options.__post_init__(self)
-        freeze(
-            self,
-            block_rows=_count("block_rows", self.block_rows),
-            block_columns=_count("block_columns", self.block_columns),
-            row_shifts=_shifts("row_shifts", self.row_shifts),
-            column_shifts=_shifts("column_shifts", self.column_shifts),
-        )
         if self.form is not None:
             check_choice("form", self.form, ("observable", "controllable", "smaller"))
 
@@ -195,12 +193,6 @@ class LineOptions(Options):
 
     def __post_init__(self) -> None:
         Options.__post_init__(self)
-        freeze(
-            self,
-            block_rows=_count("block_rows", self.block_rows),
-            block_columns=_count("block_columns", self.block_columns),
-            row_shifts=_shifts("row_shifts", self.row_shifts),
-        )
         if self.source is not None:
             check_choice("source", self.source, ("samples", "elimination"))
 
@@ -239,14 +231,6 @@ class DrivenOptions(Options):
     block_rows: int | None = None
     block_columns: int | None = None
     form: str | None = None
-
-    def __post_init__(self) -> None:
-        Options.__post_init__(self)
-        freeze(
-            self,
-            block_rows=_count("block_rows", self.block_rows),
-            block_columns=_count("block_columns", self.block_columns),
-        )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -290,7 +274,3 @@ class SpectraOptions(Options):
 
     block_rows: int | None = None
     form: str | None = None
-
-    def __post_init__(self) -> None:
-        Options.__post_init__(self)
-        freeze(self, block_rows=_count("block_rows", self.block_rows))

@@ -66,6 +66,16 @@ def _row(name: str, cells: dict[str, _Cell], in_time: Any = matrices.plain_hanke
         yield Method(name=name, domain=domain, **cell._asdict(), **column, **shared)
 
 
+#: What the rows share that read the shift off projected records.
+_PROJECTED: dict[str, Any] = {
+    "domain": "time",
+    "realization": "shift of one factor",
+    "factor": matrices.tall_factors,
+    "realize": shift,
+    "orders": STATES,
+}
+
+
 _REPORTED: tuple[Method, ...] = (
     *_row(
         "era",
@@ -152,39 +162,29 @@ _REPORTED: tuple[Method, ...] = (
     ),
     Method(
         name="ssi-data",
-        domain="time",
-        realization="shift of one factor",
         section="II-5 on projected records",
         common="SSI-data",
         known_as=("SSI-data, UPC (unweighted principal components)", "MOESP/N4SID without inputs"),
         aliases=("ssi-upc", "upc", "dd-ssi", "data-driven ssi"),
         takes=Takes.PAST,
         matrix=matrices.projected_records,
-        factor=matrices.tall_factors,
-        realize=shift,
-        orders=STATES,
         options_type=RecordOptions,
+        **_PROJECTED,
     ),
     Method(
         name="ssi-cva",
-        domain="time",
-        realization="shift of one factor",
         section="II-5 on projected records, whitened",
         common="CVA",
         known_as=("SSI-data, CVA (canonical variate analysis)", "canonical variates without inputs"),
         aliases=("cva", "canonical variate analysis"),
         takes=Takes.PAST,
         matrix=matrices.projected_records,
-        factor=matrices.tall_factors,
-        realize=shift,
-        orders=STATES,
         options_type=RecordOptions,
         fixed={"weighting": "cva"},
+        **_PROJECTED,
     ),
     Method(
         name="n4sid",
-        domain="time",
-        realization="shift of one factor",
         section="II-5 on records projected on past inputs and outputs",
         common="N4SID",
         known_as=(
@@ -194,10 +194,8 @@ _REPORTED: tuple[Method, ...] = (
         aliases=("moesp", "po-moesp", "past-output moesp"),
         takes=Takes.DRIVEN,
         matrix=matrices.driven_records,
-        factor=matrices.tall_factors,
-        realize=shift,
-        orders=STATES,
         options_type=DrivenOptions,
+        **_PROJECTED,
     ),
     Method(
         name="prce",

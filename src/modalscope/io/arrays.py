@@ -19,8 +19,8 @@ JSON text, and the arrays of modes before their refinement are `unrefined_<name>
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
-from dataclasses import fields
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, fields, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -55,6 +55,7 @@ __all__ = [
     "joined",
     "names_of",
     "noun_of",
+    "plain",
     "to_arrays",
 ]
 
@@ -182,6 +183,21 @@ def from_json_numbers(value: object) -> object:
     if isinstance(value, Note | Candidate | Harmonic):
         return value.to_dict()
     raise TypeError(f"{type(value).__name__} is not a JSON value")
+
+
+def plain(value: Any) -> Any:
+    """Return what JSON can hold: null for numbers that are not finite, lists for arrays, text for what it does not know."""
+    if is_dataclass(value) and not isinstance(value, type):
+        value = asdict(value)
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple | range):
+        return [plain(item) for item in value]
+    if isinstance(value, float):
+        return value if np.isfinite(value) else None
+    return value if isinstance(value, str | int | bool) or value is None else str(value)
 
 
 # -------------------------------------------------------------------------------------------------------- field values

@@ -15,7 +15,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, fields, is_dataclass
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ from modalscope.data.analysis import VERSION
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.results import Settings
 from modalscope.identification.table import methods
-from modalscope.io.arrays import INDICATOR, from_json_numbers, joined, names_of, to_arrays
+from modalscope.io.arrays import INDICATOR, joined, names_of, plain, to_arrays
 from modalscope.io.contents import Contents, Finding
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import Room, room
@@ -115,27 +115,12 @@ def _parted(diagram: StabilizationDiagram) -> tuple[dict[str, Array], dict[str, 
         elif name == "settings":
             given = dict(value.items())
             arrays |= {_SETTING + key: option for key, option in given.items() if isinstance(option, np.ndarray)}
-            rest[name] = {key: _plain(option) for key, option in given.items() if not isinstance(option, np.ndarray)}
+            rest[name] = {key: plain(option) for key, option in given.items() if not isinstance(option, np.ndarray)}
         elif isinstance(value, np.ndarray):
             arrays[name] = value
         else:
-            rest[name] = _plain(value)
+            rest[name] = plain(value)
     return arrays, rest
-
-
-def _plain(value: Any) -> Any:
-    """Return a value as JSON holds it: mappings, lists, numbers and texts."""
-    if is_dataclass(value) and not isinstance(value, type):
-        value = asdict(value)
-    if isinstance(value, np.generic | np.ndarray):
-        value = from_json_numbers(value)
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float):
-        return value if np.isfinite(value) else None
-    return value if value is None or isinstance(value, str | int | bool) else str(value)
 
 
 def _contents(where: str, rest: Mapping[str, Any], arrays: Mapping[str, Array]) -> Contents:

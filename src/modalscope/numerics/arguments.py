@@ -5,7 +5,9 @@ from __future__ import annotations
 import inspect
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
+from dataclasses import is_dataclass
 from functools import wraps
+from numbers import Complex, Integral, Real
 from os import PathLike
 from types import NoneType, UnionType
 from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin
@@ -24,31 +26,34 @@ __all__ = ["named", "plain_methods", "plainly"]
 # values that no computation bears (not finite, empty, of absurd size). Where none is found the error is the library's own fault, and stays.
 
 #: What Python and numpy raise on values that do not belong.
-_OWN_WORDS = (
+_RAISED = (
     ArithmeticError,
     AssertionError,
     AttributeError,
-    IndexError,
-    KeyError,
+    LookupError,
     MemoryError,
-    NotImplementedError,
-    RecursionError,
+    RuntimeError,
     TypeError,
     ValueError,
 )
 
 #: Beyond these, numbers are no measure, count or factor of anything.
 _SMALLEST, _LARGEST = 1e-100, 1e15
+_UNBOUNDED = "of a size that can be computed with"
+
+#: What is a number of a type.
+_NUMBERS: dict[Any, Any] = {int: Integral, float: Real, complex: Complex, bool: bool | np.bool_}
 
 #: Names that modules have for type checkers alone, and where they come from once pictures are drawn.
 _LATE = {"Axes": "matplotlib.axes"}
 
-_WORDS = {
+_WORDS: dict[Any, str] = {
     int: "a whole number",
     float: "a number",
     complex: "a number",
     str: "text",
     bool: "True or False",
+    None: "None",
     NoneType: "None",
     Mapping: "a mapping of name to value",
     dict: "a mapping of name to value",
@@ -78,11 +83,10 @@ def plainly(verb: Callable[P, R]) -> Callable[P, R]:
             return verb(*args, **kwargs)
         except DataError:
             raise
-        except _OWN_WORDS as error:
-            told = _blame(verb, args, kwargs)
-            if told is None:
+        except _RAISED as error:
+            if (blamed := _blame(verb, args, kwargs)) is None:
                 raise
-            raise told from error
+            raise blamed from error
 
     return run
 
@@ -111,17 +115,10 @@ def _blame(verb: Callable[..., Any], args: Sequence[Any], kwargs: Mapping[str, A
         given = list(_arguments(verb, args, kwargs))
     except TypeError:  # too many, too few or unknown: Python's words name them
         return None
-    name = verb.__qualname__.removesuffix(".__init__")
-    for argument, value, hint in given:
-        if not _fits(value, hint):
-            return _error(name, argument, value, _words(hint))
-    for argument, value, hint in given:
-        odd = _odd(value)
-        if odd:
-            return _error(name, argument, value, f"{_words(hint) or 'a value'} that is {odd}")
-    for argument, value, hint in given:
-        if "array" in _words(hint) and _numbers(value) and np.ndim(value) == 0:
-            return _error(name, argument, value, "an array of numbers that has an axis")
+    for fault in (_unlike, _odd, _without_axis):
+        for argument, value, hint in given:
+            if words := fault(value, hint):
+                return _error(verb.__qualname__.removesuffix(".__init__"), argument, value, words)
     return None
 
 
@@ -153,41 +150,41 @@ def _arguments(
 def _resolved(annotation: Any, verb: Callable[..., Any]) -> Any:
     """Return an annotation as the type that it names; Any where that is known to type checkers alone."""
     text = getattr(annotation, "__forward_arg__", annotation)
-    if not isinstance(text, str):
-        return annotation
     names = dict(vars(sys.modules[inspect.unwrap(verb).__module__]))
     names |= {name: vars(sys.modules[home])[name] for name, home in _LATE.items() if home in sys.modules}
     try:
-        return eval(text, names)
+        hint = eval(text, names) if isinstance(text, str) else annotation
     except (NameError, AttributeError, TypeError, SyntaxError):
         return Any
+    if isinstance(hint, TypeVar):
+        return hint.__bound__ or Union[hint.__constraints__ or (Any,)]  # noqa: UP007 - made of a tuple
+    return hint
+
+
+def _unlike(value: Any, hint: Any) -> str:
+    """Return what an annotation asks for, where a value is not that."""
+    return "" if _fits(value, hint) else _words(hint) or "another value"
 
 
 def _fits(value: Any, hint: Any) -> bool:
     """Whether a value is what an annotation says, as far as that can be told from outside."""
     origin, inner = get_origin(hint), get_args(hint)
-    if hint is Any:
-        return True
+    kind = origin or hint
     if origin in (Union, UnionType):
         return any(_fits(value, each) for each in _meant(inner))
     if hint is None or hint is NoneType:
         return value is None
     if origin is Literal:
         return any(value is each or (isinstance(value, type(each)) and value == each) for each in inner)
-    if origin is np.ndarray or hint is np.ndarray:
-        return _numbers(value) and np.ndim(value) > 0
-    if isinstance(hint, TypeVar):
-        return _fits(value, hint.__bound__ or Union[hint.__constraints__ or (Any,)])  # noqa: UP007 - made of a tuple
-    if hint in (int, float, complex, bool):
+    if hint in _NUMBERS:
         return _number(value, hint)
-    kind = origin or hint
-    if not isinstance(kind, type):
+    if hint is Any or not isinstance(kind, type):
         return True
-    if kind.__module__.startswith("numpy"):  # the protocols of what becomes an array
-        return _numbers(value)
-    if getattr(kind, "_is_protocol", False):
-        return True
-    return _holds(value, kind, inner)
+    if kind.__module__.startswith("numpy"):  # arrays, and the protocols of what becomes one
+        return _numbers(value) and (kind is not np.ndarray or np.ndim(value) > 0)
+    if kind is PathLike:
+        return isinstance(value, str | PathLike)
+    return getattr(kind, "_is_protocol", False) or _holds(value, kind, inner)
 
 
 def _meant(members: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -202,14 +199,7 @@ def _module(hint: Any) -> str:
 
 def _holds(value: Any, kind: type[Any], inner: tuple[Any, ...]) -> bool:
     """Whether a value is of a kind, and what it holds is what it should hold."""
-    if kind is PathLike:
-        return isinstance(value, str | PathLike)
-    listed = (
-        issubclass(kind, Iterable)
-        and not issubclass(kind, str | bytes | Mapping)
-        and not hasattr(kind, "__dataclass_fields__")
-    )
-    if not listed:
+    if not issubclass(kind, Iterable) or issubclass(kind, str | bytes | Mapping) or is_dataclass(kind):
         return isinstance(value, kind)
     if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable):
         return False
@@ -222,14 +212,8 @@ def _holds(value: Any, kind: type[Any], inner: tuple[Any, ...]) -> bool:
 
 def _number(value: Any, kind: type[Any]) -> bool:
     """Whether a value is one number of a kind; True and False are none."""
-    if isinstance(value, np.ndarray) and value.ndim == 0:
-        value = value[()]
-    if kind is bool:
-        return isinstance(value, bool | np.bool_)
-    if isinstance(value, bool | np.bool_):
-        return False
-    real = (int, np.integer) if kind is int else (int, float, np.integer, np.floating)
-    return isinstance(value, real) or (kind is complex and isinstance(value, complex | np.complexfloating))
+    value = value[()] if isinstance(value, np.ndarray) else value
+    return isinstance(value, bool | np.bool_) == (kind is bool) and isinstance(value, _NUMBERS[kind])
 
 
 def _numbers(value: Any) -> bool:
@@ -240,22 +224,32 @@ def _numbers(value: Any) -> bool:
         return False
 
 
-def _odd(value: Any) -> str:
-    """Return what a number or an array of numbers should be and is not; nothing of other things."""
+def _odd(value: Any, hint: Any) -> str:
+    """Return what a number or an array of numbers should be and is not; nothing of other values."""
+    odd = _oddity(value)
+    return f"{_words(hint) or 'a value'} that is {odd}" if odd else ""
+
+
+def _oddity(value: Any) -> str:
     if isinstance(value, Iterator):
         return "there to be read again"
-    if isinstance(value, str | bytes | Mapping) or hasattr(value, "__dataclass_fields__") or not _numbers(value):
-        huge = isinstance(value, int) and abs(value) > _LARGEST
-        return "of a size that can be computed with" if huge else ""
+    if isinstance(value, str | bytes | Mapping) or is_dataclass(value):
+        return ""
+    if not _numbers(value):
+        return _UNBOUNDED if isinstance(value, int) and abs(value) > _LARGEST else ""
     array = np.abs(np.asarray(value, dtype=complex))
     if not array.size:
         return "not empty"
     if not np.isfinite(array).all():
         return "finite"
-    sizes = array[array > 0]
-    if sizes.size and (sizes.max() > _LARGEST or sizes.max() < _SMALLEST):
-        return "of a size that can be computed with"
-    return ""
+    largest = array.max()
+    return _UNBOUNDED if largest > _LARGEST or 0 < largest < _SMALLEST else ""
+
+
+def _without_axis(value: Any, hint: Any) -> str:
+    """Return what an array should have, where a number was given for it."""
+    alone = "array" in _words(hint) and _numbers(value) and np.ndim(value) == 0
+    return "an array of numbers that has an axis" if alone else ""
 
 
 def _words(hint: Any) -> str:
@@ -268,12 +262,9 @@ def _words(hint: Any) -> str:
         return " or ".join(dict.fromkeys(filter(None, map(_words, members))))
     if origin is Literal:
         return " or ".join(repr(each) for each in inner)
-    if hint is None:
-        return "None"
     kind = origin or hint
-    known = next((words for each, words in _WORDS.items() if kind is each), None)
-    if known is not None:
-        return known
+    if kind in _WORDS:
+        return _WORDS[kind]
     if not isinstance(kind, type):
         return ""
     if kind.__module__.startswith("numpy"):

@@ -379,13 +379,18 @@ def complex_array(name: str, values: ArrayLike, axes: str, ndim: int | Sequence[
     return locked(np.asarray(array, dtype=np.complex128))
 
 
+def _finite(value: Any) -> float:
+    """Return a value as a float; NaN where it is no finite number."""
+    try:
+        return float(value) if np.isfinite(float(value)) else np.nan
+    except (TypeError, ValueError, OverflowError):
+        return np.nan
+
+
 def check_positive(name: str, value: float) -> float:
     """Return the value as a float, or raise when it is not a finite positive number."""
-    try:
-        number = float(value)
-    except (TypeError, ValueError, OverflowError):
-        number = np.nan
-    if not (np.isfinite(number) and number > 0):
+    number = _finite(value)
+    if not number > 0:
         raise DataError(f"{name} needs a positive number", f"it is {value!r}", f"Give {name} in its unit, above zero.")
     return number
 
@@ -428,11 +433,8 @@ def check_index(name: str, index: Any, count: int) -> None:
 
 def check_number(name: str, value: Any) -> float:
     """Return a finite number as a float, or raise."""
-    try:
-        number = float(value)
-    except (TypeError, ValueError, OverflowError):
-        number = np.nan
-    if not np.isfinite(number):
+    number = _finite(value)
+    if np.isnan(number):
         raise DataError(f"{name} needs a finite number", f"it is {value!r}", f"Give {name} as one number.")
     return number
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.io.arrays import plain
 from modalscope.numerics.checks import Array
 
 __all__ = ["pack", "plain"]
@@ -52,16 +53,3 @@ def pack(head: Mapping[str, Any], arrays: Mapping[str, Array], exact: tuple[str,
     text = json.dumps(plain({**head, "arrays": listed}), allow_nan=False).encode()
     text += b" " * (-(len(text) + 4) % _ALIGN)
     return len(text).to_bytes(4, "little") + text + b"".join(parts)
-
-
-def plain(value: Any) -> Any:
-    """Return what JSON can hold: null for numbers that are not finite, lists for arrays, text for what it does not know."""
-    if isinstance(value, np.generic | np.ndarray):
-        value = value.tolist()
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple | range):
-        return [plain(item) for item in value]
-    if isinstance(value, float):
-        return value if np.isfinite(value) else None
-    return value if isinstance(value, str | int | bool) or value is None else str(value)
