@@ -113,6 +113,8 @@ class Study:
             text = shown(low) if values.size == 1 else f"{shown(low)} to {shown(high)}"
             good = (least is None or low >= least) and (most is None or high <= most)
             bounds = [f"{word} {shown(x)}" for word, x in (("at least", least), ("at most", most)) if x is not None]
+            if least is not None and least == most:
+                bounds = [shown(least)]
             if bounds:
                 asked, holds = ", ".join(bounds) + unit, "yes" if good else "no"
         cells = (self.data, figure, self.cases, asked, f"{text}{unit}", holds, self.run.date, self.run.commit)
@@ -148,7 +150,12 @@ def overview(folder: Path = FOLDER) -> list[str]:
         rows = [_cells(line) for line in _rows(folder / f"{subject}.md")]
         held = [row[5] for row in rows if row[5]]
         last = max((row[6] for row in rows), default="not run")
-        cells = (f"[{title}]({subject}.md)", str(len(rows)), f"{held.count('yes')} of {len(held)}", last)
+        cells = (
+            f"[{title}]({subject}.md)",
+            str(len(rows)),
+            f"{held.count('yes')} of {len(held)}" if held else "",
+            last,
+        )
         lines.append(_line(cells if rows else (title, "", "", last)))
     return _table(("subject", "figures", "within what is asked", "last run"), lines)
 

@@ -149,7 +149,7 @@ def test_first_order_at_every_level_of_noise(row: Row, study: Callable[[str, str
     )
     for level, value in zip(LEVELS, found, strict=True):
         limit = row.asked if any_level or level == LEVELS[0] else None
-        table.row(f"relative difference of pole changes, {level} dB", value, most=limit, form=".1e")
+        table.row(f"relative difference of pole changes, {level} dB", value, most=limit, form=".2e")
     table.row("moments against those of every value, relative", apart, most=1e-12, form=".0e")
     table.row("standard deviations of orders in other steps, relative", steps, most=1e-9, form=".0e")
     assert found[0] < 2 * row.asked
