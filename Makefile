@@ -47,7 +47,7 @@ help:
 	@echo "make docs          the documentation site in build/docs, every example in it run"
 	@echo "make bench         time and memory, against other programs in environments of their own (minutes)"
 	@echo "make torch         PyTorch, for large products on a graphics card"
-	@echo "make study         statistics over many seeds (long)"
+	@echo "make study         statistics over many seeds, written into docs/validation (long; WORD=selection: one subject)"
 	@echo "make clean         remove what make made"
 
 setup: $(STAMP)
@@ -141,8 +141,9 @@ bench: setup
 		$(SINGLE) $(QUIET_PLOTS) $(COMPILED) $(BIN)/python -m benchmarks.$$name || exit 1; \
 	done
 
+# WORD="selection and not narrow" tries those with such a subject or name.
 study: setup
-	@$(SINGLE) $(QUIET_PLOTS) $(COMPILED) $(BIN)/python -m pytest -m study -s -v
+	@$(SINGLE) $(QUIET_PLOTS) $(COMPILED) $(BIN)/python -m pytest -m study -s -v $(if $(WORD),-k "$(WORD)")
 
 clean:
 	rm -rf page/node_modules src/modalscope/app/static .venv .venv-min .venv-new build dist docs/generated docs/_static/mathjax .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

@@ -8,11 +8,12 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from typing import Any
 
 import pytest
 
+from tests.studies import Study, this_run, write
 from tests.support import BROWSER, CHROMIUM, wanted_extra
 
 #: How a test says that what it measures is missing (`tests.support.measured`).
@@ -40,6 +41,28 @@ def browser() -> Iterator[Any]:
         made = driver.chromium.launch(executable_path=CHROMIUM, args=BROWSER)
         yield made
         made.close()
+
+
+@pytest.fixture
+def study(request: pytest.FixtureRequest) -> Iterator[Callable[[str, str], Study]]:
+    """Open a study (its data, its seeds or cases) of the subject that the test's marker names; what it records is written to its page."""
+    (subject,) = request.node.get_closest_marker("study").args
+    opened: list[Study] = []
+
+    def begun(data: str, cases: str) -> Study:
+        opened.append(Study(subject, data, cases, this_run()))
+        return opened[-1]
+
+    yield begun
+    write(opened)
+
+
+@pytest.hookimpl(tryfirst=True)  # before -k chooses
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Let `make study WORD=...` choose by subject, too."""
+    for item in items:
+        for mark in item.iter_markers("study"):
+            item.extra_keyword_matches.update(mark.args)
 
 
 @pytest.hookimpl(wrapper=True)

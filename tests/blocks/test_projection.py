@@ -81,8 +81,8 @@ def test_free_decays_without_noise_give_the_poles_to_rounding():
     assert np.max(np.min(np.abs(z[:, None] - poles), axis=1)) < 1e-9
 
 
-@pytest.mark.study
-def test_the_poles_of_white_driven_records_converge_with_their_length():
+@pytest.mark.study("ambient")
+def test_the_poles_of_white_driven_records_converge_with_their_length(study):
     building = ms.systems.spring_chain()
     modes = building.modes()
     exact, errors = modes.poles, []
@@ -95,10 +95,15 @@ def test_the_poles_of_white_driven_records_converge_with_their_length():
             away.append(np.min(np.abs(exact[:, None] - found), axis=1) / np.abs(exact))
         errors.append(np.sqrt(np.mean(np.square(away))))
     # the scatter falls with the root of the length, by ten, and three records tell it to a factor of two
-    assert errors[1] < errors[0] / 5
+    table = study(
+        "spring chain under white forces, covariance-driven projection, order 10",
+        "3 records of each length, seeds 0 to 2",
+    )
+    table.row("largest ratio of pole errors, 300 000 to 3000 samples", np.max(errors[1] / errors[0]), most=1 / 5)
     # at best frequency and damping have variances zeta / (2 w T) each; without a model of the forces, within thrice that scatter
     best = np.sqrt(np.mean(modes.damping_ratios / np.abs(exact)) / (300000 / 20))
-    assert errors[1] < 3 * best
+    table.row("pole errors of 300 000 samples over the least possible", errors[1] / best, most=3)
+    assert not table.missed
 
 
 @pytest.mark.parametrize(

@@ -1,26 +1,15 @@
-"""How far the runs of a measured aircraft disagree, beside halves of them; the table of docs/refinement.md (`make study`)."""
+"""How far the runs of a measured aircraft disagree, beside halves of them."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 import modalscope as ms
+from tests.studies import Study
 from tests.support import measured
-from tests.tables import Table
-
-HEAD = (
-    "f [Hz]",
-    "f: noise, 1e-5",
-    "runs",
-    "halves",
-    "halves / runs",
-    "zeta: runs, %",
-    "halves",
-    "halves / runs",
-    "within 3",
-)
-TABLE = Table("refinement.md", "runs", HEAD)
 
 #: Ten runs of two accelerometers under one shaker.
 RUNS = np.repeat(np.arange(10), 2)
@@ -66,24 +55,25 @@ def test_repeatability_of_a_measured_aircraft_is_how_far_halves_of_its_runs_disa
     assert np.all((ratio[:, kept] > 1 / 4) & (ratio[:, kept] < 4))
 
 
-@pytest.mark.study
-def test_study_of_thirty_halves() -> None:
+@pytest.mark.study("refinement")
+def test_study_of_thirty_halves(study: Callable[[str, str], Study]) -> None:
     found, halves = beside_halves(30)
     f, zeta = found.frequencies, found.damping_ratios
     told = np.array([found.frequencies_repeatability, found.damping_ratios_repeatability])
     ratio, kept = halves / told, far_apart(found)
-    held = np.all((ratio > 1 / 3) & (ratio < 3), axis=0)
-    labels = []
+    missed = []
     for k in range(len(found)):
-        labels.append(f"{f[k]:.2f}")
-        cells = [1e5 * v / f[k] for v in (found.frequencies_std[k], told[0, k], halves[0, k])]
-        TABLE.keep(
-            labels[-1],
-            *(f"{c:.0f}" for c in cells),
-            f"{ratio[0, k]:.1f}",
-            *(f"{100 * v / zeta[k]:.1f}" for v in (told[1, k], halves[1, k])),
-            f"{ratio[1, k]:.1f}",
-            ("yes" if held[k] else "no") + ("" if kept[k] else " (close pair)"),
+        table = study(
+            f"aircraft, 10 runs, {f[k]:.2f} Hz" + " (close pair)" * (not kept[k]),
+            "30 random halves of the runs, seed 0",
         )
-    TABLE.write(labels)
-    assert np.all(held[kept])
+        noise = found.frequencies_std[k]
+        for what, value in (("noise", noise), ("repeatability of runs", told[0, k]), ("halves", halves[0, k])):
+            table.row(f"relative standard deviation of f, {what}", value / f[k], form=".1e")
+        for what, value in (("repeatability of runs", told[1, k]), ("halves", halves[1, k])):
+            table.row(f"relative standard deviation of zeta, {what}", 100 * value / zeta[k], form=".1f", unit=" %")
+        limits = {"least": 0.33, "most": 3} if kept[k] else {}
+        for name, value in zip(("f", "zeta"), ratio[:, k], strict=True):
+            table.row(f"halves over repeatability, {name}", value, form=".2f", **limits)
+        missed += table.missed
+    assert not missed

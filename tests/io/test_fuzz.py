@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import time
 
 import pytest
 
@@ -25,10 +24,13 @@ def test_two_thousand_damaged_files_are_refused_or_read(tmp_path, whole):
     assert tally.refused + tally.intact + tally.changed == 2000
 
 
-@pytest.mark.study
-def test_a_hundred_thousand_damaged_files_are_refused_or_read(tmp_path, whole):
-    """Measured: 80 678 refused, 13 939 as they were, 5383 as something else (formats without checksums); no fault. 17 minutes of a core."""
-    start = time.monotonic()
+@pytest.mark.study("robustness")
+def test_a_hundred_thousand_damaged_files_are_refused_or_read(tmp_path, whole, study):
+    """17 minutes of a core."""
     tally = fuzz.run(tmp_path, whole, 100_000, seed=1)
-    print(f"\n{tally}; {time.monotonic() - start:.0f} s")
+    table = study("damaged files of every format", "100 000 files, seed 1")
+    table.row("refused", tally.refused)
+    table.row("read as they were", tally.intact)
+    table.row("read as something else", tally.changed)
+    table.row("another exception, a hang or the end of the process", len(tally.faults), most=0)
     assert not tally.faults

@@ -1,16 +1,17 @@
-"""Lists of ambient records with nothing set: two known structures, a measured building, and noise; the table of docs/selection.md."""
+"""Lists of ambient records with nothing set: two known structures, a measured building, and noise."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 import modalscope as ms
 from modalscope.systems import chain5, iasc_asce
+from tests.studies import Study
 from tests.support import measured
-from tests.tables import Table
 
-TABLE = Table("selection.md", "lists", ("ambient records", "rows", "found", "other modes", "asked", "as asked"))
 ROWS = ("alternate", "era", "ssi-data")
 LABELS = (
     "shear building of 12 modes, 12 x 120 s at 250 Hz, 20 dB",
@@ -63,49 +64,37 @@ def test_noise_has_no_modes() -> None:
 # ---------------------------------------------------------------------------------------------------------------- study
 
 
-@pytest.mark.study
+@pytest.mark.study("ambient")
 @pytest.mark.parametrize("label", LABELS[:2])
-def test_study_of_known_structures(label: str) -> None:
+def test_study_of_known_structures(label: str, study: Callable[[str, str], Study]) -> None:
     """Of 40 records 95 % are 38."""
     cases = [simulated(label, seed) for seed in range(SEEDS)]
     found = np.array([counts(truth, ms.analyze(record).modes) for truth, record in cases])
     total = len(cases[0][0])
+    table = study(label, f"{SEEDS} records, seeds 0 to {SEEDS - 1}")
     whole = int(np.sum(found[:, 0] == total))
-    held = whole >= 0.95 * SEEDS
-    TABLE.keep(
-        label,
-        "alternate",
-        f"{total} of {total} in {whole} of {SEEDS}",
-        str(int(found[:, 1].sum())),
-        f"{total} of {total} in 95 %",
-        "yes" if held else "no",
-    )
-    assert held
+    table.row(f"records with all {total} modes", whole, least=round(0.95 * SEEDS))
+    table.row("other modes", int(found[:, 1].sum()))
+    assert not table.missed
 
 
-@pytest.mark.study
-def test_study_of_a_measured_building() -> None:
+@pytest.mark.study("ambient")
+def test_study_of_a_measured_building(study: Callable[[str, str], Study]) -> None:
     """Published by stochastic subspace identification of the same record."""
     published = np.array([1.88202, 2.42170, 2.68704])
     record = ms.read(measured("palisaden", "palisaden_dec5.npz"), rename={"y": "outputs", "fs": "sampling_rate"})
     found = [ms.analyze(record, method=row).modes.frequencies for row in ROWS]
     three = [int(np.sum(np.min(np.abs(f[:, None] / published - 1), axis=0) < 0.003)) for f in found]
-    others = [len(f) - count for f, count in zip(found, three, strict=True)]
-    held = min(three) == 3
-    cells = (", ".join(ROWS), f"{', '.join(map(str, three))} of 3", ", ".join(map(str, others)), "3 of 3")
-    TABLE.keep(LABELS[2], *cells, "yes" if held else "no")
-    assert held
+    table = study(LABELS[2], "1 record, palisaden_dec5")
+    for row, f, count in zip(ROWS, found, three, strict=True):
+        table.row(f"published modes found within 0.3 %, of 3, {row}", count, least=3)
+        table.row(f"other modes, {row}", len(f) - count)
+    assert not table.missed
 
 
-@pytest.mark.study
-def test_at_most_one_record_of_noise_in_forty_has_a_mode() -> None:
+@pytest.mark.study("ambient")
+def test_at_most_one_record_of_noise_in_forty_has_a_mode(study: Callable[[str, str], Study]) -> None:
     false = [len(ms.analyze(of_noise(seed)).modes) for seed in range(SEEDS)]
-    held = sum(false) <= 1
-    TABLE.keep(LABELS[3], "alternate", "", f"{sum(false)} in {SEEDS}", "1 in 40 at most", "yes" if held else "no")
-    assert held
-
-
-@pytest.mark.study
-def test_the_page_shows_the_table() -> None:
-    """Last in this file: what did not run this time stays as it was."""
-    TABLE.write(LABELS)
+    table = study(LABELS[3], f"{SEEDS} records, seeds 500 to {499 + SEEDS}")
+    table.row("modes in all records together", sum(false), most=1)
+    assert not table.missed

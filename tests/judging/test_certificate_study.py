@@ -1,7 +1,8 @@
-"""Is the verdict of a certificate the truth's? Certificates at 20 dB beside the errors of many seeds; a table of docs/deviations.md."""
+"""Is the verdict of a certificate the truth's? Certificates at 20 dB beside the errors of many seeds.."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,18 +20,7 @@ from modalscope.judging.certificate import (
 )
 from modalscope.numerics.checks import BoolArray, RealArray
 from modalscope.systems import chain5
-from tests.tables import Table
-
-HEAD = (
-    "method",
-    "hold in truth",
-    "passed of those that hold",
-    "refused of those that do not",
-    "on the edge",
-    "coverage told, largest error",
-    "as asked",
-)
-TABLE = Table("deviations.md", "verdicts", HEAD)
+from tests.studies import Study
 
 TRUTH = chain5().modes()
 
@@ -97,9 +87,9 @@ def clear(told: Calibration, seeds: int) -> BoolArray:
     return np.asarray(inside | outside)
 
 
-@pytest.mark.study
+@pytest.mark.study("certificates")
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.label)
-def test_the_verdict_is_that_of_the_truth(case: Case) -> None:
+def test_the_verdict_is_that_of_the_truth(case: Case, study: Callable[[str, str], Study]) -> None:
     """Seeds of the certificates are none of those that the truth is known from."""
     true = calibration(TRUTH, np.stack([values_and_deviations(near_truth(k, case)) for k in range(SEEDS)]))
     told = [verdicts(SEEDS + k, case) for k in range(CERTIFIED)]
@@ -111,15 +101,16 @@ def test_the_verdict_is_that_of_the_truth(case: Case) -> None:
     off = 100 * np.abs(np.nanmedian([one.coverage for one in told], axis=0) - true.coverage)[where].max()
     print(true.holds.T, true.bias.T.round(2), true.ratio.T.round(2), true.coverage.T.round(2), sep="\n")
     print(holds.mean(axis=0).T, np.median([one.coverage for one in told], axis=0).T.round(2), sep="\n")
-    kept = np.nanmin(right) > 80 and off <= COVERAGE_WITHIN
-    TABLE.keep(
-        case.label,
-        f"{int(true.holds.sum())} of {true.holds.size}",
-        *(f"{share:.0f} %" if np.isfinite(share) else "none" for share in right),
-        str(int((~sure).sum())),
-        f"{off:.0f} points",
-        "yes" if kept else "no",
+    truth = (
+        f"{SEEDS} seeds for the truth, 0 to {SEEDS - 1}; {CERTIFIED} certificates, {SEEDS} to {SEEDS + CERTIFIED - 1}"
     )
+    table = study(f"chain5 at 20 dB, {case.label}", truth)
+    table.row("figures that hold in truth", f"{int(true.holds.sum())} of {true.holds.size}")
+    table.row("figures within twice their sampling error of a limit, not counted", int((~sure).sum()))
+    for what, share in zip(("passed, of figures that hold", "refused, of figures that do not"), right, strict=True):
+        if np.isfinite(share):
+            table.row(what, share, least=80, form=".0f", unit=" %")
+    table.row("coverage, error of the certificate in points", off, most=COVERAGE_WITHIN, form=".0f")
 
 
 def verdicts(seed: int, case: Case) -> Calibration:
@@ -133,9 +124,3 @@ def verdicts(seed: int, case: Case) -> Calibration:
     told[:3, own] = np.moveaxis([[part[k] for part in (found.frequency, found.damping_ratio)] for k in FIGURES], 1, 2)
     told[3, own] = found.found[:, None]
     return Calibration(*told[:3], error=np.full_like(told[0], np.nan), seen=told[3])
-
-
-@pytest.mark.study
-def test_the_page_shows_the_table() -> None:
-    """Last in this file: writes what was found; what did not run this time stays as it was."""
-    TABLE.write(case.label for case in CASES)

@@ -1,4 +1,4 @@
-"""What deviations of all poles cost beside the diagram without them; the table of docs/deviations.md (`make study`)."""
+"""What deviations of all poles cost beside the diagram without them."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import pytest
 
 import modalscope as ms
 from modalscope.systems import chain5
+from tests.studies import Study
 from tests.support import BEAM
-from tests.tables import Table
 
 
 class Cost(NamedTuple):
@@ -57,9 +57,6 @@ COSTS = (
     Cost("beam, 7 x 6, 4401 lines", _beam, (("alternate", "s"), ("alternate", "z"), ("lscf", "z")), 2.0),
     Cost("ambient record, 4 x 20 000", _ambient, (("alternate", "time"), ("ssi-data", "time")), 1.5),
 )
-TABLE = Table(
-    "deviations.md", "cost", ("data", "row", "orders to", "without, CPU s", "with", "ratio", "asked", "as asked")
-)
 
 
 def seconds(data: Any, method: str, domain: str, turns: int) -> tuple[float, float, int]:
@@ -84,27 +81,19 @@ def test_deviations_cost_about_as_much_as_the_diagram(cost: Cost) -> None:
     assert with_them < 2 * cost.asked * without
 
 
-@pytest.mark.study
+@pytest.mark.study("resources")
 @pytest.mark.parametrize("cost", COSTS, ids=lambda cost: cost.what)
-def test_cost_of_deviations(cost: Cost) -> None:
+def test_cost_of_deviations(cost: Cost, study: Callable[[str, str], Study]) -> None:
     data = cost.data()
     seconds(data, *cost.rows[0], turns=1)
     for method, domain in cost.rows:
         without, with_them, largest = seconds(data, method, domain, 3)
-        ratio = with_them / without
-        TABLE.keep(
-            f"{cost.what} | {method} ({domain})",
-            f"{largest}",
-            f"{without:.2g}",
-            f"{with_them:.2g}",
-            f"{ratio:.1f}",
-            f"{cost.asked:g}",
-            "yes" if ratio < cost.asked + 0.05 else "no",
+        ratio = round(with_them / without, 1)
+        table = study(
+            f"diagram of {cost.what}, {method} ({domain}), orders to {largest}",
+            "1 set of data, seed 0, best of 3 turns",
         )
+        table.row("without standard deviations, CPU s", without, form=".2g")
+        table.row("with standard deviations, CPU s", with_them, form=".2g")
+        table.row("ratio", ratio, most=cost.asked, form=".1f")
     assert np.isfinite(ratio)
-
-
-@pytest.mark.study
-def test_the_page_shows_the_table() -> None:
-    """Last in this file: what did not run this time stays as it was."""
-    TABLE.write(f"{cost.what} | {method} ({domain})" for cost in COSTS for method, domain in cost.rows)

@@ -1,12 +1,14 @@
-"""What first order gives beside differences of the code, row by row; the table of docs/deviations.md (`make study`)."""
+"""What first order gives beside differences of the code, row by row."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 import pytest
+from modalscope.systems.noise import white_noise
 
 import modalscope as ms
 from modalscope.data import ImpulseResponse
@@ -14,9 +16,8 @@ from modalscope.data.response import Response
 from modalscope.identification.sweep import cut_order
 from modalscope.likelihood.covariance import PoleInfluence, influence_on
 from modalscope.systems import chain5
-from modalscope.systems.records import white_noise
+from tests.studies import Study
 from tests.support import add_noise, built, relative
-from tests.tables import Table
 
 #: Noise, dB; sets of it, changes of each, and their size in deviations of the noise (smaller ones leave rounding at 80 dB).
 LEVELS, SETS, CHANGES, STEP = (80, 40, 20), 5, 4, 0.1
@@ -42,11 +43,6 @@ ROWS = (
     *(Row(method, domain) for domain in ("time", "z", "s") for method in _CUT),
     Row("prce", "time", 12, 2e-3),
     *(Row("lscf", "z", 20, 2e-3, kept) for kept in (False, True)),
-)
-TABLE = Table(
-    "deviations.md",
-    "influence",
-    ("row, order", *(f"{level} dB" for level in LEVELS), "asked", "holds", "value by value", "orders in other steps"),
 )
 TRUE = chain5().modes().poles
 
@@ -140,23 +136,22 @@ def test_moments_are_those_of_every_value(row: Row) -> None:
 # ---------------------------------------------------------------------------------------------------------------- study
 
 
-@pytest.mark.study
+@pytest.mark.study("standard-deviations")
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.label)
-def test_first_order_at_every_level_of_noise(row: Row) -> None:
+def test_first_order_at_every_level_of_noise(row: Row, study: Callable[[str, str], Study]) -> None:
     """Truncating rows: in proportion to the noise. A matrix fraction: at any level, but for the levels of its outputs."""
     found = [np.sqrt(np.mean([difference(row, level, seed) ** 2 for seed in range(SETS)])) for level in LEVELS]
     apart, steps = outer_products(row), orders_beside(row)
     any_level = row.method in ("lscf", "prce")
-    held = max(found) if any_level else found[0]
-    asked = f"{row.asked:.0e} at {'any level' if any_level else f'{LEVELS[0]} dB'}"
-    cells = (*(f"{w:.1e}" for w in found), asked, "yes" if held <= row.asked else "no", f"{apart:.0e}", f"{steps:.0e}")
-    TABLE.keep(row.label, *cells)
+    table = study(
+        f"first order against differences, {row.label}",
+        f"{SETS} sets of noise x {CHANGES} changes, seeds 0 to {SETS - 1}",
+    )
+    for level, value in zip(LEVELS, found, strict=True):
+        limit = row.asked if any_level or level == LEVELS[0] else None
+        table.row(f"relative difference of pole changes, {level} dB", value, most=limit, form=".2e")
+    table.row("moments against those of every value, relative", apart, most=1e-12, form=".0e")
+    table.row("standard deviations of orders in other steps, relative", steps, most=1e-9, form=".0e")
     assert found[0] < 2 * row.asked
     assert apart < 1e-12
     assert steps < 1e-9
-
-
-@pytest.mark.study
-def test_the_page_shows_the_table() -> None:
-    """Last in this file: what did not run this time stays as it was."""
-    TABLE.write(row.label for row in ROWS)

@@ -1,8 +1,8 @@
-"""How near to the Cramer-Rao bound every row comes with its default blocks; the table of docs/deviations.md (`make study`)."""
+"""How near to the Cramer-Rao bound every row comes with its default blocks."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -11,19 +11,13 @@ from modalscope.identification.lookup import find_method
 from modalscope.identification.method import Method
 from tests.identification.bound import bound
 from tests.methods.bound_cases import DECIBEL, KINDS, Case, identified, random_case, rows_of, selected
-
-PAGE = Path(__file__).parents[2] / "docs" / "deviations.md"
-BEGIN, END = "<!-- bound: written by `make study` -->", "<!-- end of bound -->"
+from tests.studies import Study
 
 #: Structures of every length of record.
 SIZES = {400: 60, 1000: 24, 4000: 16}
 
 #: Sets of noise of every structure, and the first seed.
 DRAWS, FIRST = 2, 500
-
-HEAD = "| data | row | " + " | ".join(f"{n} samples" for n in SIZES) + " |\n|---|---|" + "---|" * len(SIZES)
-
-_FOUND: dict[tuple[str, str], dict[int, str]] = {}
 
 
 def ratios(row: Method, cases: list[Case], draws: int = DRAWS) -> np.ndarray:
@@ -32,15 +26,11 @@ def ratios(row: Method, cases: list[Case], draws: int = DRAWS) -> np.ndarray:
     return np.array([np.sqrt(np.mean(np.square(found))) for found in every])
 
 
-def quantiles(values: np.ndarray) -> np.ndarray:
-    """Return the median, the value that 90 % stay below, and the largest."""
-    return np.asarray(np.quantile(values, [0.5, 0.9, 1], method="nearest"))
-
-
-def _kept(kind: str, what: str, samples: int, values: np.ndarray) -> None:
-    cell = " / ".join(f"{v:.2g}" if v >= 10 else f"{v:.2f}" for v in quantiles(values)).replace("inf", "lost")
-    _FOUND.setdefault((kind, what), {})[samples] = cell
-    print(f"{kind}, {samples}: {what}: {cell}")
+def show(table: Study, what: str, values: np.ndarray, most: float | None = None) -> None:
+    """Record the median, the value that 90 % stay below, and the largest."""
+    tail = np.quantile(values, [0.9, 1], method="nearest")
+    table.row(f"{what}: median", np.median(values), most=most)
+    table.row(f"{what}: 90 % of structures, and all", " / ".join(f"{v:.3g}" for v in tail).replace("inf", "lost"))
 
 
 # ---------------------------------------------------------------------------------------------------------- short form
@@ -81,45 +71,36 @@ def test_either_side_may_be_the_short_one(kind: str, name: str) -> None:
 # ---------------------------------------------------------------------------------------------------------------- study
 
 
-@pytest.mark.study
+def structures(samples: int) -> str:
+    """Return which cases a study of records of this length is of."""
+    count = SIZES[samples]
+    return f"{count} structures x {DRAWS} sets of noise, seeds {FIRST} to {FIRST + count - 1}"
+
+
+@pytest.mark.study("methods")
 @pytest.mark.parametrize("samples", SIZES)
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_row_at_the_true_order(kind: str, samples: int) -> None:
+def test_every_row_at_the_true_order(kind: str, samples: int, study: Callable[[str, str], Study]) -> None:
+    """A median is measured to a tenth."""
     cases = [random_case(kind, samples, FIRST + seed) for seed in range(SIZES[samples])]
+    table = study(f"error over the Cramér-Rao bound, {kind}, {samples} samples, true order", structures(samples))
     for row in rows_of(kind):
-        found = ratios(row, cases)
-        _kept(kind, f"{row.name} ({row.domain})", samples, found)
-        if row.name in ("era", "alternate", "least_squares"):
-            assert np.median(found) < 2.2  # measured to a tenth
+        most = 2.2 if row.name in ("era", "alternate", "least_squares") else None
+        show(table, f"{row.name} ({row.domain})", ratios(row, cases), most)
+    assert not table.missed
 
 
-@pytest.mark.study
+@pytest.mark.study("methods")
 @pytest.mark.parametrize("samples", SIZES)
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_slowest_mode_as_it_is_selected_and_refined(kind: str, samples: int) -> None:
+def test_the_slowest_mode_as_it_is_selected_and_refined(
+    kind: str, samples: int, study: Callable[[str, str], Study]
+) -> None:
     cases = [random_case(kind, samples, FIRST + seed) for seed in range(SIZES[samples])]
     pairs = np.array([[selected(case, 1000 * k + d) for d in range(DRAWS)] for k, case in enumerate(cases)])
     size = np.sqrt(np.mean(np.square(pairs), axis=(1, 3)))
-    _kept(kind, "selected: slowest mode", samples, size[:, 0])
-    _kept(kind, "refined: slowest mode", samples, size[:, 1])
-    assert np.median(size[:, 0]) < (2 if kind != "frequency responses" else 5)
-    assert np.median(size[:, 1]) < 1.15  # four errors of deviation 1 have a root mean square of .92 in the median
-
-
-@pytest.mark.study
-def test_the_page_shows_the_table() -> None:
-    """Last in this file: writes what was found; what did not run this time stays as it was."""
-    before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-    body, _, after = rest.partition(END)
-    shown = {tuple(cells[1:3]): cells[3:-1] for cells in map(_cells, body.strip().splitlines()[2:])}
-    for label, found in _FOUND.items():
-        old = shown.get(label, [""] * len(SIZES))
-        shown[label] = [found.get(n, there) for n, there in zip(SIZES, old, strict=True)]
-    lines = [
-        f"| {' | '.join((*label, *shown[label]))} |" for label in sorted(shown, key=lambda label: KINDS.index(label[0]))
-    ]
-    PAGE.write_text(f"{before}{BEGIN}\n{HEAD}\n" + "\n".join(lines) + f"\n{END}{after}", encoding="utf-8")
-
-
-def _cells(line: str) -> list[str]:
-    return [cell.strip() for cell in line.split("|")]
+    table = study(f"error over the Cramér-Rao bound, {kind}, {samples} samples, slowest mode", structures(samples))
+    show(table, "selected", size[:, 0], 2 if kind != "frequency responses" else 5)
+    # four errors of one standard deviation have a root mean square of .92 in the median
+    show(table, "refined", size[:, 1], 1.15)
+    assert not table.missed

@@ -1,7 +1,8 @@
-"""Spoilt records and responses are named, sound ones are not: a short form, and the study of docs/doctor.md."""
+"""Spoilt records and responses are named, sound ones are not: a short form, and a study."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from modalscope.preprocess.impacts import clipped_samples
 from modalscope.systems import chain5, over4
 from tests.preprocess import spoilt
 from tests.preprocess.spoilt import FAULTS, is_found, sound
+from tests.studies import Study
 
 
 @pytest.mark.parametrize("name", FAULTS)
@@ -32,18 +34,23 @@ def test_sound_records_of_every_kind_are_not_named() -> None:
             assert examine(record) == (), name
 
 
-@pytest.mark.study
+@pytest.mark.study("checks")
 @pytest.mark.parametrize("name", FAULTS)
-def test_faults_that_move_a_mode_by_its_deviation_are_found(name: str) -> None:
+def test_faults_that_move_a_mode_by_its_deviation_are_found(name: str, study: Callable[[str, str], Study]) -> None:
     """Strengths and their effects stand in docs/doctor.md; what is not found there is named there."""
     fault = FAULTS[name]
-    assert sum(is_found(fault, seed, fault.strengths[2]) for seed in range(10)) >= spoilt.FOUND.get(name, 10)
+    table = study(f"fault: {name}, strength {fault.strengths[2]:g}", "10 records, seeds 0 to 9")
+    count = sum(is_found(fault, seed, fault.strengths[2]) for seed in range(10))
+    table.row("found, of 10", count, least=spoilt.FOUND.get(name, 10))
+    assert not table.missed
 
 
-@pytest.mark.study
-def test_forty_sound_records_are_not_named() -> None:
-    named = {name: found for name, record in sound() if (found := examine(record))}
-    assert named == {}
+@pytest.mark.study("checks")
+def test_forty_sound_records_are_not_named(study: Callable[[str, str], Study]) -> None:
+    found = {name: examine(record) for name, record in sound()}
+    table = study("sound records of every kind", f"{len(found)} records")
+    table.row("records with a finding", sum(map(bool, found.values())), most=0)
+    assert {name for name, findings in found.items() if findings} == set()
 
 
 def test_three_equal_extremes_are_enough_where_the_steps_are_fine() -> None:

@@ -18,26 +18,22 @@ import pytest
 from scipy.signal import lfilter
 
 from tests.preprocess.long_job import LAGS
+from tests.studies import Study
 from tests.support import ROOT
-from tests.tables import Table
 
 zarr = pytest.importorskip("zarr")
 psutil = pytest.importorskip("psutil", reason="Dask is not installed: pip install 'modalscope[cluster]'")
 pytest.importorskip("distributed")
 
-pytestmark = pytest.mark.study
+pytestmark = pytest.mark.study("resources")
 
 FULL, CHANNELS, RATE = 20_000_000, 64, 100.0
 
-#: Fewer samples, for a look at the study itself, are said in the environment: no table is written then.
+#: Fewer samples, for a look at the study itself, are said in the environment, and by the table.
 SAMPLES = int(os.environ.get("MODALSCOPE_LONG", FULL))
 
 #: What is asked: seconds of a processor, bytes, what two workers may take beside one worker, and how equal sums in another order are.
 SECONDS, MEMORY, BESIDE, EQUAL = 90.0, 2e9, 1.15, 1e-10
-
-TABLE = Table(
-    "speed.md", "long", ("done by", "CPU s, all processes", "largest process, MB", "all at once, MB", "differs by")
-)
 
 ALONE, ONE, TWO, KILLED = (
     "one process",
@@ -83,8 +79,6 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         array[start : start + count] = motion @ shapes + 0.3 * rng.standard_normal((count, CHANNELS))
     yield made
     shutil.rmtree(made)  # five gigabytes
-    if SAMPLES == FULL:
-        TABLE.write([ALONE, ONE, TWO, KILLED, *STOPPED.values()])
 
 
 def heard() -> None:
@@ -137,18 +131,20 @@ def run(path: Path, *options: object, at: Callable[[int, int], int | None] = lam
     return Run(process.returncode, used.ru_utime + used.ru_stime, used.ru_maxrss * 1024, most[0], told, found)
 
 
-def row(label: str, runs: list[Run], expected: np.ndarray) -> float:
-    """Keep a row of the table; return by how much the numbers differ from those of one process, relative to the largest."""
+def record(
+    begun: Callable[[str, str], Study], label: str, runs: list[Run], expected: np.ndarray, seconds: float | None = None
+) -> None:
+    """Record what the runs took, and by how much the numbers differ from those of one process, relative to the largest."""
     found = runs[-1].values
     assert found is not None
     differ = float(np.abs(found - expected).max() / np.abs(expected).max())
-    seconds, largest, together = (
-        f(getattr(r, name) for r in runs) for f, name in ((sum, "seconds"), (max, "largest"), (max, "together"))
-    )
-    TABLE.keep(
-        label, f"{seconds:.1f}", f"{largest / 1e6:.0f}", f"{together / 1e6:.0f}", f"{differ:.0e}" if differ else "0"
-    )
-    return differ
+    table = begun(f"correlation of {CHANNELS} channels x {SAMPLES} samples, {label}", "1 record, seed 0")
+    table.row("CPU s of all processes", sum(r.seconds for r in runs), most=seconds, form=".1f")
+    table.row("largest process, MB", max(r.largest for r in runs) / 1e6, form=".0f")
+    together = max(r.together for r in runs) / 1e6
+    table.row("all processes at once, MB", together, most=MEMORY / 1e6 if label in (ALONE, TWO) else None, form=".0f")
+    table.row("relative difference of values", differ, most=EQUAL, form=".0e")
+    assert not table.missed
 
 
 @pytest.fixture(scope="module")
@@ -156,34 +152,36 @@ def alone(path: Path) -> Run:
     return run(path)
 
 
-def test_one_process_takes_ninety_seconds_and_two_gigabytes_at_most(alone: Run) -> None:
+def test_one_process_takes_ninety_seconds_and_two_gigabytes_at_most(
+    alone: Run, study: Callable[[str, str], Study]
+) -> None:
     assert alone.status == 0
     assert alone.values is not None
     assert alone.values.shape == (LAGS + 1, CHANNELS, CHANNELS)
-    row(ALONE, [alone], alone.values)
-    assert alone.together < MEMORY
-    assert alone.seconds < SECONDS
+    record(study, ALONE, [alone], alone.values, SECONDS)
 
 
-def test_two_workers_take_what_one_takes_and_find_the_same(path: Path, alone: Run) -> None:
+def test_two_workers_take_what_one_takes_and_find_the_same(
+    path: Path, alone: Run, study: Callable[[str, str], Study]
+) -> None:
     one, two = (run(path, "--workers", count) for count in (1, 2))
     assert alone.values is not None
-    assert row(ONE, [one], alone.values) < EQUAL
-    assert row(TWO, [two], alone.values) < EQUAL
-    assert two.together < MEMORY
+    record(study, ONE, [one], alone.values)
     # of fewer samples the start of two processes is the larger part
-    assert SAMPLES < FULL or two.seconds < BESIDE * one.seconds
+    record(study, TWO, [two], alone.values, BESIDE * one.seconds if SAMPLES == FULL else None)
 
 
-def test_a_killed_worker_costs_what_it_had_in_hand(path: Path, alone: Run) -> None:
+def test_a_killed_worker_costs_what_it_had_in_hand(path: Path, alone: Run, study: Callable[[str, str], Study]) -> None:
     assert alone.values is not None
     killed = run(path, "--workers", 2, "--kill")
-    assert row(KILLED, [killed], alone.values) < EQUAL
+    record(study, KILLED, [killed], alone.values)
     assert killed.told == alone.told  # nobody's work is counted twice
 
 
 @pytest.mark.parametrize("number", STOPPED, ids=lambda number: number.name)
-def test_a_run_that_was_stopped_goes_on(path: Path, alone: Run, tmp_path: Path, number: signal.Signals) -> None:
+def test_a_run_that_was_stopped_goes_on(
+    path: Path, alone: Run, tmp_path: Path, number: signal.Signals, study: Callable[[str, str], Study]
+) -> None:
     """SIGTERM and SIGKILL leave no time to write: what was kept last, seconds ago, is gone on from."""
     assert alone.values is not None
     first = run(path, "--save", tmp_path, at=lambda done, of: number if done == of // 2 else None)
@@ -192,5 +190,5 @@ def test_a_run_that_was_stopped_goes_on(path: Path, alone: Run, tmp_path: Path, 
     second = run(path, "--save", tmp_path)
     assert 1 < second.told[0] <= first.told[-1] + 1
     assert second.told[-1] == alone.told[-1]
-    assert row(STOPPED[number], [first, second], alone.values) < EQUAL
+    record(study, STOPPED[number], [first, second], alone.values)
     assert not list(tmp_path.iterdir())
