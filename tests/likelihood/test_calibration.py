@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from tests.likelihood.cases import CASES, Case, errors
 from tests.studies import Study
-from tests.uncertainty.cases import CASES, Case, errors
 
 
 @pytest.mark.study("standard-deviations")

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from modalscope.systems.noise import white_noise
 
 import modalscope as ms
 from modalscope.data import ImpulseResponse
@@ -16,6 +15,7 @@ from modalscope.data.response import Response
 from modalscope.identification.sweep import cut_order
 from modalscope.likelihood.covariance import PoleInfluence, influence_on
 from modalscope.systems import chain5
+from modalscope.systems.records import white_noise
 from tests.studies import Study
 from tests.support import add_noise, built, relative
 
