@@ -45,7 +45,7 @@ def test_pieces_give_the_fit_error_of_the_whole() -> None:
     whole, channel = fit_error(noisy.values, noisy.values_of(model))
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(
-            "modalscope.data.impulse.HELD", 7 * noisy.values[0].size
+            "modalscope.data.responses.HELD", 7 * noisy.values[0].size
         )  # pieces of sixteen samples, the fewest
         pieces = list(noisy.beside(model))
     assert len(pieces) == 19

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from modalscope.data.impulse import ImpulseResponse
+from modalscope.data.responses import ImpulseResponse
 from modalscope.identification.identify import identify
 from modalscope.preprocess.correlation import slower_correlation
 from modalscope.systems import chain5

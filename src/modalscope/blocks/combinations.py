@@ -19,9 +19,9 @@ from modalscope.blocks.evolved import ModalSide
 from modalscope.blocks.influence import Influence
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Eigen, Misfit, ModalFit, Triple
-from modalscope.data.impulse import ImpulseResponse
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
+from modalscope.data.responses import ImpulseResponse
 from modalscope.data.stored import StoredResponse
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, sealed
 from modalscope.numerics.operators import real_times

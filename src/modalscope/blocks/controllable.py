@@ -9,7 +9,7 @@ from modalscope.blocks.hankel import Hankel, fit_of_samples
 from modalscope.blocks.influence import Influence
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
-from modalscope.data.impulse import ImpulseResponse
+from modalscope.data.responses import ImpulseResponse
 from modalscope.numerics.checks import Array, ComplexArray
 
 __all__ = ["TurnedHankel"]

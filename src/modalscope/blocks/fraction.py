@@ -27,9 +27,9 @@ from modalscope.blocks.influence import LineInfluence, Lines, Moments, Outer, al
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.polynomials import both_sums
 from modalscope.blocks.triple import Eigen, Misfit, ModalFit, Triple
-from modalscope.data.frequency import FrequencyResponse
 from modalscope.data.poles import powers_of, to_continuous, to_discrete
 from modalscope.data.response import Response, output_scale
+from modalscope.data.responses import FrequencyResponse
 from modalscope.data.statespace import StateSpace
 from modalscope.numerics.checks import Array, ComplexArray, DataError, IntArray, RealArray, check_count, freeze
 

@@ -20,7 +20,7 @@ from modalscope.blocks.influence import ConvolvedInfluence, Lines, convolved
 from modalscope.blocks.matrix import RowShift
 from modalscope.blocks.structure import BlockHankel, SampledMatrix, Side, block_shifts, side_of
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
-from modalscope.data.impulse import ImpulseResponse
+from modalscope.data.responses import ImpulseResponse
 from modalscope.numerics.checks import Array, ComplexArray, DataError, IntArray, RealArray, check_count
 from modalscope.numerics.operators import DenseMatrix, Operator, real_times
 

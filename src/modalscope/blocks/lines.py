@@ -21,8 +21,8 @@ from modalscope.blocks.influence import LineInfluence, Lines, Outer, all_lines
 from modalscope.blocks.matrix import DataMatrix, RowShift
 from modalscope.blocks.polynomials import Plane, evaluate
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
-from modalscope.data.frequency import FrequencyResponse
 from modalscope.data.response import Response
+from modalscope.data.responses import FrequencyResponse
 from modalscope.numerics.checks import Array, ComplexArray, DataError, IntArray, RealArray, real_array
 from modalscope.numerics.operators import DenseMatrix, Operator, real_times
 from modalscope.numerics.sums import TriangleSum

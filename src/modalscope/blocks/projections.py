@@ -20,8 +20,8 @@ from modalscope.blocks.matrix import RowShift
 from modalscope.blocks.structure import SampledMatrix
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.data.geometry import DofLike, indices_of
-from modalscope.data.impulse import ImpulseResponse
 from modalscope.data.records import Signals
+from modalscope.data.responses import ImpulseResponse
 from modalscope.numerics.checks import Array, DataError, IntArray, RealArray, check_count
 from modalscope.numerics.operators import DenseMatrix
 from modalscope.numerics.sums import TriangleSum

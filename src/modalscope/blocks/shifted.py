@@ -27,11 +27,10 @@ from modalscope.blocks.influence import (
 from modalscope.blocks.lines import LineMatrix, VectorsOnLines, kept_block_rows, real_columns
 from modalscope.blocks.matrix import RowShift
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
-from modalscope.data.frequency import FrequencyResponse
-from modalscope.data.impulse import ImpulseResponse
 from modalscope.data.pole_basis import stacked_basis
 from modalscope.data.poles import to_continuous, to_discrete
 from modalscope.data.response import Response
+from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.statespace import StateSpace
 from modalscope.numerics.checks import Array, ComplexArray, DataError, IntArray, RealArray, check_choice, check_count
 from modalscope.numerics.linear_systems import HELD

@@ -22,9 +22,9 @@ from modalscope.blocks.matrix import FunctionRows, LinePencil, line_pencil
 from modalscope.blocks.polynomials import Leftover, Plane, basis_on, energy, leftover, plane_of, remainders
 from modalscope.blocks.triple import Eigen, Misfit, ModalFit, Triple
 from modalscope.data.channels import derivatives_between, known_quantity
-from modalscope.data.frequency import FrequencyResponse
 from modalscope.data.pole_basis import LineData, line_basis, line_data
 from modalscope.data.response import output_scale
+from modalscope.data.responses import FrequencyResponse
 from modalscope.numerics.checks import Array, ComplexArray, DataError, RealArray, check_count, real_array
 from modalscope.numerics.operators import Operator, TransposedOperator
 

@@ -24,13 +24,12 @@ from modalscope.comparing.routes import route_causes, tasks_of, witnesses
 from modalscope.comparing.run import Cell, MethodResult, Progress, run
 from modalscope.comparing.scatter import Scatter, Tried, certified_best, interval_trouble, stated
 from modalscope.comparing.verdict import judge, words
-from modalscope.data.frequency import FrequencyResponse
 from modalscope.data.geometry import DofLike
-from modalscope.data.impulse import ImpulseResponse
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import notes_of
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
+from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.setups import Setups, as_test
 from modalscope.identification.options import AllOptions
 from modalscope.identification.prepare import Data, Measured, pose

@@ -3,13 +3,12 @@
 from importlib import import_module
 
 from modalscope.data.analysis import Analysis
-from modalscope.data.frequency import FrequencyResponse
 from modalscope.data.geometry import Dof, Geometry, parse_dof
-from modalscope.data.impulse import ImpulseResponse
 from modalscope.data.mode_fields import Candidate, Harmonic
 from modalscope.data.modes import ModalModel, Mode
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals, as_records
+from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.results import Result, StabilizationDiagram
 from modalscope.data.setups import Setups
 from modalscope.data.statespace import StateSpace

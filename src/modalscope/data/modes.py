@@ -10,8 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.data.channels import Channels, derivatives_between
-from modalscope.data.frequency import FrequencyResponse
-from modalscope.data.impulse import ImpulseResponse
 from modalscope.data.mode_fields import (
     COLUMNS,
     DIRECT,
@@ -26,6 +24,7 @@ from modalscope.data.mode_fields import (
 from modalscope.data.notes import Note, notes_of
 from modalscope.data.poles import HasPoles, to_discrete
 from modalscope.data.response import CORRELATED, UNTOLD
+from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.numerics.checks import (
     ComplexArray,
     DataError,

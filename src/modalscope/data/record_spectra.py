@@ -11,11 +11,11 @@ import numpy as np
 
 from modalscope.data.channels import check_groups, run_groups
 from modalscope.data.driven_basis import DrivenBasis, DrivenLines, Run, driven_basis
-from modalscope.data.frequency import FrequencyResponse, lines_inside
 from modalscope.data.notes import Note
 from modalscope.data.poles import to_discrete
 from modalscope.data.record_residual import excess, excess_notes, pole_notes
 from modalscope.data.response import UNTOLD, NoResponse, output_scale
+from modalscope.data.responses import FrequencyResponse, lines_inside
 from modalscope.data.statespace import StateSpace
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, freeze, locked
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -147,6 +147,12 @@ class Signals(Channels, Convertible):
     def _cut(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
         return {**Channels._cut(self, outputs, inputs), "quantities": tuple(self.quantities[i] for i in outputs)}
 
+    def _scaled(self, outputs: RealArray, inputs: RealArray) -> dict[str, Any]:
+        return {"outputs": self.outputs * outputs, "inputs": None if self.inputs is None else self.inputs * inputs}
+
+    def _quantity_of(self, kinds: Sequence[str | None]) -> dict[str, Any]:
+        return {"quantities": tuple(q or kind for q, kind in zip(self.quantities, kinds, strict=True))}
+
     def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
         chosen = None if self.inputs is None or not inputs else np.ascontiguousarray(self.inputs[..., inputs])
         return {"outputs": np.ascontiguousarray(self.outputs[..., outputs]), "inputs": chosen}
@@ -246,6 +252,9 @@ class Records(Shown, Convertible):
     def processing(self) -> tuple[str, ...]:
         """What was done to the runs so far, each step once."""
         return tuple(dict.fromkeys(step for run in self.runs for step in run.processing))
+
+    def _mapped(self, each: Callable[[Signals], Signals]) -> Records:
+        return replace(self, runs=tuple(map(each, self.runs)), groups=self.groups)
 
     def inputs_of(self, run: int) -> tuple[int, ...]:
         """Return where the inputs of a run stand among all of them.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -16,9 +16,8 @@ from modalscope.data.shown import Convertible
 from modalscope.numerics.checks import Array, ComplexArray, DataError, RealArray
 
 if TYPE_CHECKING:
-    from modalscope.data.frequency import FrequencyResponse
-    from modalscope.data.impulse import ImpulseResponse
     from modalscope.data.modes import ModalModel
+    from modalscope.data.responses import FrequencyResponse, ImpulseResponse
     from modalscope.data.statespace import StateSpace
 
 __all__ = [
@@ -214,6 +213,14 @@ class Response(ResponseFacts):
         weights : array (F,), optional
             Weights of the lines.
         """
+
+    def _factors(self, outputs: RealArray, inputs: RealArray) -> RealArray:
+        """Return what a change of units multiplies the values by: a response is a ratio of both sides, a correlation their product."""
+        return outputs[:, None] * (inputs if self.ambient else 1 / inputs)
+
+    def _quantity_of(self, kinds: Sequence[str | None]) -> dict[str, Any]:
+        known = set(kinds)
+        return {"quantity": self.quantity or (known.pop() if len(known) == 1 else None)}
 
     @property
     def whole(self) -> Response:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -125,6 +126,9 @@ class Setups(Shown, Convertible):
     def processing(self) -> tuple[str, ...]:
         """What was done to the setups so far, each step once."""
         return tuple(dict.fromkeys(step for part in self.parts for step in part.processing))
+
+    def _mapped(self, each: Callable[[Any], Any]) -> Setups:
+        return replace(self, parts=tuple(map(each, self.parts)))
 
     def select(self, outputs: Chosen = None, inputs: Chosen = None, exclude: Chosen = None) -> Setups:
         """Return some of the channels; a setup that keeps none of its outputs is left out.

@@ -8,11 +8,10 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.data.frequency import FrequencyResponse
-from modalscope.data.impulse import ImpulseResponse
 from modalscope.data.modal_form import ModalForm, PoleGroup, block_diagonal_basis, continuous, pole_groups, sampled
 from modalscope.data.poles import to_continuous
 from modalscope.data.records import Signals
+from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.shown import Shown
 from modalscope.numerics.checks import (
     Array,

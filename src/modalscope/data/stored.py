@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn, Protocol, TypeVar
 
 import numpy as np
 
 from modalscope.data.channels import KINDS, Channels, check_quantity
-from modalscope.data.impulse import ImpulseResponse
 from modalscope.data.records import Signals
+from modalscope.data.responses import ImpulseResponse
 from modalscope.numerics.checks import (
     Array,
     DataError,
@@ -212,6 +212,12 @@ class StoredSignals(Channels):
     def settled(self) -> Signals | StoredSignals:
         """Return the record in memory where it takes little of it; else as it is."""
         return self.load() if _BESIDE * self.size <= allowed_memory() else self
+
+    def _scaled(self, outputs: RealArray, inputs: RealArray) -> dict[str, Any]:
+        return {"rows": Picked(self.rows, tuple(range(len(outputs))), tuple(map(float, outputs)))}
+
+    def _quantity_of(self, kinds: Sequence[str | None]) -> dict[str, Any]:
+        return {"quantities": tuple(q or kind for q, kind in zip(self.quantities, kinds, strict=True))}
 
     def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
         return {

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from modalscope.data.frequency import FrequencyResponse
 from modalscope.data.geometry import Geometry
-from modalscope.data.impulse import ImpulseResponse
 from modalscope.data.mode_fields import cells_of_modes
 from modalscope.data.modes import ModalModel
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.records import Records, Signals
+from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.results import Result, StabilizationDiagram
 from modalscope.data.setups import Setups
 from modalscope.data.shown import cells_of, counted, curve, dots, sketch_of, summary_of

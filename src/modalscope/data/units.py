@@ -7,20 +7,15 @@ and what follows from them are exact by definition (NIST Special Publication 811
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, Protocol, Self, TypeVar, runtime_checkable
 
 import numpy as np
 
 from modalscope.data.channels import QUANTITIES, Channels
-from modalscope.data.frequency import FrequencyResponse
-from modalscope.data.impulse import ImpulseResponse
 from modalscope.data.notes import Note
-from modalscope.data.records import Records, Signals
-from modalscope.data.setups import Setups
-from modalscope.data.stored import Picked, StoredSignals
 from modalscope.numerics.checks import RealArray
 
 __all__ = ["FACTORS", "InSi", "in_si", "plain_unit", "si_form"]
@@ -180,20 +175,39 @@ Data = TypeVar("Data")
 _BARE = ("", "-", "1", "none", "n/a")
 
 
+@runtime_checkable
+class InParts(Protocol):
+    """A test of several runs or setups, each of which has units of its own."""
+
+    def _mapped(self, each: Callable[[Any], Any]) -> Self: ...
+
+
+@runtime_checkable
+class Scalable(Protocol):
+    """Data that multiply their channels by factors, and take the quantity that their units say."""
+
+    def _scaled(self, outputs: RealArray, inputs: RealArray) -> dict[str, Any]: ...
+
+    def _quantity_of(self, kinds: Sequence[str | None]) -> dict[str, Any]: ...
+
+
 def si_form(data: Data) -> tuple[Data, tuple[Note, ...]]:
-    """Return data in SI, and what was converted and what was not; other things are returned as they are.
+    """Return data in SI, and what was converted and what was not; other objects are returned as they are.
 
     Parameters
     ----------
     data : Signals, Records, Setups, FrequencyResponse or ImpulseResponse
     """
-    if isinstance(data, Records):
-        runs, notes = _each(data.runs)
-        return replace(data, runs=runs, groups=data.groups), notes
-    if isinstance(data, Setups):
-        parts, notes = _each(data.parts)
-        return replace(data, parts=parts), notes
-    if not isinstance(data, Signals | StoredSignals | FrequencyResponse | ImpulseResponse):
+    if isinstance(data, InParts):
+        told: dict[Note, None] = {}
+
+        def converted(part: Data) -> Data:
+            form, notes = si_form(part)
+            told.update(dict.fromkeys(notes))
+            return form
+
+        return data._mapped(converted), tuple(told)
+    if not (isinstance(data, Scalable) and isinstance(data, Channels)):
         return data, ()
     sides = tuple(_side(units) for units in data.units)
     notes = _notes(data)
@@ -205,43 +219,15 @@ def si_form(data: Data) -> tuple[Data, tuple[Note, ...]]:
         return data, tuple(note for note in notes if note.kind == "units not known")
     outputs, inputs = (np.array([factor for factor, _ in side]) for side in sides)
     units = (tuple(unit for _, unit in sides[0]), tuple(unit for _, unit in sides[1]))
-    changed: Any = replace(data, **_scaled(data, outputs, inputs), units=units, **_quantity(data))
+    kinds = [None if (si := in_si(unit)) is None or si.kind not in QUANTITIES else si.kind for unit in data.units[0]]
+    changed: Any = replace(data, **data._scaled(outputs, inputs), units=units, **data._quantity_of(kinds))
     return changed.processed(str(notes[0])), notes
-
-
-def _each(parts: Sequence[Signals]) -> tuple[tuple[Signals, ...], tuple[Note, ...]]:
-    told = [si_form(part) for part in parts]
-    return tuple(part for part, _ in told), tuple(dict.fromkeys(note for _, notes in told for note in notes))
 
 
 def _side(units: Sequence[str]) -> list[tuple[float, str]]:
     """Return factor and unit of every channel of one side; a unit that is written otherwise than in SI is no other unit."""
     found: list[tuple[InSi | None, str]] = [(in_si(unit), unit) for unit in units]
     return [(1.0, unit) if si is None else (si.factor, unit if si.factor == 1 else si.unit) for si, unit in found]
-
-
-def _scaled(
-    data: Signals | StoredSignals | FrequencyResponse | ImpulseResponse, outputs: RealArray, inputs: RealArray
-) -> dict[str, Any]:
-    """Return the arrays in SI. A response is a ratio of both sides, a correlation their product."""
-    if isinstance(data, StoredSignals):
-        return {"rows": Picked(data.rows, tuple(range(len(outputs))), tuple(map(float, outputs)))}
-    if isinstance(data, Signals):
-        return {"outputs": data.outputs * outputs, "inputs": None if data.inputs is None else data.inputs * inputs}
-    by = outputs[:, None] * (inputs if data.origin == "correlation" else 1 / inputs)
-    arrays: dict[str, Any] = {"values": data.values * by}
-    if isinstance(data, FrequencyResponse):
-        return arrays | {"variance": None if data.variance is None else data.variance * by**2}
-    return arrays | {"feedthrough": None if data.feedthrough is None else data.feedthrough * by}
-
-
-def _quantity(data: Signals | StoredSignals | FrequencyResponse | ImpulseResponse) -> dict[str, Any]:
-    """Return the quantity that the units say where it was not given."""
-    kinds = [None if (si := in_si(unit)) is None or si.kind not in QUANTITIES else si.kind for unit in data.units[0]]
-    if isinstance(data, Signals | StoredSignals):
-        return {"quantities": tuple(q or kind for q, kind in zip(data.quantities, kinds, strict=True))}
-    known = set(kinds)
-    return {"quantity": data.quantity or (known.pop() if len(known) == 1 else None)}
 
 
 def _notes(data: Channels) -> tuple[Note, ...]:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from modalscope.data.frequency import FrequencyResponse
-from modalscope.data.impulse import ImpulseResponse
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
+from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.setups import Setups
 from modalscope.data.sizes import check_size
 from modalscope.data.stored import StoredResponse, StoredSignals

@@ -22,9 +22,9 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from modalscope.data.channels import AUTO
-from modalscope.data.frequency import FrequencyResponse
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
+from modalscope.data.responses import FrequencyResponse
 from modalscope.numerics.checks import ComplexArray, RealArray
 from modalscope.preprocess.excitation import find_excitation
 from modalscope.preprocess.impacts import find_hits

@@ -15,10 +15,9 @@ import numpy as np
 import scipy
 
 from modalscope.data.channels import QUANTITIES
-from modalscope.data.frequency import FrequencyResponse
 from modalscope.data.geometry import parse_dof
-from modalscope.data.impulse import ImpulseResponse
 from modalscope.data.response import Response
+from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.doctor.findings import Finding
 from modalscope.numerics.checks import Array, BoolArray, ComplexArray, RealArray
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from modalscope.data.frequency import FrequencyResponse
 from modalscope.data.response import Response
+from modalscope.data.responses import FrequencyResponse
 from modalscope.data.window import line_step
 from modalscope.doctor.findings import Finding, dead_channels, identical_channels, sides_of
 from modalscope.doctor.polarity import check_polarity, check_slope, level

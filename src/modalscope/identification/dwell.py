@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from modalscope.data.channels import QUANTITIES
-from modalscope.data.frequency import FrequencyResponse
 from modalscope.data.modes import ModalModel
 from modalscope.data.poles import poles_from
+from modalscope.data.responses import FrequencyResponse
 from modalscope.modal.indicators import mac, mmif, mpc
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import (

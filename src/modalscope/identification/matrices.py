@@ -18,12 +18,11 @@ from modalscope.blocks.projections import Projection, canonical_projection, proj
 from modalscope.blocks.records import record_cost, record_lines, refuse_beyond_memory
 from modalscope.blocks.shifted import shifted
 from modalscope.blocks.transfer import transfer
-from modalscope.data.frequency import FrequencyResponse
-from modalscope.data.impulse import ImpulseResponse
 from modalscope.data.notes import Note
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.records import Signals
 from modalscope.data.response import Response
+from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.identification.method import Built, Problem
 from modalscope.identification.options import DrivenOptions, HankelOptions, LineOptions, SpectraOptions
 from modalscope.identification.sizes import (

@@ -8,11 +8,10 @@ from functools import singledispatch
 from typing import Any, NamedTuple
 
 from modalscope.blocks.combinations import combined
-from modalscope.data.frequency import FrequencyResponse
-from modalscope.data.impulse import ImpulseResponse
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals, as_records
 from modalscope.data.response import Response
+from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.setups import Setups, as_test
 from modalscope.data.sizes import check_alive, check_size
 from modalscope.data.stored import StoredResponse, StoredSignals

@@ -16,12 +16,11 @@ from typing import NamedTuple
 import numpy as np
 
 from modalscope.blocks.records import record_cost, refuse_beyond_memory
-from modalscope.data.frequency import FrequencyResponse
-from modalscope.data.impulse import ImpulseResponse
 from modalscope.data.notes import Note
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import Records, Signals
+from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.identification.lookup import find_method
 from modalscope.identification.table import methods
 from modalscope.numerics.checks import DataError

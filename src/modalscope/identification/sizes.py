@@ -7,11 +7,10 @@ import numpy as np
 from modalscope.blocks.combinations import enough
 from modalscope.blocks.factor import costs_of
 from modalscope.blocks.structure import BlockHankel
-from modalscope.data.frequency import FrequencyResponse
-from modalscope.data.impulse import ImpulseResponse
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
+from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 
 __all__ = [
     "SETUP_ROWS",

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.data.channels import known_quantity
-from modalscope.data.frequency import FrequencyResponse
 from modalscope.data.modes import ModalModel
+from modalscope.data.responses import FrequencyResponse
 from modalscope.data.sizes import check_size
 from modalscope.numerics.arguments import named, plainly
 from modalscope.numerics.checks import (

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.data.channels import QUANTITIES, known_quantity
-from modalscope.data.frequency import FrequencyResponse
 from modalscope.data.modes import ModalModel
 from modalscope.data.pole_basis import ModalBasis, residual_powers, scaled_terms
 from modalscope.data.response import Response
+from modalscope.data.responses import FrequencyResponse
 from modalscope.data.sizes import check_size
 from modalscope.data.stored import StoredResponse
 from modalscope.modal.indicators import clusters, mpc, mpd

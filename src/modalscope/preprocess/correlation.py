@@ -11,11 +11,10 @@ import numpy as np
 import scipy
 from scipy import fft
 
-from modalscope.data.frequency import FrequencyResponse
 from modalscope.data.geometry import DofLike, indices_of
-from modalscope.data.impulse import ImpulseResponse
 from modalscope.data.records import Signals
 from modalscope.data.response import CORRELATED, HALF
+from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.sizes import check_size
 from modalscope.data.stored import StoredSignals
 from modalscope.numerics.arguments import named

@@ -10,10 +10,10 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from modalscope.data.frequency import FrequencyResponse
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
+from modalscope.data.responses import FrequencyResponse
 from modalscope.data.sizes import check_size
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import (

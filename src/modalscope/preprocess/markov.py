@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.data.impulse import ImpulseResponse
 from modalscope.data.records import Signals
+from modalscope.data.responses import ImpulseResponse
 from modalscope.data.sizes import check_size
 from modalscope.data.statespace import StateSpace
 from modalscope.numerics.arguments import named

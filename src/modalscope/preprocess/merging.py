@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from modalscope.data.channels import AUTO, source_of
-from modalscope.data.frequency import FrequencyResponse
-from modalscope.data.impulse import ImpulseResponse
 from modalscope.data.records import Records, Signals
+from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.setups import Setups
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, DataError, check_each, check_kind

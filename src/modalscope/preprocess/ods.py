@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.data.frequency import FrequencyResponse
-from modalscope.data.impulse import ImpulseResponse
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
+from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, ComplexArray, DataError, check_each, check_kind, check_positive
 from modalscope.preprocess.frf import estimate_frf

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.data.channels import source_of
-from modalscope.data.impulse import ImpulseResponse
+from modalscope.data.responses import ImpulseResponse
 from modalscope.data.setups import Setups
 from modalscope.data.sizes import check_size
 from modalscope.numerics.arguments import named

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope.data.geometry import Geometry
-from modalscope.data.impulse import ImpulseResponse
+from modalscope.data.responses import ImpulseResponse
 from modalscope.numerics.arguments import plainly
 from modalscope.numerics.checks import DataError
 from modalscope.systems.chains import joined, row_geometry

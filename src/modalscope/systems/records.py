@@ -8,9 +8,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.data.frequency import FrequencyResponse
-from modalscope.data.impulse import ImpulseResponse
 from modalscope.data.records import Signals
+from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.statespace import StateSpace
 from modalscope.numerics.arguments import plainly
 from modalscope.numerics.checks import Array, DataError, RealArray, check_choice, check_count, check_number, real_array

@@ -11,11 +11,10 @@ import scipy.linalg as sla
 from numpy.typing import ArrayLike
 
 from modalscope.data.channels import QUANTITIES
-from modalscope.data.frequency import FrequencyResponse
 from modalscope.data.geometry import DofLike, Geometry, check_labels, indices_of
-from modalscope.data.impulse import ImpulseResponse
 from modalscope.data.modes import ModalModel
 from modalscope.data.records import Signals
+from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.statespace import INPUTS, StateSpace
 from modalscope.numerics.checks import (
     ComplexArray,
