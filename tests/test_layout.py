@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.support import ROOT
+from tools.house import circles, imported, modules
 
 SOURCE, TESTS = ROOT / "src" / "modalscope", ROOT / "tests"
 
@@ -37,3 +38,9 @@ def test_a_test_named_after_a_module_lies_in_its_folder(file: Path) -> None:
     module = module_of(file)
     namesakes = {other for other in MODULES if other.name == module.name and other.parent != Path("cli")}
     assert module in MODULES or not namesakes, f"{file} may be meant for {', '.join(map(str, sorted(namesakes)))}"
+
+
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    """Imports inside functions count, and those through a package's `__init__`; those for types alone do not."""
+    files = modules()
+    assert circles({name: imported(path.read_text(encoding="utf-8"), files) for name, path in files.items()}) == []

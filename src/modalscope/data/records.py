@@ -23,7 +23,8 @@ from modalscope.data.channels import (
     source_of,
 )
 from modalscope.data.geometry import Geometry
-from modalscope.data.shown import Convertible, Shown
+from modalscope.data.shown import Shown
+from modalscope.data.units import Convertible
 from modalscope.numerics.checks import (
     DataError,
     RealArray,

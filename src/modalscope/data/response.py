@@ -12,7 +12,7 @@ import numpy as np
 from modalscope.data.channels import AUTO, Channels, Groups
 from modalscope.data.notes import Note
 from modalscope.data.pole_basis import ModalBasis
-from modalscope.data.shown import Convertible
+from modalscope.data.units import Convertible
 from modalscope.numerics.checks import Array, ComplexArray, DataError, RealArray
 
 if TYPE_CHECKING:

@@ -19,7 +19,8 @@ from modalscope.data.channels import (
 )
 from modalscope.data.geometry import Geometry, check_labels, indices_of
 from modalscope.data.records import Records, Signals, as_records
-from modalscope.data.shown import Convertible, Shown
+from modalscope.data.shown import Shown
+from modalscope.data.units import Convertible
 from modalscope.numerics.checks import DataError, check_each, check_kind, freeze
 
 __all__ = ["Setups", "as_test", "check_setups"]

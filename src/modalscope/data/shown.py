@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from functools import singledispatch
 from html import escape
 from importlib import import_module
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -56,18 +56,6 @@ class Shown:
 
     def _repr_html_(self) -> str:
         return f"<div><p>{escape(summary_of(self))}</p>{sketch_of(self)}{html_table(cells_of(self))}</div>"
-
-
-class Convertible:
-    """Data whose channels have units."""
-
-    __slots__ = ()
-
-    def in_si(self) -> Self:
-        """Return the same data in SI units: g, lbf, inches or a sensitivity such as 100 mV/g are converted; units not known stay."""
-        from modalscope.data.units import si_form
-
-        return si_form(self)[0]
 
 
 @singledispatch

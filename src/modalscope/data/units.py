@@ -252,3 +252,13 @@ def _notes(data: Channels) -> tuple[Note, ...]:
 
 def _some(dofs: Sequence[str]) -> str:
     return ", ".join(dofs[:3]) + (f" and {len(dofs) - 3} more" if len(dofs) > 3 else "")
+
+
+class Convertible:
+    """Data whose channels have units."""
+
+    __slots__ = ()
+
+    def in_si(self) -> Self:
+        """Return the same data in SI units: g, lbf, inches or a sensitivity such as 100 mV/g are converted; units not known stay."""
+        return si_form(self)[0]
