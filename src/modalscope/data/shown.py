@@ -15,7 +15,7 @@ import numpy as np
 
 from modalscope.numerics.checks import Array, DataError
 
-__all__ = ["Convertible", "Shown", "cells_of", "counted", "curve", "dots", "html_table", "sketch_of", "summary_of"]
+__all__ = ["Shown", "cells_of", "counted", "curve", "dots", "html_table", "sketch_of", "summary_of"]
 
 _WIDTH, _HEIGHT, _COLUMNS = 420, 90, 400
 

@@ -18,7 +18,7 @@ from modalscope.data.channels import QUANTITIES, Channels
 from modalscope.data.notes import Note
 from modalscope.numerics.checks import RealArray
 
-__all__ = ["FACTORS", "InSi", "in_si", "plain_unit", "si_form"]
+__all__ = ["FACTORS", "Convertible", "InSi", "in_si", "plain_unit", "si_form"]
 
 
 _FOOT, _INCH, _GRAVITY, _POUND = 0.3048, 0.0254, 9.80665, 0.45359237
