@@ -178,7 +178,8 @@ class Method:
         records : bool
             Whether records without inputs are there.
         """
-        return REFUSALS[self.takes](response, records)
+        refused = REFUSALS.get(self.takes)
+        return None if refused is None else refused(response, records)
 
     def reservation(self, response: Response) -> str:
         """Return why a comparison leaves the row out although it can take the data, empty when it does not.
@@ -187,7 +188,8 @@ class Method:
         ----------
         response : Response
         """
-        return RESERVATIONS[self.takes](response)
+        reserved = RESERVATIONS.get(self.takes)
+        return "" if reserved is None else reserved(response)
 
     def rows_span(self, settings: Settings, dt: float | None) -> float | None:
         """Return the time that the block rows span, seconds; None where they are no samples, or all of them are states.
@@ -215,7 +217,8 @@ class Method:
         ----------
         response : Response
         """
-        return EXACT[self.takes](response)
+        exact = EXACT.get(self.takes)
+        return exact is None or exact(response)
 
 
 def plain(name: str) -> str:

@@ -75,16 +75,9 @@ def _no_spectra(response: Response, records: bool) -> Refusal | None:
     )
 
 
-def _always(response: Response, records: bool) -> Refusal | None:
-    return None
-
-
-#: Why a row cannot take the data, given whether records without inputs are there.
+#: Why a row cannot take the data, given whether records without inputs are there. Other rows take all data.
 REFUSALS: dict[Takes, Callable[[Response, bool], Refusal | None]] = {
-    Takes.SAMPLES: _always,
-    Takes.LINES: _always,
     Takes.CONTINUOUS: _no_samples,
-    Takes.RESPONSE: _always,
     Takes.PAST: _no_records,
     Takes.RECORDS: _no_spectra,
     Takes.DRIVEN: _no_spectra,
@@ -115,24 +108,15 @@ def has_decayed(response: Response) -> bool:
     return bool(energy[-max(energy.size // 10, 1) :].sum() < _DECAYED * energy.sum())
 
 
-#: Why a comparison leaves a row out although it can take the data; empty where it does not.
+#: Why a comparison leaves a row out although it can take the data; empty where it does not. Other rows are compared.
 RESERVATIONS: dict[Takes, Callable[[Response], str]] = {
     Takes.SAMPLES: _no_even_lines,
     Takes.LINES: _not_decayed,
     Takes.CONTINUOUS: _sampled_lines,
-    Takes.RESPONSE: lambda response: "",
-    Takes.PAST: lambda response: "",
-    Takes.RECORDS: lambda response: "",
-    Takes.DRIVEN: lambda response: "",
 }
 
-#: Whether a row works on the data themselves, not on a transform that loses something.
+#: Whether a row works on the data themselves, not on a transform that loses something. Other rows do.
 EXACT: dict[Takes, Callable[[Response], bool]] = {
     Takes.SAMPLES: lambda response: response.exact_samples,
     Takes.LINES: lambda response: response.exact_lines,
-    Takes.CONTINUOUS: lambda response: True,
-    Takes.RESPONSE: lambda response: True,
-    Takes.PAST: lambda response: True,
-    Takes.RECORDS: lambda response: True,
-    Takes.DRIVEN: lambda response: True,
 }

@@ -17,7 +17,7 @@ from modalscope.model.checks import BoolArray, RealArray
 from modalscope.model.signals import Signals
 from modalscope.preprocess.whole_spectrum import Spectrum
 
-__all__ = ["Levels", "levels_in", "levels_of", "prominent_span"]
+__all__ = ["Levels", "levels_in", "levels_of"]
 
 #: Width of a bin as a part of its frequency, and the lines that it has at least.
 _WIDTH, _LINES = 0.01, 8
@@ -133,14 +133,3 @@ def _edges(lines: int) -> RealArray:
     while edges[-1] + (width := max(_LINES, round(_WIDTH * edges[-1]))) < lines:
         edges.append(edges[-1] + width)
     return np.array(edges)
-
-
-def prominent_span(levels: Levels) -> tuple[float, float] | None:
-    """Return the lowest and the highest frequency (Hz) at which something stands out; None where nothing does.
-
-    Parameters
-    ----------
-    levels : Levels
-    """
-    shown = np.flatnonzero(levels.stands_out)
-    return None if not shown.size else (float(levels.frequencies[shown[0]]), float(levels.frequencies[shown[-1]]))
