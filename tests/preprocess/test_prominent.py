@@ -7,12 +7,18 @@ import pytest
 import scipy
 
 from modalscope.data import Signals
-from modalscope.preprocess.bands import Levels, levels_of, prominent_span
+from modalscope.preprocess.bands import Levels, levels_of
 from tests.judging.ambient_records import random_structure
 
 
 def record(seed: int, samples: int = 20_000, outputs: int = 3) -> Signals:
     return Signals(outputs=np.random.default_rng(seed).standard_normal((samples, outputs)), sampling_rate=100.0)
+
+
+def prominent_span(levels: Levels) -> tuple[float, float] | None:
+    """Return the lowest and the highest frequency (Hz) at which something stands out; None where nothing does."""
+    shown = levels.frequencies[levels.stands_out]
+    return (float(shown[0]), float(shown[-1])) if shown.size else None
 
 
 def test_levels_are_those_of_white_noise() -> None:

@@ -124,7 +124,7 @@ def pole_residual(a: Array, b: Array) -> float:
     return float(apart[rows, columns].max() / np.abs(t).max())
 
 
-def _sizes(response: Response, domain: str) -> dict[str, Any]:
+def _sizes(response: Response) -> dict[str, Any]:
     count, outputs = response.values.shape[:2]
     if response.grid is not None:
         return {"block_rows": max(min(_DEGREE, 240 // outputs), 4)}
@@ -133,14 +133,14 @@ def _sizes(response: Response, domain: str) -> dict[str, Any]:
 
 
 def _era_and_least_squares(response: Response, domain: str, order: int) -> float:
-    sizes = _sizes(response, domain)
+    sizes = _sizes(response)
     era, squares = (_built(response, name, domain, order, **sizes) for name in ("era", "least_squares"))
     n = min(order, era.factors.rank)
     return pole_residual(np.linalg.eigvals(squares.triple(n).A), np.linalg.eigvals(era.triple(n).A))
 
 
 def _alternate_and_polyreference(response: Response, domain: str, order: int) -> float:
-    sizes = _sizes(response, domain)
+    sizes = _sizes(response)
     shift, companion = (
         _built(response, name, domain, order, form="observable", **sizes) for name in ("alternate", "polyreference")
     )
@@ -151,7 +151,7 @@ def _alternate_and_polyreference(response: Response, domain: str, order: int) ->
 
 
 def _dual(response: Response, domain: str, order: int) -> float:
-    sizes = _sizes(response, domain)
+    sizes = _sizes(response)
     plain, turned = (
         _built(response, "era", domain, order, form=form, **sizes) for form in ("observable", "controllable")
     )
@@ -161,7 +161,7 @@ def _dual(response: Response, domain: str, order: int) -> float:
 
 def _factorization(response: Response, domain: str, order: int) -> float:
     """Mix the singular vectors by a triangular matrix, which leaves H(0)_n = F G but neither F nor G orthonormal."""
-    pipeline = _built(response, "era", domain, order, **_sizes(response, domain))
+    pipeline = _built(response, "era", domain, order, **_sizes(response))
     n = min(order, pipeline.factors.rank)
     P, d, Q = pipeline.factors.P[:, :n], pipeline.factors.d[:n], pipeline.factors.Q[:, :n]
     mix = np.eye(n) + np.triu(np.full((n, n), 0.1), 1)
@@ -176,7 +176,7 @@ def _prce(response: Response, domain: str, order: int) -> float:
     """Eigenvalues of M_1 M_0# with the rows of the data matrix themselves, against the companion form's."""
     inputs = response.values.shape[2]
     degree = max(min(-(-order // inputs), 12), 1)
-    sizes = _sizes(response, domain)
+    sizes = _sizes(response)
     sizes["block_columns"] = degree
     sizes["block_rows"] = min(10 * _ROWS, response.count - degree - 1)
     companion = _built(response, "prce", domain, degree * inputs, form="controllable", **sizes)

@@ -17,6 +17,7 @@ __all__ = [
     "frequencies_and_damping",
     "is_real",
     "one_of_each_pair",
+    "overlap",
     "pole_kinds",
     "poles_from",
     "powers_of",
@@ -107,6 +108,11 @@ def one_of_each_pair(poles: ArrayLike) -> IntArray:
 def is_real(s: ComplexArray, share: float = _REAL) -> BoolArray:
     """Return which poles lie on the real axis: imaginary parts of no more than a share of a pole are rounding."""
     return np.asarray(np.abs(s.imag) <= share * np.abs(s))
+
+
+def overlap(s: ComplexArray, others: ComplexArray) -> BoolArray:
+    """Return which poles lie nearer in frequency to which others than their half bandwidths together, (n, k)."""
+    return np.asarray(np.abs(s.imag[:, None] - others.imag) < -(s.real[:, None] + others.real))
 
 
 def pole_kinds(poles: ArrayLike, dt: float | None = None) -> tuple[str, ...]:

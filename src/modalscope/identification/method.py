@@ -90,16 +90,9 @@ def _no_spectra(response: Response, records: bool) -> Refusal | None:
     )
 
 
-def _always(response: Response, records: bool) -> Refusal | None:
-    return None
-
-
-#: Why a row cannot take the data, given whether records without inputs are there.
+#: Why a row cannot take the data, given whether records without inputs are there. Other rows take all data.
 REFUSALS: dict[Takes, Callable[[Response, bool], Refusal | None]] = {
-    Takes.SAMPLES: _always,
-    Takes.LINES: _always,
     Takes.CONTINUOUS: _no_samples,
-    Takes.RESPONSE: _always,
     Takes.PAST: _no_records,
     Takes.RECORDS: _no_spectra,
     Takes.DRIVEN: _no_spectra,
@@ -130,26 +123,17 @@ def has_decayed(response: Response) -> bool:
     return bool(energy[-max(energy.size // 10, 1) :].sum() < _DECAYED * energy.sum())
 
 
-#: Why a comparison leaves a row out although it can take the data; empty where it does not.
+#: Why a comparison leaves a row out although it can take the data; empty where it does not. Other rows are compared.
 RESERVATIONS: dict[Takes, Callable[[Response], str]] = {
     Takes.SAMPLES: _no_even_lines,
     Takes.LINES: _not_decayed,
     Takes.CONTINUOUS: _sampled_lines,
-    Takes.RESPONSE: lambda response: "",
-    Takes.PAST: lambda response: "",
-    Takes.RECORDS: lambda response: "",
-    Takes.DRIVEN: lambda response: "",
 }
 
-#: Whether a row works on the data themselves, not on a transform that loses something.
+#: Whether a row works on the data themselves, not on a transform that loses something. Other rows do.
 EXACT: dict[Takes, Callable[[Response], bool]] = {
     Takes.SAMPLES: lambda response: response.exact_samples,
     Takes.LINES: lambda response: response.exact_lines,
-    Takes.CONTINUOUS: lambda response: True,
-    Takes.RESPONSE: lambda response: True,
-    Takes.PAST: lambda response: True,
-    Takes.RECORDS: lambda response: True,
-    Takes.DRIVEN: lambda response: True,
 }
 
 
@@ -311,7 +295,8 @@ class Method:
         records : bool
             Whether records without inputs are there.
         """
-        return REFUSALS[self.takes](response, records)
+        refused = REFUSALS.get(self.takes)
+        return None if refused is None else refused(response, records)
 
     def reservation(self, response: Response) -> str:
         """Return why a comparison leaves the row out although it can take the data, empty when it does not.
@@ -320,7 +305,8 @@ class Method:
         ----------
         response : Response
         """
-        return RESERVATIONS[self.takes](response)
+        reserved = RESERVATIONS.get(self.takes)
+        return "" if reserved is None else reserved(response)
 
     def rows_span(self, settings: Settings, dt: float | None) -> float | None:
         """Return the time that the block rows span, seconds; None where they are no samples, or all of them are states.
@@ -348,7 +334,8 @@ class Method:
         ----------
         response : Response
         """
-        return EXACT[self.takes](response)
+        exact = EXACT.get(self.takes)
+        return exact is None or exact(response)
 
 
 def plain(name: str) -> str:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from modalscope.data.poles import frequencies_and_damping
+from modalscope.data.poles import frequencies_and_damping, overlap
 from modalscope.judging.arena import Arena
 from modalscope.judging.recount import Recount, recount_of
 from modalscope.judging.tracking import collinear
@@ -306,7 +306,7 @@ def staying(poles: ComplexArray, standing: RealArray) -> Array:
     standing : array, (n,)
         As in `Recount.standing`.
     """
-    near = np.abs(poles.imag[:, None] - poles.imag) < -(poles.real[:, None] + poles.real)
+    near = overlap(poles, poles)
     rank = np.argsort(np.argsort(standing))
     first = np.all(~near | (rank[:, None] >= rank), axis=1)
     return np.asarray((standing > 1) | (first & (near.sum(axis=1) > 1)))

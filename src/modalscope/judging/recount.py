@@ -14,7 +14,7 @@ import scipy.fft as sfft
 from scipy.linalg.lapack import dpotrf, dtrtri
 from scipy.special import ndtri
 
-from modalscope.data.poles import frequencies_and_damping
+from modalscope.data.poles import frequencies_and_damping, overlap
 from modalscope.judging.arena import Arena
 from modalscope.likelihood.descent import Descent
 from modalscope.likelihood.matched import amplitudes_by_channel, apart, grid_of
@@ -424,7 +424,7 @@ class Recount:
         """
         s, size = self.descent.point.poles, self.descent.fitted.gain
         shapes, participation = self.arena.problem.scaled_back(self.descent.point, self.descent.fitted)
-        near = np.abs(s.imag[which, None] - s.imag) < -(s.real[which, None] + s.real)
+        near = overlap(s[which], s)
         stronger = size[None, :] > size[which, None]
         alike = np.maximum(mac(shapes), mac(participation.T))[which] > _UNLIKE
         return np.asarray(near & stronger & alike)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.data.poles import frequencies_and_damping, poles_from
+from modalscope.data.poles import frequencies_and_damping, overlap, poles_from
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
 from modalscope.judging.arena import Arena
@@ -172,8 +172,7 @@ class Trial:
         if self.arena.coloured:
             one = collinear(s, *self.found.residues)
         else:
-            near = np.abs(s.imag[:, None] - s.imag) < -(s.real[:, None] + s.real)
-            one = near & self.open[:, None] & self.open
+            one = overlap(s, s) & self.open[:, None] & self.open
         for j in np.argsort(-gain):
             stronger = [k for k in np.flatnonzero(one[j]) if gain[k] > gain[j]]
             if stronger:

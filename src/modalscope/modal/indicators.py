@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.sparse.csgraph import connected_components
 
 from modalscope.data.channels import known_quantity
 from modalscope.data.modes import ModalModel
@@ -81,15 +82,8 @@ def repeated(poles: ArrayLike, width: float = 2e-3) -> list[Array]:
     s = np.asarray(poles, dtype=np.complex128)
     some = _alike_in_size(s, width)
     near = np.abs(s[some, None] - s[some]) <= width * np.maximum(np.abs(s[some, None]), np.abs(s[some]))
-    left, groups = set(range(some.size)), []
-    while left:
-        group, edge = set(), {min(left)}
-        while edge:
-            group |= edge
-            edge = {int(j) for i in edge for j in np.flatnonzero(near[i])} - group
-        groups.append(some[sorted(group)])
-        left -= group
-    return [group for group in groups if group.size > 1]
+    count, label = connected_components(near, directed=False)
+    return [group for k in range(count) if (group := some[label == k]).size > 1]
 
 
 def _alike_in_size(s: ComplexArray, width: float) -> Array:

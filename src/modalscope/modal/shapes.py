@@ -227,12 +227,12 @@ def fit_residues(
     poles, groups = _distinct(modes.poles - response.added_damping)
     basis = _basis(response, poles, kind, powers, w)
     if participation == "given":
-        index, rows = np.arange(len(modes)), _given_rows(modes, response, kind, poles)
+        index, rows = np.arange(len(modes)), _given_rows(modes, response, kind)
         basis = _repeat(basis, groups, [group.size for group in groups])
         index = np.concatenate(groups)
         rows = rows[index]
     else:
-        ranks, rows = _free_rows(basis, groups, response)
+        ranks, rows = _free_rows(basis, groups)
         basis = _repeat(basis, groups, ranks)
         index = np.concatenate([group[:rank] for group, rank in zip(groups, ranks, strict=True)])
     shapes, terms = basis.fit_shapes(rows)
@@ -318,7 +318,7 @@ def _repeat(basis: ModalBasis, groups: list[Array], counts: list[int]) -> ModalB
     return replace(basis, functions=basis.functions[:, both])
 
 
-def _given_rows(modes: ModalModel, response: FrequencyResponse, kind: str, poles: Array) -> ComplexArray:
+def _given_rows(modes: ModalModel, response: FrequencyResponse, kind: str) -> ComplexArray:
     if modes.participation is None or modes.participation.shape[1] != response.values.shape[2]:
         found = "none" if modes.participation is None else f"that of {modes.participation.shape[1]} inputs"
         raise DataError(
@@ -333,7 +333,7 @@ def _given_rows(modes: ModalModel, response: FrequencyResponse, kind: str, poles
     return np.asarray((modes.participation * np.exp(-1j * angle)[:, None]).real.astype(complex))
 
 
-def _free_rows(basis: ModalBasis, groups: list[Array], response: FrequencyResponse) -> tuple[list[int], ComplexArray]:
+def _free_rows(basis: ModalBasis, groups: list[Array]) -> tuple[list[int], ComplexArray]:
     """Return how many shapes each group has and their participation rows, the leading right vectors of its residue matrix."""
     columns = np.hstack([basis.terms, basis.functions])
     scale = np.linalg.norm(columns, axis=0)

@@ -27,7 +27,6 @@ __all__ = [
     "levels_of",
     "noise_notes",
     "own_bands",
-    "prominent_span",
     "taken_down",
 ]
 
@@ -152,17 +151,6 @@ def _edges(lines: int) -> RealArray:
     while edges[-1] + (width := max(_LINES, round(_WIDTH * edges[-1]))) < lines:
         edges.append(edges[-1] + width)
     return np.array(edges)
-
-
-def prominent_span(levels: Levels) -> tuple[float, float] | None:
-    """Return the lowest and the highest frequency (Hz) at which something stands out; None where nothing does.
-
-    Parameters
-    ----------
-    levels : Levels
-    """
-    shown = np.flatnonzero(levels.stands_out)
-    return None if not shown.size else (float(levels.frequencies[shown[0]]), float(levels.frequencies[shown[-1]]))
 
 
 # ------------------------------------------------------------------------------------------------------------ own band

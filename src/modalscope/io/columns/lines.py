@@ -207,7 +207,7 @@ def frequency_response(
             coherences.append((base, parts["coh"]))
             continue
         pair = _pair_of(base if place == 0 else f"{base} {place + 1}".strip(), len(responses) + 1)
-        values = _values(table, axis, base, parts, notes)
+        values = _values(table, axis, parts, notes)
         first = next(iter(parts.values()))
         responses[pair] = (values, first.unit)
         used |= {column.number: "" for column in parts.values()}
@@ -241,7 +241,7 @@ def _pair_of(base: str, count: int) -> tuple[str, str]:
     return label_of(base) if base else f"y{count}", _ONE
 
 
-def _values(table: Table, axis: Column, base: str, parts: Parts, notes: list[str]) -> Array:
+def _values(table: Table, axis: Column, parts: Parts, notes: list[str]) -> Array:
     if "complex" in parts:
         return parts["complex"].values
     if {"real", "imag"} <= set(parts):

@@ -223,7 +223,7 @@ def _table(
         where, chain(islice(first, layout.body, None), lines), kinds, dialect, layout.width, space
     )
     told = None if options.get("sampling_rate") is not None else rate_of_facts(where, layout.facts, dialect.decimal)
-    columns, more = _columns(where, layout, kinds, arrays)
+    columns, more = _columns(layout, kinds, arrays)
     place = "" if told is None else f"line {first[told[1]][0]} ({told[2]})"
     return Table(
         where=where,
@@ -242,7 +242,7 @@ def _but_ignored(kinds: list[str], layout: Layout, options: Options) -> list[str
     return ["text" if k in left else kind for k, kind in enumerate(kinds, 1)]
 
 
-def _columns(where: str, layout: Layout, kinds: list[str], arrays: list[Array]) -> tuple[tuple[Column, ...], list[str]]:
+def _columns(layout: Layout, kinds: list[str], arrays: list[Array]) -> tuple[tuple[Column, ...], list[str]]:
     """Return the columns; dates and times of day in two columns become one, empty ones without a name are left."""
     stamps = [k for k, kind in enumerate(kinds) if kind == "stamp"]
     joined = len(stamps) == 2 and any(":" not in str(arrays[k][0]) for k in stamps)
