@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 import modalscope as ms
-from modalscope import preprocess, systems
+from modalscope import systems
 from modalscope.cli import main
 
 __all__ = ["JOBS", "Missing"]
@@ -27,6 +27,10 @@ EXAMPLES = ROOT / "examples"
 DATA = Path(os.environ.get("MODALSCOPE_DATA") or ROOT.parent / "shared" / "data")
 
 Told = dict[str, Any]
+
+#: The public face, called as users do: what a call does not take is a result, too.
+face: Any = ms
+records: Any = ms.preprocess
 
 #: Every job by its name, in the order in which they run.
 JOBS: dict[str, Callable[[], Told]] = {}
@@ -256,7 +260,7 @@ def file(path: str | Path) -> Told:
     if path.suffix == ".npz":
         with np.load(path, allow_pickle=False) as held:
             return {"arrays": {name: [str(held[name].dtype.kind), list(held[name].shape)] for name in sorted(held)}}
-    return {"written": True, "back": whatever(ms.read(path))}
+    return {"written": True, "back": whatever(face.read(path))}
 
 
 def whatever(thing: Any) -> Told:
@@ -298,7 +302,7 @@ def ambient(samples: int = 6000) -> ms.Signals:
 
 def tables() -> list[Any]:
     """Return the rows of the table of methods."""
-    return list(ms.methods())
+    return list(face.methods())
 
 
 def by_rows(thing: Any, wanted: Callable[[Any], bool], **options: Any) -> Told:
@@ -307,12 +311,12 @@ def by_rows(thing: Any, wanted: Callable[[Any], bool], **options: Any) -> Told:
     for row in filter(wanted, tables()):
         choice = {"method": row.name, "domain": row.domain, **options}
         name = f"{row.name}/{row.domain}"
-        told[name] = {"identify": attempt(lambda c=choice: identification(ms.identify(thing, order=12, **c)))}
+        told[name] = {"identify": attempt(lambda c=choice: identification(face.identify(thing, order=12, **c)))}
         told[name]["select"] = attempt(lambda c=choice: selected(thing, orders=range(4, 25, 4), **c))
     return told
 
 
-def attempt(call: Callable[[], Told]) -> Told:
+def attempt(call: Callable[..., Told]) -> Told:
     """Return what a call gives, or that it is refused."""
     try:
         return call()
@@ -322,8 +326,8 @@ def attempt(call: Callable[[], Told]) -> Told:
 
 def selected(thing: Any, choice: Mapping[str, Any] | None = None, **options: Any) -> Told:
     """Make a diagram and select."""
-    made = ms.stabilize(thing, **options)
-    return {"diagram": diagram(made), "modes": modes(ms.select(made, **(choice or {})))}
+    made = face.stabilize(thing, **options)
+    return {"diagram": diagram(made), "modes": modes(face.select(made, **(choice or {})))}
 
 
 # ------------------------------------------------------------------------------------------------------------------- rows
@@ -391,7 +395,9 @@ def _() -> Told:
     things = {"frf": frf(), "impulse": impulse(), "ambient": ambient()}
     return {
         alias: {
-            name: attempt(lambda a=alias, t=thing: {"order": ms.identify(t, method=a, order=8, deviations=False).order})
+            name: attempt(
+                lambda a=alias, t=thing: {"order": face.identify(t, method=a, order=8, deviations=False).order}
+            )
             for name, thing in things.items()
         }
         for alias in aliases
@@ -421,7 +427,7 @@ def _() -> Told:
         {"method": "era", "weights": "coherence"},
     ]
     return {
-        str(index): attempt(lambda c=choice: identification(ms.identify(impulse(200), domain="time", order=10, **c)))
+        str(index): attempt(lambda c=choice: identification(face.identify(impulse(200), domain="time", order=10, **c)))
         for index, choice in enumerate(choices)
     }
 
@@ -442,34 +448,34 @@ def _() -> Told:
         {"method": "lscf", "domain": "z", "row_shifts": (0, 2, 4)},
     ]
     told = {
-        str(index): attempt(lambda c=choice: identification(ms.identify(frf(), order=10, **c)))
+        str(index): attempt(lambda c=choice: identification(face.identify(frf(), order=10, **c)))
         for index, choice in enumerate(choices)
     }
-    estimated = ms.estimate_frf(driven(), segment=400)
+    estimated = face.estimate_frf(driven(), segment=400)
     for weights in ("coherence", "variance", "level"):
         options: dict[str, Any] = {"method": "alternate", "domain": "z", "weights": weights}
-        told[weights] = attempt(lambda o=options: identification(ms.identify(estimated, order=10, **o)))
+        told[weights] = attempt(lambda o=options: identification(face.identify(estimated, order=10, **o)))
     return told
 
 
 @job("options: orders of a sweep")
 def _() -> Told:
-    held = ms.sweep(impulse(200), method="alternate", domain="time", orders=range(2, 30, 4))
+    held = face.sweep(impulse(200), method="alternate", domain="time", orders=range(2, 30, 4))
     return {str(each.order): {"damping": numbers(each.modes.damping_ratios)} for each in held}
 
 
 # ------------------------------------------------------------------------------------------------------------ diagrams, lists
 @job("select: what is asked")
 def _() -> Told:
-    made = ms.stabilize(frf(), method="lscf", orders=range(2, 31, 2))
+    made = face.stabilize(frf(), method="lscf", orders=range(2, 31, 2))
     known = systems.build("chain5").modes()
     return {
-        "all": modes(ms.select(made)),
-        "frequencies": modes(ms.select(made, frequencies=[0.906, 4.17])),
-        "take": attempt(lambda: modes(ms.select(made, take=[7.0]))),
-        "refuse": modes(ms.select(made, refuse=[2.64])),
-        "reference": attempt(lambda: modes(ms.select(made, reference=known))),
-        "far": attempt(lambda: modes(ms.select(made, frequencies=[123.0]))),
+        "all": modes(face.select(made)),
+        "frequencies": modes(face.select(made, frequencies=[0.906, 4.17])),
+        "take": attempt(lambda: modes(face.select(made, take=[7.0]))),
+        "refuse": modes(face.select(made, refuse=[2.64])),
+        "reference": attempt(lambda: modes(face.select(made, reference=known))),
+        "far": attempt(lambda: modes(face.select(made, frequencies=[123.0]))),
     }
 
 
@@ -501,7 +507,7 @@ def _() -> Told:
 def _() -> Told:
     beam = systems.clamped_beam(12)
     lines = np.linspace(5, 900, 500)
-    measured_at = {"outputs": range(0, 24, 6), "inputs": [0, 12]}
+    measured_at: dict[str, Any] = {"outputs": range(0, 24, 6), "inputs": [0, 12]}
     return {
         str(noise): selected(beam.frequency_response(lines, noise=noise, seed=7, **measured_at), orders=range(4, 45, 4))
         for noise in (0.02, 0.2)
@@ -532,59 +538,59 @@ def _() -> Told:
 @job("select: bands merged")
 def _() -> Told:
     bands = [(0.2, 3.4), (3.0, 8.0)]
-    parts = [ms.select(ms.stabilize(frf(), orders=range(2, 25, 2), band=band)) for band in bands]
-    return modes(ms.merge_bands(parts, bands))
+    parts = [face.select(face.stabilize(frf(), orders=range(2, 25, 2), band=band)) for band in bands]
+    return modes(face.merge_bands(parts, bands))
 
 
 # ---------------------------------------------------------------------------------------------------------- whole analyses
 @job("analyze: frequency response")
 def _() -> Told:
-    return result(ms.analyze(frf(), orders=range(2, 41, 2)))
+    return result(face.analyze(frf(), orders=range(2, 41, 2)))
 
 
 @job("analyze: frequency response, all by itself")
 def _() -> Told:
-    return result(ms.analyze(frf(0.05, "ring5")))
+    return result(face.analyze(frf(0.05, "ring5")))
 
 
 @job("analyze: choices")
 def _() -> Told:
     short = {"orders": range(2, 31, 4)}
     return {
-        "unrefined": result(ms.analyze(frf(), refine=False, **short)),
-        "bands": result(ms.analyze(frf(), band=[(0.2, 3.4), (3.0, 8.0)], **short)),
-        "frequencies": result(ms.analyze(frf(), frequencies=[0.906, 5.355], **short)),
-        "refuse": result(ms.analyze(frf(), refuse=[2.64], method="alternate", domain="z", **short)),
+        "unrefined": result(face.analyze(frf(), refine=False, **short)),
+        "bands": result(face.analyze(frf(), band=[(0.2, 3.4), (3.0, 8.0)], **short)),
+        "frequencies": result(face.analyze(frf(), frequencies=[0.906, 5.355], **short)),
+        "refuse": result(face.analyze(frf(), refuse=[2.64], method="alternate", domain="z", **short)),
     }
 
 
 @job("analyze: impulse response")
 def _() -> Told:
-    return result(ms.analyze(impulse(), orders=range(2, 31, 4)))
+    return result(face.analyze(impulse(), orders=range(2, 31, 4)))
 
 
 @job("analyze: free decay")
 def _() -> Told:
     decay = systems.build("chain5").free_decay(600, velocity=[1, 0, 0, 0, 1], sampling_rate=20.0)
-    return result(ms.analyze(systems.add_noise(decay, 0.02, 5), orders=range(2, 31, 4)))
+    return result(face.analyze(systems.add_noise(decay, 0.02, 5), orders=range(2, 31, 4)))
 
 
 @job("analyze: ambient record")
 def _() -> Told:
-    return result(ms.analyze(ambient(), orders=range(2, 41, 4)))
+    return result(face.analyze(ambient(), orders=range(2, 41, 4)))
 
 
 @job("analyze: ambient record with a harmonic")
 def _() -> Told:
     record = ambient()
     turning = 0.5 * np.std(record.outputs) * np.sin(2 * np.pi * 3.3 * np.arange(record.samples) / record.sampling_rate)
-    made = ms.Signals(outputs=record.outputs + turning[:, None], sampling_rate=record.sampling_rate)
-    return result(ms.analyze(made, orders=range(2, 41, 4)))
+    made = face.Signals(outputs=record.outputs + turning[:, None], sampling_rate=record.sampling_rate)
+    return result(face.analyze(made, orders=range(2, 41, 4)))
 
 
 @job("analyze: record with inputs")
 def _() -> Told:
-    return result(ms.analyze(driven(), orders=range(2, 31, 4)))
+    return result(face.analyze(driven(), orders=range(2, 31, 4)))
 
 
 @job("analyze: routes of a record with inputs")
@@ -592,22 +598,22 @@ def _() -> Told:
     told: Told = {}
     for route in ("auto", "records", "frf", "markov", "subspace", "nonsense"):
         options: dict[str, Any] = {"route": route, "orders": range(4, 25, 4), "refine": False}
-        told[route] = attempt(lambda o=options: result(ms.analyze(driven(), **o)))
+        told[route] = attempt(lambda o=options: result(face.analyze(driven(), **o)))
     return told
 
 
 @job("analyze: runs")
 def _() -> Told:
     runs = driven(2)
-    held = ms.Records(
+    held = face.Records(
         runs=[
             systems.build("chain5").simulate(samples=n, sampling_rate=20.0, noise=0.02, seed=seed)
             for n, seed in ((1500, 11), (1700, 12))
         ]
     )
     return {
-        "equal": result(ms.analyze(runs, orders=range(4, 25, 4))),
-        "unequal": result(ms.analyze(held, orders=range(4, 25, 4), refine=False)),
+        "equal": result(face.analyze(runs, orders=range(4, 25, 4))),
+        "unequal": result(face.analyze(held, orders=range(4, 25, 4), refine=False)),
     }
 
 
@@ -619,10 +625,10 @@ def _() -> Told:
         )
         for other in (2, 4)
     ]
-    held = ms.Setups(parts=parts)
+    held = face.Setups(parts=parts)
     return {
-        "setups": result(ms.analyze(held, orders=range(4, 31, 4))),
-        "apart": attempt(lambda: result(ms.analyze(held, apart=True, orders=range(4, 31, 4)))),
+        "setups": result(face.analyze(held, orders=range(4, 31, 4))),
+        "apart": attempt(lambda: result(face.analyze(held, apart=True, orders=range(4, 31, 4)))),
         "data": data(held),
     }
 
@@ -630,7 +636,7 @@ def _() -> Told:
 @job("analyze: exact data")
 def _() -> Told:
     exact = systems.build("chain5").frequency_response(np.linspace(0.2, 8, 200))
-    found = ms.analyze(exact, orders=range(2, 21, 2))
+    found = face.analyze(exact, orders=range(2, 21, 2))
     return {"frequencies": numbers(found.modes.frequencies), "notes": kinds(found.notes)}
 
 
@@ -641,11 +647,11 @@ def _() -> Told:
     values[2000:2200, 2] = values[2000, 2]
     top = 1.5 * np.std(values[:, 3])
     values[:, 3] = np.clip(values[:, 3], -top, top)
-    record = ms.Signals(outputs=values, sampling_rate=20.0)
+    record = face.Signals(outputs=values, sampling_rate=20.0)
     return {
-        "findings": kinds(preprocess.examine(record)),
-        "refused": refusal(ms.analyze, record, orders=range(4, 25, 4)),
-        "result": attempt(lambda: result(ms.analyze(record, exclude=["y2"], orders=range(4, 25, 4)))),
+        "findings": kinds(records.examine(record)),
+        "refused": refusal(face.analyze, record, orders=range(4, 25, 4)),
+        "result": attempt(lambda: result(face.analyze(record, exclude=["y2"], orders=range(4, 25, 4)))),
     }
 
 
@@ -653,7 +659,8 @@ def _() -> Told:
 @functools.cache
 def short() -> ms.Result:
     """Return a short analysis."""
-    return ms.analyze(frf(), orders=range(2, 25, 4))
+    found: ms.Result = face.analyze(frf(), orders=range(2, 25, 4))
+    return found
 
 
 @job("refine: groups, fixed, complete")
@@ -661,11 +668,11 @@ def _() -> Told:
     start = short().modes
     few = start[:4]
     return {
-        "again": modes(ms.refine(frf(), start)),
-        "fixed": modes(ms.refine(frf(), start, fixed=start.poles[:1])),
-        "complete": modes(ms.refine(frf(), few, complete=True)),
-        "ungrouped": modes(ms.refine(frf(), start, groups=None)),
-        "known": modes(ms.refine(frf(), systems.build("chain5").modes(quantity="displacement"))),
+        "again": modes(face.refine(frf(), start)),
+        "fixed": modes(face.refine(frf(), start, fixed=start.poles[:1])),
+        "complete": modes(face.refine(frf(), few, complete=True)),
+        "ungrouped": modes(face.refine(frf(), start, groups=None)),
+        "known": modes(face.refine(frf(), systems.build("chain5").modes(quantity="displacement"))),
     }
 
 
@@ -673,22 +680,22 @@ def _() -> Told:
 def _() -> Told:
     start = systems.build("chain5").modes()
     return {
-        "driven": attempt(lambda: modes(ms.refine(driven(), start))),
-        "ambient": attempt(lambda: modes(ms.refine(ambient(), start))),
+        "driven": attempt(lambda: modes(face.refine(driven(), start))),
+        "ambient": attempt(lambda: modes(face.refine(ambient(), start))),
     }
 
 
 @job("refine: samples")
 def _() -> Told:
-    found = ms.identify(impulse(200), order=12).modes
-    return attempt(lambda: modes(ms.refine(impulse(200), found)))
+    found = face.identify(impulse(200), order=12).modes
+    return attempt(lambda: modes(face.refine(impulse(200), found)))
 
 
 @job("certify: few replicates")
 def _() -> Told:
     told: Told = {}
     for name, select in (("refined", False), ("selected", True)):
-        found = ms.certify(short(), replicates=4, select=select)
+        found = face.certify(short(), replicates=4, select=select)
         told[name] = {
             "modes": modes(found.modes),
             "found": numbers(found.found),
@@ -704,7 +711,7 @@ def _() -> Told:
 def _() -> Told:
     told: Told = {}
     for leaving in ("inputs", "outputs"):
-        told[leaving] = attempt(lambda side=leaving: validation(ms.validate(frf(), short().modes, leaving=side)))
+        told[leaving] = attempt(lambda side=leaving: validation(face.validate(frf(), short().modes, leaving=side)))
     return told
 
 
@@ -720,30 +727,30 @@ def validation(found: ms.Validation) -> Told:
 
 @job("replay: document and data")
 def _() -> Told:
-    ms.write("test.npz", frf())
-    first = ms.analyze("test.npz", orders=range(2, 25, 4))
-    ms.write("modes.json", first)
-    ms.write("choices.analysis.json", first.analysis)
+    face.write("test.npz", frf())
+    first = face.analyze("test.npz", orders=range(2, 25, 4))
+    face.write("modes.json", first)
+    face.write("choices.analysis.json", first.analysis)
     other = systems.build("chain5").frequency_response(np.linspace(0.2, 8, 300), noise=0.02, seed=9)
     return {
         "first": result(first),
-        "again": modes(ms.replay("modes.json").modes),
-        "choices": modes(ms.replay("choices.analysis.json").modes),
-        "others": attempt(lambda: modes(ms.replay(first.analysis, other, force=True).modes)),
-        "refused": refusal(ms.replay, first.analysis, other),
+        "again": modes(face.replay("modes.json").modes),
+        "choices": modes(face.replay("choices.analysis.json").modes),
+        "others": attempt(lambda: modes(face.replay(first.analysis, other, force=True).modes)),
+        "refused": refusal(face.replay, first.analysis, other),
         "files": [file("modes.json"), file("choices.analysis.json"), file("test.npz")],
     }
 
 
 @job("compare: frequency response")
 def _() -> Told:
-    return comparison(ms.compare(frf(), orders=range(4, 25, 4), workers=1))
+    return comparison(face.compare(frf(), orders=range(4, 25, 4), workers=1))
 
 
 @job("compare: some methods on a record")
 def _() -> Told:
     rows = ["era", "alternate/time", "ssi-data"]
-    return attempt(lambda: comparison(ms.compare(ambient(), rows, orders=range(4, 25, 4), workers=1)))
+    return attempt(lambda: comparison(face.compare(ambient(), rows, orders=range(4, 25, 4), workers=1)))
 
 
 def comparison(found: ms.Comparison) -> Told:
@@ -768,32 +775,32 @@ def comparison(found: ms.Comparison) -> Told:
 def _() -> Told:
     told: Told = {}
     for name, thing in (("frf", frf()), ("impulse", impulse()), ("record", driven())):
-        model = ms.realize(thing, order=10)
+        model = face.realize(thing, order=10)
         poles = np.sort(np.abs(model.continuous_poles))
         told[name] = {"shape": [list(np.shape(each)) for each in (model.A, model.B, model.C, model.D)], "dt": model.dt}
         told[name]["frequencies"] = numbers(poles / (2 * np.pi))
-    ms.write("model.npz", ms.realize(impulse(), order=10))
+    face.write("model.npz", face.realize(impulse(), order=10))
     told["file"] = file("model.npz")
     exact = systems.build("chain5").state_space(outputs=range(5), inputs=range(5))
-    told["motion"] = attempt(lambda: {"values": numbers(ms.equations_of_motion(exact).frequencies)})
+    told["motion"] = attempt(lambda: {"values": numbers(face.equations_of_motion(exact).frequencies)})
     return told
 
 
 @job("modes: residues, pairs, merged")
 def _() -> Told:
     found, known = short().modes, systems.build("chain5").modes()
-    pairs = ms.pair_modes(found, known)
+    pairs = face.pair_modes(found, known)
     return {
-        "residues": modes(ms.fit_residues(frf(), found)),
-        "normal": modes(ms.fit_residues(frf(), found, kind="real", residuals=False)),
+        "residues": modes(face.fit_residues(frf(), found)),
+        "normal": modes(face.fit_residues(frf(), found, kind="real", residuals=False)),
         "pairs": {"first": numbers(pairs.first), "second": numbers(pairs.second), "deviations": numbers(pairs.mac)},
-        "mac": {"deviations": numbers(ms.mac(found))},
-        "comac": {"deviations": numbers(ms.comac(found.shapes[:, pairs.first], known.shapes[:, pairs.second]))},
-        "merged": modes(ms.merge_modes([found, ms.identify(frf(), order=12).modes])),
-        "dwell": attempt(lambda: modes(ms.tuned_dwell(frf()).modes)),
-        "shapes": modes(ms.ods(frf(), [0.9, 2.6])),
+        "mac": {"deviations": numbers(face.mac(found))},
+        "comac": {"deviations": numbers(face.comac(found.shapes[:, pairs.first], known.shapes[:, pairs.second]))},
+        "merged": modes(face.merge_modes([found, face.identify(frf(), order=12).modes])),
+        "dwell": attempt(lambda: modes(face.tuned_dwell(frf()).modes)),
+        "shapes": modes(face.ods(frf(), [0.9, 2.6])),
         "rebuilt": array(found.frequency_response(np.linspace(0.5, 7, 40)).values),
-        "indicators": [array(ms.indicators.cmif(frf().values)), *map(array, ms.indicators.mmif(frf()))],
+        "indicators": [array(face.indicators.cmif(frf().values)), *map(array, face.indicators.mmif(frf()))],
     }
 
 
@@ -801,11 +808,11 @@ def _() -> Told:
 @job("estimate_frf: estimators")
 def _() -> Told:
     record = driven()
-    told: Told = {name: data(ms.estimate_frf(record, estimator=name)) for name in ("h1", "h2", "hv", "lpm", "lrm")}
-    told["segments"] = data(ms.estimate_frf(record, segment=400, overlap=0.25, window="hann"))
-    told["zoom"] = attempt(lambda: data(ms.estimate_frf(record, segment=500, zoom=(2.0, 3.5))))
-    told["unknown"] = refusal(ms.estimate_frf, record, estimator="h9")
-    told["unforced"] = refusal(ms.estimate_frf, ambient())
+    told: Told = {name: data(face.estimate_frf(record, estimator=name)) for name in ("h1", "h2", "hv", "lpm", "lrm")}
+    told["segments"] = data(face.estimate_frf(record, segment=400, overlap=0.25, window="hann"))
+    told["zoom"] = attempt(lambda: data(face.estimate_frf(record, segment=500, zoom=(2.0, 3.5))))
+    told["unknown"] = refusal(face.estimate_frf, record, estimator="h9")
+    told["unforced"] = refusal(face.estimate_frf, ambient())
     return told
 
 
@@ -814,7 +821,7 @@ def _() -> Told:
     rng = np.random.default_rng(6)
     forces = np.tile(rng.standard_normal((2, 256, 2)), (1, 8, 1))
     made = systems.build("chain5").simulate(inputs=forces, sampling_rate=20.0, noise=0.01, seed=6)
-    found = ms.estimate_frf(made, excitation="periodic", period=256, settle=2)
+    found = face.estimate_frf(made, excitation="periodic", period=256, settle=2)
     return {"response": data(found), "modes": attempt(lambda: selected(found, orders=range(2, 25, 4)))}
 
 
@@ -822,21 +829,21 @@ def _() -> Told:
 def _() -> Told:
     first = ambient().output_dofs[0]
     return {
-        "plain": data(ms.estimate_correlation(ambient())),
-        "lags": data(ms.estimate_correlation(ambient(), lags=120, references=[first])),
-        "segments": attempt(lambda: data(ms.estimate_correlation(ambient(), lags=100, segment=400, window="hann"))),
-        "half": data(preprocess.half_spectra(ms.estimate_correlation(ambient(), lags=128))),
-        "refused": refusal(ms.estimate_correlation, ambient(), references=["nowhere"]),
+        "plain": data(face.estimate_correlation(ambient())),
+        "lags": data(face.estimate_correlation(ambient(), lags=120, references=[first])),
+        "segments": attempt(lambda: data(face.estimate_correlation(ambient(), lags=100, segment=400, window="hann"))),
+        "half": data(records.half_spectra(face.estimate_correlation(ambient(), lags=128))),
+        "refused": refusal(face.estimate_correlation, ambient(), references=["nowhere"]),
     }
 
 
 @job("estimate_markov: ways")
 def _() -> Told:
-    found = ms.estimate_markov(driven(), samples=150)
+    found = face.estimate_markov(driven(), samples=150)
     return {
         "okid": data(found),
-        "order": data(ms.estimate_markov(driven(), observer_order=12, samples=100)),
-        "direct": data(ms.estimate_markov(driven(), method="least squares", samples=200)),
+        "order": data(face.estimate_markov(driven(), observer_order=12, samples=100)),
+        "direct": data(face.estimate_markov(driven(), method="least squares", samples=200)),
         "modes": selected(found, orders=range(4, 25, 4)),
     }
 
@@ -844,18 +851,18 @@ def _() -> Told:
 @job("preprocess: records changed")
 def _() -> Told:
     record = ambient()
-    spectrum = preprocess.decomposition(record, segment=512)
+    spectrum = records.decomposition(record, segment=512)
     return {
-        "detrended": data(preprocess.detrend(record)),
-        "filtered": data(preprocess.filter_band(record, 0.5, 4.0)),
-        "decimated": data(preprocess.decimate(record, 2)),
-        "integrated": data(preprocess.integrate(record, lowest=0.3)),
-        "differentiated": data(preprocess.differentiate(preprocess.integrate(record, times=2, lowest=0.3))),
-        "machines": data(preprocess.remove_harmonics(record, [3.3])),
+        "detrended": data(records.detrend(record)),
+        "filtered": data(records.filter_band(record, 0.5, 4.0)),
+        "decimated": data(records.decimate(record, 2)),
+        "integrated": data(records.integrate(record, lowest=0.3)),
+        "differentiated": data(records.differentiate(records.integrate(record, times=2, lowest=0.3))),
+        "machines": data(records.remove_harmonics(record, [3.3])),
         "spectra": [array(spectrum.frequencies), array(spectrum.singular_values), spectrum.averages],
-        "coherence": [array(each) for each in preprocess.partial_coherence(driven(), segment=400)],
-        "forces": array(preprocess.principal_forces(driven(), segment=400).powers),
-        "blocks": settings(preprocess.correlation_blocks(record, lags=60)),
+        "coherence": [array(each) for each in records.partial_coherence(driven(), segment=400)],
+        "forces": array(records.principal_forces(driven(), segment=400).powers),
+        "blocks": settings(records.correlation_blocks(record, lags=60)),
     }
 
 
@@ -866,7 +873,7 @@ def _() -> Told:
         mass=light.mass + np.diag([0.0, 2.0, 0, 0]), stiffness=light.stiffness, damping=light.damping, dofs=light.dofs
     )
     masses = {light.dofs[1]: 2.0}
-    return {"scaled": attempt(lambda: modes(ms.scale_by_mass(light.modes(), heavy.modes(), masses)))}
+    return {"scaled": attempt(lambda: modes(face.scale_by_mass(light.modes(), heavy.modes(), masses)))}
 
 
 @job("report: pages")
@@ -875,10 +882,10 @@ def _() -> Told:
     things: dict[str, Any] = {
         "result": short(),
         "diagram": (short().modes, short().diagram),
-        "comparison": ms.compare(frf(), ["lscf", "alternate/z"], orders=range(4, 17, 4), workers=1),
+        "comparison": face.compare(frf(), ["lscf", "alternate/z"], orders=range(4, 17, 4), workers=1),
     }
     for name, thing in things.items():
-        ms.report(thing, f"{name}.html", title="A page")
+        face.report(thing, f"{name}.html", title="A page")
         told[name] = file(f"{name}.html")
     return told
 
@@ -888,10 +895,10 @@ def _() -> Told:
     parts = [ambient().select(outputs=each) for each in ([0, 1], [0, 2])]
     other = systems.build("chain5").simulate(samples=1000, sampling_rate=20.0, seed=21)
     return {
-        "setups": data(ms.merge(parts)),
-        "runs": data(ms.merge([other, other])),
-        "responses": attempt(lambda: data(ms.merge([frf().select(inputs=[0]), frf().select(inputs=[1])]))),
-        "refused": refusal(ms.merge, [frf(), ambient()]),
+        "setups": data(face.merge(parts)),
+        "runs": data(face.merge([other, other])),
+        "responses": attempt(lambda: data(face.merge([frf().select(inputs=[0]), frf().select(inputs=[1])]))),
+        "refused": refusal(face.merge, [frf(), ambient()]),
     }
 
 
@@ -914,8 +921,11 @@ def _() -> Told:
             path = f"{name}.{suffix}"
 
             def there_and_back(path: str = path, thing: Any = thing) -> Told:
-                ms.write(path, thing)
-                return {"back": attempt(lambda: whatever(ms.read(path))), "file": file(path) if path[-1] != "5" else {}}
+                face.write(path, thing)
+                return {
+                    "back": attempt(lambda: whatever(face.read(path))),
+                    "file": file(path) if path[-1] != "5" else {},
+                }
 
             told[path] = attempt(there_and_back)
     return told
@@ -926,7 +936,7 @@ def _() -> Told:
     import pandas
 
     record = driven()
-    ms.write("record.csv", record)
+    face.write("record.csv", record)
     table = (
         np.column_stack([np.arange(record.samples) / record.sampling_rate, record.inputs[0], record.outputs[0]])
         if (record.outputs.ndim == 3)
@@ -935,14 +945,14 @@ def _() -> Told:
     np.savetxt("plain.txt", table[:800], delimiter="\t")
     index = pandas.Index(table[:500, 0], name="time [s]")
     frame = pandas.DataFrame(table[:500, 3:], index=index, columns=list("abcdefgh")[: table.shape[1] - 3])
-    ms.write("record.h5", ambient(1000))
+    face.write("record.h5", ambient(1000))
     return {
-        "csv": data(ms.read("record.csv")),
-        "text": data(ms.read("plain.txt", columns="time=1,in=2-3,out=4-7", quantity="acceleration")),
-        "rate": attempt(lambda: data(ms.read("plain.txt", sampling_rate=20.0, ignore=[1]))),
-        "frame": attempt(lambda: data(ms.from_frame(frame))),
-        "stored": attempt(lambda: data(ms.read("record.h5", stored=True))),
-        "analysed": attempt(lambda: result(ms.analyze("record.h5", orders=range(4, 17, 4)))),
+        "csv": data(face.read("record.csv")),
+        "text": data(face.read("plain.txt", columns="time=1,in=2-3,out=4-7", quantity="acceleration")),
+        "rate": attempt(lambda: data(face.read("plain.txt", sampling_rate=20.0, ignore=[1]))),
+        "frame": attempt(lambda: data(face.from_frame(frame))),
+        "stored": attempt(lambda: data(face.read("record.h5", stored=True))),
+        "analysed": attempt(lambda: result(face.analyze("record.h5", orders=range(4, 17, 4)))),
     }
 
 
@@ -955,7 +965,7 @@ def _() -> Told:
     Path("strange.xyz").write_text("1 2 3")
     Path("half.uff").write_text("    -1\n    58\nno more")
     names = ("empty.csv", "words.csv", "cut.npz", "list.json", "strange.xyz", "half.uff", "nowhere.npz", ".")
-    return {name: {"read": refusal(ms.read, name), "info": command("info", name)} for name in names}
+    return {name: {"read": refusal(face.read, name), "info": command("info", name)} for name in names}
 
 
 @job("files: bad data")
@@ -964,47 +974,47 @@ def _() -> Told:
     broken[100, 0] = np.nan
     lines = np.linspace(1, 2, 5)
     return {
-        "nan": refusal(lambda: ms.analyze(ms.Signals(outputs=broken, sampling_rate=20.0))),
-        "short": refusal(lambda: ms.analyze(ms.Signals(outputs=broken[:8], sampling_rate=20.0))),
-        "rate": refusal(lambda: ms.Signals(outputs=np.zeros((20, 2)), sampling_rate=-1.0)),
-        "lines": refusal(lambda: ms.FrequencyResponse(values=np.zeros((4, 1, 1), complex), frequencies=lines)),
-        "order": refusal(lambda: ms.identify(frf(), order=0)),
-        "large": refusal(lambda: ms.identify(frf(), order=100000)),
-        "option": refusal(lambda: ms.identify(frf(), colour="red")),
-        "band": refusal(lambda: ms.analyze(frf(), band=(100.0, 200.0))),
-        "type": refusal(lambda: ms.analyze(3)),
-        "domain": refusal(lambda: ms.identify(frf(), method="prce", domain="s")),
+        "nan": refusal(lambda: face.analyze(face.Signals(outputs=broken, sampling_rate=20.0))),
+        "short": refusal(lambda: face.analyze(face.Signals(outputs=broken[:8], sampling_rate=20.0))),
+        "rate": refusal(lambda: face.Signals(outputs=np.zeros((20, 2)), sampling_rate=-1.0)),
+        "lines": refusal(lambda: face.FrequencyResponse(values=np.zeros((4, 1, 1), complex), frequencies=lines)),
+        "order": refusal(lambda: face.identify(frf(), order=0)),
+        "large": refusal(lambda: face.identify(frf(), order=100000)),
+        "option": refusal(lambda: face.identify(frf(), colour="red")),
+        "band": refusal(lambda: face.analyze(frf(), band=(100.0, 200.0))),
+        "type": refusal(lambda: face.analyze(3)),
+        "domain": refusal(lambda: face.identify(frf(), method="prce", domain="s")),
     }
 
 
 # ----------------------------------------------------------------------------------------------------------- the examples
 @job("examples: beam, some hammer points")
 def _() -> Told:
-    beam = ms.read(EXAMPLES / "beam_hammer" / "beam_hammer.uff")
+    beam = face.read(EXAMPLES / "beam_hammer" / "beam_hammer.uff")
     part = beam.select(inputs=[0, 2])
     return {
         "data": data(beam),
-        "findings": kinds(preprocess.examine(beam)),
-        "result": result(ms.analyze(part, band=(100.0, 1200.0), orders=range(2, 41, 4))),
+        "findings": kinds(records.examine(beam)),
+        "result": result(face.analyze(part, band=(100.0, 1200.0), orders=range(2, 41, 4))),
     }
 
 
 @job("examples: palisaden")
 def _() -> Told:
-    test = ms.read(EXAMPLES / "palisaden" / "palisaden.npz")
-    found = ms.analyze(test, band=(0.3, 6.0), orders=range(4, 41, 4))
-    return {"data": data(test), "findings": kinds(preprocess.examine(test)), "result": result(found)}
+    test = face.read(EXAMPLES / "palisaden" / "palisaden.npz")
+    found = face.analyze(test, band=(0.3, 6.0), orders=range(4, 41, 4))
+    return {"data": data(test), "findings": kinds(records.examine(test)), "result": result(found)}
 
 
 @job("examples: impact hits")
 def _() -> Told:
-    hits = ms.read(EXAMPLES / "impact_hits" / "impact_hits.npz")
-    response = ms.estimate_frf(hits)
+    hits = face.read(EXAMPLES / "impact_hits" / "impact_hits.npz")
+    response = face.estimate_frf(hits)
     return {
         "data": data(hits),
-        "findings": kinds(preprocess.examine(hits)),
+        "findings": kinds(records.examine(hits)),
         "response": data(response),
-        "result": result(ms.analyze(response, band=(300.0, 1000.0), orders=range(2, 31, 4))),
+        "result": result(face.analyze(response, band=(300.0, 1000.0), orders=range(2, 31, 4))),
     }
 
 
@@ -1012,31 +1022,31 @@ def _() -> Told:
 @job("measured: bridge")
 def _() -> Told:
     with np.load(measured("bridge_ssicov", "ssicov.npz")) as held:
-        record = ms.Signals(outputs=held["y"][:15000], sampling_rate=float(held["fs"]))
-    found = ms.analyze(record, band=(0.1, 1.5), orders=range(4, 33, 4))
-    return {"findings": kinds(preprocess.examine(record)), "result": result(found)}
+        record = face.Signals(outputs=held["y"][:15000], sampling_rate=float(held["fs"]))
+    found = face.analyze(record, band=(0.1, 1.5), orders=range(4, 33, 4))
+    return {"findings": kinds(records.examine(record)), "result": result(found)}
 
 
 @job("measured: frame")
 def _() -> Told:
-    made = ms.Signals(outputs=np.load(measured("shear_frame", "data_shearframe.npy"))[:6000], sampling_rate=12.0)
-    return {"data": data(made), "result": result(ms.analyze(made, orders=range(4, 33, 4)))}
+    made = face.Signals(outputs=np.load(measured("shear_frame", "data_shearframe.npy"))[:6000], sampling_rate=12.0)
+    return {"data": data(made), "result": result(face.analyze(made, orders=range(4, 33, 4)))}
 
 
 @job("measured: building, setups")
 def _() -> Told:
     with np.load(measured("building_3sl", "tsl3.npz")) as held:
-        records, rate = held["y"][:, :12000], float(held["fs"])
+        heard, rate = held["y"][:, :12000], float(held["fs"])
     parts = [
-        ms.Signals(
+        face.Signals(
             outputs=run[:, [0, 1, 2, 3 + k, 6 + k]], sampling_rate=rate, output_dofs=["a", "b", "c", f"d{k}", f"e{k}"]
         )
-        for k, run in enumerate(records)
+        for k, run in enumerate(heard)
     ]
-    setups = ms.Setups(parts=parts)
+    setups = face.Setups(parts=parts)
     return {
-        "findings": kinds(preprocess.examine(setups)),
-        "result": attempt(lambda: result(ms.analyze(setups, band=(0.5, 20.0), orders=range(4, 33, 4)))),
+        "findings": kinds(records.examine(setups)),
+        "result": attempt(lambda: result(face.analyze(setups, band=(0.5, 20.0), orders=range(4, 33, 4)))),
     }
 
 
@@ -1044,24 +1054,24 @@ def _() -> Told:
 def _() -> Told:
     with np.load(measured("hati_gvt", "hati_ws3_200Hz.npz")) as held:
         runs = [
-            ms.Signals(outputs=a[:6000], inputs=f[:6000, None], sampling_rate=float(held["fs"]))
+            face.Signals(outputs=a[:6000], inputs=f[:6000, None], sampling_rate=float(held["fs"]))
             for f, a in zip(held["force"][:3], held["acc"][:3], strict=True)
         ]
-    test = ms.Records(runs=runs)
+    test = face.Records(runs=runs)
     return {
         "data": data(test),
-        "findings": kinds(preprocess.examine(test)),
-        "result": attempt(lambda: result(ms.analyze(test, band=(5.0, 40.0), orders=range(4, 25, 4)))),
+        "findings": kinds(records.examine(test)),
+        "result": attempt(lambda: result(face.analyze(test, band=(5.0, 40.0), orders=range(4, 25, 4)))),
     }
 
 
 @job("measured: wing")
 def _() -> Told:
-    found = ms.read(measured("hati_gvt", "hati_ws3_frf.npz"))
+    found = face.read(measured("hati_gvt", "hati_ws3_frf.npz"))
     return {
         "data": data(found),
-        "findings": kinds(preprocess.examine(found)),
-        "result": result(ms.analyze(found, band=(2.0, 40.0), orders=range(4, 33, 4))),
+        "findings": kinds(records.examine(found)),
+        "result": result(face.analyze(found, band=(2.0, 40.0), orders=range(4, 33, 4))),
     }
 
 
@@ -1076,9 +1086,9 @@ def _() -> Told:
         ("beam_uff", "beam_2kHz.uff"),
     ):
         path = measured(*parts)
-        told[parts[-1]] = {"read": attempt(lambda p=path: data(ms.read(p))), "info": command("info", path)}
+        told[parts[-1]] = {"read": attempt(lambda p=path: data(face.read(p))), "info": command("info", path)}
     bridge = measured("footbridge", "node_p1_000.CSV")
-    told["with its rate"] = attempt(lambda: data(ms.read(bridge, sampling_rate=100.0)))
+    told["with its rate"] = attempt(lambda: data(face.read(bridge, sampling_rate=100.0)))
     return told
 
 
@@ -1138,7 +1148,7 @@ def _() -> Told:
     told["realize"] = [command("realize", "records.npz", "--order", "10", "-o", "m.json"), file("m.json")]
     told["merge"] = [command("merge", "ambient.npz", "ambient.npz", "-o", "both.npz"), file("both.npz")]
     told["converted"] = [command("convert", "records.npz", f"records.{s}") for s in ("csv", "uff", "mat", "h5", "xyz")]
-    told["back"] = [data(ms.read(f"records.{suffix}")) for suffix in ("csv", "uff", "mat", "h5")]
+    told["back"] = [data(face.read(f"records.{suffix}")) for suffix in ("csv", "uff", "mat", "h5")]
     return told
 
 
