@@ -28,7 +28,7 @@ QUIET_PLOTS := MPLBACKEND=Agg
 COMPILED := PYTHONDONTWRITEBYTECODE= PYTHONPYCACHEPREFIX='$(CURDIR)/.venv/pycache'
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo page test coverage mutants lint format architecture changelog docs release-check versions licences bench torch study clean
+.PHONY: help setup demo page test coverage mutants lint format architecture changelog docs release-check versions licences bench torch study results clean
 
 help:
 	@echo "make setup         .venv with everything in it"
@@ -39,6 +39,7 @@ help:
 	@echo "make versions      formats, data classes and methods with the earliest and the newest packages (minutes)"
 	@echo "make release-check archive and wheel built, installed into empty environments, and tested there (minutes)"
 	@echo "make licences      what modalscope needs, and under which licences"
+	@echo "make results       small jobs of every kind, held against the results in tests/results (a minute or two)"
 	@echo "make mutants       faults put in on purpose, each of which its tests must notice (minutes)"
 	@echo "make lint          ruff, mypy, floors"
 	@echo "make format        let ruff write what it can"
@@ -128,6 +129,10 @@ release-check: setup
 # PART=2/3 tries every third of them, from the second on.
 mutants: setup
 	@$(SINGLE) $(QUIET_PLOTS) $(COMPILED) $(BIN)/python -m tests.mutants --processes $(WORKERS) $(if $(PART),--part $(PART))
+
+# WORD=analyze runs the jobs whose names hold it; WRITE=1 writes the reference instead.
+results: setup
+	@$(SINGLE) $(QUIET_PLOTS) $(COMPILED) $(BIN)/python -m tools.results --jobs $(WORKERS) $(if $(WRITE),--write) $(WORD)
 
 # Large; no other target needs it.
 torch: $(STAMP)

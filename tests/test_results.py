@@ -1,0 +1,76 @@
+"""The comparison of results sees what it must, and nothing below its tolerances."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from tools.results import REFERENCE, differences, written
+
+MODES = {
+    "modes": {
+        "frequencies": [1.0, 250.0],
+        "damping": [0.01, None],
+        "deviations": {"frequency": [1e-4], "shapes": [[0.5]]},
+        "kinds": ["mode", "mode"],
+        "order": 12,
+    }
+}
+
+
+def changed(key: str, value: object) -> dict[str, object]:
+    return {"modes": {**MODES["modes"], key: value}}
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("frequencies", [1.0 + 5e-10, 250.0]),
+        ("frequencies", [1.0, 250.0 * (1 - 5e-10)]),
+        ("damping", [0.01 * (1 + 5e-8), None]),
+        ("deviations", {"frequency": [1e-4 * (1 + 5e-7)], "shapes": [[0.5 - 4e-7]]}),
+        ("order", 12),
+    ],
+)
+def test_below_the_tolerance_nothing_is_said(key, value):
+    assert not list(differences(MODES, changed(key, value)))
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "place"),
+    [
+        ("frequencies", [1.0 + 2e-9, 250.0], "modes.frequencies[0]"),
+        ("frequencies", [1.0, 250.0 * (1 - 2e-9)], "modes.frequencies[1]"),
+        ("frequencies", [1.0], "modes.frequencies"),
+        ("damping", [0.01 * (1 + 2e-7), None], "modes.damping[0]"),
+        ("damping", [0.01, 0.02], "modes.damping[1]"),
+        ("deviations", {"frequency": [1e-4 * (1 + 2e-6)], "shapes": [[0.5]]}, "modes.deviations.frequency[0]"),
+        ("deviations", {"frequency": [1e-4], "shapes": [[0.51]]}, "modes.deviations.shapes[0][0]"),
+        ("deviations", {"frequency": [1e-4]}, "modes.deviations.shapes: missing"),
+        ("kinds", ["mode", "harmonic"], "modes.kinds[1]"),
+        ("order", 13, "modes.order"),
+        ("order", True, "modes.order"),
+        ("new", 1, "modes.new: new"),
+    ],
+)
+def test_a_difference_is_seen_where_it_is(key, value, place):
+    (said,) = differences(MODES, changed(key, value))
+    assert said.startswith(place)
+
+
+def test_a_missing_key_and_a_missing_job_are_seen():
+    assert list(differences(MODES, {"modes": {}})) == [f"modes.{key}: missing" for key in MODES["modes"]]
+    assert list(differences(MODES, {})) == ["modes: missing"]
+
+
+def test_what_is_written_comes_back_with_every_digit():
+    held = {"a": [0.1 + 0.2, 1e-300, None], "b": [{"c": []}, [1, 2]], "d": {}, "é": "text"}
+    assert json.loads(written(held)) == held
+    assert written({"a": [1, 2], "b": {"c": 3}}) == '{\n "a": [1, 2],\n "b": {\n  "c": 3\n }\n}'
+
+
+def test_no_job_of_the_reference_was_broken():
+    reference = json.loads(REFERENCE.read_text("utf-8"))
+    assert len(reference) >= 60
+    assert not [name for name, found in reference.items() if "broken" in found or "skipped" in found]

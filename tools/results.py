@@ -1,0 +1,143 @@
+"""Results of small jobs of every kind, held against those that stand in `tests/results/reference.json`.
+
+    python -m tools.results [--jobs 2] [WORD]   run the jobs whose names hold the word, and say what differs
+    python -m tools.results --write [WORD]      write what they give instead
+
+The jobs are in `tools/jobs.py`. What they give is kinds, keys and numbers: the texts of messages may change.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import sys
+import tempfile
+import time
+import traceback
+import warnings
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+__all__ = ["TOLERANCES", "differences", "main", "written"]
+
+ROOT = Path(__file__).resolve().parents[1]
+REFERENCE = ROOT / "tests" / "results" / "reference.json"
+
+#: Largest relative difference of the numbers under a key; all else is equal.
+TOLERANCES = {"frequencies": 1e-9, "damping": 1e-7, "deviations": 1e-6, "values": 1e-9}
+
+#: A job without its data gives this alone, with what is missing.
+SKIPPED = "skipped"
+
+
+def differences(expected: Any, found: Any, place: str = "", tolerance: float = 0.0) -> Iterator[str]:
+    """Yield in words where two results differ; a key of `TOLERANCES` holds for all below it."""
+    if isinstance(expected, dict) and isinstance(found, dict):
+        for key in [*expected, *(key for key in found if key not in expected)]:
+            inside = f"{place}.{key}" if place else key
+            if key not in found:
+                yield f"{inside}: missing"
+            elif key not in expected:
+                yield f"{inside}: new"
+            else:
+                yield from differences(expected[key], found[key], inside, TOLERANCES.get(key, tolerance))
+    elif isinstance(expected, list) and isinstance(found, list) and len(expected) == len(found):
+        for index, pair in enumerate(zip(expected, found, strict=True)):
+            yield from differences(*pair, f"{place}[{index}]", tolerance)
+    elif not _same(expected, found, tolerance):
+        yield f"{place}: {_short(expected)} -> {_short(found)}"
+
+
+def _same(expected: Any, found: Any, tolerance: float) -> bool:
+    if type(expected) is type(found) is float or {type(expected), type(found)} == {int, float}:
+        return math.isclose(found, expected, rel_tol=0, abs_tol=tolerance * abs(expected))
+    return type(expected) is type(found) and bool(expected == found)
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 300 else text[:300] + " ..."
+
+
+def written(value: Any, indent: str = "") -> str:
+    """Return JSON with a line for every key, and every list of numbers and words on one line."""
+    if isinstance(value, dict) and value:
+        inner = indent + " "
+        entries = (f"{inner}{json.dumps(key)}: {written(each, inner)}" for key, each in value.items())
+        return "{\n" + ",\n".join(entries) + f"\n{indent}}}"
+    if isinstance(value, list) and any(isinstance(each, dict | list) for each in value):
+        inner = indent + " "
+        return "[\n" + ",\n".join(f"{inner}{written(each, inner)}" for each in value) + f"\n{indent}]"
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _run(name: str) -> tuple[str, Any, float]:
+    """Run one job in an empty folder, on one core; return its name, what it gave and the CPU seconds."""
+    from tools.jobs import JOBS, Missing  # needs the package, which says nothing of how results are compared
+
+    back = Path.cwd()
+    started = time.process_time()
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        os.chdir(folder)
+        try:
+            found = JOBS[name]()
+        except Missing as missing:
+            found = {SKIPPED: str(missing)}
+        except Exception:  # noqa: BLE001 - a job that breaks down differs from the reference; the others are run
+            traceback.print_exc()
+            found = {"broken": True}
+        finally:
+            os.chdir(back)
+    return name, json.loads(json.dumps(found)), time.process_time() - started
+
+
+def _results(names: list[str], processes: int) -> Iterator[tuple[str, Any, float]]:
+    if processes == 1:
+        yield from map(_run, names)
+        return
+    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+        yield from pool.map(_run, names)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the jobs, and compare or write; 1 where something differs."""
+    parser = argparse.ArgumentParser(prog="python -m tools.results")
+    parser.add_argument("word", nargs="?", default="", help="run the jobs whose names hold this")
+    parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser.add_argument("--write", action="store_true", help="write the reference instead")
+    asked = parser.parse_args(arguments)
+    for threads in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):  # sums of one order alone
+        if os.environ.get(threads) != "1":
+            os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+            os.execv(sys.executable, [sys.executable, "-m", "tools.results", *(arguments or sys.argv[1:])])
+    from tools.jobs import JOBS
+
+    names = [name for name in JOBS if asked.word in name]
+    reference = json.loads(REFERENCE.read_text("utf-8")) if REFERENCE.exists() else {}
+    wrong, total = 0, 0.0
+    for name, found, seconds in _results(names, asked.jobs):
+        total += seconds
+        skipped = SKIPPED in found
+        told = [] if skipped or asked.write else list(differences(reference.get(name, {}), found))
+        print(f"{seconds:6.2f} s  {name}{': skipped, ' + found[SKIPPED] if skipped else ''}", flush=True)
+        for line in told:
+            print(f"          {line}", flush=True)
+        wrong += bool(told)
+        if asked.write and not skipped:
+            reference[name] = found
+    if asked.write:
+        REFERENCE.parent.mkdir(exist_ok=True)
+        ordered = {name: reference[name] for name in JOBS if name in reference}
+        REFERENCE.write_text(written(ordered) + "\n", "utf-8")
+    print(f"{len(names)} jobs, {total:.0f} CPU s" + ("" if asked.write else f": {wrong} differ"))
+    return int(wrong > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
