@@ -13,7 +13,7 @@ import numpy as np
 
 import modalscope as ms
 from modalscope.blocks.structure import BlockHankel
-from modalscope.numerics.checks import DataError
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import LargeMatrix
 from modalscope.numerics.resources import DEVICES, device_named
 from modalscope.numerics.sums import TriangleSum

@@ -9,7 +9,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.blocks.structure import BlockHankel
-from modalscope.numerics.checks import DataError
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import LargeMatrix
 from modalscope.numerics.resources import device_named
 from modalscope.numerics.sums import TriangleSum

@@ -12,7 +12,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.io import read, survey, write
-from modalscope.numerics.checks import DataError
+from modalscope.numerics.errors import DataError
 
 h5py = pytest.importorskip("h5py")
 

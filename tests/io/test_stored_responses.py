@@ -13,7 +13,7 @@ import modalscope as ms
 from modalscope.data import stored as stored_response
 from modalscope.data.poles import poles_from
 from modalscope.io import survey
-from modalscope.numerics.checks import DataError
+from modalscope.numerics.errors import DataError
 from tests.support import relative
 
 zarr = pytest.importorskip("zarr", reason="zarr is not installed: pip install 'modalscope[zarr]'")

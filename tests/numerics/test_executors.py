@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.numerics.checks import DataError
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.executors import _result, each, working
 
 distributed = pytest.importorskip("distributed", reason="Dask is not installed: pip install 'modalscope[cluster]'")

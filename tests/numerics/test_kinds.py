@@ -12,7 +12,8 @@ import pytest
 
 import modalscope as ms
 from modalscope.data import DataError, Records
-from modalscope.numerics.checks import check_kind, check_option_names
+from modalscope.numerics.checks import check_kind
+from modalscope.numerics.errors import check_option_names
 from modalscope.systems import chain5
 
 pd = pytest.importorskip("pandas")

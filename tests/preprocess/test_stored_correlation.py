@@ -14,7 +14,7 @@ import modalscope as ms
 from modalscope.data.stored import StoredSignals
 from modalscope.doctor import examine
 from modalscope.numerics import sums as saved_sums
-from modalscope.numerics.checks import DataError
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.executors import working
 from modalscope.preprocess import correlation_blocks, decimate, filter_band, stored_correlation
 from modalscope.preprocess.conditioning import settling

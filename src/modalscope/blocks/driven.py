@@ -22,7 +22,8 @@ from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import Records
 from modalscope.data.statespace import StateSpace
-from modalscope.numerics.checks import Array, DataError, RealArray, check_count
+from modalscope.numerics.checks import Array, RealArray, check_count
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.sums import TriangleSum
 
 __all__ = ["DrivenProjection", "driven_projection", "intervals"]

@@ -16,7 +16,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.numerics.checks import DataError, RealArray, check_choice
+from modalscope.numerics.checks import RealArray
+from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.operators import Operator, Product
 from modalscope.numerics.orthonormal import orthonormal_by
 from modalscope.numerics.randomized import Triplets, by_lanczos, by_range

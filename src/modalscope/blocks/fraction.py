@@ -31,7 +31,8 @@ from modalscope.data.poles import powers_of, to_continuous, to_discrete
 from modalscope.data.response import Response, output_scale
 from modalscope.data.responses import FrequencyResponse
 from modalscope.data.statespace import StateSpace
-from modalscope.numerics.checks import Array, ComplexArray, DataError, IntArray, RealArray, check_count, freeze
+from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, check_count, freeze
+from modalscope.numerics.errors import DataError
 
 __all__ = [
     "Arc",

@@ -21,7 +21,8 @@ from modalscope.blocks.matrix import RowShift
 from modalscope.blocks.structure import BlockHankel, SampledMatrix, Side, block_shifts, side_of
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.data.responses import ImpulseResponse
-from modalscope.numerics.checks import Array, ComplexArray, DataError, IntArray, RealArray, check_count
+from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, check_count
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import DenseMatrix, Operator, real_times
 
 __all__ = ["Hankel", "fit_of_samples", "hankel", "leading_directions", "random_projection", "selection", "sums"]

@@ -23,7 +23,8 @@ from modalscope.blocks.polynomials import Plane, evaluate
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse
-from modalscope.numerics.checks import Array, ComplexArray, DataError, IntArray, RealArray, real_array
+from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, real_array
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import DenseMatrix, Operator, real_times
 from modalscope.numerics.sums import TriangleSum
 

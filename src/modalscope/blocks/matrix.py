@@ -17,7 +17,8 @@ from modalscope.blocks.polynomials import both_sums
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.data.response import Response
 from modalscope.data.statespace import StateSpace
-from modalscope.numerics.checks import Array, ComplexArray, DataError, IntArray, RealArray
+from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import Operator, real_times, times_real
 
 __all__ = ["DataMatrix", "FunctionRows", "LinePencil", "RowShift", "line_pencil"]

@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike
 
 from modalscope.data.poles import to_continuous, to_discrete
 from modalscope.data.response import Response
-from modalscope.numerics.checks import Array, ComplexArray, DataError, IntArray, RealArray, check_choice
+from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
+from modalscope.numerics.errors import DataError, check_choice
 
 __all__ = [
     "Few",

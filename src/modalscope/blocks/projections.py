@@ -22,7 +22,8 @@ from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.data.geometry import DofLike, indices_of
 from modalscope.data.records import Signals
 from modalscope.data.responses import ImpulseResponse
-from modalscope.numerics.checks import Array, DataError, IntArray, RealArray, check_count
+from modalscope.numerics.checks import Array, IntArray, RealArray, check_count
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import DenseMatrix
 from modalscope.numerics.sums import TriangleSum
 

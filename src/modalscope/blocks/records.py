@@ -36,7 +36,8 @@ from modalscope.data.notes import Note
 from modalscope.data.record_spectra import RecordSpectra, line_power, resonance_weights
 from modalscope.data.response import output_scale
 from modalscope.data.statespace import StateSpace
-from modalscope.numerics.checks import Array, ComplexArray, DataError, IntArray, RealArray, check_count, freeze
+from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, check_count, freeze
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import LargeMatrix
 from modalscope.numerics.orthonormal import stacked_factor, triangle_of
 from modalscope.numerics.resources import scratch

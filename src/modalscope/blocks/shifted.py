@@ -32,7 +32,8 @@ from modalscope.data.poles import to_continuous, to_discrete
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.statespace import StateSpace
-from modalscope.numerics.checks import Array, ComplexArray, DataError, IntArray, RealArray, check_choice, check_count
+from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, check_count
+from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.linear_systems import HELD
 
 __all__ = ["Shifted", "model_transfer", "shifted", "shifted_transfer", "window_lines"]

@@ -16,16 +16,8 @@ from scipy import fft
 
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.data.poles import powers_of, to_continuous, to_discrete
-from modalscope.numerics.checks import (
-    Array,
-    ComplexArray,
-    DataError,
-    IntArray,
-    RealArray,
-    check_count,
-    check_each,
-    real_array,
-)
+from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, check_count, check_each, real_array
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.executors import crew
 from modalscope.numerics.resources import fetched, namespace, transforms
 

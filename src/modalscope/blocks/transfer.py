@@ -25,7 +25,8 @@ from modalscope.data.channels import derivatives_between, known_quantity
 from modalscope.data.pole_basis import LineData, line_basis, line_data
 from modalscope.data.response import output_scale
 from modalscope.data.responses import FrequencyResponse
-from modalscope.numerics.checks import Array, ComplexArray, DataError, RealArray, check_count, real_array
+from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_count, real_array
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import Operator, TransposedOperator
 
 __all__ = ["LineProducts", "Transfer", "transfer"]

@@ -61,7 +61,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Stop with the message on one line."""
-        from modalscope.numerics.checks import shortened
+        from modalscope.numerics.errors import shortened
 
         self.exit(EXIT_WRONG, f"{self.prog}: {' '.join(shortened(message).split())}\n")
 

@@ -84,7 +84,7 @@ VOICE = Voice()
 
 def say(text: object) -> None:
     """Print a result; what is no sign of its own, such as the codes that move a terminal's cursor, is escaped."""
-    from modalscope.numerics.checks import printable
+    from modalscope.numerics.errors import printable
 
     print(printable(str(text)), file=sys.stderr if VOICE.aside else sys.stdout)
 
@@ -103,7 +103,7 @@ def explain(text: object) -> None:
 
 def complain(text: object) -> None:
     """Print one line on stderr, if there is one."""
-    from modalscope.numerics.checks import shortened
+    from modalscope.numerics.errors import shortened
 
     if sys.stderr is not None:
         with suppress(OSError):

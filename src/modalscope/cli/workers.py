@@ -8,7 +8,7 @@ from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from modalscope.cli.process import complain, progress
-from modalscope.numerics.checks import DataError
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.executors import working
 
 __all__ = ["LOCAL_SETTINGS", "workers_of"]

@@ -39,7 +39,8 @@ from modalscope.judging.stabilize import stabilized
 from modalscope.modal.rebuilt import explained, explains_enough, fit_error_heard, rebuilt
 from modalscope.modal.shapes import joint_residues
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import DataError, check_count, check_kind
+from modalscope.numerics.checks import check_count, check_kind
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
 
 __all__ = ["changed", "compare"]

@@ -18,7 +18,8 @@ from modalscope.identification.lookup import find_method
 from modalscope.identification.method import DOMAINS, Method
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
-from modalscope.numerics.checks import Array, DataError
+from modalscope.numerics.checks import Array
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import assign
 from modalscope.realizations.balanced import projected_general
 

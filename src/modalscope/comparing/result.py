@@ -20,7 +20,7 @@ from modalscope.data.response import Response
 from modalscope.data.shown import Shown, cells_of, summary_of
 from modalscope.identification.method import Method
 from modalscope.modal.rebuilt import explains_enough, share_explained
-from modalscope.numerics.checks import DataError
+from modalscope.numerics.errors import DataError
 
 __all__ = ["Comparison", "find_by_name"]
 

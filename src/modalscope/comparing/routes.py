@@ -31,7 +31,7 @@ from modalscope.data.window import line_step
 from modalscope.identification.prepare import Measured, measure
 from modalscope.identification.routes import USUAL
 from modalscope.modal.rebuilt import explains_enough, share_explained
-from modalscope.numerics.checks import DataError
+from modalscope.numerics.errors import DataError
 
 __all__ = ["route_causes", "tasks_of", "witnesses"]
 

@@ -32,7 +32,8 @@ from modalscope.judging.stabilize import swept
 from modalscope.likelihood.covariance import PoleInfluence, covariances_of_poles, influence_on
 from modalscope.likelihood.noise import SPLIT, Noise
 from modalscope.modal.rebuilt import fit_of
-from modalscope.numerics.checks import ComplexArray, DataError, IntArray, RealArray, check_choice
+from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
+from modalscope.numerics.errors import DataError, check_choice
 
 __all__ = ["Cell", "MethodResult", "Moved", "Progress", "covariance", "plan", "run"]
 

@@ -14,7 +14,7 @@ from modalscope.data.setups import Setups
 from modalscope.data.statespace import StateSpace
 from modalscope.data.stored import StoredResponse, StoredSignals
 from modalscope.numerics.arguments import plain_methods
-from modalscope.numerics.checks import DataError
+from modalscope.numerics.errors import DataError
 
 __all__ = [
     "Candidate",

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from modalscope.numerics.checks import DataError, check_band, check_count, check_kind, freeze
+from modalscope.numerics.checks import check_band, check_count, check_kind, freeze
+from modalscope.numerics.errors import DataError
 
 __all__ = ["SCHEMA", "VERSION", "Analysis", "SourceFile"]
 

@@ -10,7 +10,8 @@ from typing import Any, Self, TypeAlias
 
 from modalscope.data.geometry import DofLike, Geometry, check_labels, indices_of
 from modalscope.data.shown import Shown
-from modalscope.numerics.checks import DataError, check_choice, check_each, check_kind, check_path, freeze
+from modalscope.numerics.checks import check_each, check_kind, check_path, freeze
+from modalscope.numerics.errors import DataError, check_choice
 
 __all__ = [
     "AUTO",

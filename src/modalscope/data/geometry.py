@@ -13,17 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.data.shown import Shown
-from modalscope.numerics.checks import (
-    Array,
-    DataError,
-    IntArray,
-    RealArray,
-    check_each,
-    check_kind,
-    freeze,
-    locked,
-    real_array,
-)
+from modalscope.numerics.checks import Array, IntArray, RealArray, check_each, check_kind, freeze, locked, real_array
+from modalscope.numerics.errors import DataError
 
 __all__ = ["Dof", "DofLike", "Geometry", "check_labels", "indices_of", "label_of", "parse_dof"]
 

@@ -9,7 +9,8 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope.data.poles import is_real
-from modalscope.numerics.checks import BoolArray, ComplexArray, DataError, IntArray, RealArray
+from modalscope.numerics.checks import BoolArray, ComplexArray, IntArray, RealArray
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.linear_systems import scaled, state_scale
 
 if TYPE_CHECKING:

@@ -13,7 +13,6 @@ from modalscope.data.channels import check_quantity, source_of
 from modalscope.data.notes import notes_of
 from modalscope.numerics.checks import (
     ComplexArray,
-    DataError,
     IntArray,
     RealArray,
     check_count,
@@ -26,6 +25,7 @@ from modalscope.numerics.checks import (
     real_array,
     sealed,
 )
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.extras import optional_package
 
 if TYPE_CHECKING:

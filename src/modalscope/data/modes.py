@@ -25,15 +25,8 @@ from modalscope.data.notes import Note, notes_of
 from modalscope.data.poles import HasPoles, to_discrete
 from modalscope.data.response import CORRELATED, UNTOLD
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
-from modalscope.numerics.checks import (
-    ComplexArray,
-    DataError,
-    RealArray,
-    check_choice,
-    check_count,
-    check_positive,
-    freeze,
-)
+from modalscope.numerics.checks import ComplexArray, RealArray, check_count, check_positive, freeze
+from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.statistics import intervals
 
 __all__ = ["NORMALIZATIONS", "ModalModel", "Mode", "named_near"]

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.numerics.checks import DataError, check_each, check_kind, check_number, freeze
+from modalscope.numerics.checks import check_each, check_kind, check_number, freeze
+from modalscope.numerics.errors import DataError
 
 __all__ = ["REMARK", "Note", "notes_of"]
 

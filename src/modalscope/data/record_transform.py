@@ -9,7 +9,8 @@ from scipy import fft
 
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.records import Records
-from modalscope.numerics.checks import Array, ComplexArray, DataError, RealArray
+from modalscope.numerics.checks import Array, ComplexArray, RealArray
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import scratch
 
 __all__ = ["half_transform", "record_spectra"]

@@ -26,7 +26,6 @@ from modalscope.data.geometry import Geometry
 from modalscope.data.shown import Shown
 from modalscope.data.units import Convertible
 from modalscope.numerics.checks import (
-    DataError,
     RealArray,
     check_count,
     check_each,
@@ -35,6 +34,7 @@ from modalscope.numerics.checks import (
     freeze,
     real_array,
 )
+from modalscope.numerics.errors import DataError
 
 __all__ = ["Records", "Signals", "as_records"]
 

@@ -13,7 +13,8 @@ from modalscope.data.channels import AUTO, Channels, Groups
 from modalscope.data.notes import Note
 from modalscope.data.pole_basis import ModalBasis
 from modalscope.data.units import Convertible
-from modalscope.numerics.checks import Array, ComplexArray, DataError, RealArray
+from modalscope.numerics.checks import Array, ComplexArray, RealArray
+from modalscope.numerics.errors import DataError
 
 if TYPE_CHECKING:
     from modalscope.data.modes import ModalModel

@@ -33,11 +33,9 @@ from modalscope.data.response import HALF, AsLines, AsSamples, Response
 from modalscope.numerics.checks import (
     Array,
     ComplexArray,
-    DataError,
     IntArray,
     RealArray,
     check_band,
-    check_choice,
     check_count,
     check_index,
     check_number,
@@ -46,6 +44,7 @@ from modalscope.numerics.checks import (
     freeze,
     real_array,
 )
+from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.linear_systems import HELD, markov_parameters
 
 if TYPE_CHECKING:

@@ -14,7 +14,8 @@ from modalscope.data.notes import Note, notes_of
 from modalscope.data.poles import HasPoles
 from modalscope.data.response import Response
 from modalscope.data.shown import Shown
-from modalscope.numerics.checks import Array, ComplexArray, DataError, IntArray, RealArray, freeze, locked
+from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, freeze, locked
+from modalscope.numerics.errors import DataError
 
 __all__ = ["Result", "Settings", "StabilizationDiagram"]
 

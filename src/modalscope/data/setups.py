@@ -21,7 +21,8 @@ from modalscope.data.geometry import Geometry, check_labels, indices_of
 from modalscope.data.records import Records, Signals, as_records
 from modalscope.data.shown import Shown
 from modalscope.data.units import Convertible
-from modalscope.numerics.checks import DataError, check_each, check_kind, freeze
+from modalscope.numerics.checks import check_each, check_kind, freeze
+from modalscope.numerics.errors import DataError
 
 __all__ = ["Setups", "as_test", "check_setups"]
 

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.numerics.checks import Array, DataError
+from modalscope.numerics.checks import Array
+from modalscope.numerics.errors import DataError
 
 __all__ = ["Shown", "cells_of", "counted", "curve", "dots", "html_table", "sketch_of", "summary_of"]
 

@@ -7,7 +7,8 @@ import numpy as np
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
 from modalscope.data.setups import Setups
-from modalscope.numerics.checks import Array, DataError
+from modalscope.numerics.checks import Array
+from modalscope.numerics.errors import DataError
 
 __all__ = ["check_alive", "check_size"]
 

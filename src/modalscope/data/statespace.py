@@ -13,17 +13,8 @@ from modalscope.data.poles import to_continuous
 from modalscope.data.records import Signals
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.shown import Shown
-from modalscope.numerics.checks import (
-    Array,
-    ComplexArray,
-    DataError,
-    RealArray,
-    check_choice,
-    check_count,
-    check_positive,
-    freeze,
-    real_array,
-)
+from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_count, check_positive, freeze, real_array
+from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.extras import optional_package
 from modalscope.numerics.linear_systems import (
     gramian,

@@ -11,17 +11,8 @@ import numpy as np
 from modalscope.data.channels import KINDS, Channels, check_quantity
 from modalscope.data.records import Signals
 from modalscope.data.responses import ImpulseResponse
-from modalscope.numerics.checks import (
-    Array,
-    DataError,
-    RealArray,
-    check_choice,
-    check_count,
-    check_number,
-    check_positive,
-    freeze,
-    real_stretch,
-)
+from modalscope.numerics.checks import Array, RealArray, check_count, check_number, check_positive, freeze, real_stretch
+from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.resources import allowed_memory, check_fits
 
 __all__ = ["Picked", "Record", "Rows", "StoredResponse", "StoredSignals"]

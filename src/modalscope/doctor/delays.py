@@ -12,7 +12,8 @@ from scipy import fft
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals
 from modalscope.doctor.findings import Finding
-from modalscope.numerics.checks import Array, ComplexArray, DataError, RealArray
+from modalscope.numerics.checks import Array, ComplexArray, RealArray
+from modalscope.numerics.errors import DataError
 from modalscope.preprocess.correlation import spanning_outputs
 from modalscope.preprocess.excitation import find_excitation
 from modalscope.preprocess.spectra import Segments, cross_spectra, segment_starts, window_samples

@@ -17,7 +17,8 @@ from modalscope.doctor.records import bad_hits, clipped, leakage, noisy_channels
 from modalscope.doctor.responses import examine_response
 from modalscope.doctor.samples import frozen, lone_outputs, slips, spikes, wrapped
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import DataError, RealArray, check_kind
+from modalscope.numerics.checks import RealArray, check_kind
+from modalscope.numerics.errors import DataError
 from modalscope.preprocess.excitation import find_excitation
 from modalscope.preprocess.excited_band import swept_lines, useful_lines
 from modalscope.preprocess.frf import estimate_frf

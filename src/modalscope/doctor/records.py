@@ -9,7 +9,8 @@ from scipy import fft
 from modalscope.data.records import Signals
 from modalscope.doctor.findings import Finding
 from modalscope.doctor.prediction import unexplained
-from modalscope.numerics.checks import Array, DataError, RealArray
+from modalscope.numerics.checks import Array, RealArray
+from modalscope.numerics.errors import DataError
 from modalscope.preprocess.excited_band import useful_lines
 from modalscope.preprocess.frf import estimate_frf, plan_hits, without_offset
 from modalscope.preprocess.harmonics import find_lines

@@ -16,15 +16,8 @@ from modalscope.data.poles import poles_from
 from modalscope.data.responses import FrequencyResponse
 from modalscope.modal.indicators import mac, mmif, mpc
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import (
-    Array,
-    ComplexArray,
-    DataError,
-    RealArray,
-    check_band,
-    check_kind,
-    check_positive,
-)
+from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_band, check_kind, check_positive
+from modalscope.numerics.errors import DataError
 
 __all__ = ["Dwell", "tuned_dwell"]
 

@@ -10,7 +10,7 @@ from typing import Any
 from modalscope.identification.method import DOMAINS, Method, plain
 from modalscope.identification.options import AllOptions, Options
 from modalscope.identification.table import methods
-from modalscope.numerics.checks import DataError, check_choice, check_option_names
+from modalscope.numerics.errors import DataError, check_choice, check_option_names
 
 __all__ = ["POINTERS", "cell_label", "check_form", "find_method", "options_of"]
 

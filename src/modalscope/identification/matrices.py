@@ -35,7 +35,7 @@ from modalscope.identification.sizes import (
     default_shifts,
     default_windows,
 )
-from modalscope.numerics.checks import DataError
+from modalscope.numerics.errors import DataError
 
 __all__ = [
     "canonical_hankel",

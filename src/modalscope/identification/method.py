@@ -19,7 +19,7 @@ from modalscope.data.results import Settings
 from modalscope.data.stored import StoredSignals
 from modalscope.identification.options import Options
 from modalscope.identification.orders import OrderRule
-from modalscope.numerics.checks import DataError
+from modalscope.numerics.errors import DataError
 from modalscope.realizations.realization import Realization
 
 __all__ = ["DOMAINS", "Built", "Method", "Problem", "Takes", "has_decayed", "plain"]

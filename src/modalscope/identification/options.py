@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike
 from modalscope.blocks.factor import FACTORIZATIONS
 from modalscope.data.geometry import Dof
 from modalscope.data.results import Settings
-from modalscope.numerics.checks import check_band, check_choice, check_count, check_each, check_kind, freeze
+from modalscope.numerics.checks import check_band, check_count, check_each, check_kind, freeze
+from modalscope.numerics.errors import check_choice
 
 __all__ = [
     "ROUTES",

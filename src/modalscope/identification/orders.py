@@ -12,7 +12,8 @@ from modalscope.blocks.fraction import largest_degree
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
-from modalscope.numerics.checks import DataError, check_count, check_each
+from modalscope.numerics.checks import check_count, check_each
+from modalscope.numerics.errors import DataError
 from modalscope.realizations.order import recommend_order
 
 __all__ = ["BLOCKS", "COMPANIONS", "DEGREES", "STATES", "Choice", "OrderRule", "Reach", "checked_orders"]

@@ -21,7 +21,8 @@ from modalscope.identification.method import Method, Problem, Takes
 from modalscope.identification.options import ROUTES, delays_of
 from modalscope.identification.routes import USUAL, by_route, chosen_route, one_record, without_delays
 from modalscope.identification.sizes import setup_blocks
-from modalscope.numerics.checks import DataError, check_band, check_choice, check_kind
+from modalscope.numerics.checks import check_band, check_kind
+from modalscope.numerics.errors import DataError, check_choice
 
 __all__ = ["Data", "Measured", "measure", "pose", "prepare"]
 

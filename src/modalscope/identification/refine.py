@@ -22,7 +22,8 @@ from modalscope.likelihood.refine_setups import refine_setups
 from modalscope.likelihood.refined import refined
 from modalscope.likelihood.settling import Settled, Task, least_gain, settle, task_of
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, ComplexArray, DataError, RealArray, check_kind
+from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_kind
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
 
 __all__ = ["in_place", "refine"]

@@ -23,7 +23,7 @@ from modalscope.data.records import Records, Signals
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.identification.lookup import find_method
 from modalscope.identification.table import methods
-from modalscope.numerics.checks import DataError
+from modalscope.numerics.errors import DataError
 
 __all__ = ["USUAL", "Way", "by_route", "chosen_route", "one_record", "usual_route", "without_delays"]
 

@@ -26,7 +26,8 @@ from modalscope.modal.accuracy import indicators_of_all
 from modalscope.modal.eigenmodes import Eigenmodes, eigenmodes, split_extraneous
 from modalscope.modal.rebuilt import modal_model
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import ComplexArray, DataError, IntArray, RealArray
+from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
 
 __all__ = ["Cut", "Shared", "Sweep", "cut_order", "judged", "start", "sweep"]

@@ -19,7 +19,8 @@ import numpy as np
 from modalscope.data.analysis import VERSION, Analysis, SourceFile
 from modalscope.io.arrays import joined
 from modalscope.io.limits import room
-from modalscope.numerics.checks import Array, DataError
+from modalscope.numerics.checks import Array
+from modalscope.numerics.errors import DataError
 
 __all__ = ["analysis_from", "analysis_to", "read_analysis", "write_analysis"]
 

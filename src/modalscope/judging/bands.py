@@ -18,7 +18,8 @@ from modalscope.judging.stabilize import ORDERS_END
 from modalscope.modal.indicators import mac
 from modalscope.modal.shapes import joint_residues
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, DataError, RealArray, check_band, check_each, check_kind
+from modalscope.numerics.checks import Array, RealArray, check_band, check_each, check_kind
+from modalscope.numerics.errors import DataError
 
 __all__ = ["SPLIT", "Part", "cut_of", "evened", "holds_too_little", "joined_diagram", "joined_modes", "merge_bands"]
 

@@ -31,7 +31,8 @@ from modalscope.likelihood.noise import SPLIT, Noise, noise_of
 from modalscope.modal.indicators import mac
 from modalscope.modal.rebuilt import rebuilt
 from modalscope.modal.shapes import joint_residues
-from modalscope.numerics.checks import Array, BoolArray, DataError, IntArray, RealArray
+from modalscope.numerics.checks import Array, BoolArray, IntArray, RealArray
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import assign
 
 __all__ = [

@@ -16,7 +16,8 @@ from modalscope.judging.outcome import modes_of, paired_with, told_beside
 from modalscope.judging.tracking import Poles
 from modalscope.judging.verdict import has_likelihood, likely
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import DataError, check_each, check_kind, check_positive
+from modalscope.numerics.checks import check_each, check_kind, check_positive
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
 
 __all__ = ["Weighed", "chosen_of", "select", "weighed"]

@@ -23,7 +23,8 @@ from modalscope.identification.prepare import prepare
 from modalscope.identification.sweep import Cut, Sweep, start
 from modalscope.modal.indicators import mac
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, DataError, check_kind, check_positive
+from modalscope.numerics.checks import Array, check_kind, check_positive
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.executors import working
 from modalscope.numerics.resources import one_thread
 

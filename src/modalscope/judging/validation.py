@@ -15,7 +15,8 @@ from modalscope.identification.prepare import measure
 from modalscope.identification.refine import refine
 from modalscope.likelihood.whitening import Colour, colour
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import DataError, RealArray, check_choice, check_kind
+from modalscope.numerics.checks import RealArray, check_kind
+from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.resources import one_thread
 
 __all__ = ["Validation", "validate"]

@@ -16,7 +16,8 @@ from modalscope.data.response import Response
 from modalscope.likelihood.covariance import PoleInfluence, deviations_of_poles, influence_on_all
 from modalscope.likelihood.noise import Noise, White
 from modalscope.modal.eigenmodes import Eigenmodes
-from modalscope.numerics.checks import Array, ComplexArray, DataError, IntArray, RealArray
+from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.orthonormal import energy_left
 from modalscope.realizations.realization import Realization
 

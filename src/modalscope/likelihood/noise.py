@@ -19,7 +19,8 @@ from modalscope.data.response import Response
 from modalscope.data.stored import StoredSignals
 from modalscope.data.window import faded_noise, line_step
 from modalscope.likelihood.covariance import PoleInfluence
-from modalscope.numerics.checks import Array, BoolArray, ComplexArray, DataError, RealArray
+from modalscope.numerics.checks import Array, BoolArray, ComplexArray, RealArray
+from modalscope.numerics.errors import DataError
 from modalscope.preprocess.correlation import BLOCKS, correlation_blocks
 from modalscope.preprocess.frf import LEAKING
 

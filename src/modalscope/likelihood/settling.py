@@ -26,7 +26,8 @@ from modalscope.likelihood.whitening import (
     search_bound,
     told_under_window,
 )
-from modalscope.numerics.checks import Array, ComplexArray, DataError, RealArray
+from modalscope.numerics.checks import Array, ComplexArray, RealArray
+from modalscope.numerics.errors import DataError
 
 __all__ = ["Settled", "Task", "least_gain", "needed_beside", "settle", "skirts", "task_of"]
 

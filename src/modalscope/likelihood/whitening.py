@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modalscope.numerics.checks import Array, DataError, RealArray
+from modalscope.numerics.checks import Array, RealArray
+from modalscope.numerics.errors import DataError
 
 __all__ = [
     "Colour",

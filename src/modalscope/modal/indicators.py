@@ -17,16 +17,8 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.responses import FrequencyResponse
 from modalscope.data.sizes import check_size
 from modalscope.numerics.arguments import named, plainly
-from modalscope.numerics.checks import (
-    Array,
-    ComplexArray,
-    DataError,
-    RealArray,
-    check_axes,
-    check_kind,
-    complex_array,
-    real_array,
-)
+from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_axes, check_kind, complex_array, real_array
+from modalscope.numerics.errors import DataError
 
 __all__ = [
     "amplitude_coherence",

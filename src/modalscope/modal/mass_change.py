@@ -14,7 +14,8 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.modal.pairing import pair_modes
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import ComplexArray, DataError, RealArray, check_kind, check_number
+from modalscope.numerics.checks import ComplexArray, RealArray, check_kind, check_number
+from modalscope.numerics.errors import DataError
 
 __all__ = ["scale_by_mass"]
 

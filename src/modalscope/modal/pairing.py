@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 from modalscope.data.modes import ModalModel
 from modalscope.modal.indicators import mac
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import DataError, IntArray, RealArray, check_positive, complex_array
+from modalscope.numerics.checks import IntArray, RealArray, check_positive, complex_array
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import assign
 
 __all__ = ["Pairs", "comac", "pair_modes"]

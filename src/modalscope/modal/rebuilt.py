@@ -14,7 +14,8 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.modal.eigenmodes import Eigenmodes
-from modalscope.numerics.checks import Array, DataError, RealArray
+from modalscope.numerics.checks import Array, RealArray
+from modalscope.numerics.errors import DataError
 
 __all__ = [
     "explained",

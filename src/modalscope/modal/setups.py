@@ -16,7 +16,8 @@ from modalscope.data.poles import poles_from
 from modalscope.data.response import Response
 from modalscope.modal.indicators import mac
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, ComplexArray, DataError, RealArray, check_each, check_kind, check_positive
+from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_each, check_kind, check_positive
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import assign
 
 __all__ = ["merge_modes", "steps_of_groups", "with_repeatability"]

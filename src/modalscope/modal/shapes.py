@@ -18,7 +18,8 @@ from modalscope.data.sizes import check_size
 from modalscope.data.stored import StoredResponse
 from modalscope.modal.indicators import clusters, mpc, mpd
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, ComplexArray, DataError, RealArray, check_choice, check_kind, real_array
+from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_kind, real_array
+from modalscope.numerics.errors import DataError, check_choice
 
 __all__ = ["fit_residues", "fitted_shapes", "joint_residues"]
 

@@ -14,7 +14,7 @@ from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin
 
 import numpy as np
 
-from modalscope.numerics.checks import DataError, check_option_names
+from modalscope.numerics.errors import DataError, check_option_names
 
 __all__ = ["named", "plain_methods", "plainly"]
 
@@ -73,7 +73,7 @@ def plainly(verb: Callable[P, R]) -> Callable[P, R]:
     ...     return number / 2
     >>> half("three")
     Traceback (most recent call last):
-    modalscope.numerics.checks.DataError: half(number=...) needs a number, but it is 'three'.
+    modalscope.numerics.errors.DataError: half(number=...) needs a number, but it is 'three'.
     Give number as a number.
     """
 
@@ -296,7 +296,7 @@ def named(*options: Iterable[str]) -> Callable[[Callable[P, R]], Callable[P, R]]
     ...     return 4 * value if twice else 2 * value
     >>> double(2, twise=True)
     Traceback (most recent call last):
-    modalscope.numerics.checks.DataError: double() has no option 'twise'; did you mean 'twice'?
+    modalscope.numerics.errors.DataError: double() has no option 'twise'; did you mean 'twice'?
     """
     more = [name for names in options for name in names]
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from difflib import get_close_matches
+from collections.abc import Mapping, Sequence
 from os import PathLike, fsencode, fspath
 from pathlib import Path
 from typing import Any
@@ -15,148 +14,28 @@ __all__ = [
     "Array",
     "BoolArray",
     "ComplexArray",
-    "DataError",
     "IntArray",
     "RealArray",
     "check_axes",
     "check_band",
-    "check_choice",
     "check_count",
     "check_each",
     "check_finite",
     "check_index",
     "check_kind",
     "check_number",
-    "check_option_names",
     "check_path",
     "check_positive",
     "complex_array",
     "freeze",
     "locked",
-    "printable",
     "real_array",
     "real_stretch",
     "sealed",
-    "shortened",
 ]
 
 
-# -------------------------------------------------------------------------------------------------------------- errors
-# One form for all errors, and names that are misspelt.
-
-#: Characters of a message: it is read on a terminal, whatever the data are called and however many channels they have.
-_LONGEST = 600
-
-#: No part of a message is cut below this.
-_PART = 120
-
-
-def printable(text: str) -> str:
-    r"""Return text with an escape for every character that has no sign of its own; lines stay lines.
-
-    Examples
-    --------
-    >>> print(printable("a\x1b[2Jb"))
-    a\x1b[2Jb
-    """
-    if text.isprintable():
-        return text
-    return "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)
-
-
-def shortened(text: str) -> str:
-    """Return text as a message may be: printable, and cut in the middle where it has more than 600 characters."""
-    return _within([printable(text)], _LONGEST)[0]
-
-
-def _within(parts: Iterable[str], limit: int) -> list[str]:
-    """Return the parts, the longest of them cut in the middle until all fit."""
-    kept = list(parts)
-    for k in sorted(range(len(kept)), key=lambda k: -len(kept[k])):
-        size = max(len(kept[k]) - max(sum(map(len, kept)) - limit, 0), _PART)
-        if size < len(kept[k]):
-            kept[k] = f"{kept[k][: size - size // 3 - 5]} ... {kept[k][-(size // 3) :]}"
-    return kept
-
-
-class DataError(ValueError):
-    """Data that cannot be used, or an option that cannot be met.
-
-    The message is printable, and cut in the middle of its longest part where it has more than 600 characters.
-
-    Parameters
-    ----------
-    asked : str
-        What was asked for.
-    found : str
-        What there is.
-    change : str
-        What to change.
-    text : str, optional
-        The message where one sentence says all three.
-
-    Examples
-    --------
-    >>> print(DataError("order=12 was asked", "the data have rank 10", "Lower the order to at most 10."))
-    order=12 was asked, but the data have rank 10.
-    Lower the order to at most 10.
-    """
-
-    def __init__(self, asked: str, found: str, change: str, text: str | None = None) -> None:
-        asked, found, change = _within(map(printable, (asked, found, change)), _LONGEST - len(", but .\n"))
-        text = None if text is None else shortened(text)
-        self.asked, self.found, self.change, self.text = asked, found, change, text
-        super().__init__(f"{asked}, but {found}.\n{change}" if text is None else text)
-
-    def __reduce__(self) -> tuple[type[DataError], tuple[str, str, str, str | None]]:
-        return type(self), (self.asked, self.found, self.change, self.text)
-
-
-def check_choice(name: str, value: Any, choices: Iterable[str]) -> str:
-    """Return `value` if it is one of the choices, or raise and name the nearest."""
-    known = list(choices)
-    if isinstance(value, str) and value in known:
-        return value
-    near = get_close_matches(str(value), known, n=1)
-    hint = f"Did you mean {near[0]!r}? " if near else ""
-    raise DataError(f"{name}={value!r} was asked", f"there are only {', '.join(known)}", f"{hint}Choose one of these.")
-
-
-def check_option_names(
-    verb: str, given: Iterable[str], known: Iterable[str], owners: Mapping[str, Iterable[str]] | None = None
-) -> None:
-    """Raise when an option has a name that the verb does not know, and name the nearest.
-
-    Parameters
-    ----------
-    verb : str
-        What was called, such as "identify" or "identify(method='era')".
-    given, known : iterable of str
-        Names of the options that were given, and of those that there are.
-    owners : mapping of option to names, optional
-        Who takes an option that this verb does not.
-
-    Examples
-    --------
-    >>> check_option_names("identify", ["blok_rows"], ["block_rows", "block_columns", "order"])
-    Traceback (most recent call last):
-    modalscope.numerics.checks.DataError: identify() has no option 'blok_rows'; did you mean 'block_rows'?
-    """
-    options, elsewhere = list(dict.fromkeys(known)), dict(owners or {})
-    for name in given:
-        if name in options:
-            continue
-        call = verb if verb.endswith(")") else f"{verb}()"
-        found = f"{call} has no option {name!r}"
-        near = get_close_matches(name, [*options, *elsewhere], n=1)
-        if name in elsewhere:
-            hint = f"it belongs to {', '.join(elsewhere[name])}"
-        elif near:
-            hint = f"did you mean {near[0]!r}?"
-        else:
-            hint = f"its options are {', '.join(options)}" if options else "it has no options"
-        raise DataError(f"{name} of {call} was asked", found, f"{hint[0].upper()}{hint[1:]}", f"{found}; {hint}")
-
+from modalscope.numerics.errors import DataError
 
 # --------------------------------------------------------------------------------------------------------------- kinds
 # Things of the wrong type: what was expected, what was given, and how to make the one of the other.
@@ -230,7 +109,7 @@ def check_kind(name: str, value: Any, kinds: type[Any] | tuple[type[Any], ...]) 
     >>> from modalscope.data import FrequencyResponse
     >>> check_kind("mmif", np.ones(3) * 1j, FrequencyResponse)
     Traceback (most recent call last):
-    modalscope.numerics.checks.DataError: mmif: expected FrequencyResponse, got ndarray: wrap it as FrequencyResponse(values=...,
+    modalscope.numerics.errors.DataError: mmif: expected FrequencyResponse, got ndarray: wrap it as FrequencyResponse(values=...,
     frequencies=...)
     """
     if isinstance(value, kinds):

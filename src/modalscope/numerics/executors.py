@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import DataError
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import Device, device_named
 
 __all__ = ["Crew", "crew", "each", "working"]

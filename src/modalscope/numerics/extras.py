@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-from modalscope.numerics.checks import DataError
+from modalscope.numerics.errors import DataError
 
 __all__ = ["optional_package"]
 

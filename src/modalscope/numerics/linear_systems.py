@@ -8,7 +8,8 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import ArrayLike
 
-from modalscope.numerics.checks import ComplexArray, DataError, RealArray, check_count, check_positive, real_array
+from modalscope.numerics.checks import ComplexArray, RealArray, check_count, check_positive, real_array
+from modalscope.numerics.errors import DataError
 
 if TYPE_CHECKING:
     from modalscope.data.records import Signals

@@ -20,7 +20,8 @@ import numpy as np
 import scipy.fft
 from threadpoolctl import ThreadpoolController
 
-from modalscope.numerics.checks import Array, DataError, check_choice
+from modalscope.numerics.checks import Array
+from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.extras import optional_package
 
 __all__ = [

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import ndtri, stdtrit
 
-from modalscope.numerics.checks import Array, DataError, RealArray, check_number
+from modalscope.numerics.checks import Array, RealArray, check_number
+from modalscope.numerics.errors import DataError
 
 if TYPE_CHECKING:
     from modalscope.data.modes import ModalModel

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from modalscope.data.response import Response
-from modalscope.numerics.checks import Array, DataError, RealArray, printable
+from modalscope.numerics.checks import Array, RealArray
+from modalscope.numerics.errors import DataError, printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

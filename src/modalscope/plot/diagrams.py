@@ -10,12 +10,8 @@ from modalscope.data import FrequencyResponse, ImpulseResponse, ModalModel, Stab
 from modalscope.data.response import Response
 from modalscope.modal.indicators import cmif
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import (
-    Array,
-    RealArray,
-    check_choice,
-    check_kind,
-)
+from modalscope.numerics.checks import Array, RealArray, check_kind
+from modalscope.numerics.errors import check_choice
 from modalscope.plot._style import BLUE, GREEN, MUTED, ORANGE, PALE, PURPLE, dress, key, mark_modes, new_axes, unit_of
 from modalscope.preprocess.singular_spectra import Decomposition
 

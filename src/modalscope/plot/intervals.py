@@ -9,7 +9,8 @@ import numpy as np
 from modalscope.data import ModalModel
 from modalscope.judging.certificate import Certificate
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import DataError, RealArray, check_choice, check_kind
+from modalscope.numerics.checks import RealArray, check_kind
+from modalscope.numerics.errors import DataError, check_choice
 from modalscope.plot._style import BLUE, MUTED, ORANGE, PALE, dress, key, new_axes
 
 if TYPE_CHECKING:

@@ -12,7 +12,8 @@ from modalscope.data import Geometry, ModalModel
 from modalscope.data.geometry import parse_dof
 from modalscope.modal.indicators import mpc
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, DataError, RealArray, check_count, check_kind
+from modalscope.numerics.checks import Array, RealArray, check_count, check_kind
+from modalscope.numerics.errors import DataError
 from modalscope.plot._camera import AXES, View, extent, oblique, view_of
 from modalscope.plot._style import (
     BLUE,

@@ -16,15 +16,8 @@ from modalscope.data.channels import QUANTITIES
 from modalscope.data.records import Signals
 from modalscope.data.stored import Record, Rows, StoredSignals
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import (
-    Array,
-    DataError,
-    RealArray,
-    check_choice,
-    check_count,
-    check_kind,
-    check_positive,
-)
+from modalscope.numerics.checks import Array, RealArray, check_count, check_kind, check_positive
+from modalscope.numerics.errors import DataError, check_choice
 
 __all__ = ["decimate", "detrend", "differentiate", "filter_band", "integrate", "settling"]
 

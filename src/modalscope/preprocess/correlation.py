@@ -18,7 +18,8 @@ from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.sizes import check_size
 from modalscope.data.stored import StoredSignals
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, DataError, RealArray, check_count, check_kind
+from modalscope.numerics.checks import Array, RealArray, check_count, check_kind
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import allowed_memory, one_thread
 from modalscope.preprocess.spectra import check_window, segment_starts, window_samples
 from modalscope.preprocess.stored_correlation import LagSum, gathered

@@ -7,7 +7,8 @@ from scipy import fft
 
 from modalscope.data.record_transform import half_transform
 from modalscope.data.records import Signals
-from modalscope.numerics.checks import Array, DataError, RealArray, check_choice, check_count
+from modalscope.numerics.checks import Array, RealArray, check_count
+from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.resources import scratch
 from modalscope.preprocess.impacts import is_impact
 

@@ -12,7 +12,8 @@ import numpy as np
 from modalscope.data.records import Signals
 from modalscope.data.sizes import check_size
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import ComplexArray, DataError, RealArray, check_kind
+from modalscope.numerics.checks import ComplexArray, RealArray, check_kind
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
 from modalscope.preprocess.frf import plan_runs
 from modalscope.preprocess.spectra import CrossSpectra, cross_spectra, silent_lines

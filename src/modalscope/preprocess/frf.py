@@ -16,15 +16,8 @@ from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse
 from modalscope.data.sizes import check_size
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import (
-    Array,
-    DataError,
-    RealArray,
-    check_choice,
-    check_count,
-    check_kind,
-    check_positive,
-)
+from modalscope.numerics.checks import Array, RealArray, check_count, check_kind, check_positive
+from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.resources import one_thread
 from modalscope.preprocess.estimators import (
     ESTIMATORS,

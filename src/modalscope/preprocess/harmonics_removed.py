@@ -11,7 +11,8 @@ from scipy import fft
 
 from modalscope.data.records import Signals
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import ComplexArray, DataError, RealArray, check_each, check_kind, check_positive
+from modalscope.numerics.checks import ComplexArray, RealArray, check_each, check_kind, check_positive
+from modalscope.numerics.errors import DataError
 from modalscope.preprocess.harmonics import find_lines
 
 __all__ = ["remove_harmonics", "without_lines"]

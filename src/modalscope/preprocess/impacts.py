@@ -9,7 +9,8 @@ import numpy as np
 from scipy.special import pdtrc
 
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, DataError, RealArray, check_count
+from modalscope.numerics.checks import Array, RealArray, check_count
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import NORMAL
 
 __all__ = [

@@ -20,7 +20,8 @@ from scipy import fft
 from modalscope.data.records import Signals
 from modalscope.data.sizes import check_size
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import ComplexArray, DataError, RealArray, check_choice, check_count
+from modalscope.numerics.checks import ComplexArray, RealArray, check_count
+from modalscope.numerics.errors import DataError, check_choice
 
 __all__ = ["LOCAL", "LocalEstimate", "local_models"]
 

@@ -14,7 +14,8 @@ from modalscope.data.responses import ImpulseResponse
 from modalscope.data.sizes import check_size
 from modalscope.data.statespace import StateSpace
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import DataError, IntArray, RealArray, check_choice, check_count, check_kind
+from modalscope.numerics.checks import IntArray, RealArray, check_count, check_kind
+from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.resources import one_thread
 from modalscope.numerics.sums import TriangleSum
 

@@ -14,7 +14,8 @@ from modalscope.data.records import Records, Signals
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.setups import Setups
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, DataError, check_each, check_kind
+from modalscope.numerics.checks import Array, check_each, check_kind
+from modalscope.numerics.errors import DataError
 from modalscope.preprocess.correlation import estimate_correlation
 from modalscope.preprocess.frf import estimate_frf
 from modalscope.preprocess.setups import correlations, merge_setups

@@ -12,7 +12,8 @@ from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, ComplexArray, DataError, check_each, check_kind, check_positive
+from modalscope.numerics.checks import Array, ComplexArray, check_each, check_kind, check_positive
+from modalscope.numerics.errors import DataError
 from modalscope.preprocess.frf import estimate_frf
 from modalscope.preprocess.singular_spectra import decomposition
 

@@ -13,7 +13,8 @@ from modalscope.data.responses import ImpulseResponse
 from modalscope.data.setups import Setups
 from modalscope.data.sizes import check_size
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, DataError, RealArray, check_count
+from modalscope.numerics.checks import Array, RealArray, check_count
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import noise_threshold
 from modalscope.preprocess.correlation import estimate_correlation
 

@@ -13,7 +13,8 @@ import numpy as np
 import scipy
 from scipy import fft
 
-from modalscope.numerics.checks import Array, ComplexArray, DataError, RealArray, check_choice, check_count
+from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_count
+from modalscope.numerics.errors import DataError, check_choice
 
 __all__ = [
     "WINDOWS",

@@ -8,7 +8,8 @@ import numpy as np
 import scipy
 from scipy import fft
 
-from modalscope.numerics.checks import Array, ComplexArray, DataError, RealArray, check_count
+from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_count
+from modalscope.numerics.errors import DataError
 from modalscope.preprocess.spectra import Transform
 
 __all__ = ["ZOOMS", "Shifted", "chirp_z", "heterodyne", "zoom_lines"]

@@ -21,7 +21,8 @@ from modalscope.blocks.hankel import hankel
 from modalscope.blocks.matrix import DataMatrix, RowShift
 from modalscope.blocks.triple import Eigen, Triple
 from modalscope.data.statespace import StateSpace
-from modalscope.numerics.checks import Array, ComplexArray, DataError, RealArray, check_choice
+from modalscope.numerics.checks import Array, ComplexArray, RealArray
+from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.operators import times_real
 from modalscope.realizations.balanced import balanced
 from modalscope.realizations.realization import Realization, Sides

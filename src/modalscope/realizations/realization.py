@@ -14,7 +14,8 @@ from modalscope.blocks.factor import Factors
 from modalscope.blocks.influence import Influence, Lines
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Eigen, Triple, padded
-from modalscope.numerics.checks import ComplexArray, DataError
+from modalscope.numerics.checks import ComplexArray
+from modalscope.numerics.errors import DataError
 
 __all__ = ["Realization", "Sides"]
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from modalscope.data.statespace import StateSpace
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import DataError, RealArray, check_kind
+from modalscope.numerics.checks import RealArray, check_kind
+from modalscope.numerics.errors import DataError
 
 __all__ = ["EquationsOfMotion", "equations_of_motion", "first_order_form"]
 

@@ -12,7 +12,8 @@ import scipy.linalg as sla
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Eigen, Triple
-from modalscope.numerics.checks import DataError, RealArray
+from modalscope.numerics.checks import RealArray
+from modalscope.numerics.errors import DataError
 from modalscope.realizations.balanced import first_blocks
 from modalscope.realizations.nested import NestedEigen
 from modalscope.realizations.realization import Realization, Sides

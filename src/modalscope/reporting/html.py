@@ -16,7 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.numerics.checks import Array, printable
+from modalscope.numerics.checks import Array
+from modalscope.numerics.errors import printable
 
 __all__ = [
     "Section",

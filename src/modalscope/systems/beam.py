@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from modalscope.numerics.arguments import plainly
-from modalscope.numerics.checks import RealArray, check_choice, check_count, check_positive
+from modalscope.numerics.checks import RealArray, check_count, check_positive
+from modalscope.numerics.errors import check_choice
 from modalscope.systems.chains import row_geometry
 from modalscope.systems.modal import modal_damping
 from modalscope.systems.structure import Structure

@@ -12,15 +12,8 @@ from modalscope.data.geometry import Geometry
 from modalscope.data.modes import ModalModel
 from modalscope.data.poles import poles_from
 from modalscope.numerics.arguments import plainly
-from modalscope.numerics.checks import (
-    DataError,
-    RealArray,
-    check_choice,
-    check_count,
-    check_each,
-    check_positive,
-    real_array,
-)
+from modalscope.numerics.checks import RealArray, check_count, check_each, check_positive, real_array
+from modalscope.numerics.errors import DataError, check_choice
 from modalscope.systems.modal import modal_damping
 from modalscope.systems.structure import Structure
 

@@ -11,7 +11,7 @@ import scipy.linalg as sla
 from modalscope.data.geometry import Geometry
 from modalscope.data.responses import ImpulseResponse
 from modalscope.numerics.arguments import plainly
-from modalscope.numerics.checks import DataError
+from modalscope.numerics.errors import DataError
 from modalscope.systems.chains import joined, row_geometry
 from modalscope.systems.modal import modal_damping
 from modalscope.systems.structure import Structure

@@ -9,7 +9,8 @@ import numpy as np
 
 from modalscope.data import FrequencyResponse, ImpulseResponse, Signals
 from modalscope.numerics.arguments import plainly
-from modalscope.numerics.checks import check_choice, check_count, check_number
+from modalscope.numerics.checks import check_count, check_number
+from modalscope.numerics.errors import check_choice
 from modalscope.systems.beam import clamped_beam
 from modalscope.systems.chains import chain5, heavy4, over4, spring_chain
 from modalscope.systems.examples import close4, iasc_asce, ring5, three_masses

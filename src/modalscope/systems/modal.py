@@ -11,7 +11,8 @@ from modalscope.data.channels import QUANTITIES
 from modalscope.data.modes import ModalModel
 from modalscope.data.poles import one_of_each_pair
 from modalscope.numerics.arguments import plainly
-from modalscope.numerics.checks import Array, ComplexArray, DataError, RealArray
+from modalscope.numerics.checks import Array, ComplexArray, RealArray
+from modalscope.numerics.errors import DataError
 
 __all__ = ["modal_damping", "modal_model", "undamped_modes"]
 

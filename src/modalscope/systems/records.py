@@ -12,7 +12,8 @@ from modalscope.data.records import Signals
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.statespace import StateSpace
 from modalscope.numerics.arguments import plainly
-from modalscope.numerics.checks import Array, DataError, RealArray, check_choice, check_count, check_number, real_array
+from modalscope.numerics.checks import Array, RealArray, check_count, check_number, real_array
+from modalscope.numerics.errors import DataError, check_choice
 
 __all__ = ["Inputs", "Seed", "add_noise", "simulate", "white_noise"]
 

@@ -16,15 +16,8 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.records import Signals
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.statespace import INPUTS, StateSpace
-from modalscope.numerics.checks import (
-    ComplexArray,
-    DataError,
-    RealArray,
-    check_choice,
-    check_positive,
-    freeze,
-    real_array,
-)
+from modalscope.numerics.checks import ComplexArray, RealArray, check_positive, freeze, real_array
+from modalscope.numerics.errors import DataError, check_choice
 from modalscope.systems.modal import modal_model, undamped_modes
 from modalscope.systems.records import Inputs, Seed, add_noise, simulate
 

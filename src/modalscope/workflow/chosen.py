@@ -27,7 +27,8 @@ from modalscope.likelihood.refined import astray
 from modalscope.likelihood.settling import needed_beside
 from modalscope.modal.setups import merge_modes, with_repeatability
 from modalscope.modal.shapes import joint_residues
-from modalscope.numerics.checks import ComplexArray, DataError
+from modalscope.numerics.checks import ComplexArray
+from modalscope.numerics.errors import DataError
 from modalscope.preprocess.correlation import estimate_correlation
 from modalscope.workflow.parts import Choose, Look, setups_apart
 

@@ -15,7 +15,8 @@ from modalscope.data.stored import StoredResponse
 from modalscope.io.zarr import modes_in_pieces
 from modalscope.modal.shapes import fitted_shapes
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import DataError, RealArray, check_kind, check_path
+from modalscope.numerics.checks import RealArray, check_kind, check_path
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
 
 __all__ = ["FullField", "full_field"]

@@ -16,7 +16,7 @@ from modalscope.identification.ambient import bands_of_record, bands_of_setups, 
 from modalscope.judging.bands import Part, cut_of, holds_too_little, joined_diagram
 from modalscope.judging.select import select
 from modalscope.judging.stabilize import Watch, stabilize
-from modalscope.numerics.checks import DataError
+from modalscope.numerics.errors import DataError
 
 __all__ = ["Choose", "Look", "looked_at", "setups_apart"]
 

@@ -10,7 +10,8 @@ from modalscope.data.channels import files_of
 from modalscope.data.results import Result
 from modalscope.io.analysis import read_analysis
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import DataError, check_kind
+from modalscope.numerics.checks import check_kind
+from modalscope.numerics.errors import DataError
 from modalscope.workflow.analyze import Progress, analyzed
 from modalscope.workflow.sources import are_paths, opened, source_of_data
 

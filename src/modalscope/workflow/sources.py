@@ -17,7 +17,8 @@ from modalscope.doctor.places import named_by_place
 from modalscope.io import from_frame, survey
 from modalscope.io.arrays import to_arrays
 from modalscope.io.frames import is_frame
-from modalscope.numerics.checks import DataError, check_each, check_kind
+from modalscope.numerics.checks import check_each, check_kind
+from modalscope.numerics.errors import DataError
 from modalscope.preprocess.merging import merge
 
 __all__ = ["Reading", "are_paths", "opened", "source_of_data", "source_of_file"]

@@ -24,7 +24,8 @@ from modalscope.io.text.cells import Dialect, is_value, seconds_of, split, uncom
 from modalscope.io.text.dialect import DELIMITERS, dialect_of, encoding_of, lines_of, words_of_delimiter
 from modalscope.io.text.layout import Layout, layout_of, rate_of_facts
 from modalscope.io.text.wrapped import gathered, head_of, runs_on, wrapped_contents
-from modalscope.numerics.checks import Array, check_choice, check_count, check_positive
+from modalscope.numerics.checks import Array, check_count, check_positive
+from modalscope.numerics.errors import check_choice
 
 __all__ = ["TEXT_OPTIONS", "contents_of_lines", "read"]
 

@@ -15,7 +15,7 @@ from modalscope.io.uff.matrix import Sorted, kind_of, sort_frequency, sort_impul
 from modalscope.io.uff.nodes import Parts, add_block, geometry_of
 from modalscope.io.uff.scan import Block, scan
 from modalscope.io.uff.shapes import Shape, modes_of, read_shape
-from modalscope.numerics.checks import check_choice
+from modalscope.numerics.errors import check_choice
 
 __all__ = ["READ_OPTIONS", "read"]
 

@@ -15,7 +15,8 @@ from modalscope.io.uff.function import Function, write_function
 from modalscope.io.uff.layout import QUANTITY_CODES, one_set
 from modalscope.io.uff.nodes import write_lines, write_nodes
 from modalscope.io.uff.shapes import write_shapes
-from modalscope.numerics.checks import RealArray, check_choice
+from modalscope.numerics.checks import RealArray
+from modalscope.numerics.errors import check_choice
 
 __all__ = ["WRITE_OPTIONS", "write"]
 
