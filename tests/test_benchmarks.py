@@ -36,6 +36,7 @@ def test_the_plain_way_and_ours_give_the_same_poles() -> None:
     assert pairs.nearest(ours, 1.001 * plain) == pytest.approx(1e-3, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_two_processes_work_in_turn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pairs, "python_of", lambda program: Path(sys.executable))
     monkeypatch.setattr(pairs, "_PAIRS", 2)

@@ -9,6 +9,7 @@ import pytest
 from tools.branches import branches, found
 
 
+@pytest.mark.slow
 def test_there_is_no_branch_outside_the_table_and_the_data_matrices() -> None:
     assert found() == []
 

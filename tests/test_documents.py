@@ -51,6 +51,7 @@ def test_every_package_is_on_a_floor_that_says_what_happens_there() -> None:
     assert all(note for layer in drawn for note in layer.notes)
 
 
+@pytest.mark.slow
 def test_the_python_of_the_readme_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "examples").symlink_to(ROOT / "examples", target_is_directory=True)
     monkeypatch.chdir(tmp_path)

@@ -28,11 +28,13 @@ def quiet() -> Iterator[None]:
     pyplot.close("all")
 
 
+@pytest.mark.slow
 def test_every_public_callable_with_arguments_is_tried() -> None:
     tried = {name.partition(" of ")[0] for name, *_ in calls()}
     assert len(tried) > 0.6 * len(CALLABLES)
 
 
+@pytest.mark.slow
 def test_right_calls_are_answered() -> None:
     """Else every wrong value would be refused for a reason that has nothing to do with it."""
     for name, (call, given) in {name: (call, given) for name, call, given, _ in calls()}.items():
@@ -40,6 +42,7 @@ def test_right_calls_are_answered() -> None:
             call(**given)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shift", range(2))
 def test_two_wrong_values_for_every_argument(shift: int) -> None:
     """Others for each, so that all kinds are tried; `make study` tries all of them for all."""

@@ -88,11 +88,13 @@ def test_importing_the_package_loads_no_numerical_library() -> None:
     assert fresh(f"import sys, modalscope, modalscope.cli; print({heavy})") == "[]"
 
 
+@pytest.mark.slow
 def test_namespaces_need_no_import_of_their_own() -> None:
     asked = "ms.plot.stabilization, ms.systems.chain5, ms.indicators.cmif, ms.preprocess.examine"
     assert fresh(f"import modalscope as ms; print(len([{asked}]))") == "4"
 
 
+@pytest.mark.slow
 def test_pairing_is_loaded_when_poles_are_paired_and_not_before() -> None:
     assert (
         fresh("import sys, modalscope as ms; ms.stabilize; ms.compare; print('scipy.optimize' in sys.modules)")

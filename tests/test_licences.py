@@ -10,6 +10,7 @@ import pytest
 from tools.licences import FOR_SOME_FILES, WITH_LGPL, Package, licence_of, needed, refused
 
 
+@pytest.mark.slow
 def test_no_package_is_under_a_licence_that_binds_its_users() -> None:
     packages = needed()
     assert {"numpy", "scipy", "matplotlib"} <= {package.name for package in packages if not package.extra}

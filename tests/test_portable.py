@@ -53,6 +53,7 @@ def unguarded(tree: ast.AST) -> Iterator[tuple[int, str]]:
     yield from visit(tree, False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", sorted(SOURCE.rglob("*.py")), ids=lambda file: file.relative_to(SOURCE).as_posix())
 def test_what_only_some_systems_have_is_guarded(file: Path) -> None:
     assert list(unguarded(ast.parse(file.read_text(encoding="utf-8")))) == []

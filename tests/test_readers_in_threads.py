@@ -36,6 +36,7 @@ def sound(folder: Path) -> Path:
     return folder / "x.wav"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [table, sound])
 @pytest.mark.usefixtures("restless")
 def test_filters_of_warnings_are_as_before(tmp_path: Path, make: Callable[[Path], Path]) -> None:

@@ -28,6 +28,7 @@ def times(data: Any, factor: float) -> Any:
     return replace(data, **{name: factor * a for name in names if (a := getattr(data, name, None)) is not None})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DATA)
 def test_modes_do_not_depend_on_the_unit(name: str) -> None:
     """Up to 26 decades either way for records and 56 for responses, to rounding."""

@@ -27,6 +27,7 @@ def errors(test: Shaker, modes: ms.ModalModel) -> tuple[np.ndarray, np.ndarray]:
     return found[0], found[1]
 
 
+@pytest.mark.slow
 def test_a_shaker_test_gives_its_modes_with_nothing_set() -> None:
     """Twelve modes of .1 to .7 %, twenty outputs, two correlated forces, 40 dB: none lost, none false, damping within 2 %."""
     test = shaker(0)
@@ -44,6 +45,7 @@ def test_a_shaker_test_gives_its_modes_with_nothing_set() -> None:
         assert sum(bool(np.any(near & (diagram.order_of_pole == n))) for n in able) >= 0.6 * len(able)
 
 
+@pytest.mark.slow
 def test_close_modes_that_two_shakers_drive_alike_are_two() -> None:
     """Half a half bandwidth apart under the same participation: only the shapes, and what is known of the poles, tell them."""
     rng = np.random.default_rng(0)
@@ -60,6 +62,7 @@ def test_close_modes_that_two_shakers_drive_alike_are_two() -> None:
     assert np.allclose(modes.damping_ratios, [0.004, 0.004, 0.006], rtol=0.02)
 
 
+@pytest.mark.slow
 def test_outputs_that_come_late_give_their_modes_and_a_delay_that_is_named() -> None:
     """Three samples: the poles that stand for them are no modes, and modes alone, without the delay, are not refined."""
     test = shaker(0, modes=4, outputs=4, seconds=6.0)
@@ -111,6 +114,7 @@ def test_any_force_will_do(kind: str, study: Callable[[str, str], Study]) -> Non
     assert not table.missed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("what", "named"), [({}, False), ({"unmeasured": 0.3}, True), ({"input_noise": 0.1}, True), ({"noise": 0.1}, False)]
 )
@@ -151,6 +155,7 @@ def test_twelve_seeds_of_each_kind_are_told_apart_without_a_miss(
     assert not table.missed
 
 
+@pytest.mark.slow
 def test_with_unmeasured_forces_the_way_with_instruments_is_taken_where_nothing_was_asked() -> None:
     test = shaker(0, modes=4, outputs=4, seconds=6.0, unmeasured=0.3)
     diagram = ms.stabilize(test.signals, orders=range(2, 31, 2))
@@ -183,6 +188,7 @@ def test_the_rule_takes_responses_of_impacts_and_of_settled_periods_and_records_
         assert usual_route(Records(runs=tuple(two))) == route
 
 
+@pytest.mark.slow
 def test_a_comparison_counts_votes_by_way_and_names_the_leakage() -> None:
     test = shaker(0, modes=3, outputs=4, seconds=6.0)
     found = ms.compare(test.signals, ["alternate"], orders=range(2, 25, 2), workers=1)

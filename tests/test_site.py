@@ -19,6 +19,7 @@ DOCS = ROOT / "docs"
 SCRIPTS = sorted(path for folder in ("start", "howto", "executed") for path in (DOCS / folder).glob("plot_*.py"))
 
 
+@pytest.mark.slow
 def test_every_line_of_the_right_columns_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     matplotlib.use("Agg")
     monkeypatch.chdir(tmp_path)

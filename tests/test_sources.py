@@ -39,6 +39,7 @@ COMPUTED: dict[str, tuple[Any, Callable[[Any], Any]]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", COMPUTED)
 def test_what_is_computed_of_data_knows_their_file(name: str) -> None:
     data, compute = COMPUTED[name]

@@ -98,6 +98,7 @@ def test_a_channel_that_is_not_there_is_said(server: Served, key: str, query: st
     assert server.request("GET", f"/api/documents/{key}/channel?{query}")[0] == 400
 
 
+@pytest.mark.slow
 def test_a_server_that_starts_again_has_the_documents_and_refuses_a_changed_file(folder: Path, tmp_path: Path) -> None:
     name = "again.npz"
     (folder / name).write_bytes((folder / "plain.npz").read_bytes())

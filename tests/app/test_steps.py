@@ -121,6 +121,7 @@ def blob_of(run: Run, name: str) -> bytes:
     return next(payload[1] for kind, payload in reversed(run.told) if kind == "blob" and payload[0] == name)  # type: ignore[no-any-return]
 
 
+@pytest.mark.slow
 def test_two_bands_are_shown_together(tmp_path: Path) -> None:
     data, orders = KINDS["lines"]
     run = Run()

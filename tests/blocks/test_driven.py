@@ -135,6 +135,7 @@ def damping_bias(seeds, colour, order=4):
     return np.mean(errors, axis=0), np.std(errors, axis=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("colour", [0.0, 0.6])
 def test_unmeasured_forces_leave_no_bias(colour):
     """30 seeds: the mean's own deviation is .18 of the scatter, so .5 is nearly three of them; a coloured force is two states more."""

@@ -48,6 +48,7 @@ def test_the_matrix_is_the_one_of_the_outputs_divided_by_their_noise() -> None:
     assert relative(made.parts[0].taken_off, again.parts[0].taken_off) < 1e-6
 
 
+@pytest.mark.slow
 def test_an_output_of_noise_alone_costs_no_mode_and_no_accuracy() -> None:
     """Levelled by its root mean square it had a hundred directions of size one, before those of a weak mode."""
     test = shaker(2, modes=6, outputs=6, seconds=6.0)

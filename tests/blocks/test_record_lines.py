@@ -60,6 +60,7 @@ def poles_of(ss: StateSpace) -> np.ndarray:
     return np.log(np.linalg.eigvals(ss.A).astype(complex))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["white", "step", "impulse", "sines", "earthquake"])
 @pytest.mark.parametrize("lengths", [(N,), (401, 556), (700, 333, 512, 410)])
 @pytest.mark.parametrize("m", [1, 2, 3])

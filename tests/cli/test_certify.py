@@ -39,6 +39,7 @@ def test_a_file_is_certified_and_its_modes_are_written_with_intervals_that_hold(
     assert any(new > 1.3 * old for old, new in zip(first, wider, strict=True))
 
 
+@pytest.mark.slow
 def test_a_certificate_is_a_section_of_the_report(tmp_path, capsys):
     target = tmp_path / "report.html"
     assert main(["certify", str(loud(tmp_path)), *CHOICES, "-o", str(target)]) == 0

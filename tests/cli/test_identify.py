@@ -41,6 +41,7 @@ def test_values_are_refined_unless_that_is_refused(test_file, tmp_path):
     assert (first["analysis"]["refine"], second["analysis"]["refine"]) == (True, False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".json", ".csv", ".html", ".uff"])
 def test_every_result_format_is_written(test_file, tmp_path, suffix):
     target = tmp_path / f"modes{suffix}"
@@ -48,6 +49,7 @@ def test_every_result_format_is_written(test_file, tmp_path, suffix):
     assert target.stat().st_size > 200
 
 
+@pytest.mark.slow
 def test_progress_goes_to_stderr_and_results_to_stdout(test_file):
     words = ["identify", str(test_file), "--orders", "6:12:2", "--no-refine"]
     run = subprocess.run([sys.executable, "-m", "modalscope", *words], capture_output=True, text=True, check=True)
@@ -77,6 +79,7 @@ def test_a_document_is_done_again(test_file, tmp_path, capsys):
     assert json.loads(again.read_text())["modes"] == json.loads(first.read_text())["modes"]
 
 
+@pytest.mark.slow
 def test_a_delay_is_taken_out_unless_the_command_line_refuses(tmp_path, capsys):
     run = ms.systems.chain5().simulate(
         inputs="white", samples=3000, sampling_rate=16.0, quantity="acceleration", seed=3

@@ -162,6 +162,7 @@ def test_a_file_of_options_that_is_wrong_says_where(
     assert words in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_frequency_responses_are_estimated_written_and_drawn(runs: list[str], tmp_path: Path) -> None:
     places = [tmp_path / name for name in ("H.uff", "H.npz", "H.png", "H.svg", "H.pdf")]
     words = ["frf", *runs, "--segment", "500", "--band", "0.5", "8", "--estimator", "hv"]
@@ -227,6 +228,7 @@ def test_spectra_show_their_peaks(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert is_ours(picture)
 
 
+@pytest.mark.slow
 def test_what_files_hold_is_drawn(test_file: Path, modes_file: Path, tmp_path: Path) -> None:
     ms.write(tmp_path / "diagram.npz", ms.stabilize(ms.read(test_file), orders=range(6, 13, 2)))
     ms.write(tmp_path / "node.json", ms.realize(ms.read(test_file), order=10))
@@ -242,6 +244,7 @@ def test_what_files_hold_is_drawn(test_file: Path, modes_file: Path, tmp_path: P
     assert main(["plot", str(modes_file)]) == 2
 
 
+@pytest.mark.slow
 def test_a_saved_result_becomes_a_report(modes_file: Path, test_file: Path, tmp_path: Path) -> None:
     assert main(["report", str(modes_file), "-o", str(tmp_path / "r.html"), "--title", "The tower"]) == 0
     assert "The tower" in (tmp_path / "r.html").read_text()

@@ -12,6 +12,7 @@ from modalscope.cli import main
 from modalscope.systems import chain5
 
 
+@pytest.mark.slow
 def test_a_table_of_a_recorder_gives_the_modes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     record = chain5().simulate(samples=3000, sampling_rate=20.0, seed=1)
     rows = np.column_stack([record.inputs, record.outputs])

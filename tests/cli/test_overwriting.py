@@ -31,6 +31,7 @@ def written(folder: Path, suffix: str) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", FORMATS)
 def test_every_format_carries_its_mark_and_a_file_of_others_does_not(tmp_path, suffix, test_file):
     assert is_ours(written(tmp_path, suffix))
@@ -99,6 +100,7 @@ def test_a_pipe_or_a_device_is_no_output(tmp_path, test_file, capsys):
         assert "a pipe or a device" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_what_of_a_file_was_left_is_said_by_every_command(tmp_path, capsys):
     """One damaged digit: a direction that was 1:+X is 7:+X, and the 4 x 2 matrix lacks a pair."""
     good, bad = tmp_path / "good.uff", tmp_path / "bad.uff"

@@ -35,6 +35,7 @@ def small_disk() -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", FORMATS)
 def test_a_full_disk_is_one_line_and_leaves_the_earlier_file(tmp_path: Path, test_file: Path, suffix: str) -> None:
     if suffix == ".h5":
@@ -58,6 +59,7 @@ def test_a_closed_pipe_loses_no_file(tmp_path: Path, test_file: Path) -> None:
     assert len(ms.read(target).output_dofs) == 4
 
 
+@pytest.mark.slow
 def test_a_closed_pipe_for_json_loses_no_other_output(tmp_path: Path, test_file: Path) -> None:
     target = tmp_path / "modes.json"
     words = f"identify {test_file} --no-refine --method era --domain z --orders 8:10:2 -o - -o {target}"

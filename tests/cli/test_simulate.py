@@ -7,6 +7,7 @@ import pytest
 from modalscope.cli import main
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["frf", "impulse", "records", "ambient"])
 def test_every_kind_of_simulated_test_is_identified(kind, tmp_path):
     path = tmp_path / "test.npz"

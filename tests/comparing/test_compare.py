@@ -56,6 +56,7 @@ def lines() -> Comparison:
     return compare(chain_lines(), ["era", "least_squares", "alternate/s", "lscf"], orders=range(2, 31, 2), workers=1)
 
 
+@pytest.mark.slow
 def test_every_mode_of_a_known_structure_is_found_and_trusted_within_its_stated_scatter(clean: Comparison) -> None:
     truth = systems.chain5().modes()
     assert len(clean.modes) == 5
@@ -75,6 +76,7 @@ def test_every_cell_that_samples_allow_is_a_row_and_the_others_are_noted(clean: 
     assert all(r.seconds > 0 and r.fit_error is not None for r in clean.results if not r.failure)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
 def test_rows_of_one_data_matrix_factor_it_once_and_find_what_each_finds_alone(
     workers: int, monkeypatch: pytest.MonkeyPatch
@@ -131,6 +133,7 @@ def test_methods_that_are_the_same_have_distance_zero_and_one_vote(clean: Compar
     assert kin.distances.max() < 1  # all found the structure
 
 
+@pytest.mark.slow
 def test_identities_hold_on_noisy_samples_and_lines(clean: Comparison, lines: Comparison) -> None:
     assert len(clean.identities) >= 5
     for identity in (*clean.identities, *lines.identities):

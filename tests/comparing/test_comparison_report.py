@@ -34,6 +34,7 @@ def page(comparison: Comparison, tmp_path_factory: pytest.TempPathFactory) -> st
     return path.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_nothing_is_asked_from_outside(page: str) -> None:
     text = re.sub(r"base64,[A-Za-z0-9+/=]+", "", page)
     assert not re.search(r"(?:https?:)?//[\w.]", text)
@@ -103,6 +104,7 @@ def test_deviations_show_every_method_and_the_stated_scatter(comparison: Compari
     assert len(lower.collections) == len(comparison.groups)
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_report_and_repeats_itself(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     data = tmp_path / "test.npz"
     response = systems.chain5().impulse_response(300, noise=0.01, seed=0)

@@ -43,6 +43,7 @@ def channels(c: Comparison, name: str) -> set[str]:
     return {cause.channel for cause in c.findings if cause.name == name}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [chain, chain_lines])
 def test_no_fault_is_found_where_there_is_none(make) -> None:  # type: ignore[no-untyped-def]
     for seed in (0, 1):
@@ -108,6 +109,7 @@ def test_a_turned_sensor_is_found_at_its_driving_point(make) -> None:  # type: i
     assert "swapped sign" in c.causes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quantity", ["displacement", "velocity", "acceleration"])
 def test_driving_points_are_judged_by_the_quantity_measured(quantity: str) -> None:
     response = chain_lines(quantity=quantity)
@@ -115,12 +117,14 @@ def test_driving_points_are_judged_by_the_quantity_measured(quantity: str) -> No
     assert channels(run(with_values(response, 1, slice(None), -1.0)), "swapped sign") == {"2:+X"}
 
 
+@pytest.mark.slow
 def test_without_a_quantity_reciprocity_finds_a_turned_channel() -> None:
     response = replace(chain_lines(), quantity=None)
     assert not channels(run(response), "swapped sign")
     assert channels(run(with_values(response, 3, slice(None), -1.0)), "swapped sign")
 
 
+@pytest.mark.slow
 def test_one_turned_hit_is_found_by_what_all_others_say() -> None:
     c = run(with_values(chain_lines(), 2, 0, -1.0))
     assert channels(c, "swapped sign") == {"4:+X"}
@@ -143,6 +147,7 @@ def test_a_close_pair_is_named() -> None:
     assert named == [2, 3]  # 5.150 and 5.159 Hz; the other pair lies 2.8 % apart, half bandwidths 1.2 %
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [chain, chain_lines])
 @pytest.mark.parametrize("largest", [4, 6, 8])
 def test_modes_that_too_few_orders_hide_are_found_in_what_these_leave(make, largest: int) -> None:  # type: ignore[no-untyped-def]

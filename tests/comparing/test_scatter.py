@@ -138,6 +138,7 @@ def test_nothing_is_stated_more_exactly_than_rounding_allows() -> None:
     assert (found.frequency[0], found.damping[0]) == (pytest.approx(1e-8), pytest.approx(2e-11))
 
 
+@pytest.mark.slow
 def test_methods_differ_over_many_seeds_as_the_deviation_of_their_difference_says() -> None:
     """20 seeds, five modes: the mean square of 200 differences over deviations is 1 within 4 x sqrt(2 / 200), were they independent."""
     ratio = []

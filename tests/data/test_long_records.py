@@ -26,6 +26,7 @@ def long_record(noise: float) -> tuple[ms.StateSpace, ms.Signals]:
     return model, ms.Signals(outputs=y, inputs=u, sampling_rate=1.0)
 
 
+@pytest.mark.slow
 def test_without_noise_everything_is_exact(short: None) -> None:
     model, record = long_record(0)
     found = ms.identify(record, route="records", order=6)
@@ -37,6 +38,7 @@ def test_without_noise_everything_is_exact(short: None) -> None:
     assert diagram.fit_errors[-1] < 1e-8
 
 
+@pytest.mark.slow
 def test_the_whole_is_refined(short: None) -> None:
     model, record = long_record(0.05)
     some = ms.analyze(record).modes

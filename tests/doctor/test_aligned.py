@@ -45,6 +45,7 @@ def test_what_was_shifted_is_shifted_back(delays: dict[str, int]) -> None:
     assert np.array_equal(moved.outputs, late({})[0].outputs[:count])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delays", [LATE, {f"y{i + 1}": 25 for i in range(6)}])
 def test_modes_are_those_without_the_delay(delays: dict[str, int]) -> None:
     record, f = late(delays)
@@ -57,6 +58,7 @@ def test_modes_are_those_without_the_delay(delays: dict[str, int]) -> None:
     assert np.array_equal(again.poles, ms.identify(record, order=8).poles)
 
 
+@pytest.mark.slow
 def test_it_is_refused_by_an_empty_mapping() -> None:
     record, _ = late(LATE)
     taken = ms.identify(record, order=8, delays={})
@@ -71,6 +73,7 @@ def test_records_with_nothing_late_are_those_that_were_given() -> None:
         assert aligned(records, none) == (records, ())
 
 
+@pytest.mark.slow
 def test_a_refinement_takes_the_record_as_the_settings_say() -> None:
     record, _ = late(LATE)
     found = ms.identify(record, order=8, delays={}, band=(50.0, 400.0), exclude=["y1"])
@@ -81,6 +84,7 @@ def test_a_refinement_takes_the_record_as_the_settings_say() -> None:
     assert not np.allclose(refined.poles, back.poles, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_comparison_looks_for_delays_once(monkeypatch: pytest.MonkeyPatch) -> None:
     looked = []
 
@@ -97,6 +101,7 @@ def test_a_comparison_looks_for_delays_once(monkeypatch: pytest.MonkeyPatch) -> 
     assert len(looked) == 1
 
 
+@pytest.mark.slow
 def test_delays_that_are_given_are_taken_and_others_are_refused() -> None:
     record, _ = late({"y2": 3})
     assert ms.identify(record, order=8).settings.get("delays") is None

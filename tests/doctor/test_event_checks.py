@@ -38,6 +38,7 @@ def test_the_length_that_is_left_is_that_of_even_power() -> None:
     assert "worth no more than 10 s" in found.reason
 
 
+@pytest.mark.slow
 def test_sound_records_have_no_event() -> None:
     for seed in range(20):
         assert not events(random_structure(700 + seed).record(1, seed))

@@ -96,6 +96,7 @@ def test_hits_of_labelled_places_give_responses_column_by_column() -> None:
     assert np.array_equal(response.values[:, :, 0], estimate_frf(given[0], segment=samples).values[:, :, 0])
 
 
+@pytest.mark.slow
 def test_a_hammer_test_of_one_file_a_place_from_the_command_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

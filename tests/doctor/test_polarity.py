@@ -42,6 +42,7 @@ def kinds(data):
     return [(f.kind, f.channels) for f in examine(data)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quantity", QUANTITIES)
 @pytest.mark.parametrize("name", FIVE)
 @pytest.mark.parametrize("make", [lines, samples])

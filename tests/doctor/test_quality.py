@@ -28,6 +28,7 @@ def exact(quantity="acceleration"):
     return chain5().frequency_response(np.linspace(0.02, 9.9, 2000), quantity=quantity)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quantity", QUANTITIES)
 @pytest.mark.parametrize("build", STRUCTURES)
 def test_clean_responses_and_records_have_no_findings(build, quantity):
@@ -36,6 +37,7 @@ def test_clean_responses_and_records_have_no_findings(build, quantity):
     assert kinds(shaker(structure, quantity, seed=1)) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("build", [*STRUCTURES, iasc_asce])
 def test_clean_ambient_records_have_no_findings(build):
     assert kinds(build().simulate(inputs="ambient", samples=20_000, sampling_rate=20.0, noise=0.05)) == []
@@ -177,6 +179,7 @@ def test_a_record_too_short_for_its_damping():
     assert "0.9" in found[0].reason
 
 
+@pytest.mark.slow
 def test_a_run_with_other_sign_or_exchanged_outputs():
     record = shaker(runs=4, at=[1])
     outputs = np.array(record.outputs)

@@ -30,6 +30,7 @@ def spoilt(record: Signals, change: object) -> set[str]:
     return {f.kind for f in examine(Signals(outputs=outputs, sampling_rate=record.sampling_rate))} & NEW
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(10))
 def test_sound_records_and_responses_are_not_named(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -41,6 +42,7 @@ def test_sound_records_and_responses_are_not_named(seed: int) -> None:
     assert not NEW & {f.kind for f in examine(response)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(10))
 def test_what_was_put_in_is_found(seed: int) -> None:
     record = ambient(seed)

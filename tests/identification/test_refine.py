@@ -180,6 +180,7 @@ def against_the_bound(name: str, kind: str, snr_db: float, seeds: range) -> tupl
     return np.array(errors), np.array(told), wrong
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "kind"), CELLS)
 def test_errors_are_no_larger_than_the_bound(name, kind):
     errors, told, wrong = against_the_bound(name, kind, 40, range(100, 115))
@@ -364,6 +365,7 @@ def strong(modes: ModalModel) -> ModalModel:
     return modes.take([int(np.argmin(np.abs(modes.frequencies - f))) for f in where])
 
 
+@pytest.mark.slow
 def test_the_measured_beam_has_one_optimum(beam):
     data, modes = beam
     first = ms.refine(data, modes)

@@ -42,6 +42,7 @@ def started(records: Records, order: int = 6) -> ms.ModalModel:
     return replace(modes, poles=modes.poles + 0.05 * np.abs(modes.poles.real) * turned)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("outputs", "inputs"), [(4, 1), (3, 2), (2, 3), (1, 1)])
 @pytest.mark.parametrize("lengths", [[600], [500, 350], [300, 420, 250, 510]])
 def test_without_noise_it_goes_back_to_the_truth(outputs, inputs, lengths):
@@ -120,6 +121,7 @@ def test_noise_gives_no_mode_to_add():
     assert len(ms.refine(records, modes, complete=True)) == 3
 
 
+@pytest.mark.slow
 def test_analyze_refines_what_passes_the_test_of_the_residual_and_nothing_else():
     test = shaker(0, modes=4, outputs=4, seconds=4.0)
     result = ms.analyze(test.signals)

@@ -45,6 +45,7 @@ def far_apart(found: ms.ModalModel) -> np.ndarray:
     return np.min(np.abs(found.frequencies[:, None] - CLOSE), axis=1) > 0.1
 
 
+@pytest.mark.slow
 def test_repeatability_of_a_measured_aircraft_is_how_far_halves_of_its_runs_disagree() -> None:
     """Four halves tell a deviation to a third."""
     found, halves = beside_halves(4)

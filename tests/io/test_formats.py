@@ -41,6 +41,7 @@ def test_unknown_options_name_the_known_ones(tmp_path):
     refused("kind were asked(.|\n)*no such field", mio.read, tmp_path / "a.uff", kind="dirac")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".uff", ".unv", ".npz", ".json", ".csv", ".mat", ".h5"])
 @pytest.mark.parametrize(
     "data",
@@ -59,6 +60,7 @@ def test_foreign_contents_are_refused_by_every_reader(tmp_path, suffix, data):
     refused("was asked|needs", mio.read, tmp_path / f"a{suffix}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".npz", ".h5", ".mat", ".json", ".csv"])
 def test_truncations_and_flips_raise_nothing_but_data_errors(tmp_path, suffix):
     path, rng = tmp_path / f"a{suffix}", np.random.default_rng(7)

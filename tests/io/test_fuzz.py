@@ -18,6 +18,7 @@ def whole(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_two_thousand_damaged_files_are_refused_or_read(tmp_path, whole):
     tally = fuzz.run(tmp_path, whole, 2000, workers=1)
     assert not tally.faults

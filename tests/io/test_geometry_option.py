@@ -77,6 +77,7 @@ def test_a_universal_file_gives_its_geometry(tmp_path: Path) -> None:
     assert data.geometry.lines.tolist() == [[0, 1]]
 
 
+@pytest.mark.slow
 def test_a_workbook_gives_points(tmp_path: Path) -> None:
     book = pytest.importorskip("openpyxl").Workbook()
     for row in (["node", "x", "y", "z"], ["A1", 0, 0, 0], ["A2", 1.5, 0, 0]):

@@ -109,6 +109,7 @@ def complaint(path: Path, thing: Any, place: str, text: str) -> str:
     return "" if sorted(given) == sorted(got) else f"{given!r} became {got!r}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @pytest.mark.parametrize("kind", things())
 @pytest.mark.parametrize("place", PLACES)

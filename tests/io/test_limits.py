@@ -36,6 +36,7 @@ def unlimited():
     mio.set_max_memory(None)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="the bounds are those of Linux")
 @pytest.mark.parametrize("suffix", [".npz", ".mat", ".h5", ".csv", ".json", ".uff", ""])
 def test_every_bomb_is_answered_in_time_and_within_the_memory(tmp_path, suffix):

@@ -97,6 +97,7 @@ def attempts(path: Path, limit: int = 3) -> tuple[list[list[str]], list[Any]]:
     return tried, things
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_an_ordinary_file_is_read_or_names_the_option_that_reads_it(tmp_path: Path, name: str) -> None:
     case = CASES[name]

@@ -45,6 +45,7 @@ def damaged(data: bytes, rng: np.random.Generator) -> list[bytes]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_damage_is_answered_in_plain_words(tmp_path: Path, name: str) -> None:
     case = CASES[name]

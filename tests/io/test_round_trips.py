@@ -69,6 +69,7 @@ def test_universal_files_keep_every_field_in_binary(tmp_path, kind):
     assert samples.differences(thing, mio.read(tmp_path / "a.uff")) == []
 
 
+@pytest.mark.slow
 @FEW
 @given(
     values=hnp.arrays(np.float64, hnp.array_shapes(min_dims=2, max_dims=2, min_side=2, max_side=6), elements=VALUES),
@@ -84,6 +85,7 @@ def test_records_come_back_exactly(tmp_path, suffix, values, rate):
     assert back.sampling_rate == pytest.approx(rate, rel=4 * np.finfo(float).eps)
 
 
+@pytest.mark.slow
 @FEW
 @given(
     parts=hnp.arrays(

@@ -53,6 +53,7 @@ def files(folder: Path, samples: Any) -> list[Path]:
     return [*made, zarr_folder(folder / "single.zarr", samples.astype(np.float32))]
 
 
+@pytest.mark.slow
 def test_a_stored_record_is_the_record(tmp_path: Path, samples: Any) -> None:
     for path in files(tmp_path, samples):
         stored, whole = read(path, stored=True, quantity="velocity"), read(path, quantity="velocity")

@@ -47,6 +47,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stored_response, "_AT_A_TIME", 20_000)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small")
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 def test_modes_and_shapes_are_those_of_the_whole_in_memory(tmp_path: Path, noise: float) -> None:

@@ -51,6 +51,7 @@ def of_noise(seed: int) -> ms.Signals:
 # ---------------------------------------------------------------------------------------------------------- short form
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("label", LABELS[:2])
 def test_all_modes_of_a_known_structure_and_no_others(label: str) -> None:
     truth, record = simulated(label, 1000)

@@ -9,6 +9,7 @@ import modalscope as ms
 from tests.support import measured
 
 
+@pytest.mark.slow
 def test_the_five_storeys_are_found_in_every_ambient_record_with_the_scatter_that_theory_allows():
     building = ms.systems.spring_chain()
     truth = building.modes()

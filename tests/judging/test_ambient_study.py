@@ -37,6 +37,7 @@ def tried(seeds: range, times: float) -> tuple[float, float]:
     return float(np.mean(perfect)), float(np.median(np.abs(errors)))
 
 
+@pytest.mark.slow
 def test_a_few_random_structures_sampled_five_times_too_fast() -> None:
     perfect, error = tried(range(9, 11), 5)
     assert perfect == 1

@@ -66,6 +66,7 @@ def test_few_replicates_still_refuse_what_is_twice_too_narrow_or_biased() -> Non
         assert not Calibration(**figures, error=np.ones((1, 1)), seen=np.full((1, 1), 15.0)).holds.any()
 
 
+@pytest.mark.slow
 def test_eras_bias_at_20_db_is_found_and_its_deviation_replaced():
     # with 18 block rows and at the true order ERA's damping of modes 3 and 4 is biased by 2 to 3 deviations (Monte Carlo with known truth)
     result = ms.analyze(
@@ -88,6 +89,7 @@ def test_eras_bias_at_20_db_is_found_and_its_deviation_replaced():
     assert found.replicates[third] == 100
 
 
+@pytest.mark.slow
 def test_alternate_is_not_biased_where_era_is():
     result = ms.analyze(
         chain5().impulse_response(400, noise=0.1, seed=0), method="alternate", orders=[10, 12, 14], refine=False
@@ -97,6 +99,7 @@ def test_alternate_is_not_biased_where_era_is():
     assert np.all(np.abs(found.damping_ratio["bias"][strong]) < 0.8)  # 20 replicates: 3.6 standard errors
 
 
+@pytest.mark.slow
 def test_records_with_inputs_are_certified_under_their_own_forces():
     record = chain5().simulate(at=[0, 3], samples=500, sampling_rate=20, noise=0.01, seed=0)
     result = ms.analyze(record, orders=[10, 12, 14, 16], refine=False)
@@ -171,6 +174,7 @@ def test_few_replicates_say_how_little_they_tell() -> None:
     assert not certificate.told_of_few(20)
 
 
+@pytest.mark.slow
 def test_what_cannot_be_certified_is_refused():
     past = chain5().simulate(inputs="ambient", samples=3000, sampling_rate=20, noise=0.01)
     refused(

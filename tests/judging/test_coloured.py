@@ -25,17 +25,20 @@ def judged(seeds: range) -> IntArray:
     return counts
 
 
+@pytest.mark.slow
 def test_lists_of_structures_with_coloured_errors_are_complete_above_thirty_deviations_and_have_nothing_else() -> None:
     # of the second set the pole that stands for a shifting resonance is open by half a bandwidth beside its own part
     assert judged(range(20042, 20043)).tolist()[1:] == [1, 0]
     assert judged(range(20003, 20005)).tolist()[1:] == [2, 0]
 
 
+@pytest.mark.slow
 def test_a_narrow_mode_that_few_orders_show_is_found_where_it_is() -> None:
     # 1.45 lines at half its power, 20 deviations: nine orders put it a decay rate off
     assert judged(range(80006, 80007)).tolist() == [1, 1, 0]
 
 
+@pytest.mark.slow
 def test_skirts_do_not_hide_errors_that_they_do_not_make_white() -> None:
     # beside three poles for skirts nineteen poles, many without damping, followed all errors to the noise
     assert judged(range(40068, 40069)).tolist() == [1, 1, 0]

@@ -86,6 +86,7 @@ def test_two_of_one_shape_are_parted_though_one_in_their_place_leaves_no_peak(se
     assert found.poles.size == 2
 
 
+@pytest.mark.slow
 def test_noise_of_one_channel_that_is_louder_than_its_levels_makes_no_mode(monkeypatch: pytest.MonkeyPatch) -> None:
     arenas = []
     for seed in range(3):
@@ -147,6 +148,7 @@ def test_poles_are_looked_for_in_the_band_and_a_tenth_of_its_ends_around() -> No
     assert close(ends(arena, [0, 1, 2, 3]), POLES)
 
 
+@pytest.mark.slow
 def test_the_gain_is_the_rise_of_the_misfit_without_the_mode_and_deviations_are_those_of_repeated_noise() -> None:
     found = [contest(arena_of(data(seed=s)), POLES, PARTS.astype(complex)) for s in range(40)]
     poles = np.array([each.poles for each in found if each is not None])

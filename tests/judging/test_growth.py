@@ -48,6 +48,7 @@ def test_orders_do_not_grow_beyond_what_lines_can_tell_and_that_is_said() -> Non
     assert [note.kind for note in found.notes] == ["orders end"]
 
 
+@pytest.mark.slow
 def test_fifty_modes_in_one_band_are_found_with_nothing_set() -> None:
     rng = np.random.default_rng(0)
     f = 10 + 2 * np.arange(50) + rng.uniform(-0.5, 0.5, 50)

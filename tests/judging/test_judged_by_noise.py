@@ -41,6 +41,7 @@ def diagram() -> ms.StabilizationDiagram:
     return ms.stabilize(record())
 
 
+@pytest.mark.slow
 def test_outputs_are_judged_by_their_noise(diagram: ms.StabilizationDiagram) -> None:
     """Of an output of root mean square r with noise n times its signal the noise is r n / sqrt(1 + n^2)."""
     rms = root_mean_squares(record_spectra(as_records(record())))
@@ -55,6 +56,7 @@ def test_a_mode_that_one_quiet_output_shows_is_found_beside_noisy_ones(diagram: 
     assert modes.damping_ratios == pytest.approx(ZETA, rel=0.25)
 
 
+@pytest.mark.slow
 def test_units_change_nothing(diagram: ms.StabilizationDiagram) -> None:
     other = ms.stabilize(record(unit=np.ones(5)))
     assert other.fit_errors == pytest.approx(diagram.fit_errors, rel=1e-3)  # poles of noise are known to that

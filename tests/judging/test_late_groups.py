@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import modalscope as ms
 
@@ -21,6 +22,7 @@ def record() -> ms.Signals:
     return ms.Signals(outputs=y, inputs=u, sampling_rate=256.0)
 
 
+@pytest.mark.slow
 def test_a_weak_mode_is_told() -> None:
     modes = ms.select(ms.stabilize(record(), orders=range(2, 81, 2)))
     assert np.allclose(modes.frequencies, FREQUENCIES[1:], rtol=1e-3)

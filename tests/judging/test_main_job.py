@@ -24,6 +24,7 @@ def published() -> list[tuple[float, float]]:
         return [(float(row["frequency_hz"]), float(row["damping_ratio"])) for row in csv.DictReader(file)]
 
 
+@pytest.mark.slow
 def test_the_published_modes_of_the_measured_beam_are_found_and_none_twice(beam):
     # .6 Hz: the authors' own spread over single responses is .2 to .5 Hz and they print one digit; damping is printed with two,
     # and that of the first mode rests on the few lines between the band's edge and 180 Hz
@@ -60,6 +61,7 @@ def test_parts_of_a_resonance_of_the_beam_that_shifts_are_named_and_not_listed(b
         assert np.min(np.abs(modes.frequencies / c.frequency - 1)) < 0.001
 
 
+@pytest.mark.slow
 def test_every_mode_of_the_beam_has_both_deviations(beam):
     modes, diagram = beam
     found = refined_where_it_helps(diagram, modes)
@@ -119,6 +121,7 @@ def test_both_first_cells_give_the_poles_of_the_five_structures_and_rebuild_thei
     assert found.fit_error < 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quantity", ["acceleration", "displacement"])
 def test_select_finds_the_five_storeys_and_nothing_else_for_every_seed(quantity):
     building = ms.systems.spring_chain()
@@ -132,6 +135,7 @@ def test_select_finds_the_five_storeys_and_nothing_else_for_every_seed(quantity)
         assert np.max(np.abs(modes.damping_ratios / truth.damping_ratios - 1)) < 0.1
 
 
+@pytest.mark.slow
 def test_the_same_data_give_the_same_modes():
     data = add_noise(ms.systems.chain5().frequency_response(np.linspace(0.3, 8, 160)), 40, np.random.default_rng(1))
     first, second = (ms.select(ms.stabilize(data)) for _ in range(2))
@@ -139,6 +143,7 @@ def test_the_same_data_give_the_same_modes():
     assert np.array_equal(first.shapes, second.shapes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FIVE)
 def test_impulse_responses_with_noise_give_the_right_number_of_modes(name):
     structure = FIVE[name]()
@@ -147,12 +152,14 @@ def test_impulse_responses_with_noise_give_the_right_number_of_modes(name):
     assert len(ms.select(ms.stabilize(data))) == oscillations
 
 
+@pytest.mark.slow
 def test_a_frequency_without_a_mode_is_an_error_and_never_its_neighbour(beam):
     _, diagram = beam
     with pytest.raises(ms.DataError, match=r"a mode at 700 Hz was asked, but no pole stays within 1 %"):
         ms.select(diagram, frequencies=[700])
 
 
+@pytest.mark.slow
 def test_modes_are_found_by_hand_and_one_cannot_be_asked_twice(beam):
     _, diagram = beam
     assert np.allclose(ms.select(diagram, frequencies=[1535, 933]).frequencies, [933.04, 1535.44], atol=0.2)
@@ -167,6 +174,7 @@ def test_noise_alone_has_no_modes():
     assert len(ms.select(ms.stabilize(frf))) == 0
 
 
+@pytest.mark.slow
 def test_the_close_pairs_of_a_measured_aircraft_are_separate_modes():
     with np.load(measured("hati_gvt", "hati_ws3_frf.npz")) as file:
         data = ms.FrequencyResponse(values=file["H"][:, :, None], frequencies=file["freq"], quantity="acceleration")

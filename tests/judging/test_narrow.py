@@ -33,6 +33,7 @@ def judged(seeds: range) -> IntArray:
     return counts
 
 
+@pytest.mark.slow
 def test_a_narrow_band_lists_its_modes_with_their_own_shapes() -> None:
     assert judged(range(300, 302)).tolist() == [2, 2, 0, 0]
 

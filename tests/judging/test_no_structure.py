@@ -14,6 +14,7 @@ from modalscope.systems import chain5
 from tests.judging.ambient_records import beside_a_machine
 
 
+@pytest.mark.slow
 def test_harmonics_are_listed_and_the_mode_two_per_cent_below_one_is_kept() -> None:
     machine = beside_a_machine(101, 0)
     modes = ms.analyze(machine.record).modes
@@ -22,6 +23,7 @@ def test_harmonics_are_listed_and_the_mode_two_per_cent_below_one_is_kept() -> N
     assert [h.order for h in modes.harmonics] == [1, 2, 3]
 
 
+@pytest.mark.slow
 def test_a_harmonic_is_reported_when_it_is_asked_for() -> None:
     machine = beside_a_machine(101, 0)
     taken = ms.stabilize(machine.record)
@@ -32,6 +34,7 @@ def test_a_harmonic_is_reported_when_it_is_asked_for() -> None:
         ms.select(taken, take=machine.lines[1:2])
 
 
+@pytest.mark.slow
 def test_modes_beside_a_wandering_machine_are_those_of_the_structure() -> None:
     machine = beside_a_machine(78107, 0.003)
     modes = ms.analyze(machine.record).modes

@@ -55,6 +55,7 @@ def shifting(seed: int = 0) -> tuple[FrequencyResponse, np.ndarray]:
     return FrequencyResponse(values=H + 1e-5 * noise + 1e-3 * np.abs(H) * common, frequencies=F), shapes
 
 
+@pytest.mark.slow
 def test_a_weak_mode_beside_one_that_shifts_has_its_own_shape() -> None:
     response, shapes = shifting()
     modes = ms.select(ms.stabilize(response))

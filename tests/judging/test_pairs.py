@@ -36,6 +36,7 @@ def judged(kind: str, apart: str, decibel: float, seeds: range) -> IntArray:
     return counts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("apart", list(APART))
 def test_pairs_that_data_can_part_are_listed_as_two(apart):
     able, both, none = judged("samples", apart, 20, range(106, 109))
@@ -43,6 +44,7 @@ def test_pairs_that_data_can_part_are_listed_as_two(apart):
     assert none == 0
 
 
+@pytest.mark.slow
 def test_a_pair_of_one_shape_is_found_though_its_residual_shows_no_peak():
     # one pole in the place of two leaves errors of second order in their distance
     able, both, _ = judged("lines", "alike", 20, range(103, 104))

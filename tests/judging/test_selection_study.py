@@ -36,6 +36,7 @@ def judged(kind: str, decibel: float, seeds: range) -> IntArray:
     return counts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("decibel", [40, 20])
 @pytest.mark.parametrize("kind", list(KINDS))
 def test_lists_of_hard_random_structures_are_complete_above_thirty_deviations_and_have_nothing_else(kind, decibel):
@@ -67,6 +68,7 @@ def one_channel(seed: int, count: int = 17) -> Structure:
     return Structure(s, (size / (2j * s.imag) * s**2)[:, None, None], "acceleration")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("domain", ["s", "z"])
 def test_one_channel_shows_seventeen_modes_over_a_band_of_one_to_twenty(domain):
     # no model of one channel up to order 80 holds them all: what the others leave does

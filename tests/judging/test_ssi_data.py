@@ -15,6 +15,7 @@ def record_of(seed: int) -> ms.Signals:
     )
 
 
+@pytest.mark.slow
 def test_the_five_storeys_are_found_as_well_as_from_correlations():
     truth = ms.systems.spring_chain().modes()
     errors = {"ssi-data": [], "alternate": []}
@@ -98,6 +99,7 @@ def test_an_option_that_a_projection_has_no_use_for_is_refused(options, words):
         ms.identify(record, method="ssi-data", order=10, **options)
 
 
+@pytest.mark.slow
 def test_the_published_modes_of_a_timber_building():
     path = measured("palisaden/palisaden_dec5.npz")
     record = ms.read(path, rename={"y": "outputs", "fs": "sampling_rate"})
@@ -110,6 +112,7 @@ def test_the_published_modes_of_a_timber_building():
     assert np.allclose(modes.damping_ratios, [0.0159, 0.0146, 0.0152], rtol=0.25)
 
 
+@pytest.mark.slow
 def test_the_nine_modes_of_a_simulated_building():
     with np.load(measured("building_3sl/tsl3.npz")) as file:
         record = ms.Signals(outputs=file["y"][0], sampling_rate=float(file["fs"]))

@@ -212,6 +212,7 @@ def test_orders_of_lines_go_up_to_eighty_and_to_as_many_as_there_are_columns_of_
     assert "orders 22 to 30 left out: the data matrix has rank 20" in map(str, stabilize(lines(60), band=(2, 5)).notes)
 
 
+@pytest.mark.slow
 def test_records_without_inputs_are_correlations_and_those_with_inputs_lines() -> None:
     rng = np.random.default_rng(0)
     outputs, inputs = rng.standard_normal((2500, 2)), rng.standard_normal((2500, 1))
@@ -219,6 +220,7 @@ def test_records_without_inputs_are_correlations_and_those_with_inputs_lines() -
     assert stabilize(Signals(outputs=outputs, inputs=inputs, sampling_rate=50.0)).orders[-1] == 80
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("inputs", "degrees"), [(3, range(2, 61, 2)), (5, range(2, 49, 2)), (6, range(2, 41))])
 def test_degrees_of_a_matrix_fraction_go_up_to_sixty_and_to_240_poles(inputs: int, degrees: range) -> None:
     assert stabilize(lines(260, outputs=1, inputs=inputs), method="lscf").orders == tuple(degrees)

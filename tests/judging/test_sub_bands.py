@@ -23,6 +23,7 @@ def judged(seeds: range, decibel: float, *, coloured: bool = False) -> IntArray:
     return counts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [5, 9, 1096])
 def test_modes_of_a_band_are_found_beside_the_skirts_of_those_outside(seed: int) -> None:
     # with the residual terms alone two of two and one of four were lost in the first; where skirts count as noise the last loses one

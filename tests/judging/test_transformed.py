@@ -26,6 +26,7 @@ def even_lines(structure: Structure, decibel: float, seed: int) -> tuple[Frequen
     return FrequencyResponse(values=H, frequencies=f, quantity=structure.quantity), sigma
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("decibel", [40, 20])
 def test_lists_of_hard_structures_are_complete_from_transformed_lines(decibel: float) -> None:
     for seed in range(8700, 8703):
@@ -63,6 +64,7 @@ def test_a_diagram_holds_the_lines_that_its_samples_were_made_of_and_no_other_da
     assert ms.stabilize(replace(samples, kind="pulse"), domain="z", orders=[4, 6, 8]).measured is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["alternate", "prce"])
 def test_the_beam_by_rows_on_samples_has_its_modes_once_each(method: str) -> None:
     orders = range(12, 73, 6) if method == "prce" else range(2, 41, 2)

@@ -72,6 +72,7 @@ def seconds(data: Any, method: str, domain: str, turns: int) -> tuple[float, flo
     return min(spent[False]), min(spent[True]), int(largest)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cost", COSTS[:1], ids=lambda cost: cost.what)
 def test_deviations_cost_about_as_much_as_the_diagram(cost: Cost) -> None:
     """Twice what is asked: small diagrams, three turns on a machine that does other things."""

@@ -38,6 +38,7 @@ def test_moments_hold_the_covariance_of_real_and_imaginary_part():
     np.testing.assert_allclose(found, x.T @ x / 500, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["era", "alternate", "polyreference", "least_squares"])
 def test_errors_of_impulse_responses_are_as_large_as_their_deviations(method):
     """40 dB, 30 seeds of ten figures: the mean square of 300 errors over deviations is 1 within 4 x sqrt(2 / 300)."""
@@ -46,6 +47,7 @@ def test_errors_of_impulse_responses_are_as_large_as_their_deviations(method):
     assert np.mean(ratio**2) == pytest.approx(1, abs=4 * np.sqrt(2 / ratio.size))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("known", [True, False])
 def test_errors_of_frequency_responses_are_as_large_as_their_deviations(known):
     found = [errors(lines(k, known, every=3), 10, method="alternate") for k in range(15)]
@@ -57,6 +59,7 @@ def record(seed, **more):
     return chain5().simulate(at=[0, 3], samples=1000, sampling_rate=20, noise=0.01, seed=seed, **more)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("runs", "method"), [(1, "alternate"), (2, "era")])
 def test_errors_of_records_with_inputs_are_as_large_as_their_deviations(runs, method):
     row = {"method": method, "domain": "z", "route": "records"}
@@ -65,6 +68,7 @@ def test_errors_of_records_with_inputs_are_as_large_as_their_deviations(runs, me
     assert np.mean(ratio**2) == pytest.approx(1, abs=4 * np.sqrt(2 / ratio.size))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("on_lines", [False, True])
 def test_under_an_exponential_window_errors_are_as_large_as_their_deviations(on_lines):
     """The window makes noise fade with the signal: taken as white, it is told to be 1.5 (samples) to 3 times (lines) too small."""

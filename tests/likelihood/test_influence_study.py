@@ -119,6 +119,7 @@ def orders_beside(row: Row) -> float:
 # ---------------------------------------------------------------------------------------------------------- short form
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.label)
 def test_first_order_is_the_difference_of_the_code(row: Row) -> None:
     """The derivative is that without noise: one set and one change at 80 dB scatter by a factor of two about a thousandth."""

@@ -111,6 +111,7 @@ def test_samples(method, order, options):
     assert relative(predicted, measured) < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("domain", ["s", "z"])
 @pytest.mark.parametrize("method", ["era", "least_squares", "alternate", "polyreference"])
 def test_lines(method, domain):
@@ -160,6 +161,7 @@ def test_projected_records_by_their_correlation(method):
     assert relative(predicted, (poles[0] - poles[1]) / 2) < 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("runs", [1, 2])
 @pytest.mark.parametrize("domain", ["s", "z"])
 @pytest.mark.parametrize("method", ["era", "alternate"])

@@ -87,6 +87,7 @@ def test_of_one_mode_in_one_channel_the_information_is_that_of_au() -> None:
     assert abs(found.poles[0] - poles_from([f], [zeta])[0]) / (2 * np.pi) < 4 * spread.max()
 
 
+@pytest.mark.slow
 def test_setups_are_refined_together_and_one_by_one() -> None:
     setups = ms.merge(BUILT.setups)
     start = replace(BUILT.modes, poles=poles_from(BUILT.modes.frequencies * 1.002, BUILT.modes.damping_ratios * 1.15))
@@ -114,6 +115,7 @@ def test_what_is_out_of_reach_is_kept_and_said() -> None:
     assert refine_setups(ms.merge(flat), start).notes[-1].kind == "not refined"
 
 
+@pytest.mark.slow
 def test_a_machine_among_the_modes_is_no_part_of_them() -> None:
     t = np.arange(BUILT.setups[0].samples) / BUILT.setups[0].sampling_rate
     hum = np.sin(2 * np.pi * 1.5 * t)[:, None]

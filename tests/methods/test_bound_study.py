@@ -45,6 +45,7 @@ def test_the_bound_on_compressed_rows_is_that_of_the_definition(kind: str) -> No
     assert np.allclose(case.least, plain, rtol=1e-5)  # what central differences leave of ten digits
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["era", "alternate"])
 @pytest.mark.parametrize(("kind", "domain"), [(KINDS[0], "time"), (KINDS[1], "time"), (KINDS[2], "s"), (KINDS[2], "z")])
 def test_at_the_true_order_errors_are_within_twice_the_bound(kind: str, domain: str, name: str) -> None:
@@ -54,6 +55,7 @@ def test_at_the_true_order_errors_are_within_twice_the_bound(kind: str, domain: 
     assert np.median(ratios(row, cases, draws=1)) < 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS[:2])
 @pytest.mark.parametrize("name", ["era", "alternate", "least_squares"])
 def test_either_side_may_be_the_short_one(kind: str, name: str) -> None:

@@ -45,6 +45,7 @@ def deviations(modes: ModalModel) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "domain", "orders", "options"),
     [
@@ -80,6 +81,7 @@ def test_a_zoomed_band_needs_two_states(method: str, domain: str) -> None:
     assert modes.indicators["mpc"][0] > 0.99
 
 
+@pytest.mark.slow
 def test_two_bands_are_one_result() -> None:
     bands = [(100, 1700), (1200, 2600)]
     parts = [select(stabilize(beam(), orders=range(8, 41, 4), band=band)) for band in bands]

@@ -49,6 +49,7 @@ def check(frf: FrequencyResponse, truth: np.ndarray, order: int, cells: list[tup
             assert found.fit_error < max(REBUILT, tolerance), (method, domain)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quantity", QUANTITIES)
 @pytest.mark.parametrize("name", FIVE)
 def test_whole_bands(name: str, quantity: str) -> None:
@@ -56,6 +57,7 @@ def test_whole_bands(name: str, quantity: str) -> None:
     check(s.frequency_response(np.linspace(0.4, 8, 120), quantity=quantity), s.modes().poles, 2 * s.degrees)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quantity", QUANTITIES)
 @pytest.mark.parametrize("name", FIVE)
 def test_a_band_of_six_percent_around_one_mode(name: str, quantity: str) -> None:
@@ -73,6 +75,7 @@ def as_quantity(ss: StateSpace, lines: np.ndarray, quantity: str) -> FrequencyRe
     return FrequencyResponse(values=model_transfer(ss, lines, power) + direct, frequencies=lines, quantity=quantity)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1), st.sampled_from(sorted(QUANTITIES)), st.sampled_from(CELLS), st.booleans())
 @settings(max_examples=60, deadline=None)
 def test_random_systems(seed: int, quantity: str, cell: tuple[str, str], narrow: bool) -> None:

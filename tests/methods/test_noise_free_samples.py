@@ -55,6 +55,7 @@ def test_other_quantities(quantity, method):
     check(structure.impulse_response(200, quantity=quantity), truth, truth.size, 12, 24, method, "observable")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "form"), METHODS)
 def test_random_systems(method, form):
     @settings(max_examples=30, deadline=None, derandomize=True)

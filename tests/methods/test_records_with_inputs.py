@@ -34,6 +34,7 @@ def test_the_route_alone_takes_the_row():
     assert found.method == "n4sid"
 
 
+@pytest.mark.slow
 def test_all_orders_come_from_one_factorization_and_the_modes_are_selected():
     diagram = ms.stabilize(record(MODEL, 3000, noise=0.02), method="n4sid")
     modes = ms.select(diagram)

@@ -61,6 +61,7 @@ def survives(method: str, form: str, destroyed: str) -> bool:
     return own not in destroyed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "form"), REALIZATIONS)
 @pytest.mark.parametrize("operation", OPERATIONS)
 def test_what_survives_what(operation, method, form):

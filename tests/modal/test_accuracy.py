@@ -13,6 +13,7 @@ from tests.support import FIVE, add_noise, match_poles, relative
 CELLS = [(m, d) for d in ("s", "z") for m in ("era", "alternate", "least_squares")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "domain"), CELLS)
 @pytest.mark.parametrize("quantity", ["displacement", "velocity", "acceleration"])
 def test_they_are_one_without_noise(method: str, domain: str, quantity: str) -> None:
@@ -23,6 +24,7 @@ def test_they_are_one_without_noise(method: str, domain: str, quantity: str) -> 
             assert found.indicators[indicator].min() > 1 - 1e-5, (name, indicator)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "domain"), CELLS)
 def test_they_tell_modes_from_noise(method: str, domain: str) -> None:
     """At an order with seven extraneous pairs, 20 dB: modes above all of them in amplitude coherence."""

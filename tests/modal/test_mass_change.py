@@ -73,6 +73,7 @@ def test_the_deviation_of_a_modal_mass_is_that_of_the_difference_of_squares():
     assert f"{100 * expected:.2g} % at {f:.5g} Hz" in str(scaled.notes[-1])
 
 
+@pytest.mark.slow
 def test_ambient_records_of_both_structures_give_modal_masses():
     options = {"inputs": "ambient", "samples": 60_000, "sampling_rate": 20.0, "noise": 0.01}
     found = [ms.analyze(s.simulate(**options, seed=k)).modes for k, s in enumerate((structure(), structure(ADDED)))]

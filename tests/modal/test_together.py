@@ -57,6 +57,7 @@ CASES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "made"), CASES)
 def test_orders_judged_together_are_what_each_is_alone(name: str, made: Any) -> None:
     pipeline = made()

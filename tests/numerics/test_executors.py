@@ -45,6 +45,7 @@ def cluster() -> Iterator[Any]:
         yield made
 
 
+@pytest.mark.slow
 def test_workers_give_the_numbers_of_one_process(path: Path, cluster: Any) -> None:
     settings: dict[str, Any] = {"band": (0.2, 12.0), "orders": [10, 12], "deviations": False}
     expected = ms.stabilize(ms.read(path), **settings)
@@ -112,6 +113,7 @@ def test_a_scheduler_that_is_gone_is_said_in_words() -> None:
         _result(Gone())
 
 
+@pytest.mark.slow
 def test_the_command_gives_the_work_to_a_scheduler(path: Path, cluster: Any, tmp_path: Path) -> None:
     from modalscope.cli import main
 
@@ -125,6 +127,7 @@ def test_the_command_gives_the_work_to_a_scheduler(path: Path, cluster: Any, tmp
     assert not list((tmp_path / "sums").iterdir())  # all was done
 
 
+@pytest.mark.slow
 def test_what_is_no_scheduler_is_said(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from modalscope.cli import main
 

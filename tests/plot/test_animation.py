@@ -16,6 +16,7 @@ from tests.support import refused
 MODES = examples.modes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("modes", [MODES, ms.systems.chain5().modes()], ids=["geometry", "bars"])
 def test_a_gif_has_a_period_of_pictures_that_differ(modes: ms.ModalModel, tmp_path: Path) -> None:
     path = ms.plot.animate(modes, [0, 1], tmp_path / "a.gif", seconds=0.4, rate=10)

@@ -31,6 +31,7 @@ def counts(ax: Axes) -> dict[str, int]:
     return drawn
 
 
+@pytest.mark.slow
 def test_importing_plot_leaves_matplotlib_alone() -> None:
     code = "import sys, modalscope.plot; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

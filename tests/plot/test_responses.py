@@ -64,6 +64,7 @@ def test_samples_are_drawn_over_time_with_their_difference_below() -> None:
     assert not np.any(np.asarray(lower.get_lines()[0].get_ydata()))  # the same sum of the same modes
 
 
+@pytest.mark.slow
 def test_one_pair_of_axes_or_one_alone_can_be_given() -> None:
     figure = Figure()
     upper, lower = figure.subplots(2, 1)

@@ -76,6 +76,7 @@ def test_windowed_segments_are_unbiased_too():
         assert np.abs(found.values[:, 0, 0] - expected).max() < 4 * 0.0325 * expected[0]
 
 
+@pytest.mark.slow
 def test_correlations_of_an_ambient_record_are_a_markov_sequence():
     """R(k) = C A^(k-1) G with G = A P C' + B D', P = A P A' + B B' (white forces of unit power)."""
     model = random_system(np.random.default_rng(3), outputs=3, inputs=3, modes=3, damping=(0.02, 0.1), direct=True)

@@ -241,6 +241,7 @@ def coverage(estimator, seeds, outputs=28, noise=None):
     return hit / total
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("estimator", ["h1", "h2", "hv"])
 def test_regions_from_the_predicted_variance_cover_the_truth(estimator):
     # lines of one seed share the inputs' noise: three seeds of 513 lines x 28 outputs scatter by less than 1 %

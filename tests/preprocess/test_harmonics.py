@@ -10,6 +10,7 @@ from modalscope.preprocess.harmonics import HARMONIC, find_lines, harmonic_notes
 from tests.judging.ambient_records import beside_a_machine, random_structure
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wander", [0, 0.003])
 def test_three_orders_of_a_shaft_are_found_and_nothing_else(wander: float) -> None:
     machine = beside_a_machine(102, wander)
@@ -22,6 +23,7 @@ def test_three_orders_of_a_shaft_are_found_and_nothing_else(wander: float) -> No
     assert np.all(spread < 0.001) if wander == 0 else np.allclose(spread, wander, rtol=0.3)
 
 
+@pytest.mark.slow
 def test_random_vibration_of_lightly_damped_structures_has_no_line() -> None:
     assert not [seed for seed in range(6) if find_lines(random_structure(seed).record(1.3, seed))]
 

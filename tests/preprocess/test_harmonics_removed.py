@@ -13,6 +13,7 @@ from tests.judging.ambient_records import beside_a_machine
 from tests.support import refused, relative
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wander", [0, 0.003])
 def test_lines_go_and_random_vibration_keeps_its_power(wander: float) -> None:
     machine = beside_a_machine(101, wander)
@@ -61,6 +62,7 @@ def test_at_constant_speed_nothing_of_a_line_stays() -> None:
         assert relative(cleaned.outputs, noise) < 0.03
 
 
+@pytest.mark.slow
 def test_a_band_of_the_machine_that_holds_a_stronger_mode_is_not_widened_into_it() -> None:
     machine = beside_a_machine(91010, 0.003)
     truth = machine.structure.record(1.2, 91011).outputs

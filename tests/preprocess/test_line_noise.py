@@ -127,6 +127,7 @@ def drifting(seed: int) -> tuple[ms.Signals, np.ndarray]:
     return replace(test.signals, outputs=y + walk * y.std(axis=0) / walk.std(axis=0)), test.frequencies
 
 
+@pytest.mark.slow
 def test_modes_are_found_beside_a_random_walk_of_their_size(tmp_path: Path) -> None:
     record, f = drifting(0)
     diagram = ms.stabilize(record)

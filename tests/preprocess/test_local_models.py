@@ -23,6 +23,7 @@ def record(samples=4000, seed=0, noise=0.0, runs=None, mixing=None):
     return Signals(outputs=y if runs else y[0], inputs=u if runs else u[0], sampling_rate=1.0)
 
 
+@pytest.mark.slow
 def test_without_noise_the_error_falls_with_the_lines_in_a_bandwidth():
     """Interpolation: a rational model of degree 2 of a resonance errs far less than a polynomial; both fall fast, H1 slowly."""
     errors = {}
@@ -62,6 +63,7 @@ def test_the_definition_on_one_line():
     assert np.allclose(found.noise[k - 1], power * 2 / 600)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["lpm", "lrm"])
 def test_variance_and_noise_are_those_that_are_there(kind):
     """White noise of .2, twelve records: errors over predicted deviations have a mean square near one, the noise its density .08."""
@@ -77,6 +79,7 @@ def test_variance_and_noise_are_those_that_are_there(kind):
     assert np.isclose(np.median(noise), 2 * 0.2**2, rtol=0.15)
 
 
+@pytest.mark.slow
 def test_damping_from_local_models_is_not_raised_by_leakage():
     data = record(6000, noise=0.05)
     truth = np.sort(ms.identify(MODEL.impulse_response(400), order=6).modes.damping_ratios)
@@ -139,6 +142,7 @@ def test_the_width_of_a_peak_is_that_at_half_power():
     assert narrowest_peak(f, np.ones(2001)) is None
 
 
+@pytest.mark.slow
 def test_a_result_from_lines_too_far_apart_says_so():
     data = record(6000, noise=0.05)
     response = estimate_frf(data, segment=500)

@@ -30,6 +30,7 @@ def era_poles(Y, order, rows=40, columns=400):
     return np.log(np.linalg.eigvals(left.T @ H[l:] @ right).astype(complex))
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(model=random_systems(direct=True))
 def test_markov_parameters_are_exact_without_noise(model):
@@ -40,6 +41,7 @@ def test_markov_parameters_are_exact_without_noise(model):
     assert relative(found.feedthrough, model.D) < 1e-6
 
 
+@pytest.mark.slow
 def test_poles_of_random_systems_without_noise():
     """Four outputs, two inputs, 20 states, 4000 samples: 1e-9."""
     for seed in range(5):
@@ -69,6 +71,7 @@ def test_poles_of_twenty_random_systems_at_40_db(study):
         assert not table.missed
 
 
+@pytest.mark.slow
 def test_the_gain_is_the_kalman_gain():
     """With process and measurement noise the observer's gain tends to that of the Riccati equation."""
     rng = np.random.default_rng(0)

@@ -25,6 +25,7 @@ def redundant(seed=0, outputs=14, modes=4):
     return random_system(rng, outputs=outputs, inputs=2, modes=modes, damping=(0.002, 0.01), direct=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 1e-5, 1e-3, 1e-2])
 def test_redundant_outputs_give_a_response_that_decays(noise):
     """Fourteen outputs of eight states: from 1e-5 of noise on, plain least squares fits the noise of six outputs, and may grow."""

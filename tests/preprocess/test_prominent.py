@@ -48,6 +48,7 @@ def test_the_more_heights_are_looked_at_the_higher_chance_may_reach(trials: int)
     assert scipy.stats.gamma.sf(bars * shape, shape) * 20 * trials == pytest.approx(np.full(20, 1e-3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("times", [1, 5])
 def test_the_span_holds_all_modes_at_any_rate(seed: int, times: float) -> None:

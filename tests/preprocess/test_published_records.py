@@ -25,6 +25,7 @@ def hammer():
     )
 
 
+@pytest.mark.slow
 def test_the_overloaded_hit_is_named_and_left_out(hammer):
     """Independently: coherence .44 with it, .995 without."""
     frf = estimate_frf(hammer)
@@ -67,6 +68,7 @@ def test_roving_sweeps_equal_the_authors_responses():
     assert examine(runs[0]) == ()
 
 
+@pytest.mark.slow
 def test_ambient_records_are_clean_and_give_correlations():
     record = Signals(outputs=load("palisaden", "palisaden_dec5.npz")["y"], sampling_rate=20.0)
     assert examine(record) == ()
@@ -78,6 +80,7 @@ def test_ambient_records_are_clean_and_give_correlations():
     assert np.abs(found.values[-200:]).max() < 0.1 * np.abs(found.feedthrough).max()
 
 
+@pytest.mark.slow
 def test_setups_with_common_references_merge():
     y = load("building_3sl", "tsl3.npz")["y"]
     names = [[f"ch{i}" if i < 3 else f"ch{i}_{s}" for i in range(10)] for s in range(3)]

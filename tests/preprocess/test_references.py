@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import modalscope as ms
 from modalscope.data import Signals
@@ -26,6 +27,7 @@ def test_references_span_what_moves_and_leave_noise_and_channels_at_rest() -> No
     assert np.linalg.cond(shapes[:, list(chosen)]) < 50
 
 
+@pytest.mark.slow
 def test_correlations_of_many_channels_take_thirty_references_and_say_so() -> None:
     few = chain5().simulate(inputs="ambient", samples=20_000, sampling_rate=20.0, seed=1)
     many = np.random.default_rng(0).standard_normal((few.outputs.shape[1], 40))

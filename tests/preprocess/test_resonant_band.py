@@ -54,6 +54,7 @@ def test_a_smooth_response_and_the_ends_leave_nothing():
     assert max(found.narrow.max(), found.wide.max()) < 1e-24
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", ["narrow", "wide"])
 def test_of_noise_its_power_is_left(side):
     """The mean of n lines of power s^2, k of them taken by unknowns, is s^2 (n - k) / n: divided by what is free it is s^2."""
@@ -62,6 +63,7 @@ def test_of_noise_its_power_is_left(side):
     assert power == pytest.approx(0.01, rel=4 / np.sqrt(10 * parts[0].free.sum()))
 
 
+@pytest.mark.slow
 def test_noise_over_a_smooth_response_hardly_ever_stands_out():
     assert sum(resonant_band(spectra(smooth, 0.1, seed)) is not None for seed in range(30)) <= 1
 
@@ -123,6 +125,7 @@ def test_a_band_that_is_asked_is_obeyed_and_other_ways_have_none():
     assert measure(sampled(25.0)[0]).band is None
 
 
+@pytest.mark.slow
 def test_a_weak_mode_is_found_at_thirty_times_the_rate():
     """Of all lines it was lost: those above the modes took the degree."""
     record, f = sampled(300.0, 0.05)

@@ -22,12 +22,14 @@ from tests.preprocess.spoilt import FAULTS, is_found, sound
 from tests.studies import Study
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_strong_fault_is_found(name: str) -> None:
     fault = FAULTS[name]
     assert is_found(fault, 1, fault.strengths[2])
 
 
+@pytest.mark.slow
 def test_sound_records_of_every_kind_are_not_named() -> None:
     for k, (name, record) in enumerate(sound()):
         if k % 5 == 2:

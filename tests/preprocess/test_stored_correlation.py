@@ -209,6 +209,7 @@ def test_modes_are_those_of_the_record_in_memory(record: ms.Signals, monkeypatch
     np.testing.assert_allclose(modes.frequencies, other.frequencies, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_short_record_is_taken_into_memory(record: ms.Signals) -> None:
     found = ms.stabilize(stored(record), orders=range(2, 21, 2), method="ssi-data")
     assert len(ms.select(found)) > 0

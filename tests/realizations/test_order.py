@@ -77,6 +77,7 @@ def visible(name: str, snr: float, seed: int) -> int:
     return int(np.count_nonzero(d > noise_d[0]))
 
 
+@pytest.mark.slow
 def test_what_is_called_certain_is_right_and_what_is_wrong_is_called_poor():
     """Over five structures, eight seeds, 40, 20 and 10 dB, against the states that can be seen."""
     said: dict[str, list[int]] = {"certain": [], "fair": [], "poor": []}

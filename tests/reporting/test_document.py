@@ -99,6 +99,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
 
 
+@pytest.mark.slow
 def test_nothing_is_asked_from_outside(written: Path) -> None:
     page = read(written)
     text = written.read_text(encoding="utf-8")
@@ -175,6 +176,7 @@ def test_reasons_are_shown_whatever_they_hold() -> None:
     assert "</b> Found at 6 of 7 orders." in section.body
 
 
+@pytest.mark.slow
 def test_what_users_write_cannot_become_markup(tmp_path: Path) -> None:
     evil = '<script>alert("1")</script>'
     modes = replace(judged(), reasons=({"text": evil},) * 5, scaling=evil)
@@ -199,6 +201,7 @@ def test_the_script_repeats_the_identification() -> None:
     assert f"weights=np.array({weights.tolist()!r})" in given  # every digit
 
 
+@pytest.mark.slow
 def test_running_the_script_gives_the_same_modes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     f = examples.response().frequencies
     ms.write(tmp_path / "chain.npz", chain5().frequency_response(f, noise=0.01, seed=1))
@@ -222,6 +225,7 @@ def test_the_command_and_the_notes_are_there(written: Path) -> None:
     assert f"not drawn: {examples.REAL} real" in words
 
 
+@pytest.mark.slow
 def test_the_fit_error_of_every_channel_is_listed() -> None:
     r = examples.response()
     errors = np.linspace(0.01, 0.08, 8).reshape(4, 2)
@@ -231,12 +235,14 @@ def test_the_fit_error_of_every_channel_is_listed() -> None:
     assert worst == (r.output_dofs[3], r.input_dofs[1])
 
 
+@pytest.mark.slow
 def test_modes_without_participation_are_reported_without_rebuilt_responses(tmp_path: Path) -> None:
     modes = replace(judged(), participation=None, input_dofs=(), units="m")
     page = read(report((modes, examples.diagram()), tmp_path / "r.html"))
     assert "participation of the modes is not known" in " ".join(page.words)
 
 
+@pytest.mark.slow
 def test_no_modes_and_samples_are_reported_too(tmp_path: Path) -> None:
     irf = examples.modes().impulse_response(300, 20.0)
     diagram = replace(examples.diagram(), response=irf, domain="time")
@@ -286,6 +292,7 @@ def test_a_write_that_fails_leaves_the_earlier_report_and_no_other_file(
     assert list(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.slow
 def test_a_diagram_alone_is_reported_with_the_modes_it_shows(tmp_path: Path) -> None:
     diagram = ms.stabilize(chain5().impulse_response(300, noise=0.01, seed=0), orders=range(2, 21, 2))
     pair = report((ms.select(diagram), diagram), tmp_path / "pair.html").read_bytes()
@@ -294,6 +301,7 @@ def test_a_diagram_alone_is_reported_with_the_modes_it_shows(tmp_path: Path) -> 
     assert report(result, tmp_path / "result.html").read_bytes() == pair
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["samples", "lines"])
 def test_an_identification_is_reported_with_its_model(form: str, tmp_path: Path) -> None:
     if form == "samples":
@@ -313,6 +321,7 @@ def test_an_identification_is_reported_with_its_model(form: str, tmp_path: Path)
     assert np.all(found.state_space.continuous_poles.real < 0)
 
 
+@pytest.mark.slow
 def test_running_the_script_of_an_identification_gives_the_same_model(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -327,6 +336,7 @@ def test_running_the_script_of_an_identification_gives_the_same_model(
     assert (tmp_path / "report.html").exists()
 
 
+@pytest.mark.slow
 def test_modes_that_explain_too_little_are_a_warning_that_comes_first(tmp_path: Path) -> None:
     diagram = ms.stabilize(chain5().impulse_response(300, noise=0.01, seed=0), orders=range(2, 21, 2))
     modes = ms.select(diagram)
@@ -361,6 +371,7 @@ def test_other_suffixes_folders_and_things_are_errors(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_every_band_of_a_record_has_its_diagram_and_its_own_modes(tmp_path: Path) -> None:
     structure = random_structure(401)
     result = ms.analyze(structure.record(1, 1401))

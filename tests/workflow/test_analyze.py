@@ -51,6 +51,7 @@ def test_a_path_is_read_as_the_options_say(tmp_path: Path, lines: FrequencyRespo
         ms.analyze(lines, reading={"quantity": "velocity"})
 
 
+@pytest.mark.slow
 def test_modes_are_taken_and_refused_by_hand(samples: ImpulseResponse) -> None:
     whole = ms.analyze(samples).modes
     less = ms.analyze(samples, refuse=[whole.frequencies[1]]).modes
@@ -65,6 +66,7 @@ def test_modes_are_taken_and_refused_by_hand(samples: ImpulseResponse) -> None:
         ms.analyze(samples, frequencies=[0.9], take=[2.6])
 
 
+@pytest.mark.slow
 def test_several_bands_are_identified_one_by_one(lines: FrequencyResponse) -> None:
     result = ms.analyze(lines, band=[(0.3, 3.4), (3.4, 8)])
     assert len(result.diagrams) == len(result.settings) == 2
@@ -111,6 +113,7 @@ def test_a_result_is_written_as_its_modes(tmp_path: Path, samples: ImpulseRespon
         assert {str(note) for note in read.notes} == {str(note) for note in result.notes}
 
 
+@pytest.mark.slow
 def test_the_demo_file_gives_its_modes_with_nothing_but_a_band() -> None:
     result = ms.analyze(BEAM / "beam_hammer.uff", band=BAND)
     # and weak ones at 570 Hz, which disjoint hammer points give, too, and at 1019 Hz, which stays open

@@ -27,6 +27,7 @@ def whole_band_is_too_much(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("modalscope.workflow.parts.holds_too_little", too_much)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("whole_band_is_too_much")
 def test_parts_give_the_modes_of_the_whole_in_one_diagram_and_one_line_says_so(lines: ms.FrequencyResponse) -> None:
     result = ms.analyze(lines)
@@ -38,6 +39,7 @@ def test_parts_give_the_modes_of_the_whole_in_one_diagram_and_one_line_says_so(l
     assert np.array_equal(ms.replay(result.analysis, lines).modes.poles, result.modes.poles)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("whole_band_is_too_much")
 def test_modes_are_refused_and_taken_in_the_part_that_they_lie_in(lines: ms.FrequencyResponse) -> None:
     every = ms.analyze(lines).modes
@@ -50,6 +52,7 @@ def test_with_orders_that_were_chosen_nothing_is_cut(lines: ms.FrequencyResponse
     assert not [note for note in ms.analyze(lines, orders=range(2, 20, 2)).notes if note.kind == SPLIT]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("whole_band_is_too_much")
 def test_a_certificate_of_parts_is_refused(lines: ms.FrequencyResponse) -> None:
     with pytest.raises(ms.DataError, match="bands one by one"):

@@ -31,6 +31,7 @@ def test_real_poles_take_part_so_that_the_modes_need_not_make_up_for_them(kind):
     assert max(match_poles(ms.refine(add_noise(clean, 40, 3), found.unrefined).poles, oscillating)[:2]) > 0.1
 
 
+@pytest.mark.slow
 def test_no_pole_of_noise_takes_part():
     clean = FIVE["chain5"]().frequency_response(np.linspace(0.3, 8, 340))
     truth = FIVE["chain5"]().modes().poles

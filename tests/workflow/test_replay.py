@@ -75,6 +75,7 @@ def stored(tmp_path: Path) -> Callable[[Any], Path]:
     return store
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_script_document_and_file_repeat_the_result_to_the_last_bit(case: str, stored: Callable[[Any], Path]) -> None:
     data, choices = CASES[case]
@@ -87,6 +88,7 @@ def test_script_document_and_file_repeat_the_result_to_the_last_bit(case: str, s
     equal(ms.replay(written).modes, result.modes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_resolved_settings_repeat_what_the_choices_gave(case: str, stored: Callable[[Any], Path]) -> None:
     """All sizes chosen, nothing left to the program: the script of a diagram, and `identify(**settings)`."""

@@ -32,6 +32,7 @@ def paired(found: ms.ModalModel, true: ms.ModalModel) -> tuple[np.ndarray, np.nd
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [[], ["--apart"]])
 def test_a_tower_in_four_setups_from_the_command_line(how: list[str], tmp_path: Path) -> None:
     built = tower(1, setups=4, minutes=20)
@@ -67,6 +68,7 @@ def test_eleven_modes_of_a_tower_in_fifteen_setups(
     assert not table.missed
 
 
+@pytest.mark.slow
 def test_three_setups_of_the_building_give_its_nine_modes() -> None:
     with np.load(measured("building_3sl", "tsl3.npz")) as held:
         every, rate = held["y"], float(held["fs"])

@@ -37,6 +37,7 @@ def content(blocks):
     return [(block.dataset, block.records, block.payload) for block in blocks]
 
 
+@pytest.mark.slow
 def test_every_truncation_is_refused_or_an_intact_prefix(file):
     data = file.read_bytes()
     whole = content(scan("whole.uff", data))

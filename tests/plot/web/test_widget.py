@@ -58,6 +58,7 @@ def test_a_widget_is_of_a_result_alone() -> None:
     refused("Give a result", ms.widget, 3)
 
 
+@pytest.mark.slow
 def test_a_widget_carries_the_front_end() -> None:
     pytest.importorskip("anywidget", reason="the extra `notebook` is not installed")
     if front_end("widget.js") is None:
