@@ -23,19 +23,21 @@ endef
 SINGLE := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 QUIET_PLOTS := MPLBACKEND=Agg
 
-# Tests start hundreds of processes: what they import is compiled once for all, beside the environment, even where Python was told
-# to keep nothing.
-COMPILED := PYTHONDONTWRITEBYTECODE= PYTHONPYCACHEPREFIX='$(CURDIR)/.venv/pycache'
+# Python is started hundreds of times: what it imports is compiled once for all, beside the environment, even where Python was told to
+# keep nothing.
+export PYTHONDONTWRITEBYTECODE :=
+export PYTHONPYCACHEPREFIX := $(CURDIR)/.venv/pycache
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo page test coverage mutants lint format architecture changelog docs release-check versions licences bench torch study results clean
+.PHONY: help setup demo page test test-slow coverage mutants lint style format architecture changelog docs release-check versions licences bench torch study results clean
 
 help:
 	@echo "make setup         .venv with everything in it"
 	@echo "make demo          modes of a measured beam, next to the published ones"
 	@echo "make page          the front end of modalscope app (needs Node 20 and npm)"
-	@echo "make test          lint, then every test and every example in a docstring"
-	@echo "make coverage      the same tests, and which lines they run (95 % of them at least)"
+	@echo "make test          lint, the quick tests and every example in a docstring (4 minutes)"
+	@echo "make test-slow     the other tests (minutes)"
+	@echo "make coverage      both, and which lines they run (95 % of them at least)"
 	@echo "make versions      formats, data classes and methods with the earliest and the newest packages (minutes)"
 	@echo "make release-check archive and wheel built, installed into empty environments, and tested there (minutes)"
 	@echo "make licences      what modalscope needs, and under which licences"
@@ -72,7 +74,7 @@ docs/_static/mathjax/tex-svg.js:
 
 # Warnings are errors; a link that leads nowhere is a warning.
 docs: $(DOCS_STAMP) docs/_static/mathjax/tex-svg.js
-	@$(SINGLE) $(QUIET_PLOTS) $(COMPILED) $(BIN)/python -m sphinx -q -W --keep-going -j $(WORKERS) docs build/docs
+	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m sphinx -q -W --keep-going -j $(WORKERS) docs build/docs
 	@$(BIN)/python -m tools.site build/docs
 	@echo "build/docs/index.html"
 
@@ -82,10 +84,12 @@ demo: setup
 page: setup
 	@$(BIN)/python page/bundle.py
 
-lint: setup
+lint: style
+	@$(BIN)/mypy
+
+style: setup
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
-	@$(BIN)/mypy
 	@$(BIN)/lint-imports --no-logo
 
 format: setup
@@ -98,13 +102,23 @@ architecture: setup
 changelog: setup
 	@$(BIN)/python -m tools.changelog
 
-# COVERAGE=1 counts the lines that the tests run, and wants 95 % of them. What fails has one more try, and the summary names
-# it: a browser or a process that a loaded machine kept waiting is no fault of the code; what fails twice is.
-test: lint
-	@$(SINGLE) $(QUIET_PLOTS) $(COMPILED) $(BIN)/python -m pytest -q -rR --reruns 1 -n $(WORKERS) $(if $(COVERAGE),--cov --cov-report=term:skip-covered)
+# What fails has one more try, and the summary names it: a browser or a process that a loaded machine kept waiting is no fault of
+# the code; what fails twice is.
+PYTEST = $(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m pytest -q -rR --reruns 1 -n $(WORKERS) --dist worksteal
+
+# The types are checked beside the tests, which leave a core idle at their start and end; what is wrong with them is said last.
+test: style
+	@$(BIN)/mypy > .venv/types.txt 2>&1 & types=$$!; trap "kill $$types" INT TERM; \
+	$(PYTEST) $(if $(COVERAGE),--cov --cov-report= --cov-fail-under=0); tests=$$?; \
+	wait $$types; types=$$?; cat .venv/types.txt; exit $$((tests | types))
+
+# COVERAGE=1 after a `make test COVERAGE=1` counts the lines that both run, and wants 95 % of them.
+test-slow: setup
+	@$(PYTEST) -m 'slow and not study and not bench' $(if $(COVERAGE),--cov --cov-append --cov-report=term:skip-covered)
 
 coverage:
 	@$(MAKE) --no-print-directory test COVERAGE=1
+	@$(MAKE) --no-print-directory test-slow COVERAGE=1
 
 licences: setup
 	@$(BIN)/python -m tools.licences
@@ -124,15 +138,15 @@ versions: setup
 # TESTS="tests/data tests/io" tries a part.
 release-check: setup
 	@$(BIN)/mypy --python-version 3.13
-	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m tools.release --workers $(WORKERS) $(if $(TESTS),--tests $(TESTS))
+	@$(SINGLE) $(QUIET_PLOTS) env -u PYTHONPYCACHEPREFIX $(BIN)/python -m tools.release --workers $(WORKERS) $(if $(TESTS),--tests $(TESTS))
 
 # PART=2/3 tries every third of them, from the second on.
 mutants: setup
-	@$(SINGLE) $(QUIET_PLOTS) $(COMPILED) $(BIN)/python -m tests.mutants --processes $(WORKERS) $(if $(PART),--part $(PART))
+	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m tests.mutants --processes $(WORKERS) $(if $(PART),--part $(PART))
 
 # WORD=analyze runs the jobs whose names hold it; WRITE=1 writes the reference instead.
 results: setup
-	@$(SINGLE) $(QUIET_PLOTS) $(COMPILED) $(BIN)/python -m tools.results --jobs $(WORKERS) $(if $(WRITE),--write) $(WORD)
+	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m tools.results --jobs $(WORKERS) $(if $(WRITE),--write) $(WORD)
 
 # Large; no other target needs it.
 torch: $(STAMP)
@@ -143,12 +157,12 @@ bench: setup
 	@$(BIN)/python -m benchmarks.peers.install
 	@for script in benchmarks/[!_]*.py; do \
 		name=$$(basename "$$script" .py); echo "== $$name"; \
-		$(SINGLE) $(QUIET_PLOTS) $(COMPILED) $(BIN)/python -m benchmarks.$$name || exit 1; \
+		$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m benchmarks.$$name || exit 1; \
 	done
 
 # WORD="selection and not narrow" tries those with such a subject or name.
 study: setup
-	@$(SINGLE) $(QUIET_PLOTS) $(COMPILED) $(BIN)/python -m pytest -m study -s -v $(if $(WORD),-k "$(WORD)")
+	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m pytest -m study -s -v $(if $(WORD),-k "$(WORD)")
 
 clean:
 	rm -rf page/node_modules src/modalscope/app/static .venv .venv-min .venv-new build dist docs/generated docs/_static/mathjax .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
