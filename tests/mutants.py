@@ -152,7 +152,15 @@ def _run_here(folder: Path, tests: tuple[str, ...], log: Path, end: Path) -> Non
     with log.open("w") as said:
         os.dup2(said.fileno(), 1)
         os.dup2(said.fileno(), 2)
-    end.write_text(str(int(pytest.main(["-x", "-q", "--no-header", "-p", "no:cacheprovider", "-m", "not study and not bench", *tests]))))
+    end.write_text(
+        str(
+            int(
+                pytest.main(
+                    ["-x", "-q", "--no-header", "-p", "no:cacheprovider", "-m", "not study and not bench", *tests]
+                )
+            )
+        )
+    )
 
 
 def attempt(folder: Path, mutant: Mutant) -> str:

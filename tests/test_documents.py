@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from modalscope import select, stabilize
+from modalscope.systems import chain5
 from tests.support import ROOT
 from tools import floors
 
@@ -67,3 +72,17 @@ def test_the_readme_says_what_it_is_before_the_tenth_line_and_shows_a_command() 
     head = read("README.md").split("```")
     assert head[0].count("\n") <= 10
     assert head[1].strip().startswith("modalscope identify examples/")
+
+
+def test_what_makes_a_mode_weak_is_decided_in_the_file_that_contributors_are_sent_to(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The bound there, for a chance of 1e-300 in place of 1e-3, leaves out the weak modes of noisy responses, and those alone."""
+    (row,) = [line for line in (ROOT / "CONTRIBUTING.md").read_text().splitlines() if "what makes a mode weak" in line]
+    file = re.findall(r"`src/([\w/]+)\.py`", row)[0]
+    clean = chain5().state_space().frequency_response(np.linspace(0.2, 6.0, 300))
+    noise = np.random.default_rng(1).standard_normal((2, *clean.values.shape)) * 0.01 * np.abs(clean.values).max()
+    diagram = stabilize(replace(clean, values=clean.values + noise[0] + 1j * noise[1]), orders=range(2, 21, 2))
+    strong, every = 1, len(select(diagram))
+    monkeypatch.setattr(import_module(file.replace("/", ".")), "_FALSE", 1e-300)
+    assert strong <= len(select(diagram)) < every
