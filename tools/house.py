@@ -36,7 +36,7 @@ def imported(text: str, known: Mapping[str, object]) -> set[str]:
 
     Examples
     --------
-    >>> sorted(imported("from a import b, c\\nimport a.d", {"a": 1, "a.b": 1, "a.d": 1}))
+    >>> sorted(imported("from a import b, c\nimport a.d", {"a": 1, "a.b": 1, "a.d": 1}))
     ['a', 'a.b', 'a.d']
     """
     found: set[str] = set()
@@ -90,7 +90,7 @@ def code_lines(text: str) -> int:
 
     Examples
     --------
-    >>> code_lines('"A text."\\nimport a\\n\\n# why\\nx = (1,\\n     2)\\n')
+    >>> code_lines('"A text."\nimport a\n\n# why\nx = (1,\n     2)\n')
     2
     """
     tokens = tokenize.generate_tokens(io.StringIO(text).readline)

@@ -150,7 +150,7 @@ SLOW_SUMS = """
 import sys, time
 from modalscope.io import stored as of_files
 from modalscope.data import stored
-from modalscope.preprocess import saved_sums
+from modalscope.numerics import sums as saved_sums
 stored._BESIDE = of_files._PARTS = 10**9
 saved_sums._SECONDS = saved_sums._TIMES = 0.0
 add = saved_sums.SavedSums.add

@@ -7,20 +7,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from modalscope.cli.output import check_output
 from modalscope.cli.parser import Commands, add_cell, add_choices, add_files, add_outputs, add_workers
 from modalscope.cli.process import complain, explain, remark, say
-from modalscope.cli.reading import read_modes
-from modalscope.data import DataError, ModalModel
-from modalscope.io import write
-from modalscope.modal.pairing import pair_modes
-from modalscope.numerics.checks import RealArray
 
 if TYPE_CHECKING:
+    from modalscope.data import ModalModel
     from modalscope.data.notes import Note
     from modalscope.data.results import Result
+    from modalscope.numerics.checks import RealArray
 
 __all__ = ["add", "run"]
 
@@ -210,6 +204,11 @@ def run_each(options: argparse.Namespace) -> None:
     An output names the files to write: `-o results.json` gives results_NAME.json for every NAME. A file that cannot be used is
     named, and the others are done all the same.
     """
+    from modalscope.cli.output import check_output
+    from modalscope.cli.reading import read_modes
+    from modalscope.data import DataError
+    from modalscope.io import write
+
     reference = None if options.reference is None else read_modes(options, options.reference)
     places = {
         path: [out.with_name(f"{out.stem}_{path.stem}{out.suffix}") for out in options.outputs]
@@ -256,6 +255,10 @@ def table_of(found: Sequence[tuple[str, ModalModel]], reference: ModalModel | No
     reference : ModalModel, optional
         By default the first test that has modes.
     """
+    import numpy as np
+
+    from modalscope.modal.pairing import pair_modes
+
     first = next((modes for _, modes in found if len(modes)), None) if reference is None else reference
     if first is None:
         return "no mode stands out of any file"
