@@ -51,7 +51,7 @@ def _stop(number: int, frame: FrameType | None) -> NoReturn:
     """Take half-written files away, say one line, and end with the status that shells expect."""
     for other in _numbers():
         signal.signal(other, signal.SIG_IGN)
-    writers = [sys.modules.get(f"modalscope.{name}") for name in ("io.atomic", "preprocess.saved_sums")]
+    writers = [sys.modules.get(f"modalscope.{name}") for name in ("io.atomic", "numerics.sums")]
     for path in [path for writer in writers for path in tuple(getattr(writer, "PENDING", ()))]:
         with suppress(OSError):
             path.unlink()
