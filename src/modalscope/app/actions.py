@@ -26,12 +26,7 @@ _DIAGRAMS = ("files", "bands", "exclude", "route", "method", "domain", "orders",
 
 
 def diagrams_key(document: Analysis) -> str:
-    """Return the part of a document that its diagrams depend on, as text.
-
-    Parameters
-    ----------
-    document : Analysis
-    """
+    """Return the part of a document that its diagrams depend on, as text."""
     whole = analysis_to(document)
     return json.dumps([whole[name] for name in _DIAGRAMS], sort_keys=True)
 
@@ -39,18 +34,9 @@ def diagrams_key(document: Analysis) -> str:
 def acted(document: Analysis, action: str, given: Mapping[str, Any]) -> Analysis:
     """Return the document after an action.
 
-    Parameters
-    ----------
-    document : Analysis
-    action : str
-        One of `ACTIONS`.
-    given : mapping
-        What it needs.
+    `action`: one of `ACTIONS`. `given`: what it needs.
 
-    Raises
-    ------
-    DataError
-        An unknown action, or what it was given cannot be.
+    Raises `DataError`: an unknown action, or what it was given cannot be.
 
     Examples
     --------

@@ -18,12 +18,7 @@ __all__ = ["Crew", "Hand"]
 
 
 def main(pipe: Connection) -> None:
-    """Load all that computes, and serve the pipe.
-
-    Parameters
-    ----------
-    pipe : Connection
-    """
+    """Load all that computes, and serve the pipe."""
     from modalscope.app.worker import main as serve
 
     serve(pipe)
@@ -38,10 +33,7 @@ Hear = Callable[[str, int, Any], None]
 class Hand:
     """One process and the pipe to it; what it sends is heard in the server's loop.
 
-    Parameters
-    ----------
-    loop : event loop
-        Of the server.
+    `loop`: of the server.
     """
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
@@ -107,11 +99,7 @@ class Owner(Protocol):
 class Crew:
     """All processes of a server: where there are as many as may be one that rests is ended, and else the next owner waits its turn.
 
-    Parameters
-    ----------
-    most : int
-    spare : bool
-        Whether one waits, warm, for the next document.
+    `spare`: whether one waits, warm, for the next document.
     """
 
     def __init__(self, most: int, spare: bool = True) -> None:
@@ -126,12 +114,7 @@ class Crew:
             self._warm = Hand(asyncio.get_running_loop())
 
     def take(self, owner: Owner) -> Hand | None:
-        """Return a process, and let the next warm up; None where all have work: the owner is started when one has done with it.
-
-        Parameters
-        ----------
-        owner : Owner
-        """
+        """Return a process, and let the next warm up; None where all have work: the owner is started when one has done with it."""
         self.leave(owner)
         if not self._room():
             self._waiting.append(owner)
@@ -142,12 +125,7 @@ class Crew:
         return hand
 
     def leave(self, owner: Owner) -> bool:
-        """Wait no longer; say whether it waited.
-
-        Parameters
-        ----------
-        owner : Owner
-        """
+        """Wait no longer; say whether it waited."""
         waited = owner in self._waiting
         if waited:
             self._waiting.remove(owner)

@@ -40,10 +40,7 @@ class Windows:
     def look(self, most: int) -> Window:
         """Return what a new window is told from now on.
 
-        Parameters
-        ----------
-        most : int
-            Windows at a time.
+        `most`: windows at a time.
         """
         if len(self._open) >= most:
             raise DataError("another window was opened", f"{len(self._open)} look on already", "Close some.")
@@ -72,23 +69,8 @@ class Windows:
 class Desk:
     """One open document.
 
-    Parameters
-    ----------
-    key : str
-        Its name in addresses.
-    name : str
-        What it is called.
-    history : list of Analysis
-        Every step.
-    crew : Crew
-    limits : Limits
-    place : int
-        Which step counts now.
-    edition : int
-        Counts every change: a window that saw another one is told so.
-    blobs : mapping of name to (number, blob)
-        What was found last.
-    windows : Windows
+    `key`: its name in addresses. `name`: what it is called. `history`: every step. `place`: which step counts now. `edition`: counts
+    every change: a window that saw another one is told so. `blobs`: what was found last.
     """
 
     key: str
@@ -121,13 +103,7 @@ class Desk:
     def act(self, action: str, given: dict[str, Any], edition: int | None) -> None:
         """Do something to the document, and compute what follows from it.
 
-        Parameters
-        ----------
-        action : str
-            One of `actions.ACTIONS`, "undo", "redo" or "again".
-        given : dict
-        edition : int, optional
-            What the window saw.
+        `action`: one of `actions.ACTIONS`, "undo", "redo" or "again". `edition`: what the window saw.
         """
         if edition is not None and edition != self.edition:
             raise DataError(
@@ -321,11 +297,7 @@ class Desk:
     async def ask(self, what: str, **given: Any) -> Any:
         """Return what a finished analysis answers; it is computed first where that is still to be done.
 
-        Parameters
-        ----------
-        what : str
-            One of `tasks.TASKS`.
-        **given
+        `what`: one of `tasks.TASKS`.
         """
         self._count += 1
         number, answer = self._count, asyncio.get_running_loop().create_future()

@@ -29,13 +29,7 @@ _WRITTEN = 100
 
 
 class Desks:
-    """Opens, finds and keeps documents.
-
-    Parameters
-    ----------
-    shelf : Shelf
-    limits : Limits
-    """
+    """Opens, finds and keeps documents."""
 
     def __init__(self, shelf: Shelf, limits: Limits) -> None:
         self.shelf, self.limits = shelf, limits
@@ -55,12 +49,7 @@ class Desks:
             yield {"key": path.stem, "name": str(kept["name"]), "steps": len(kept["history"])}
 
     def find(self, key: str) -> Desk:
-        """Return a document, from the disk where it is not open.
-
-        Parameters
-        ----------
-        key : str
-        """
+        """Return a document, from the disk where it is not open."""
         if key in self._open:
             return self._open[key]
         path = self._place / f"{key}.json"
@@ -79,12 +68,7 @@ class Desks:
         return desk
 
     async def open(self, names: list[str]) -> Desk:
-        """Open files of the listing, uploads, or a document: several files are parts of one test.
-
-        Parameters
-        ----------
-        names : list of str
-        """
+        """Open files of the listing, uploads, or a document: several files are parts of one test."""
         if not names:
             raise DataError("a file was to be opened", "none was named", "Choose one of the list, or drop one here.")
         paths = [self.shelf.resolve(name) for name in names]
@@ -123,12 +107,7 @@ class Desks:
         return desk
 
     def keep(self, desk: Desk) -> None:
-        """Write a document to the disk.
-
-        Parameters
-        ----------
-        desk : Desk
-        """
+        """Write a document to the disk."""
         first = max(0, desk.place - _WRITTEN)
         history = desk.history[first : desk.place + _WRITTEN]
         kept = {
@@ -141,12 +120,7 @@ class Desks:
             temporary.write_text(json.dumps(kept), encoding="utf-8")
 
     def close(self, key: str) -> None:
-        """Close a document and forget it.
-
-        Parameters
-        ----------
-        key : str
-        """
+        """Close a document and forget it."""
         desk = self._open.pop(key, None)
         if desk is not None:
             desk.close()
@@ -162,12 +136,7 @@ class Desks:
 
 
 def hashed(path: Path) -> SourceFile:
-    """Return size and hash of a file.
-
-    Parameters
-    ----------
-    path : Path
-    """
+    """Return size and hash of a file."""
     from modalscope.workflow.sources import source_of_file
 
     return source_of_file(path, {})

@@ -47,12 +47,7 @@ _UPLOAD = "upload:"
 class Shelf:
     """The folder that was given, and a place of our own for uploads and documents.
 
-    Parameters
-    ----------
-    folder : Path, optional
-        Nothing outside of it is listed or opened.
-    place : Path
-        Where uploads and documents are kept.
+    `folder`: nothing outside of it is listed or opened. `place`: where uploads and documents are kept.
     """
 
     def __init__(self, folder: Path | None, place: Path) -> None:
@@ -80,14 +75,7 @@ class Shelf:
     def resolve(self, name: str) -> Path:
         """Return the file of a name from the listing or an upload; nothing outside of these.
 
-        Parameters
-        ----------
-        name : str
-
-        Raises
-        ------
-        DataError
-            A path that leads elsewhere, or no such file.
+        Raises `DataError`: A path that leads elsewhere, or no such file.
         """
         top, inner = (self._uploads, name.removeprefix(_UPLOAD)) if name.startswith(_UPLOAD) else (self.folder, name)
         if top is None or "\0" in inner:
@@ -106,12 +94,7 @@ class Shelf:
     async def take(self, name: str, chunks: AsyncIterator[bytes], most: int) -> str:
         """Write an upload as it comes and return what it goes by; one too large or broken off leaves nothing behind.
 
-        Parameters
-        ----------
-        name : str
-        chunks : async iterator of bytes
-        most : int
-            Bytes.
+        `most`: bytes.
         """
         folder = self._uploads / token_hex(8)
         folder.mkdir(mode=0o700)
@@ -133,11 +116,7 @@ class Shelf:
 def too_large(name: str, most: int) -> DataError:
     """Return the error of a file that is too large.
 
-    Parameters
-    ----------
-    name : str
-    most : int
-        Bytes.
+    `most`: bytes.
     """
     found = f"it has more than {most / 1e6:g} MB"
     return DataError(f"{name} was dropped", found, "Put it into a folder and start `modalscope app --folder` there.")

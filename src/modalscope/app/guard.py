@@ -20,28 +20,10 @@ __all__ = ["HEADERS", "Guard", "Limits"]
 class Limits:
     """Limits of one server.
 
-    Parameters
-    ----------
-    upload : int
-        Bytes of one uploaded file.
-    body : int
-        Bytes of any other request.
-    documents : int
-        Documents that are open at a time.
-    workers : int
-        Processes at a time; the one that waited longest is ended for another.
-    spare : bool
-        Whether a process waits, warm, for the next document.
-    history : int
-        Steps that can be undone.
-    kept : int
-        Bytes of finished stages that a document keeps.
-    patience : float
-        Seconds from a cancel to the end of the process.
-    seconds : float
-        The longest job.
-    listeners : int
-        Windows on one document.
+    `upload`: bytes of one uploaded file. `body`: bytes of any other request. `documents`: documents that are open at a time. `workers`:
+    processes at a time; the one that waited longest is ended for another. `spare`: whether a process waits, warm, for the next document.
+    `history`: steps that can be undone. `kept`: bytes of finished stages that a document keeps. `patience`: seconds from a cancel to the
+    end of the process. `seconds`: the longest job. `listeners`: windows on one document.
     """
 
     upload: int = 2 << 30
@@ -88,14 +70,7 @@ class Guard:
     page of somebody else. The name that was asked for (Host) must be the server's own, else a foreign name that points here could read
     what is served; what changes something must say that it comes from the page (Origin).
 
-    Parameters
-    ----------
-    app : ASGI application
-    token : str
-    names : iterable of str
-        Values of Host that are the server's own, in lower case.
-    cookie : str
-        Name of the cookie.
+    `names`: values of Host that are the server's own, in lower case. `cookie`: name of the cookie.
     """
 
     def __init__(self, app: App, token: str, names: Iterable[str], cookie: str) -> None:

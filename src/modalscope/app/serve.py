@@ -33,15 +33,7 @@ STATIC = Path(__file__).parent / "static"
 class Page:
     """A server that is ready to run.
 
-    Parameters
-    ----------
-    app : ASGI application
-    socket : socket
-        Bound already: nobody else can take the port.
-    address : str
-        With the token.
-    desks : Desks
-        Its documents.
+    `socket`: bound already: nobody else can take the port. `address`: with the token. `desks`: its documents.
     """
 
     app: Any
@@ -53,10 +45,7 @@ class Page:
 def built() -> None:
     """Raise where the front end is not there.
 
-    Raises
-    ------
-    DataError
-        A checkout in which nobody has built it.
+    Raises `DataError`: A checkout in which nobody has built it.
     """
     if not (STATIC / "index.html").is_file():
         raise DataError(
@@ -86,17 +75,8 @@ def page(
 ) -> Page:
     """Return the server, bound to its port.
 
-    Parameters
-    ----------
-    first : list of str, optional
-        Files in the folder to open at once.
-    folder : Path, optional
-        The only place that files are read from.
-    host, port : str and int
-        Loopback by default, and any port that is free.
-    place : Path, optional
-        Where uploads and documents are kept.
-    limits : Limits, optional
+    `first`: files in the folder to open at once. `folder`: the only place that files are read from. `host`, `port`: loopback by default,
+    and any port that is free. `place`: where uploads and documents are kept.
     """
     bound = _bound(host, port)
     port = bound.getsockname()[1]
@@ -141,12 +121,7 @@ def _bound(host: str, port: int) -> socket.socket:
 
 
 def server_of(made: Page) -> Any:
-    """Return what runs a page: `run([made.socket])` serves until `should_exit` is set.
-
-    Parameters
-    ----------
-    made : Page
-    """
+    """Return what runs a page: `run([made.socket])` serves until `should_exit` is set."""
     import uvicorn
 
     class Server(uvicorn.Server):
@@ -159,10 +134,5 @@ def server_of(made: Page) -> Any:
 
 
 def serve(made: Page) -> None:
-    """Run a server until it is interrupted.
-
-    Parameters
-    ----------
-    made : Page
-    """
+    """Run a server until it is interrupted."""
     server_of(made).run(sockets=[made.socket])

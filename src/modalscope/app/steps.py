@@ -34,12 +34,7 @@ __all__ = ["Stages", "result_head"]
 
 
 def result_head(result: Result) -> dict[str, Any]:
-    """Return what is told of a result beside its modes.
-
-    Parameters
-    ----------
-    result : Result
-    """
+    """Return what is told of a result beside its modes."""
     first = result.diagrams[0]
     head: dict[str, Any] = {
         "label": cell_label(first.method, first.domain),
@@ -65,10 +60,7 @@ Tell = Callable[..., None]
 class Stages:
     """One analysis in the process that computes it: `run` gives the result of a document, from what is kept of the one before.
 
-    Parameters
-    ----------
-    tell : callable
-        Called with (kind, payload) for all that is worth showing.
+    `tell`: called with (kind, payload) for all that is worth showing.
     """
 
     def __init__(self, tell: Tell) -> None:
@@ -84,13 +76,8 @@ class Stages:
     def run(self, document: Analysis, kept: bytes | None, check: Callable[[], None]) -> None:
         """Compute what a document says, and tell it stage by stage.
 
-        Parameters
-        ----------
-        document : Analysis
-        kept : bytes, optional
-            Diagrams that another process finished, for the same part of the document.
-        check : callable
-            Asked between two orders and two stages; raises where something newer waits.
+        `kept`: diagrams that another process finished, for the same part of the document. `check`: asked between two orders and two
+        stages; raises where something newer waits.
         """
         self.result = None
         self._read(document)
@@ -170,12 +157,7 @@ class Stages:
         return self._findings
 
     def channel(self, output: int, column: int) -> bytes:
-        """Return one channel, measured and rebuilt.
-
-        Parameters
-        ----------
-        output, column : int
-        """
+        """Return one channel, measured and rebuilt."""
         return channel_blob(self._diagrams, self.finished().modes, output, column)
 
     def finished(self) -> Result:

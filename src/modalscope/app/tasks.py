@@ -27,14 +27,7 @@ def channel(stages: Stages, progress: Progress, output: int, column: int) -> byt
 def export(stages: Stages, progress: Progress, suffix: str, target: str) -> Path:
     """Write the result in one format, as the command line does.
 
-    Parameters
-    ----------
-    stages : Stages
-    progress : callable
-    suffix : str
-        One of `FORMATS`.
-    target : str
-        The file to write.
+    `suffix`: one of `FORMATS`. `target`: the file to write.
     """
     result, path = stages.finished(), Path(target)
     if suffix not in FORMATS:
@@ -70,12 +63,7 @@ def _whole(bands: tuple[tuple[float, float], ...]) -> tuple[float, float] | None
 
 
 def compared_view(found: Comparison) -> dict[str, Any]:
-    """Return a comparison as the page shows it.
-
-    Parameters
-    ----------
-    found : Comparison
-    """
+    """Return a comparison as the page shows it."""
     from modalscope import plot
     from modalscope.comparing import CAUSES
     from modalscope.reporting.figures import draw

@@ -91,10 +91,6 @@ _STOPPED = {"asked": "this was asked", "found": "it was stopped", "change": "Ask
 def told(error: BaseException) -> dict[str, str]:
     """Return the three parts of an error: what was asked, what there is, what to change.
 
-    Parameters
-    ----------
-    error : exception
-
     Examples
     --------
     >>> told(MemoryError())["change"]
@@ -117,12 +113,7 @@ def told(error: BaseException) -> dict[str, str]:
 
 
 def main(pipe: Connection) -> None:
-    """Serve a pipe until it is closed; an interrupt from the terminal is the server's business.
-
-    Parameters
-    ----------
-    pipe : Connection
-    """
+    """Serve a pipe until it is closed; an interrupt from the terminal is the server's business."""
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)

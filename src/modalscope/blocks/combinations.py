@@ -82,15 +82,7 @@ def enough(outputs: int, order: int) -> int | None:
 class Combinations:
     """A response of r combinations of l outputs (made by `combinations`).
 
-    Parameters
-    ----------
-    response : Response
-        U'X.
-    U : array, (l, r)
-    scale : array, (l,)
-        The diagonal of D.
-    discarded : float
-        |X - U U'X|^2 / |X|^2.
+    `response`: U'X. `U` (l, r). `scale` (l,): the diagonal of D. `discarded`: |X - U U'X|^2 / |X|^2.
     """
 
     response: Response
@@ -130,15 +122,7 @@ class OutputRows(Protocol):
 class Found(NamedTuple):
     """What combinations are made of.
 
-    Parameters
-    ----------
-    U : array, (l, r)
-        No rows where it was not kept.
-    columns : array, (r, columns)
-        U'X.
-    scale : array, (l,)
-    discarded : float
-        |X - U U'X|^2 / |X|^2.
+    `U` (l, r): no rows where it was not kept. `columns` (r, columns): U'X. `scale` (l,). `discarded`: |X - U U'X|^2 / |X|^2.
     """
 
     U: RealArray
@@ -150,13 +134,7 @@ class Found(NamedTuple):
 def combinations(response: Response, count: int, seed: int = 0) -> Combinations:
     """Return the response of `count` combinations of the outputs, which hold nearly all of its energy; fewer where the rank is smaller.
 
-    Parameters
-    ----------
-    response : Response
-    count : int
-        r.
-    seed : int
-        Of the sketch; the result depends on it little.
+    `count`: r. `seed`: of the sketch; the result depends on it little.
     """
     rows = _InMemory(response.values)
     found = found_combinations(rows, count, seed)
@@ -169,15 +147,7 @@ def combinations(response: Response, count: int, seed: int = 0) -> Combinations:
 def found_combinations(rows: OutputRows, count: int, seed: int = 0, *, keep: bool = True) -> Found:
     """Return r combinations of outputs that come some at a time, in two passes over them.
 
-    Parameters
-    ----------
-    rows : OutputRows
-    count : int
-        r.
-    seed : int
-        Of the sketch.
-    keep : bool
-        Whether U, which has a row an output, is wanted.
+    `count`: r. `seed`: of the sketch. `keep`: whether U, which has a row an output, is wanted.
 
     References
     ----------
@@ -247,15 +217,8 @@ def _directions(sketch: RealArray, count: int, seed: int) -> RealArray:
 def labelled(response: Some, values: Array, back: RealArray | None, count: int) -> Some:
     """Return the combinations' response: what belongs to single outputs has no meaning for them, but variances add up.
 
-    Parameters
-    ----------
-    response : Response
-        What it is made of.
-    values : array, (K, r, m)
-    back : array, (l, r), optional
-        What the outputs are multiplied with; without it there must be no variance and no direct term.
-    count : int
-        r.
+    `response`: what it is made of. `values` (K, r, m). `back` (l, r): what the outputs are multiplied with; without it there must be no
+    variance and no direct term. `count`: r.
     """
     changed: dict[str, Any] = {
         "values": values,
@@ -308,13 +271,7 @@ class _InMemory:
 class CombinedOutputs(DataMatrix):
     """A data matrix of combinations U'D^-1 H, whose models are taken back by D U: one product gives the shapes of all outputs.
 
-    Parameters
-    ----------
-    response : Response
-        As it was measured.
-    few : Combinations
-    inner : DataMatrix
-        Of the combinations.
+    `response`: as it was measured. `inner`: of the combinations.
     """
 
     response: Response
@@ -445,16 +402,9 @@ def combined(stored: StoredResponse, count: int = COUNT) -> tuple[ImpulseRespons
     Poles, participation and everything that is judged over all outputs together are those of the whole; shapes belong to the
     combinations, see `modalscope.modal.full_field`.
 
-    Parameters
-    ----------
-    stored : StoredResponse
-    count : int
-        How many.
+    `count`: how many.
 
-    Raises
-    ------
-    DataError
-        Samples that do not read, or a sketch that is too large for the memory.
+    Raises `DataError`: samples that do not read, or a sketch that is too large for the memory.
     """
     rows = _Rows(stored)
     check_fits(

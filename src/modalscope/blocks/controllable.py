@@ -19,12 +19,7 @@ __all__ = ["TurnedHankel"]
 class TurnedHankel(DataMatrix):
     """A Hankel matrix of the transposed response, whose models are turned back: (A, B, C) -> (A', C', B').
 
-    Parameters
-    ----------
-    response : ImpulseResponse
-        As it was measured.
-    inner : Hankel
-        Of the transposed response.
+    `response`: as it was measured. `inner`: of the transposed response.
     """
 
     response: ImpulseResponse

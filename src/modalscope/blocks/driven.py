@@ -49,11 +49,7 @@ _FUTURE = 10
 def innovations(model: StateSpace, runs: Iterable[tuple[RealArray, RealArray]]) -> tuple[RealArray, RealArray] | None:
     """Return the gain (n, l) and the covariance of the innovations (l, l) of a model, from records; None of one that grows.
 
-    Parameters
-    ----------
-    model : StateSpace
-        Sampled; outputs and inputs of about the same size in all channels.
-    runs : iterable of (outputs (N, l), inputs (N, m))
+    `model`: sampled; outputs and inputs of about the same size in all channels.
     """
     if np.abs(model.poles).max(initial=0.0) > 1:
         return None
@@ -99,11 +95,7 @@ def kalman_gain(future: RealArray, A: RealArray, C: RealArray) -> tuple[RealArra
     K = [C; C A; ...]# (E^-1 F)'. A gain under which errors would not decay (A - K C) is replaced by that of the Riccati equation with
     the same covariances.
 
-    Parameters
-    ----------
-    future : array, (l, l (q + 1))
-        [E, F], with E'E the covariance.
-    A, C : array
+    `future` (l, l (q + 1)): [E, F], with E'E the covariance.
     """
     l, n = C.shape
     E, F = future[:, :l], future[:, l:]
@@ -164,25 +156,15 @@ def driven_projection(
     the latest samples one by one and sums those before over intervals that grow by a half (`intervals`): slow modes need a long past to
     be told from noise, and every row of the past predicts some noise by chance, which biases damping.
 
-    Parameters
-    ----------
-    records : Records
-        Runs of any length and any of the inputs.
-    block_rows, block_columns : int
-        Blocks of the future but one, and samples of the past.
-    single : int
-        Samples of the past that stay one by one.
-    spectra : RecordSpectra, optional
-        The same records on their lines: what participation is fitted to and a model is compared with.
+    `records`: runs of any length and any of the inputs. `block_rows`, `block_columns`: blocks of the future but one, and samples of the
+    past. `single`: samples of the past that stay one by one. `spectra`: the same records on their lines: what participation is fitted to
+    and a model is compared with.
+
+    Raises `DataError`: records without inputs, or fewer times than rows: everything can then be predicted.
 
     Returns
     -------
     DrivenProjection
-
-    Raises
-    ------
-    DataError
-        Records without inputs, or fewer times than rows: everything can then be predicted.
 
     References
     ----------
@@ -214,11 +196,7 @@ def driven_projection(
 def intervals(samples: int, single: int) -> RealArray:
     """Return T (b, p): the latest samples one by one, those before in sums over intervals that grow by a half, of length one each.
 
-    Parameters
-    ----------
-    samples : int
-        p.
-    single : int
+    `samples`: p.
 
     Examples
     --------
@@ -243,15 +221,8 @@ def intervals(samples: int, single: int) -> RealArray:
 class DrivenProjection(MixedRows):
     """Future outputs projected on past inputs and outputs, future inputs eliminated (made by `driven_projection`).
 
-    Parameters
-    ----------
-    records : Records
-    response : RecordSpectra
-        The records on their lines.
-    future_blocks, past_blocks : int
-        Blocks of the future but one, and samples of the past.
-    sums : array, (b, p)
-        T: what the rows of the past are of its samples, the latest first.
+    `response`: the records on their lines. `future_blocks`, `past_blocks`: blocks of the future but one, and samples of the past. `sums`
+    (b, p): t: what the rows of the past are of its samples, the latest first.
     """
 
     records: Records

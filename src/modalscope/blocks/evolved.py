@@ -25,16 +25,9 @@ _COUNTS = 1e-100
 class Compared(NamedTuple):
     """Sums over one side for k modes: what a coherence and a weighted mean of agreements need of it.
 
-    Parameters
-    ----------
-    inner : array of complex, (k,)
-        sum conj(identified) expected.
-    identified, expected : array, (k,)
-        sum |identified|^2 and sum |expected|^2.
-    agreement : array, (k,)
-        Mean agreement, weighted by the squared amplitude of the first block.
-    seen : array of bool, (k,), optional
-        Modes of which something is left to compare; all when None.
+    `inner` (k,): sum conj(identified) expected. `identified`, `expected` (k,): sum |identified|^2 and sum |expected|^2. `agreement` (k,):
+    mean agreement, weighted by the squared amplitude of the first block. `seen` (k,): modes of which something is left to compare; all
+    when None.
     """
 
     inner: ComplexArray
@@ -50,11 +43,7 @@ class ModalSide(Protocol):
     def compare(self, agreement: Agreement, step: Callable[[Array], Array]) -> Compared:
         """Compare what was identified with what modes must give.
 
-        Parameters
-        ----------
-        agreement : callable
-        step : callable
-            Evolution (K, k) -> the block of each mode whose agreement counts.
+        `step`: evolution (K, k) -> the block of each mode whose agreement counts.
         """
 
 
@@ -69,18 +58,8 @@ def compared(
 ) -> Compared:
     """Return the sums of a factor that runs in blocks, and the agreement of one block of each mode.
 
-    Parameters
-    ----------
-    inner, identified : array, (k,)
-        As in `Compared`.
-    at : array of complex, (c, k)
-        The chosen block as it was identified.
-    first : array of complex, (c, k)
-        The block that starts the evolution.
-    evolution : array of complex, (K, k)
-    chosen : array of int, (k,)
-        Which block.
-    agreement : callable
+    `inner`, `identified` (k,): as in `Compared`. `at` (c, k): the chosen block as it was identified. `first` (c, k): the block that
+    starts the evolution. `evolution` (K, k). `chosen` (k,): which block.
     """
     weight = _squared(first)
     total = np.sum(weight, axis=0)
@@ -97,16 +76,8 @@ def compared(
 class Evolved:
     """A factor that runs in blocks: block k is the first times g_k.
 
-    Parameters
-    ----------
-    blocks : array, (K, c, N)
-        Blocks of the factor.
-    states : array of complex, (N, k)
-        What takes the factor's states to modes.
-    first : array of complex, (c, k)
-        The block that starts the evolution.
-    evolution : array of complex, (K, k)
-        g_k.
+    `blocks` (K, c, N): blocks of the factor. `states` (N, k): what takes the factor's states to modes. `first` (c, k): the block that
+    starts the evolution. `evolution` (K, k): g_k.
     """
 
     blocks: Array
@@ -146,16 +117,9 @@ class Evolved:
 class OnLines:
     """A factor that runs over lines: every line stands for itself, at +w and at -w.
 
-    Parameters
-    ----------
-    factor : array, (m, N, 2 F)
-        The factor of every input, real parts of the lines before imaginary ones.
-    states : array of complex, (N, k)
-    functions : array of complex, (2, k, F)
-        What runs along the lines for a mode of unit participation, at +w and at -w.
-    participation : array of complex, (m, k)
-    seen : array of bool, (k,)
-        Modes of which something is left to compare.
+    `factor` (m, N, 2 F): the factor of every input, real parts of the lines before imaginary ones. `states` (N, k). `functions` (2, k,
+    F): what runs along the lines for a mode of unit participation, at +w and at -w. `participation` (m, k). `seen` (k,): modes of which
+    something is left to compare.
     """
 
     factor: RealArray
@@ -190,9 +154,7 @@ class OnLines:
     def _pieces(self, states: ComplexArray) -> Iterator[tuple[slice, RealArray, RealArray, RealArray, RealArray]]:
         """Yield some inputs; on some lines real and imaginary part of what was identified, (2, inputs, k, lines), and of the functions.
 
-        Parameters
-        ----------
-        states : array of complex, (m, N, k)
+        `states` (m, N, k).
         """
         count, _, k = states.shape
         lines = self.functions.shape[2]

@@ -60,16 +60,8 @@ _DIRECTIONS = 2
 class Cost(NamedTuple):
     """One way of factoring.
 
-    Parameters
-    ----------
-    route : str
-        As `factorize` takes it.
-    operations : float
-        In units of those of a matrix product.
-    memory : float
-        Bytes beside the data.
-    passing : float
-        Operations among them of a refinement pass, which only data without noise, or with modes far below the strongest, need.
+    `route`: as `factorize` takes it. `operations`: in units of those of a matrix product. `memory`: bytes beside the data. `passing`:
+    operations among them of a refinement pass, which only data without noise, or with modes far below the strongest, need.
     """
 
     route: str
@@ -93,11 +85,6 @@ def costs_of(matrix: Operator, wanted: int) -> tuple[Cost, ...]:
 
     The cheapest comes first, but the Gram matrix and the dense decomposition before a range where they are a matter of half a second: a
     range knows directions in the bulk of the noise, into which diagrams reach, to a few per cent.
-
-    Parameters
-    ----------
-    matrix : Operator
-    wanted : int
     """
     rows, columns = matrix.shape
     if rows < columns:
@@ -168,28 +155,12 @@ class RightFactor(Protocol):
 class Factors:
     """H = P diag(d) Q', the leading part, with how it was found.
 
-    Parameters
-    ----------
-    left : array or Product, (rows, k)
-        Orthonormal left vectors, or the product H Q d^-1 that gives them when they are first asked for.
-    d : array, (k,)
-        Singular values, decreasing.
-    Q : array, (columns, k)
-        Orthonormal right vectors.
-    spectrum : array
-        All singular values that the route gives: the dense one all, the Gram route those it carried.
-    rank : int
-        Number of singular values above rounding.
-    how : str
-        The route, in words.
-    gram : array, optional
-        The Gram matrix that was decomposed in part.
-    rest : (int, float)
-        How many singular values were not computed, and the sum of their squares, where a range carried the leading ones.
-    right : RightFactor, optional
-        The right factor on the data's own columns, where Q belongs to a stand-in.
-    between : dict
-        What the data matrix has made of them, for the realizations that read their models off them.
+    `left` (rows, k): orthonormal left vectors, or the product H Q d^-1 that gives them when they are first asked for. `d` (k,): singular
+    values, decreasing. `Q` (columns, k): orthonormal right vectors. `spectrum`: all singular values that the route gives: the dense one
+    all, the Gram route those it carried. `rank`: number of singular values above rounding. `how`: the route, in words. `gram`: the Gram
+    matrix that was decomposed in part. `rest`: how many singular values were not computed, and the sum of their squares, where a range
+    carried the leading ones. `right`: the right factor on the data's own columns, where Q belongs to a stand-in. `between`: what the data
+    matrix has made of them, for the realizations that read their models off them.
     """
 
     left: RealArray | Product
@@ -246,20 +217,11 @@ class Factors:
 def factorize(matrix: Operator, rank: int | None = None, route: str = "auto") -> Factors:
     """Return the leading `rank` singular triplets of a matrix (all when None), by the cheaper exact enough route.
 
-    Parameters
-    ----------
-    matrix : Operator
-    rank : int, optional
-        How many triplets will be used.
-    route : {"auto", "dense", "gram", "randomized", "lanczos"}
-        "auto" takes the dense decomposition for small matrices, and of large ones the cheapest that memory allows (see
-        `modalscope.blocks.factor`): the structured Gram matrix, a randomized range unless directions that stand out
-        do not settle, or dense.
+    `rank`: how many triplets will be used. `route`: "auto" takes the dense decomposition for small matrices, and of large ones the
+    cheapest that memory allows (see `modalscope.blocks.factor`): the structured Gram matrix, a randomized range unless directions that
+    stand out do not settle, or dense.
 
-    Raises
-    ------
-    DataError
-        A matrix of zeros, the Gram route without structure, or more memory than there is.
+    Raises `DataError`: A matrix of zeros, the Gram route without structure, or more memory than there is.
     """
     rows, columns = matrix.shape
     if rows < columns:

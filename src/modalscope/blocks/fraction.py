@@ -70,14 +70,6 @@ def largest_degree(response: Response) -> int:
 
     Of p + 1 powers on a circle with a gap from -theta to theta the least eigenvalue of the Gram matrix falls like exp(-c p),
     c = ln(1 + 2 sqrt(a) / (sqrt 2 - sqrt a)), a = 1 - cos theta; it has to stay above rounding.
-
-    Parameters
-    ----------
-    response : Response
-
-    Source
-    ------
-    D. Slepian, Bell System Technical Journal 57, 1978, section 2.5.
     """
     (first, last), (low, high) = response.span, half_circle(response)
     gap = np.pi * max(first - low, high - last, 0.0) / (high - low)
@@ -145,12 +137,7 @@ def nodes_needed(arc: Arc, degree: int) -> int:
 def moments_on(arc: Arc, angles: RealArray, weights: RealArray, count: int) -> RealArray:
     """Return sum_f weights[f] T_r(x_f) of the first Chebyshev polynomials, x from -1 to 1 along the arc: (count, c).
 
-    Parameters
-    ----------
-    arc : Arc
-    angles : array, (F,)
-    weights : array, (F, c)
-    count : int
+    `angles` (F,). `weights` (F, c).
     """
     total = np.zeros((count, weights.shape[1]))
     turned = np.arccos(np.clip((angles - arc.middle) / (arc.half or 1.0), -1, 1))
@@ -204,12 +191,7 @@ class Weights(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class LineSums:
-    """Moments of what is rough on the lines of a matrix fraction: 1, H and H* H, with the weights of the lines.
-
-    Parameters
-    ----------
-    matrix : Fraction
-    """
+    """Moments of what is rough on the lines of a matrix fraction: 1, H and H* H, with the weights of the lines."""
 
     matrix: Fraction
 
@@ -299,12 +281,7 @@ def _at(moments: Array) -> Array:
 def moments_of_noise(influence: FractionInfluence, variance: RealArray, count: int) -> tuple[Moments, RealArray]:
     """Return the moments of poles, and the size of the terms that E|dp|^2 is the sum of.
 
-    Parameters
-    ----------
-    influence : FractionInfluence
-    variance : array, (l, m) or (F, l, m)
-    count : int
-        Points.
+    `variance` (l, m). `count`: points.
     """
     matrix, r = influence.matrix, influence.right
     weights = matrix.sums.weights(variance, count)
@@ -362,15 +339,7 @@ def _of_data(K: ComplexArray, weights: Weights) -> tuple[RealArray, ComplexArray
 class _Products:
     """Sums over the outputs of products of numerators, n of the rows, e of the columns of A, with each other and with the data.
 
-    Parameters
-    ----------
-    n : _Both
-        (s, k, l).
-    e : array of complex, (s, m, l)
-        At z; at 1 / z the conjugates.
-    r : array of complex, (k, m)
-        What A is multiplied by.
-    weights : Weights
+    `n`: (s, k, l). `e` (s, m, l): at z; at 1 / z the conjugates. `r` (k, m): what A is multiplied by.
     """
 
     def __init__(self, n: _Both, e: ComplexArray, r: ComplexArray, weights: Weights) -> None:
@@ -446,13 +415,7 @@ _TOLD = 1e-7
 def fraction_influence(matrix: Fraction, left: Array, right: Array, lines: Lines | None = None) -> FractionInfluence:
     """Return the gradient of left_j dA right_j, A = [A_1; ...; A_p] of the degree that the length of the rows says.
 
-    Parameters
-    ----------
-    matrix : Fraction
-    left : array, (k, p m)
-    right : array, (m, k)
-    lines : Lines, optional
-        Those that stand for all; by default all.
+    `left` (k, p m). `right` (m, k). `lines`: those that stand for all; by default all.
     """
     m, degree = matrix.inputs, left.shape[1] // matrix.inputs
     rows = np.concatenate([np.zeros((len(left), m)), -matrix.solved(degree, left.T).T], axis=1)
@@ -466,15 +429,8 @@ Pair = tuple[ComplexArray, ComplexArray]
 class FractionInfluence(LineInfluence):
     """The gradient of eigenvalues of a matrix fraction.
 
-    Parameters
-    ----------
-    matrix : Fraction
-    rows : array of complex, (k, p + 1, m)
-        Coefficients of the row by which X is multiplied.
-    right : array of complex, (k, m)
-        What A is multiplied by.
-    lines : Lines
-        Those that stand for all where lines are needed.
+    `rows` (k, p + 1, m): coefficients of the row by which X is multiplied. `right` (k, m): what A is multiplied by. `lines`: those that
+    stand for all where lines are needed.
     """
 
     def __init__(self, matrix: Fraction, rows: ComplexArray, right: ComplexArray, lines: Lines) -> None:
@@ -558,10 +514,7 @@ def trigonometric_sums(values: ComplexArray, angles: RealArray, lags: int) -> Re
 
     By one Fourier transform when the angles are consecutive multiples of a fraction of the circle, else by the sum itself.
 
-    Parameters
-    ----------
-    values : array of complex, (F, ...)
-    angles : array, (F,)
+    `values` (F, ...). `angles` (F,).
     """
     step = (angles[-1] - angles[0]) / max(angles.size - 1, 1)
     length, first = (2 * np.pi / step, angles[0] / step) if step > 0 else (0.5, 0.5)
@@ -586,21 +539,10 @@ def fraction(
 ) -> Fraction:
     """Prepare the normal equations of all degrees up to `degree`.
 
-    Parameters
-    ----------
-    response : FrequencyResponse
-        Lines of any band.
-    degree : int
-        Largest degree p of the polynomials; a model of degree p has p m poles.
-    weights : array, (F,), optional
-        Weights of the lines.
-    equal_outputs : bool
-        Divide every output by its root mean square over the band.
+    `response`: lines of any band. `degree`: largest degree p of the polynomials; a model of degree p has p m poles. `weights` (F,):
+    weights of the lines. `equal_outputs`: divide every output by its root mean square over the band.
 
-    Raises
-    ------
-    DataError
-        Fewer lines than unknowns: 2 F l must be at least (p + 1) l + p m.
+    Raises `DataError`: fewer lines than unknowns: 2 F l must be at least (p + 1) l + p m.
 
     Notes
     -----

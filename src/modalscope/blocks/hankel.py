@@ -55,17 +55,9 @@ def fit_of_samples(response: ImpulseResponse, model: Triple, eigen: Eigen) -> Mo
 def selection(kept: Iterable[int], rows: int) -> RealArray:
     """Return T that keeps some rows, (len(kept), rows).
 
-    Parameters
-    ----------
-    kept : iterable of int
-        Rows to keep, counted from zero.
-    rows : int
-        Outputs, or rows of H(0).
+    `kept`: rows to keep, counted from zero. `rows`: outputs, or rows of H(0).
 
-    Raises
-    ------
-    DataError
-        A row that does not exist.
+    Raises `DataError`: A row that does not exist.
 
     Examples
     --------
@@ -90,10 +82,7 @@ def sums(groups: Sequence[Sequence[int]], rows: int) -> RealArray:
     A mode whose sum over a group vanishes, as an antisymmetric one over symmetric sensors, is lost with it, and of repeated
     modes all but one: `identify` repeats that warning in the notes of its result. Sums are also the noisiest of the four.
 
-    Raises
-    ------
-    DataError
-        A row that does not exist.
+    Raises `DataError`: A row that does not exist.
 
     Examples
     --------
@@ -119,11 +108,7 @@ def random_projection(kept: int, rows: int, *, seed: int = 0) -> RealArray:
 def leading_directions(matrix: Operator, kept: int) -> RealArray:
     """Return T = P_n', the leading left singular directions of a matrix, (kept, rows): with them nothing of rank n is lost.
 
-    Parameters
-    ----------
-    matrix : Operator
-        H(0), for T_r; or for T_0 the samples side by side, `DenseMatrix` of (outputs, samples x inputs).
-    kept : int
+    `matrix`: h(0), for T_r; or for T_0 the samples side by side, `DenseMatrix` of (outputs, samples x inputs).
 
     Examples
     --------
@@ -159,12 +144,7 @@ _NEAR = 4
 def projected_by_gram(matrix: BlockHankel, factors: Factors) -> RealArray:
     """Return K = P' H(1) Q = d^-1 Q' (H(0)' H(1)) Q: all block columns of H(0)' H(1) but the last are those of the Gram matrix.
 
-    Parameters
-    ----------
-    matrix : BlockHankel
-        H(0).
-    factors : Factors
-        With the Gram matrix H(0)' H(0).
+    `matrix`: h(0). `factors`: with the Gram matrix H(0)' H(0).
     """
     gram, Q, m = factors.gram, factors.Q, matrix.values.shape[2]
     assert gram is not None
@@ -178,17 +158,8 @@ def projected_by_gram(matrix: BlockHankel, factors: Factors) -> RealArray:
 class RowSums:
     """Rows P d^a of a Hankel matrix beside what modes must give there.
 
-    Parameters
-    ----------
-    matrix : BlockHankel
-    right : array of complex, (columns, k)
-        X = Q d^-1 times the states: H X are the rows in modal coordinates.
-    states : array of complex, (N, k)
-        Those of the orthonormal P, which tell the size of the rows.
-    first : array of complex, (l, k)
-        The block that starts the evolution.
-    evolution : array of complex, (K, k)
-        g_k.
+    `right` (columns, k): X = Q d^-1 times the states: H X are the rows in modal coordinates. `states` (N, k): those of the orthonormal P,
+    which tell the size of the rows. `first` (l, k): the block that starts the evolution. `evolution` (K, k): g_k.
     """
 
     matrix: BlockHankel
@@ -258,31 +229,19 @@ def hankel(
 ) -> Hankel:
     """Stack Markov parameters into H(0) and H(1); block (j, i) of H(k) is Y(s_j + k + t_i).
 
-    Parameters
-    ----------
-    response : ImpulseResponse
-        values of shape (samples, outputs, inputs).
-    block_rows, block_columns : int
-        Blocks in a column and in a row of H(0); block_rows + block_columns samples are read.
-    row_shifts, column_shifts : sequence of int, optional
-        s_j and t_i, increasing from 0; 0, 1, 2, ... by default. They take the place of block_rows and block_columns.
-    row_subsets, column_subsets : sequence of sequences of int, optional
-        Outputs in each block row and inputs in each block column; the first must be whole.
-    row_weights, column_weights : array, optional
-        Positive weights: one an output (an input), or one a row (a column) of H(0).
-    row_compression, column_compression : array, optional
-        T_0 (q, l), applied within every block row, or T_r (q, rows of H(0)), applied to whole columns after the weights (Eq. 31);
-        the same for columns. `modalscope.blocks.hankel` makes them.
+    `response`: values of shape (samples, outputs, inputs). `block_rows`, `block_columns`: blocks in a column and in a row of H(0);
+    block_rows + block_columns samples are read. `row_shifts`, `column_shifts`: s_j and t_i, increasing from 0; 0, 1, 2, ... by default.
+    They take the place of block_rows and block_columns. `row_subsets`, `column_subsets`: outputs in each block row and inputs in each
+    block column; the first must be whole. `row_weights`, `column_weights`: positive weights: one an output (an input), or one a row (a
+    column) of H(0). `row_compression`, `column_compression`: t_0 (q, l), applied within every block row, or T_r (q, rows of H(0)),
+    applied to whole columns after the weights (Eq. 31); the same for columns. `modalscope.blocks.hankel` makes them.
+
+    Raises `DataError`: A response that is too short, shifts with a common factor, subsets whose first block is not whole, weights or
+    compressions that do not fit.
 
     Returns
     -------
     Hankel
-
-    Raises
-    ------
-    DataError
-        A response that is too short, shifts with a common factor, subsets whose first block is not whole, weights or
-        compressions that do not fit.
 
     Notes
     -----
@@ -319,11 +278,7 @@ def hankel(
 class Hankel(SampledMatrix):
     """A block Hankel matrix of whole consecutive blocks (made by `hankel`).
 
-    Parameters
-    ----------
-    response : ImpulseResponse
-    rows, columns : Side
-        What is combined within the blocks of each side.
+    `rows`, `columns`: what is combined within the blocks of each side.
     """
 
     response: ImpulseResponse
@@ -520,10 +475,7 @@ class GeneralHankel(Hankel):
     def tall(self) -> DenseMatrix:
         """Return H(0) with one more block row, the rows of H(0) and of H(1) together.
 
-        Raises
-        ------
-        DataError
-            Shifts that are not consecutive, or compression over whole columns: A cannot be read off a row shift then.
+        Raises `DataError`: shifts that are not consecutive, or compression over whole columns: A cannot be read off a row shift then.
         """
         return self._matrix(self._tall_rows, 0)
 

@@ -111,15 +111,10 @@ class Influence(ABC):
     def joint(self, other: Self, variance: RealArray, fading: Array | None = None) -> Moments:
         """Return what one noise does to these poles and to as many others together.
 
-        Parameters
-        ----------
-        other : Influence
-            Of the same response on the other poles.
-        variance : array, (l, m) or (F, l, m)
-            E|noise|^2 of the values; of lines it may differ from line to line. Where `noise_by_pole` also (k, 1, l, m), one a pole.
-        fading : array, optional
-            What an exponential window makes of it. Of samples, (N,): the variance of each over the average. Of lines, (F,): the
-            correlation of one with that k lines below it. By default every value stands alone.
+        `other`: of the same response on the other poles. `variance` (l, m): e|noise|^2 of the values; of lines it may differ from line to
+        line. Where `noise_by_pole` also (k, 1, l, m), one a pole. `fading`: what an exponential window makes of it. Of samples, (N,): the
+        variance of each over the average. Of lines, (F,): the correlation of one with that k lines below it. By default every value
+        stands alone.
         """
 
     @abstractmethod
@@ -143,12 +138,7 @@ class Influence(ABC):
 class LineInfluence(Influence):
     """dp = sum over lines of a dH + b dH*, both sums of outer products.
 
-    Parameters
-    ----------
-    direct, mirrored : tuple of Outer
-        a and b on the lines used.
-    lines : Lines
-        Those that are used.
+    `direct`, `mirrored`: a and b on the lines used. `lines`: those that are used.
     """
 
     direct: tuple[Outer, ...]
@@ -224,10 +214,7 @@ class LineInfluence(Influence):
 class SampleInfluence(Influence):
     """dp = sum_t g[t] dY(t), g by its Fourier transform over t: sums of outer products again (Parseval serves the moments).
 
-    Parameters
-    ----------
-    terms : tuple of Outer
-        sum_t g[t] exp(-2 pi j f t / N), f = 0 ... N - 1.
+    `terms`: sum_t g[t] exp(-2 pi j f t / N), f = 0 ... N - 1.
     """
 
     terms: tuple[Outer, ...]
@@ -318,12 +305,8 @@ class Convolution(NamedTuple):
 def transformed(rows: ComplexArray, columns: ComplexArray, length: int | None = None) -> Outer:
     """Return g[t] = sum_(a + b = t) rows[a] columns[b]' by its Fourier transform.
 
-    Parameters
-    ----------
-    rows : array of complex, (k, block rows, l)
-    columns : array of complex, (k, block columns, m)
-    length : int, optional
-        Samples of the transform; by default as many as block rows and columns need together.
+    `rows` (k, block rows, l). `columns` (k, block columns, m). `length`: samples of the transform; by default as many as block rows and
+    columns need together.
     """
     if length is None:
         length = _fast(rows.shape[1] + columns.shape[1] - 1)
@@ -333,10 +316,7 @@ def transformed(rows: ComplexArray, columns: ComplexArray, length: int | None = 
 def convolved(rows: Array, columns: Array) -> ConvolvedInfluence:
     """Return the gradient g_j[t] = sum_(a + b = t) rows_j[a] columns_j[b]'; block rows behind the last that is not zero count for nothing.
 
-    Parameters
-    ----------
-    rows : array of complex, (k, block rows, l)
-    columns : array of complex, (k, block columns, m)
+    `rows` (k, block rows, l). `columns` (k, block columns, m).
     """
     used = np.flatnonzero(np.any(rows, axis=(0, 2)))
     rows = rows[:, : max(used.max(initial=0) + 1, 1)]
@@ -344,12 +324,7 @@ def convolved(rows: Array, columns: Array) -> ConvolvedInfluence:
 
 
 class ConvolvedInfluence(SampleInfluence):
-    """Dp = sum_t g[t] dY(t), g a sum of convolutions; by Fourier transforms over t where more is asked than white noise.
-
-    Parameters
-    ----------
-    parts : tuple of Convolution
-    """
+    """Dp = sum_t g[t] dY(t), g a sum of convolutions; by Fourier transforms over t where more is asked than white noise."""
 
     noise_by_pole = True
     parts: tuple[Convolution, ...]

@@ -50,12 +50,8 @@ SEEN = 1e-8
 def line_weights(response: FrequencyResponse, weights: str | ArrayLike | None) -> RealArray | None:
     """Return one positive weight a line.
 
-    Parameters
-    ----------
-    response : FrequencyResponse
-    weights : array (F,), {"variance", "coherence", "level"} or None
-        1 / standard deviation of the estimate averaged over channels; from coherence g2 by
-        var = |H|^2 (1 - g2) / g2; or the inverse of the root mean square level of the response, which makes weak modes count.
+    `weights` (F,): 1 / standard deviation of the estimate averaged over channels; from coherence g2 by var = |H|^2 (1 - g2) / g2; or the
+    inverse of the root mean square level of the response, which makes weak modes count.
     """
     if weights is None:
         return None
@@ -108,11 +104,7 @@ def real_columns(columns: ComplexArray, weights: Array | None) -> RealArray:
 class VectorsOnLines(NamedTuple):
     """Right vectors over the lines by their coefficients: few lines stand for all where noise is summed, and only those are made.
 
-    Parameters
-    ----------
-    whole : array, (m, 2 F, n)
-        The right factor of every input, real parts above imaginary ones.
-    coefficients : array, (n, k)
+    `whole` (m, 2 F, n): the right factor of every input, real parts above imaginary ones. `coefficients` (n, k).
     """
 
     whole: RealArray
@@ -278,11 +270,7 @@ class LineMatrix(RowsOnLines):
 class LineColumns:
     """The right factor over the lines that indicators compare, computed when it is first asked for.
 
-    Parameters
-    ----------
-    matrix : LineMatrix
-    factors : Factors
-        Of the triangular stand-in.
+    `factors`: of the triangular stand-in.
     """
 
     matrix: LineMatrix
@@ -360,12 +348,7 @@ class PolynomialRows(RowsOnLines):
 
         The first block alone would do, but far from the axis the polynomials grow beyond 1e15, and it is rounding beside them.
 
-        Parameters
-        ----------
-        V : array of complex, (l K, k)
-            Row factor times eigenvectors.
-        poles : array of complex, (k,)
-            In the plane of the polynomials.
+        `V` (l K, k): row factor times eigenvectors. `poles` (k,): in the plane of the polynomials.
         """
         blocks = np.asarray(V).reshape(-1, self.outputs, len(poles))
         p = evaluate(self.recurrence, self.first_value, poles)[self.block_indices(len(blocks))]

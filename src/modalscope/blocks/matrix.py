@@ -35,20 +35,9 @@ class RowShift:
     In the time domain both select rows. On a polynomial basis E1 combines the block rows by the basis' recurrence
     x p_k = sum_j h_jk p_j, so that E1 = h' (x) I.
 
-    Parameters
-    ----------
-    before, after : array of int, optional
-        Rows that E0 and E1 select.
-    recurrence : array, (degree + 1, degree), optional
-        h, when E1 combines.
-    block : int
-        Rows in a block.
-    weight : array, optional
-        Row weights that the factor still carries; they are removed first.
-    mixing : array, (rows, rows), optional
-        What takes the factor's rows back where they were mixed by a full triangle.
-    whole : bool
-        Whether every block row holds all `block` channels, as companion forms need.
+    `before`, `after`: rows that E0 and E1 select. `recurrence` (degree + 1, degree): h, when E1 combines. `block`: rows in a block.
+    `weight`: row weights that the factor still carries; they are removed first. `mixing` (rows, rows): what takes the factor's rows back
+    where they were mixed by a full triangle. `whole`: whether every block row holds all `block` channels, as companion forms need.
     """
 
     block: int
@@ -80,13 +69,7 @@ class RowShift:
     def pencil(self, left: Array, values: Array, rows: int) -> ComplexArray:
         """Return L_j = F_j E1 - x_j F_j E0 on the rows that E0 and E1 were given, (k, rows), without weights or mixing.
 
-        Parameters
-        ----------
-        left : array, (k, rows of E0)
-            F_j, one a row.
-        values : array of complex, (k,)
-            x_j.
-        rows : int
+        `left` (k, rows of E0): f_j, one a row. `values` (k,): x_j.
         """
         F, x = np.asarray(left), np.asarray(values)[:, None]
         L = np.zeros((len(F), rows), dtype=complex)
@@ -124,13 +107,7 @@ def _place(index: IntArray) -> slice | IntArray:
 class LeftRows:
     """Rows F_j = s_j P' on those of a data matrix.
 
-    Parameters
-    ----------
-    matrix : DataMatrix
-    basis : array, (rows, n)
-        P.
-    tall : bool
-        As in `DataMatrix.pencil`.
+    `basis` (rows, n): p. `tall`: as in `DataMatrix.pencil`.
     """
 
     matrix: DataMatrix
@@ -147,14 +124,7 @@ class LeftRows:
 class LinePencil:
     """What rows F_j (E1 - x_j E0) of polynomials are on lines: (x - x_j) sum_k F_k p_k(x), for E1 is multiplication by x there.
 
-    Parameters
-    ----------
-    sums : callable
-        Lines -> sum_k F_k p_k and sum_k F_k p_k* on them, (k, lines, l) each.
-    values : array of complex, (k,)
-        x_j.
-    points : array of complex, (F,)
-        x of all lines.
+    `sums`: lines -> sum_k F_k p_k and sum_k F_k p_k* on them, (k, lines, l) each. `values` (k,): x_j. `points` (F,): x of all lines.
     """
 
     sums: Callable[[IntArray], tuple[ComplexArray, ComplexArray]]
@@ -179,13 +149,7 @@ def line_pencil(polynomials: ComplexArray, points: ComplexArray, left: Array, va
 class FunctionRows:
     """Rows F_j = s_j P' whose blocks are polynomials: functions of the lines.
 
-    Parameters
-    ----------
-    polynomials : array of complex, (F, q)
-        Of the block rows.
-    points : array of complex, (F,)
-    basis : array, (q, l, n)
-        P, outputs in their own unit.
+    `polynomials` (F, q): of the block rows. `points` (F,). `basis` (q, l, n): p, outputs in their own unit.
     """
 
     polynomials: ComplexArray
@@ -324,50 +288,30 @@ class DataMatrix(ABC):
     def pencil(self, left: Array, values: Array, *, tall: bool) -> Any:
         """Return L_j with L_j dH = F_j (dH(1) - x_j dH(0)), one row on the whole matrix a pole: (k, rows).
 
-        Parameters
-        ----------
-        left : array, (k, rows of H(0))
-            F_j.
-        values : array of complex, (k,)
-            x_j, eigenvalues.
-        tall : bool
-            Whether F_j lies on the rows that E0 selects of `tall()`, without weights, and not on those of `shifted(0)`.
+        `left` (k, rows of H(0)): f_j. `values` (k,): x_j, eigenvalues. `tall`: whether F_j lies on the rows that E0 selects of `tall()`,
+        without weights, and not on those of `shifted(0)`.
         """
         return self.row_shift.pencil(left, values, self.tall().shape[0])
 
     def left_rows(self, basis: RealArray, *, tall: bool) -> Any:
         """Return what gives the pencils of rows F_j = s_j P' by their s_j, kept for all orders.
 
-        Parameters
-        ----------
-        basis : array, (rows, n)
-            P.
-        tall : bool
-            As in `pencil`.
+        `basis` (rows, n): p. `tall`: as in `pencil`.
         """
         return LeftRows(self, basis, tall)
 
     def right_vectors(self, factors: Factors, coefficients: Array) -> Any:
         """Return columns v_j of the matrix from their coefficients in the factors' own, Q X: an array, or what `influence` makes one of.
 
-        Parameters
-        ----------
-        factors : Factors
-        coefficients : array, (n, k)
+        `coefficients` (n, k).
         """
         return times_real(coefficients.T, factors.Q[:, : len(coefficients)].T).T  # a vector lies in one piece
 
     def influence(self, left: Any, right: Any, lines: Lines | None = None) -> Influence:
         """Return the gradient of left_j dH right_j by the response: the adjoint of what makes the matrix of the response.
 
-        Parameters
-        ----------
-        left
-            As `pencil` gives them.
-        right
-            As `right_vectors` gives them.
-        lines : Lines, optional
-            Where columns are lines: those that stand for all; by default all.
+        `left`: as `pencil` gives them. `right`: as `right_vectors` gives them. `lines`: where columns are lines: those that stand for
+        all; by default all.
         """
         self._has_no("way back to the response")
 

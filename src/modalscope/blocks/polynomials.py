@@ -42,13 +42,10 @@ def orthogonal_basis(
 ) -> tuple[ComplexArray, RealArray]:
     """Return p_0 ... p_degree at the points and their recurrence.
 
-    Parameters
-    ----------
-    points : array of complex, (F,)
-        Points in the upper half of the plane; their conjugates are understood.
-    degree : int
-    weights : array, (F,), optional
-        Positive weights w of the inner product sum w^2 Re(conj(p) q).
+    `points` (F,): points in the upper half of the plane; their conjugates are understood. `weights` (F,): positive weights w of the inner
+    product sum w^2 Re(conj(p) q).
+
+    Raises `DataError`: more polynomials than the points can carry.
 
     Returns
     -------
@@ -56,11 +53,6 @@ def orthogonal_basis(
         p_k at the points, without weights.
     recurrence : array, (degree + 1, degree)
         h with x p_k = sum_j h[j, k] p_j, real.
-
-    Raises
-    ------
-    DataError
-        More polynomials than the points can carry.
 
     Notes
     -----
@@ -111,10 +103,7 @@ def evaluate(recurrence: Array, first: float, points: ArrayLike) -> ComplexArray
 def both_sums(basis: ComplexArray, coefficients: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
     """Return sum_k c_k p_k and sum_k c_k p_k* at the points, each (j, F, o), by four real products for both.
 
-    Parameters
-    ----------
-    basis : array of complex, (F, q + 1)
-    coefficients : array of complex, (j, q + 1, o)
+    `basis` (F, q + 1). `coefficients` (j, q + 1, o).
     """
     p, q = np.ascontiguousarray(basis.real), np.ascontiguousarray(basis.imag)
     c, d = np.ascontiguousarray(coefficients.real), np.ascontiguousarray(coefficients.imag)
@@ -158,20 +147,9 @@ def remainders(recurrence: RealArray, first: float, points: ArrayLike, count: in
 class Plane:
     """The plane in which the polynomials live: where a line lies, and how poles go back to rad/s.
 
-    Parameters
-    ----------
-    name : str
-        In words.
-    point : callable
-        Frequencies in Hz -> points x.
-    to_s, from_s : callable
-        Poles of the realization -> rad/s, and back.
-    dt : float or None
-        Sampling interval when x = exp(j w dt).
-    scale : float or None
-        s / x in the s-plane, 1 for the exponential, None for the bilinear map.
-    residue_scale : callable
-        Poles in this plane -> residue of 1 / (x - x_j) for one of 1 / (s - s_j), or of the sampled system.
+    `name`: in words. `point`: frequencies in Hz -> points x. `to_s`, `from_s`: poles of the realization -> rad/s, and back. `dt`:
+    sampling interval when x = exp(j w dt). `scale`: s / x in the s-plane, 1 for the exponential, None for the bilinear map.
+    `residue_scale`: poles in this plane -> residue of 1 / (x - x_j) for one of 1 / (s - s_j), or of the sampled system.
     """
 
     name: str
@@ -254,16 +232,8 @@ def _bilinear(half: float) -> Plane:
 class Leftover:
     """Two functions on the lines and two that g is multiplied with: r = (sum_i on_i(x) <by_i, g>) / (x - s).
 
-    Parameters
-    ----------
-    points : array of complex, (F,)
-        x.
-    on : array of complex, (2, F)
-        With the weights of the lines.
-    by : array, (2 F, 2)
-        Weighted, real parts above imaginary ones.
-    weights : array, (F,)
-        Of the lines.
+    `points` (F,): x. `on` (2, F): with the weights of the lines. `by` (2 F, 2): weighted, real parts above imaginary ones. `weights`
+    (F,): of the lines.
     """
 
     points: ComplexArray
@@ -278,10 +248,7 @@ class Leftover:
     def of_functions(self, poles: ComplexArray) -> tuple[ComplexArray, RealArray]:
         """Return <by_i, g> of weighted g = 1 / (x - s), (2, k), and the sum of |g|^2 over both signs and the lines, (k,).
 
-        Parameters
-        ----------
-        poles : array of complex, (k,)
-            s, in the plane of x.
+        `poles` (k,): s, in the plane of x.
         """
         w, x, s = self.weights[:, None], self.points[:, None], np.asarray(poles)
         ahead, behind = w / (x - s), w / (x.conj() - s)
@@ -293,13 +260,7 @@ class Leftover:
     def of_poles(self, poles: ComplexArray, sums: ComplexArray, lines: slice | IntArray) -> ComplexArray:
         """Return r on some lines at +w and at -w, (2, k, lines).
 
-        Parameters
-        ----------
-        poles : array of complex, (k,)
-            s, in the plane of x.
-        sums : array of complex, (2, k)
-            <by_i, g>.
-        lines : slice or array of int
+        `poles` (k,): s, in the plane of x. `sums` (2, k): <by_i, g>.
         """
         x, on = self.points[lines], self.on[:, lines]
         first, second = sums[:, :, None]
@@ -311,14 +272,8 @@ class Leftover:
 def leftover(points: ComplexArray, basis: ComplexArray, weights: RealArray | None) -> Leftover:
     """Return what p_0 ... p_q, (F, q + 1), leave.
 
-    Parameters
-    ----------
-    points : array of complex, (F,)
-        On the imaginary axis, or on the unit circle.
-    basis : array of complex, (F, q + 1)
-        Orthonormal, without weights.
-    weights : array, (F,), optional
-        Of the lines.
+    `points` (F,): on the imaginary axis, or on the unit circle. `basis` (F, q + 1): orthonormal, without weights. `weights` (F,): of the
+    lines.
     """
     w = np.ones(points.size) if weights is None else weights
     following_one, _ = following(basis, points, w)
@@ -392,13 +347,7 @@ def few_points(points: ComplexArray, degree: int, *, circle: bool) -> Few:
 
     All of them are returned where there are hardly more.
 
-    Parameters
-    ----------
-    points : array of complex, (F,)
-    degree : int
-        q.
-    circle : bool
-        Whether they lie on the unit circle; else on the imaginary axis.
+    `points` (F,). `degree`: q. `circle`: whether they lie on the unit circle; else on the imaginary axis.
 
     Examples
     --------
@@ -422,10 +371,7 @@ def chosen_points(points: ComplexArray, degree: int, *, circle: bool) -> Chosen:
     On the unit circle, where x* = 1 / x, and on the imaginary axis such a product is x^-q, or one, times a polynomial of degree 2 q. The
     points are those that a pivoted factorization takes first: the matrix to invert is as well conditioned as any.
 
-    Parameters
-    ----------
-    points, degree, circle
-        As in `few_points`.
+    `points`, `degree`, `circle`: as in `few_points`.
     """
     distinct, first = np.unique(_place(points, circle), return_index=True)
     wanted = 2 * degree + 1

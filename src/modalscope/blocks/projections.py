@@ -115,11 +115,7 @@ def window_gram(run: RealArray, blocks: int) -> RealArray:
     The first block row takes `blocks` products of the record with itself, the others an update each,
     G[i + 1, j + 1] = G[i, j] - y(i) y(j)' + y(T + i) y(T + j)', with T windows.
 
-    Parameters
-    ----------
-    run : array, (N, l)
-    blocks : int
-        Samples in a window.
+    `run` (N, l). `blocks`: samples in a window.
 
     Examples
     --------
@@ -181,25 +177,15 @@ def projection(
     divided by the root of their number. With [past; future] = [[L11, 0], [L21, L22]] Q the projection is L21 Q1, and L21 has its left
     factor and singular values.
 
-    Parameters
-    ----------
-    signals : Signals
-        The mean of every channel and run is removed; inputs are not used.
-    references : labels or indices, optional
-        Outputs of the past; all by default.
-    block_rows, block_columns : int
-        Blocks of the future but one, and of the past.
-    correlation : ImpulseResponse, optional
-        Of the same records: what participation is fitted to and a model is compared with.
+    `signals`: the mean of every channel and run is removed; inputs are not used. `references`: outputs of the past; all by default.
+    `block_rows`, `block_columns`: blocks of the future but one, and of the past. `correlation`: of the same records: what participation
+    is fitted to and a model is compared with.
+
+    Raises `DataError`: unknown references, or fewer columns than rows: everything can then be predicted from the past.
 
     Returns
     -------
     Projection
-
-    Raises
-    ------
-    DataError
-        Unknown references, or fewer columns than rows: everything can then be predicted from the past.
 
     References
     ----------
@@ -239,15 +225,8 @@ def projection(
 class Projection(SampleRows):
     """Future outputs projected on past reference outputs (made by `projection`).
 
-    Parameters
-    ----------
-    values : array, (R, N, l)
-        Runs without their means.
-    references : array of int, (r,)
-    future_blocks, past_blocks : int
-        Blocks of the future but one, and of the past.
-    sampling_rate : float
-    correlation : ImpulseResponse, optional
+    `values` (R, N, l): runs without their means. `references` (r,). `future_blocks`, `past_blocks`: blocks of the future but one, and of
+    the past.
     """
 
     values: RealArray
@@ -382,15 +361,9 @@ def canonical_projection(
 ) -> CanonicalProjection:
     """Project future outputs on past reference outputs, both whitened: what canonical variate analysis factors.
 
-    Parameters
-    ----------
-    signals, references, block_rows, block_columns, correlation
-        As in `modalscope.blocks.projections.projection`.
+    `signals`, `references`, `block_rows`, `block_columns`, `correlation`: as in `modalscope.blocks.projections.projection`.
 
-    Raises
-    ------
-    DataError
-        As there.
+    Raises `DataError`: as there.
 
     References
     ----------

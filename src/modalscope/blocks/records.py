@@ -74,12 +74,7 @@ def noise_beside_quietest(rows: RealArray, outputs: int) -> RealArray:
     eigenvalue of their products. Least squares weigh each output by 1 / s; levelled by its root mean square a channel that holds
     nothing but noise would have as many directions of size one as there are block rows, before those of weak modes.
 
-    Parameters
-    ----------
-    rows : array, (l (q + 1), k)
-        Block rows of outputs that are divided by their root mean squares.
-    outputs : int
-        l.
+    `rows` (l (q + 1), k): block rows of outputs that are divided by their root mean squares. `outputs`: l.
 
     Examples
     --------
@@ -137,13 +132,7 @@ class Cost(NamedTuple):
 def record_cost(lines: int, outputs: int, inputs: int, degree: int) -> Cost:
     """Return the cost of records on lines: 2 F ((q + 1)(1 + m + l))^2 products, 16 F (l + m) bytes and four triangles of the columns.
 
-    Parameters
-    ----------
-    lines : int
-        F, of all runs.
-    outputs, inputs : int
-    degree : int
-        q.
+    `lines`: f, of all runs. `degree`: q.
 
     Examples
     --------
@@ -158,14 +147,7 @@ def record_cost(lines: int, outputs: int, inputs: int, degree: int) -> Cost:
 def refuse_beyond_memory(cost: Cost) -> None:
     """Raise where records on lines would take more memory than the machine has.
 
-    Parameters
-    ----------
-    cost : Cost
-
-    Raises
-    ------
-    DataError
-        Names both, and what takes less.
+    Raises `DataError`: names both, and what takes less.
     """
     there = _memory()
     if there is not None and cost.bytes > there:
@@ -217,17 +199,9 @@ def gram_by_points(
 
     Columns of the given channels run channel by channel, those of the others degree by degree.
 
-    Parameters
-    ----------
-    count : int
-        F, lines.
-    points, channels : callable
-        Some lines -> where they are, (lines,), and the channels there times the weights of the lines, (lines, c).
-    polynomials : callable
-        Lines -> p_0 ... p_q there, (lines, q + 1).
-    given : int
-    circle : bool
-        Whether the points lie on the unit circle; else on the imaginary axis.
+    `count`: f, lines. `points`, `channels`: some lines -> where they are, (lines,), and the channels there times the weights of the
+    lines, (lines, c). `polynomials`: lines -> p_0 ... p_q there, (lines, q + 1). `circle`: whether the points lie on the unit circle;
+    else on the imaginary axis.
     """
     every = -(-count // _AMONG)
     some = np.arange(0, count, every)
@@ -297,11 +271,7 @@ _NUMBERS_OF_COLUMNS, _EIGHTH = 1 << 17, 8
 class RunColumns:
     """[p_j, p_j U, p_j Y] on the lines of a run, times the weights of the lines, every channel divided by its size.
 
-    Parameters
-    ----------
-    matrix : RecordLines
-    own : slice
-        The lines of the run.
+    `own`: the lines of the run.
     """
 
     matrix: RecordLines
@@ -395,12 +365,7 @@ def spread_over(weights: Array, few: Few) -> Array:
 
 
 def told_lines(matrix: RecordLines) -> Lines:
-    """Return the lines on which the influence is kept, as places among all: all, of long records some, each for those nearest to it.
-
-    Parameters
-    ----------
-    matrix : RecordLines
-    """
+    """Return the lines on which the influence is kept, as places among all: all, of long records some, each for those nearest to it."""
     judged, every = matrix.judged, matrix.response
     if judged.count == every.count <= _TOLD:
         return Lines(np.arange(every.count), np.ones(every.count))
@@ -419,13 +384,8 @@ def told_lines(matrix: RecordLines) -> Lines:
 class RecordInfluence(LineInfluence):
     """The gradient of poles by the outputs' transforms.
 
-    Parameters
-    ----------
-    matrix : RecordLines
-    left : array of complex, (k, q + 1, l)
-        Coefficients of P, outputs in their own unit.
-    right : Driven
-        What the columns of real and of imaginary parts have on the told lines.
+    `left` (k, q + 1, l): coefficients of P, outputs in their own unit. `right`: what the columns of real and of imaginary parts have on
+    the told lines.
     """
 
     def __init__(self, matrix: RecordLines, left: ComplexArray, right: Driven) -> None:
@@ -506,11 +466,7 @@ class RecordInfluence(LineInfluence):
 class RecordColumns:
     """The right factor on the told lines of all runs, computed when it is first asked for.
 
-    Parameters
-    ----------
-    matrix : RecordLines
-    factors : Factors
-        Of the triangular stand-in.
+    `factors`: of the triangular stand-in.
     """
 
     matrix: RecordLines
@@ -536,12 +492,7 @@ class RecordColumns:
 class Driven:
     """Columns of the matrix on the told lines, as combinations of those of the right factor: they are not kept.
 
-    Parameters
-    ----------
-    columns : array, (2 F, K)
-        Rows of Q, those of real parts above those of imaginary ones.
-    coefficients : array of complex, (n, k)
-        Of the first n of them.
+    `columns` (2 F, K): rows of Q, those of real parts above those of imaginary ones. `coefficients` (n, k): of the first n of them.
     """
 
     columns: RealArray
@@ -588,23 +539,12 @@ def record_lines(
 ) -> RecordLines:
     """Stack p_k(x) Y, k = 0 ... block_rows, on the lines of all runs, inputs and ends eliminated.
 
-    Parameters
-    ----------
-    spectra : RecordSpectra
-    domain : {"z", "s"}
-        "z" is exact for inputs that were held between samples; both serve a structure measured through anti-aliasing filters.
-    block_rows : int
-        q, the degree.
-    order : int, optional
-        Largest number of states that will be asked; used to check that the lines suffice.
-    equal_outputs : bool
-        Whether outputs are brought to one level: that of their noise beside their root mean squares. Combinations of level outputs are
-        level as they are.
+    `domain`: "z" is exact for inputs that were held between samples; both serve a structure measured through anti-aliasing filters.
+    `block_rows`: q, the degree. `order`: largest number of states that will be asked; used to check that the lines suffice.
+    `equal_outputs`: whether outputs are brought to one level: that of their noise beside their root mean squares. Combinations of level
+    outputs are level as they are.
 
-    Raises
-    ------
-    DataError
-        Fewer lines than unknowns: the sum over runs of 2 F - (q + 1)(1 + m) must be at least the order.
+    Raises `DataError`: fewer lines than unknowns: the sum over runs of 2 F - (q + 1)(1 + m) must be at least the order.
 
     Notes
     -----

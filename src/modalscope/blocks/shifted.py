@@ -48,13 +48,7 @@ def model_transfer(model: StateSpace, frequencies: ArrayLike, shift: int = 0) ->
 
     It is x^i H - sum_k C A^k B x^(i-1-k) - D x^i: what is left of x^i H without its initial-value terms.
 
-    Parameters
-    ----------
-    model : StateSpace
-        Continuous, x = j 2 pi f, or sampled, x = exp(j 2 pi f dt).
-    frequencies : array, (F,)
-    shift : int
-        i.
+    `model`: continuous, x = j 2 pi f, or sampled, x = exp(j 2 pi f dt). `frequencies` (F,). `shift`: i.
     """
     power = np.linalg.matrix_power(model.A, check_count("shift", shift, least=0))
     rest = StateSpace(A=model.A, B=model.B, C=model.C @ power, dt=model.dt)
@@ -76,20 +70,9 @@ def shifted_transfer(
 ) -> ComplexArray:
     """Return Y_t(z) = sum_(k < K) Y(k + t) z^-k for every shift t, (shifts, F, l, m).
 
-    Parameters
-    ----------
-    values : array, (N, l, m)
-        Markov parameters; K + the last shift of them are read.
-    points : array of complex, (F,)
-        z of the lines, on the unit circle.
-    window : int
-        K.
-    shifts : sequence of int
-        Increasing.
-    route : {"recursion", "definition"}
-        Y_(t+1) = z (Y_t - Y(t) + z^-K Y(K + t)) (Eq. 81), or the sum itself.
-    start : array of complex, (F, l, m), optional
-        Y_0, where it is known already.
+    `values` (N, l, m): markov parameters; K + the last shift of them are read. `points` (F,): z of the lines, on the unit circle.
+    `window`: k. `shifts`: increasing. `route`: y_(t+1) = z (Y_t - Y(t) + z^-K Y(K + t)) (Eq. 81), or the sum itself. `start` (F, l, m):
+    y_0, where it is known already.
     """
     z = np.asarray(points, dtype=complex)
     need = window + max(shifts)
@@ -154,24 +137,11 @@ def shifted(
 ) -> Shifted:
     """Stack Y_t(z_i), t = 0 ... block_rows, on the lines of a window of block_columns samples.
 
-    Parameters
-    ----------
-    response : ImpulseResponse or FrequencyResponse
-        Samples, or the full DFT grid of a sampled system.
-    block_rows : int
-        q: H(0) holds Y_0 ... Y_(q-1).
-    block_columns : int, optional
-        Samples in the window, K; K + q of them are read. All by default.
-    band : (float, float), optional
-        Lines of the window that are used, Hz; all by default.
-    weights : array, (lines used,), optional
-    row_shifts : sequence of int, optional
-        The t_i of Eq. 82, increasing from 0, in the place of block_rows.
+    `response`: samples, or the full DFT grid of a sampled system. `block_rows`: q: H(0) holds Y_0 ... Y_(q-1). `block_columns`: samples
+    in the window, K; K + q of them are read. All by default. `band`: lines of the window that are used, Hz; all by default. `weights`
+    (lines used,). `row_shifts`: the t_i of Eq. 82, increasing from 0, in the place of block_rows.
 
-    Raises
-    ------
-    DataError
-        A record that is too short, a band without lines, lines that are not a full grid.
+    Raises `DataError`: A record that is too short, a band without lines, lines that are not a full grid.
     """
     samples, rate = _samples_of(response)
     rows = kept_block_rows(row_shifts)

@@ -131,18 +131,9 @@ def side_map(name: str, T: ArrayLike | None, entries: IntArray, count: int, whol
 class Side:
     """The rows of H(0), or its columns.
 
-    Parameters
-    ----------
-    entries : array of int, (2, rows)
-        Shift and channel of each; the channels are those after `within`.
-    whole : bool
-        All channels in every block, shifts 0, 1, 2, ...
-    within : array, (q, channels), optional
-        T_0, applied within every block: a compression, or one weight a channel.
-    weights : array, (rows,), optional
-        One weight a row, when they differ from block to block.
-    over : array, (q, rows), optional
-        T_r, applied to whole columns after the weights.
+    `entries` (2, rows): shift and channel of each; the channels are those after `within`. `whole`: all channels in every block, shifts 0,
+    1, 2, ... `within` (q, channels): t_0, applied within every block: a compression, or one weight a channel. `weights` (rows,): one
+    weight a row, when they differ from block to block. `over` (q, rows): t_r, applied to whole columns after the weights.
     """
 
     entries: IntArray

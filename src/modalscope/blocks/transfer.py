@@ -94,14 +94,8 @@ _LEFT = 1e-6
 class LineProducts:
     """A wide matrix, (l r, 2 F m): real and imaginary parts of each input's lines side by side, input by input.
 
-    Parameters
-    ----------
-    functions : array of complex, (F, r)
-        phi_r on the lines, times their weights.
-    values : array of complex, (F, l, m)
-        H, each output divided by its scale.
-    eliminated : array, (2 F, e)
-        Orthonormal columns that every input's columns are projected off, real parts above imaginary ones.
+    `functions` (F, r): phi_r on the lines, times their weights. `values` (F, l, m): h, each output divided by its scale. `eliminated` (2
+    F, e): orthonormal columns that every input's columns are projected off, real parts above imaginary ones.
     """
 
     functions: ComplexArray
@@ -258,11 +252,7 @@ class LineProducts:
     def _pairs(self, functions: ComplexArray, what: Callable[[slice], ComplexArray]) -> tuple[RealArray, RealArray]:
         """Return Re sum_x conj(f_r) f_s v and Re sum_x f_r conj(f_s) v for r <= s, (n, n, c) each: the rest is zero.
 
-        Parameters
-        ----------
-        functions : array of complex, (F, n)
-        what : callable
-            Some lines -> v on them, (lines, c).
+        `functions` (F, n). `what`: some lines -> v on them, (lines, c).
         """
         n = functions.shape[1]
         first, second = np.triu_indices(n)
@@ -351,33 +341,15 @@ def transfer(
 ) -> Transfer:
     """Stack p_k(x_i) H(x_i), k = 0 ... block_rows, without the initial terms: known ones subtracted, the others eliminated.
 
-    Parameters
-    ----------
-    response : FrequencyResponse
-        Lines of any band.
-    domain : {"s", "z"}
-    block_rows : int
-        q: H(0) holds p_0 ... p_(q-1), H(1) goes to p_q, which is the degree.
-    order : int, optional
-        Largest number of states that will be asked; used to check that the lines suffice.
-    weights : array, (F,), optional
-        Weights of the lines.
-    equal_outputs : bool
-        Divide every output by its root mean square over the band, so that quiet outputs count as much as loud ones in the
-        truncation. Shapes are scaled back.
-    basis : {"orthogonal", "powers"}
-        "powers" are the plain powers of the scaled x of the report: for comparison, they fail in noise.
-    initial_values : array, (K, l, m), or "rest", optional
-        The first K of D, CB, CAB, ... in SI units (in the z-domain D, Y(0), Y(1), ...), where they are known. "rest": those that
-        are zero for a structure at rest by the response's quantity.
-    row_shifts : sequence of int, optional
-        Which of p_0 ... p_(q-1) the rows of H(0) are (the arbitrary t_i of Eq. 82), increasing from 0; block_rows is then
-        one more than the last.
+    `response`: lines of any band. `block_rows`: q: H(0) holds p_0 ... p_(q-1), H(1) goes to p_q, which is the degree. `order`: largest
+    number of states that will be asked; used to check that the lines suffice. `weights` (F,): weights of the lines. `equal_outputs`:
+    divide every output by its root mean square over the band, so that quiet outputs count as much as loud ones in the truncation. Shapes
+    are scaled back. `basis`: "powers" are the plain powers of the scaled x of the report: for comparison, they fail in noise.
+    `initial_values` (K, l, m): the first K of D, CB, CAB, ... in SI units (in the z-domain D, Y(0), Y(1), ...), where they are known.
+    "rest": those that are zero for a structure at rest by the response's quantity. `row_shifts`: which of p_0 ... p_(q-1) the rows of
+    H(0) are (the arbitrary t_i of Eq. 82), increasing from 0; block_rows is then one more than the last.
 
-    Raises
-    ------
-    DataError
-        Fewer lines than unknowns: 2 F m must be at least n + e m, with e eliminated polynomials.
+    Raises `DataError`: fewer lines than unknowns: 2 F m must be at least n + e m, with e eliminated polynomials.
 
     Notes
     -----

@@ -28,11 +28,7 @@ _SAME = 1e-12
 class Eigen:
     """Eigenvalues of a model in the plane of its data matrix, with right vectors and the matching rows of their inverse.
 
-    Parameters
-    ----------
-    values : array of complex, (k,)
-    vectors : array of complex, (N, k)
-    left : array of complex, (k, N)
+    `values` (k,). `vectors` (N, k). `left` (k, N).
     """
 
     values: ComplexArray
@@ -53,25 +49,12 @@ class Eigen:
 class ModalFit:
     """Shapes and participation of modes, from the model or fitted to the data.
 
-    Parameters
-    ----------
-    shapes : array of complex, (l, k)
-    participation : array of complex, (k, m)
-        Referred to the impulse itself.
-    terms : array, (t, l, m)
-        Direct term, or residuals of the modes below and above the band.
-    powers : tuple of int, (t,)
-        Powers of the relative frequency j f / f_max that the terms are factors of.
-    reach : array, (k,), optional
-        Norm of each mode's function over the lines.
-    basis : ModalBasis, optional
-        What it was fitted with, where it is dear to make and small to keep.
-    misfit : float, optional
-        norm(measured - rebuilt) / norm(measured) of the response that is judged, outputs brought level, where the fit knows it.
-    unexplained : array, (l, m), optional
-        Energy that no residues of these poles explain, where the fit knows it; NaN of channels where that is near rounding.
-    fitted : ModalFit, optional
-        The same of the combinations of outputs that it was fitted to, where these stand for many.
+    `shapes` (l, k). `participation` (k, m): referred to the impulse itself. `terms` (t, l, m): direct term, or residuals of the modes
+    below and above the band. `powers`: powers of the relative frequency j f / f_max that the terms are factors of. `reach` (k,): norm of
+    each mode's function over the lines. `basis`: what it was fitted with, where it is dear to make and small to keep. `misfit`:
+    norm(measured - rebuilt) / norm(measured) of the response that is judged, outputs brought level, where the fit knows it. `unexplained`
+    (l, m): energy that no residues of these poles explain, where the fit knows it; NaN of channels where that is near rounding. `fitted`:
+    the same of the combinations of outputs that it was fitted to, where these stand for many.
     """
 
     shapes: ComplexArray
@@ -89,24 +72,11 @@ class ModalFit:
 class Triple:
     """(A, B, C) of one order; B is None where the columns of the data matrix are lines or times.
 
-    Parameters
-    ----------
-    A : array, (N, N)
-    B : array, (N, m), optional
-    C : array, (l, N)
-    rank : int
-        States kept from the factorization; canonical forms have more (N > rank).
-    factors : Factors, optional
-        What the states were cut from: those of the row factor P d^a and the column factor d^(1-a) Q'. None in canonical
-        forms, whose states are the block rows themselves.
-    power : float
-        a.
-    span : array, (N, rank), optional
-        Orthonormal basis of the states that the truncated factor explains, of a canonical form.
-    turned : bool
-        Whether that is a space of left eigenvectors: inputs and outputs have changed places.
-    known : callable, optional
-        () -> eigenvalues and vectors of A (of A' when turned), where another way knows them; None where it does not.
+    `A` (N, N). `B` (N, m). `C` (l, N). `rank`: states kept from the factorization; canonical forms have more (N > rank). `factors`: what
+    the states were cut from: those of the row factor P d^a and the column factor d^(1-a) Q'. None in canonical forms, whose states are
+    the block rows themselves. `power`: a. `span` (N, rank): orthonormal basis of the states that the truncated factor explains, of a
+    canonical form. `turned`: whether that is a space of left eigenvectors: inputs and outputs have changed places. `known`: () ->
+    eigenvalues and vectors of A (of A' when turned), where another way knows them; None where it does not.
     """
 
     A: RealArray
@@ -128,10 +98,6 @@ class Triple:
         """Whether another model from the same factors is this one in other units of its states, and so at every smaller order.
 
         States of which the row factor is P d^a are those of P d^(1/2) but for d^(a - 1/2): leading blocks stay leading blocks.
-
-        Parameters
-        ----------
-        other : Triple
         """
         if (
             self.factors is None
@@ -144,12 +110,7 @@ class Triple:
         return _same(self._balanced(self.A, 1, 1), other._balanced(other.A, 1, 1))
 
     def has_ends_of(self, other: Triple) -> bool:
-        """Whether B and C of a model with the same poles are the same, too, in the same units of states.
-
-        Parameters
-        ----------
-        other : Triple
-        """
+        """Whether B and C of a model with the same poles are the same, too, in the same units of states."""
         if self.B is None or other.B is None:
             return False
         ends = ((self.B, other.B, 1, 0), (self.C, other.C, 0, 1))
@@ -222,10 +183,7 @@ def padded(rows: Sequence[Array]) -> ComplexArray:
 class Misfit:
     """norm(measured - rebuilt) / norm(measured), each output divided by a scale.
 
-    Parameters
-    ----------
-    response : Response
-    scale : array, (l,)
+    `scale` (l,).
     """
 
     response: Response
@@ -249,11 +207,7 @@ class Misfit:
     def of_fit(self, poles: Array, fit: ModalFit) -> float:
         """Return the misfit of a fit, rebuilt some lines or samples after the other.
 
-        Parameters
-        ----------
-        poles : array of complex, (k,)
-            rad/s, as they are in the data.
-        fit : ModalFit
+        `poles` (k,): rad/s, as they are in the data.
         """
         basis = fit.basis or self.response.basis(poles, fit.powers)
         channels = basis.data.shape[1:]

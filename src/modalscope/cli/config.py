@@ -44,14 +44,7 @@ def command_first(words: Sequence[str]) -> list[str]:
 def configured(words: Sequence[str]) -> list[str]:
     """Return the words of a command line with those that its file of options adds.
 
-    Parameters
-    ----------
-    words : sequence of str
-
-    Raises
-    ------
-    DataError
-        A file that cannot be read, that is no TOML, or whose tables are no commands.
+    Raises `DataError`: A file that cannot be read, that is no TOML, or whose tables are no commands.
     """
     at = next((k for k, word in enumerate(words) if word.split("=")[0] == _OPTION), None)
     if at is None or words[at : at + 2] == [_OPTION]:

@@ -249,11 +249,7 @@ def run_each(options: argparse.Namespace) -> None:
 def table_of(found: Sequence[tuple[str, ModalModel]], reference: ModalModel | None = None) -> str:
     """Return frequencies and damping ratios of several tests, a column a test, a row a mode of the reference.
 
-    Parameters
-    ----------
-    found : sequence of (name, ModalModel)
-    reference : ModalModel, optional
-        By default the first test that has modes.
+    `reference`: by default the first test that has modes.
     """
     import numpy as np
 

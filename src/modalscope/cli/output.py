@@ -78,17 +78,8 @@ def write_outputs(
 ) -> list[str]:
     """Write what was found to every output and return what is to be said of each; JSON for stdout is printed when all files are there.
 
-    Parameters
-    ----------
-    options : Namespace
-        `outputs`, and the `command_line` that a report repeats.
-    found : Result, Comparison, ModalModel or data
-    source : str
-        Where the data came from.
-    certificate : Certificate, optional
-        Shown in a report.
-    **beside
-        Written into JSON beside modes.
+    `options`: `outputs`, and the `command_line` that a report repeats. `source`: where the data came from. `certificate`: shown in a
+    report. `**beside`: written into JSON beside modes.
     """
     told = []
     for path in (path for path in options.outputs if str(path) != STDOUT):

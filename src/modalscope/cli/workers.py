@@ -31,10 +31,7 @@ _LOCAL, _SECONDS = "local", 20
 def workers_of(options: argparse.Namespace) -> Iterator[None]:
     """Let the workers named on the command line share the work while the block runs; partial sums are kept where that is asked.
 
-    Parameters
-    ----------
-    options : Namespace
-        With `scheduler` and `resume`, where the command takes them.
+    `options`: with `scheduler` and `resume`, where the command takes them.
     """
     address, save = getattr(options, "scheduler", None), getattr(options, "resume", None)
     with ExitStack() as held:

@@ -29,22 +29,10 @@ _PASSES = 4
 class Group:
     """One mode as every method sees it.
 
-    Parameters
-    ----------
-    members : mapping of method name to index
-        Which mode of each method it is.
-    frequencies, damping_ratios : mapping of method name to float
-    mac : mapping of method name to float
-        Likeness of each member's shape to that of the consensus.
-    votes : tuple of str
-        The methods whose values count: they worked on the data themselves, and of several that are the same one only.
-    voters : int
-        Methods that had a vote.
-    frequency, damping : float
-        Median over the votes (over all members when none of them has one).
-    frequency_between, damping_between : float
-        Standard deviation between methods, robustly.
-    shape : array of complex, (l,)
+    `members`: which mode of each method it is. `mac`: likeness of each member's shape to that of the consensus. `votes`: the methods
+    whose values count: they worked on the data themselves, and of several that are the same one only. `voters`: methods that had a vote.
+    `frequency`, `damping`: median over the votes (over all members when none of them has one). `frequency_between`, `damping_between`:
+    standard deviation between methods, robustly. `shape` (l,).
     """
 
     members: Mapping[str, int]
@@ -86,11 +74,7 @@ def pair(results: Sequence[MethodResult], kin: Kinship) -> tuple[tuple[Group, ..
 
     Returns the modes that at least one method with a vote found, and those that only transformed data show.
 
-    Parameters
-    ----------
-    results : sequence of MethodResult
-    kin : Kinship
-        Methods that are the same on these data have one vote together.
+    `kin`: methods that are the same on these data have one vote together.
     """
     kept = [r for r in results if r.modes is not None]
     if not kept or not sum(len(r.modes) for r in kept if r.modes is not None):

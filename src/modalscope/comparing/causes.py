@@ -34,14 +34,7 @@ CAUSES = {
 class Cause:
     """A likely cause.
 
-    Parameters
-    ----------
-    name : str
-        A key of `CAUSES`.
-    evidence : str
-        The numbers that point to it.
-    channel : str
-        The channel it concerns; empty when none.
+    `name`: A key of `CAUSES`. `evidence`: the numbers that point to it. `channel`: the channel it concerns; empty when none.
     """
 
     name: str
@@ -61,16 +54,8 @@ class Cause:
 class Disagreement:
     """Where methods differ, and why.
 
-    Parameters
-    ----------
-    mode : int or None
-        Which mode of the consensus, counted from zero; None for what concerns the data as a whole.
-    what : str
-        What differs, in words.
-    methods : tuple of str
-        The methods that differ from the others.
-    causes : tuple of Cause
-        The likely ones first.
+    `mode`: which mode of the consensus, counted from zero; None for what concerns the data as a whole. `what`: what differs, in words.
+    `methods`: the methods that differ from the others. `causes`: the likely ones first.
     """
 
     mode: int | None

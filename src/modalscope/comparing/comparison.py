@@ -63,13 +63,7 @@ def changed_by_more_orders(
 
     Where they are out of reach nobody can tell, and they are taken to.
 
-    Parameters
-    ----------
-    tasks : sequence of (Measured, Cell)
-    results : sequence of MethodResult
-        One a task.
-    options : dict
-        Of `compare`, for every method.
+    `results`: one a task. `options`: of `compare`, for every method.
     """
     able = [(t, r) for t, r in zip(tasks, results, strict=True) if r.exact and r.modes is not None]
     if not able:
@@ -88,12 +82,7 @@ def changed_by_more_orders(
 
 
 def changed(before: ModalModel, after: ModalModel) -> bool:
-    """Return whether modes are not the same: another number, another shape, or values moved by a quarter of the half bandwidth.
-
-    Parameters
-    ----------
-    before, after : ModalModel
-    """
+    """Return whether modes are not the same: another number, another shape, or values moved by a quarter of the half bandwidth."""
     mine, theirs = matched(before, after)
     if not len(mine) == len(before) == len(after):
         return True

@@ -91,14 +91,8 @@ def without_dead(data: Data) -> tuple[Data, list[Cause]]:
 def channel_causes(response: Response, rebuilt: Array, poles: Array, best: float = np.inf) -> list[Cause]:
     """Judge every channel by what the consensus modes leave of it.
 
-    Parameters
-    ----------
-    response : FrequencyResponse or ImpulseResponse
-    rebuilt : array, shape of the response
-    poles : array of complex, (n,)
-        Of the consensus as they are in the data, rad/s.
-    best : float
-        What the best model of any order leaves. When the modes leave much more, real poles carry the rest, and no channel is blamed for it.
+    `poles` (n,): of the consensus as they are in the data, rad/s. `best`: what the best model of any order leaves. When the modes leave
+    much more, real poles carry the rest, and no channel is blamed for it.
     """
     left = np.abs(response.values - rebuilt) ** 2
     size = np.abs(response.values) ** 2
@@ -361,16 +355,9 @@ def disagreements(
 ) -> tuple[Disagreement, ...]:
     """Return where methods differ on a mode, with the likely causes; findings about the data as a whole come first.
 
-    Parameters
-    ----------
-    groups : sequence of Group
-    response : FrequencyResponse or ImpulseResponse
-    results : sequence of MethodResult
-    data_causes : sequence of Cause
-        Found in the channels and the orders.
-    scatter : Scatter, optional
-        Which methods lie further from the consensus than the noise explains; by default, and for methods of which it is not known how
-        the noise moves them, a quarter of the half bandwidth or of the damping counts.
+    `data_causes`: found in the channels and the orders. `scatter`: which methods lie further from the consensus than the noise explains;
+    by default, and for methods of which it is not known how the noise moves them, a quarter of the half bandwidth or of the damping
+    counts.
     """
     found = [Disagreement(None, cause.evidence, (), (cause,)) for cause in data_causes]
     general = tuple(c for c in data_causes if c.name in ("order too low", "bad channel", "swapped sign"))

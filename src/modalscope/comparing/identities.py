@@ -33,19 +33,8 @@ _ROWS, _COLUMNS, _DEGREE = 24, 60, 12
 class Identity:
     """One identity on the data at hand.
 
-    Parameters
-    ----------
-    name : str
-        What equals what.
-    domain : str
-    source : str
-        Where the report has it.
-    order : int
-        Rank of the truncation.
-    residual : float
-        Relative; NaN when it could not be checked.
-    note : str
-        Why it could not be checked.
+    `name`: what equals what. `source`: where the report has it. `order`: rank of the truncation. `residual`: relative; NaN when it could
+    not be checked. `note`: why it could not be checked.
     """
 
     name: str
@@ -59,11 +48,7 @@ class Identity:
 def check_identities(response: Response, order: int) -> tuple[Identity, ...]:
     """Check every identity that the data allow.
 
-    Parameters
-    ----------
-    response : FrequencyResponse or ImpulseResponse
-    order : int
-        Rank of the truncation; lowered where small data matrices carry less.
+    `order`: rank of the truncation; lowered where small data matrices carry less.
     """
     rows = [find_method("era", domain, domain) for domain in DOMAINS]
     checks = [check for row in rows if _suits(row, response) for check in _checks(row)]

@@ -30,22 +30,11 @@ _PER_PERIOD, _BLOCKS = 2.56, 128
 class Kinship:
     """Which methods are the same on these data and which differ.
 
-    Parameters
-    ----------
-    names : tuple of str
-        Methods that found modes, as `era (s)`.
-    order : int
-        The order at which pole sets are compared.
-    distances : array, (k, k)
-        Mean distance of paired poles in half bandwidths, each weighted by its share of the response; 0 the same poles, 1 no pole in common.
-    angles : array, (k, k)
-        Largest principal angle, in degrees, between the observability subspaces of the reported modes.
-    places : array, (k, 2)
-        A map of the methods whose distances are nearest to those between the pole sets (classical scaling).
-    classes : tuple of tuple of int
-        Methods that are one and the same on these data.
-    methods : tuple of Method
-        The same as `names`.
+    `names`: methods that found modes, as `era (s)`. `order`: the order at which pole sets are compared. `distances` (k, k): mean distance
+    of paired poles in half bandwidths, each weighted by its share of the response; 0 the same poles, 1 no pole in common. `angles` (k,
+    k): largest principal angle, in degrees, between the observability subspaces of the reported modes. `places` (k, 2): A map of the
+    methods whose distances are nearest to those between the pole sets (classical scaling). `classes`: methods that are one and the same
+    on these data. `methods`: the same as `names`.
     """
 
     names: tuple[str, ...]
@@ -73,12 +62,7 @@ class Kinship:
 
 
 def kinship(results: Sequence[MethodResult]) -> Kinship:
-    """Compare the methods that found something, at the order at which the best of them explain the data.
-
-    Parameters
-    ----------
-    results : sequence of MethodResult
-    """
+    """Compare the methods that found something, at the order at which the best of them explain the data."""
     kept = [r for r in results if r.diagram is not None and r.modes is not None]
     diagrams = [r.diagram for r in kept if r.diagram is not None]
     models = [r.modes for r in kept if r.modes is not None]

@@ -40,10 +40,7 @@ T = TypeVar("T", bound=_HasMethod)
 def find_by_name(results: Iterable[T], name: str | tuple[str, str]) -> T:
     """Return the one result whose method has a name: `era (s)`, `ERA/s`, `ssi_cov`, `PolyMAX`; case, blanks and signs do not matter.
 
-    Raises
-    ------
-    DataError
-        No such result, with the nearest name; or one name of several.
+    Raises `DataError`: no such result, with the nearest name; or one name of several.
     """
     known = list(results)
     asked = name if isinstance(name, str) else "/".join(map(str, name))

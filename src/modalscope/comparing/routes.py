@@ -47,15 +47,8 @@ def witnesses(
 ) -> tuple[tuple[Measured, ...], tuple[str, ...]]:
     """Return what every way makes of the data, the usual one first, and why others failed; data that are no records have one way.
 
-    Parameters
-    ----------
-    data : FrequencyResponse, ImpulseResponse, Signals or Records
-    band : (float, float), optional
-        Hz.
-    route : str, optional
-        The only way, where one is asked.
-    delays : mapping of label to int, optional
-        As in `identify`; those that the usual way finds are taken out of the others, too.
+    `band`: hz. `route`: the only way, where one is asked. `delays`: as in `identify`; those that the usual way finds are taken out of the
+    others, too.
     """
     first = measure(data, band, route=route, delays=delays)
     if first.route is None or route not in (None, "auto"):
@@ -76,11 +69,6 @@ def tasks_of(
     """Return what is to be run, each cell with the data of its way, and notes on what the data do not allow.
 
     A way's usual row comes first: its vote is the way's. Of all methods, rows of a way stand in its usual domain alone where they can.
-
-    Parameters
-    ----------
-    ways : sequence of Measured
-    methods, orders : as in `compare`
     """
     tasks: list[tuple[Measured, Cell]] = []
     notes: list[str] = []
@@ -106,10 +94,7 @@ def _at_home(cell: Cell, cells: Sequence[Cell], way: Measured) -> bool:
 def route_causes(results: Sequence[MethodResult]) -> tuple[tuple[MethodResult, ...], list[Cause]]:
     """Return the results, those that leak or explain too little without a vote, and what makes the ways disagree.
 
-    Parameters
-    ----------
-    results : sequence of MethodResult
-        Of one way or of several.
+    `results`: of one way or of several.
     """
     if not any(r.route for r in results):
         return tuple(results), []

@@ -46,14 +46,8 @@ __all__ = ["Cell", "MethodResult", "Moved", "Progress", "covariance", "plan", "r
 class Cell:
     """One method as the comparison runs it.
 
-    Parameters
-    ----------
-    method : Method
-    orders : tuple of int
-    options : mapping
-        Block sizes that are not the method's own default.
-    exact : bool
-        Whether the method works on the data themselves. What was carried from lines to samples or back is compared, but has no vote.
+    `options`: block sizes that are not the method's own default. `exact`: whether the method works on the data themselves. What was
+    carried from lines to samples or back is compared, but has no vote.
     """
 
     method: Method
@@ -72,22 +66,11 @@ def plan(
 ) -> tuple[tuple[Cell, ...], tuple[str, ...]]:
     """Return the cells to try and notes on those that the data do not allow.
 
-    Parameters
-    ----------
-    response : FrequencyResponse or ImpulseResponse
-    wanted : "all" or iterable of str, (str, str) or Method
-        "era" is the row in every domain that the data allow, "era/s" or ("era", "s") one cell.
-    orders : iterable of int, optional
-        By default 2, 4, ... up to 80 for frequency responses, 60 for impulse responses and 40 for correlations.
-    records : bool
-        Whether the records without inputs that the response was estimated from are there.
-    route : str, optional
-        From records with inputs: only rows that this way was made for.
+    `wanted`: "era" is the row in every domain that the data allow, "era/s" or ("era", "s") one cell. `orders`: by default 2, 4, ... up to
+    80 for frequency responses, 60 for impulse responses and 40 for correlations. `records`: whether the records without inputs that the
+    response was estimated from are there. `route`: from records with inputs: only rows that this way was made for.
 
-    Raises
-    ------
-    DataError
-        An unknown name, or no method at all.
+    Raises `DataError`: an unknown name, or no method at all.
     """
     out: dict[str, list[str]] = {}
     found: list[Method] = []
@@ -156,17 +139,9 @@ _LINES, _MOST = 2000, 8
 class Moved:
     """What noise in the data does to the modes of one method.
 
-    Parameters
-    ----------
-    response : Response
-        The data: only methods on the same ones share their noise value by value.
-    noise : Noise
-    influence : PoleInfluence
-        On the poles nearest to the modes, at the order that is nearest to all of them.
-    poles : array of complex, (k,)
-        These poles, rad/s.
-    row : array of int, (n,)
-        Where each mode stands among them; -1 for a mode that this order has not, or has split in two.
+    `response`: the data: only methods on the same ones share their noise value by value. `influence`: on the poles nearest to the modes,
+    at the order that is nearest to all of them. `poles` (k,): these poles, rad/s. `row` (n,): where each mode stands among them; -1 for a
+    mode that this order has not, or has split in two.
     """
 
     response: Response
@@ -177,14 +152,7 @@ class Moved:
 
 
 def moved_by_noise(found: Sweep, diagram: StabilizationDiagram, modes: ModalModel) -> Moved | None:
-    """Return how the noise moves modes that were selected from the diagram of a sweep; None where that is not known.
-
-    Parameters
-    ----------
-    found : Sweep
-    diagram : StabilizationDiagram
-    modes : ModalModel
-    """
+    """Return how the noise moves modes that were selected from the diagram of a sweep; None where that is not known."""
     if found.noise is None or not len(modes):
         return None
     pipeline = found.pipeline
@@ -222,13 +190,7 @@ def _lines(response: Response) -> Lines | None:
 def covariance(one: Moved, other: Moved, rows: IntArray, beside: IntArray, noise: Noise) -> tuple[RealArray, RealArray]:
     """Return the covariances of frequencies (Hz) and of damping ratios of modes of two methods, one to one.
 
-    Parameters
-    ----------
-    one, other : Moved
-        Of the same data.
-    rows, beside : array of int, (k,)
-        Which of their poles.
-    noise : Noise
+    `one`, `other`: of the same data. `rows`, `beside` (k,): which of their poles.
     """
     with np.errstate(all="ignore"):
         moments = noise.moments(one.influence.take(rows), other.influence.take(beside))
@@ -245,24 +207,10 @@ Progress = Callable[[int, int], None]
 class MethodResult:
     """What one method made of the data.
 
-    Parameters
-    ----------
-    method : Method
-    exact : bool
-        Whether it worked on the data themselves, not on a transform of them; only then it has a vote.
-    diagram : StabilizationDiagram, optional
-    modes : ModalModel, optional
-        None when the method failed.
-    fit_error : float, optional
-        norm(measured - rebuilt from the modes) / norm(measured), in the method's own domain.
-    moved : Moved, optional
-        How the noise moves the modes, where that is known.
-    route : str
-        The way from records with inputs; empty for other data. Each way has one vote.
-    seconds : float
-        From the response to the selected modes.
-    failure : str
-        Why there are no modes; empty when there are.
+    `exact`: whether it worked on the data themselves, not on a transform of them; only then it has a vote. `modes`: none when the method
+    failed. `fit_error`: norm(measured - rebuilt from the modes) / norm(measured), in the method's own domain. `moved`: how the noise
+    moves the modes, where that is known. `route`: the way from records with inputs; empty for other data. Each way has one vote.
+    `seconds`: from the response to the selected modes. `failure`: why there are no modes; empty when there are.
     """
 
     method: Method
@@ -303,10 +251,7 @@ class _Count:
 class _Group:
     """What cells that read their models off one data matrix have in common: its factors, and what is the same by several of them.
 
-    Parameters
-    ----------
-    gathered : Gathered
-        What data show, of all groups.
+    `gathered`: what data show, of all groups.
     """
 
     def __init__(self, gathered: Gathered) -> None:
@@ -375,17 +320,9 @@ def run(
 ) -> tuple[MethodResult, ...]:
     """Run every cell on what was measured; what one of them cannot do is its row, and the others go on.
 
-    Parameters
-    ----------
-    measured : Measured, or one a cell
-        The response, and the records behind it where there are any: prepared once, for all methods.
-    cells : sequence of Cell
-    progress : callable, optional
-        Called with (orders done, orders in all), over all methods.
-    workers : int, optional
-        Methods at a time; by default as many as there are processors, at most four.
-    **options
-        Of `stabilize`, for every method.
+    `measured`: the response, and the records behind it where there are any: prepared once, for all methods. `progress`: called with
+    (orders done, orders in all), over all methods. `workers`: methods at a time; by default as many as there are processors, at most
+    four. `**options`: of `stabilize`, for every method.
     """
     count = _Count(cells, progress)
     given = [measured] * len(cells) if isinstance(measured, Measured) else measured

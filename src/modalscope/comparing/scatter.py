@@ -30,11 +30,7 @@ __all__ = ["Biased", "Scatter", "Tried", "certified_best", "interval_trouble", "
 class Tried:
     """The certificate of one method.
 
-    Parameters
-    ----------
-    method : str
-        As in `MethodResult.name`.
-    certificate : Certificate
+    `method`: as in `MethodResult.name`.
     """
 
     method: str
@@ -44,12 +40,7 @@ class Tried:
 def certified_best(results: Sequence[MethodResult], records: Sequence[Signals | None], replicates: int) -> Tried | None:
     """Return the certificate of the method that fits best of those whose deviations are known; None where none was asked.
 
-    Parameters
-    ----------
-    results : sequence of MethodResult
-    records : sequence of Signals or None
-        Behind the responses of each, where they are correlations.
-    replicates : int
+    `records`: behind the responses of each, where they are correlations.
     """
     able = [
         (r, signals)
@@ -68,12 +59,7 @@ def certified_best(results: Sequence[MethodResult], records: Sequence[Signals | 
 def interval_trouble(group: Group, frequency_noise: float, damping_noise: float, tried: Tried | None) -> str:
     """Say what is wrong with the interval of a mode: it is not known, or its certificate refutes it; nothing otherwise.
 
-    Parameters
-    ----------
-    group : Group
-    frequency_noise, damping_noise : float
-        Deviations; NaN where they are not known.
-    tried : Tried, optional
+    `frequency_noise`, `damping_noise`: deviations; NaN where they are not known.
     """
     unknown = [w for w, v in (("frequency", frequency_noise), ("damping", damping_noise)) if not np.isfinite(v)]
     if unknown:
@@ -106,18 +92,10 @@ class Biased(NamedTuple):
 class Scatter:
     """Half-widths within which the truth is expected in 95 %, and what they are made of (standard deviations).
 
-    Parameters
-    ----------
-    frequency, damping : array, (n,)
-        Stated scatter: Hz and ratio.
-    frequency_noise, damping_noise : array, (n,)
-        Of the consensus, by the noise in the data; NaN where it is not known.
-    frequency_bias, damping_bias : array, (n,)
-        What the votes scatter by beyond what the noise moves them apart.
-    biased : tuple of mapping of method name to tuple of Biased
-        For every mode the methods that the noise does not explain.
-    known : tuple of set of method names
-        For every mode the methods of which it is known how the noise moves them.
+    `frequency`, `damping` (n,): stated scatter: Hz and ratio. `frequency_noise`, `damping_noise` (n,): of the consensus, by the noise in
+    the data; NaN where it is not known. `frequency_bias`, `damping_bias` (n,): what the votes scatter by beyond what the noise moves them
+    apart. `biased`: for every mode the methods that the noise does not explain. `known`: for every mode the methods of which it is known
+    how the noise moves them.
     """
 
     frequency: RealArray
@@ -143,13 +121,7 @@ class _Known(NamedTuple):
 
 
 def stated(groups: Sequence[Group], results: Sequence[MethodResult]) -> Scatter:
-    """Return the stated scatter of every mode: z sqrt(noise^2 + bias^2), bias^2 = between methods^2 - what noise puts between them.
-
-    Parameters
-    ----------
-    groups : sequence of Group
-    results : sequence of MethodResult
-    """
+    """Return the stated scatter of every mode: z sqrt(noise^2 + bias^2), bias^2 = between methods^2 - what noise puts between them."""
     known = _Shared(groups, results).known()
     count = 2 * sum(max(len(k.apart) - 1, 0) for k in known)
     columns: dict[str, list[float]] = {f"{kind}{part}": [] for part in ("", "_noise", "_bias") for kind in _KINDS}

@@ -31,12 +31,7 @@ _FATAL = ("order too low",)
 class Trust:
     """How far one mode is trusted.
 
-    Parameters
-    ----------
-    grade : {"trusted", "frequency only", "doubtful"}
-    why : str
-    causes : tuple of Cause
-        What makes it hard, whether or not methods differ.
+    `causes`: what makes it hard, whether or not methods differ.
     """
 
     grade: str
@@ -59,15 +54,8 @@ def judge(
 ) -> Trust:
     """Grade one mode by the rules of this module.
 
-    Parameters
-    ----------
-    group : Group
-    frequency_scatter, damping_scatter : float
-        Stated, Hz and ratio.
-    causes, data_causes : sequence of Cause
-        Of the mode, and of the data as a whole.
-    interval : str
-        What is wrong with its interval; empty when nothing is.
+    `frequency_scatter`, `damping_scatter`: stated, Hz and ratio. `causes`, `data_causes`: of the mode, and of the data as a whole.
+    `interval`: what is wrong with its interval; empty when nothing is.
     """
     votes, voters = len(group.votes), group.voters
     found = f"found by {votes} of {voters} independent methods"

@@ -28,16 +28,8 @@ SCHEMA = 1
 class SourceFile:
     """A file that was analysed, and how to tell that it is still the same.
 
-    Parameters
-    ----------
-    path : str
-        Empty for data that came from no file.
-    size : int
-        Bytes.
-    sha256 : str
-        Of the file; of the arrays where there is none.
-    reading : mapping
-        Options that it was read with.
+    `path`: empty for data that came from no file. `size`: bytes. `sha256`: of the file; of the arrays where there is none. `reading`:
+    options that it was read with.
     """
 
     path: str = ""

@@ -45,14 +45,7 @@ SourcePath: TypeAlias = Path | tuple[Path, ...] | None
 def check_source(given: Any) -> SourcePath:
     """Return a name, or several, as paths; each once.
 
-    Parameters
-    ----------
-    given : path, sequence of paths or None
-
-    Raises
-    ------
-    DataError
-        Something that names no file.
+    Raises `DataError`: something that names no file.
 
     Examples
     --------
@@ -67,22 +60,14 @@ def check_source(given: Any) -> SourcePath:
 def files_of(data: Any) -> tuple[Path, ...]:
     """Return the files that data came from, none where that is not known.
 
-    Parameters
-    ----------
-    data : object
-        With a `source_path`, or without.
+    `data`: with a `source_path`, or without.
     """
     held = getattr(data, "source_path", None)
     return held if isinstance(held, tuple) else () if held is None else (held,)
 
 
 def source_of(parts: Iterable[Any]) -> SourcePath:
-    """Return where data that are put together came from: the files of all parts.
-
-    Parameters
-    ----------
-    parts : iterable of data
-    """
+    """Return where data that are put together came from: the files of all parts."""
     return check_source([file for part in parts for file in files_of(part)])
 
 
@@ -117,21 +102,10 @@ def chosen_groups(groups: Groups, parts: Sequence[int]) -> Groups:
 def check_groups(groups: Any, count: int, part: str, default: Groups) -> Groups:
     """Return the groups of `count` parts: one label each, None, or the default for "auto".
 
-    Parameters
-    ----------
-    groups : sequence of labels, "auto" or None
-        Parts of the same label belong together.
-    count : int
-        How many parts there are.
-    part : str
-        What a part is, in words.
-    default : tuple of str or None
-        What "auto" stands for.
+    `groups`: parts of the same label belong together. `count`: how many parts there are. `part`: what a part is, in words. `default`:
+    what "auto" stands for.
 
-    Raises
-    ------
-    DataError
-        Another number of labels than parts.
+    Raises `DataError`: another number of labels than parts.
     """
     if groups is None or (isinstance(groups, str) and groups == AUTO):
         return default if groups is not None else None

@@ -31,14 +31,8 @@ _ROUNDING = 1e-28
 class Run:
     """The lines of one run.
 
-    Parameters
-    ----------
-    points : array of complex, (F,)
-        Where they lie in the plane of the poles.
-    outputs : array of complex, (F, l)
-    inputs : array of complex, (F, m)
-    ends : array of complex, (F,)
-        What the first and the last state of the run act through: x in the z-plane, 1 in the s-plane.
+    `points` (F,): where they lie in the plane of the poles. `outputs` (F, l). `inputs` (F, m). `ends` (F,): what the first and the last
+    state of the run act through: x in the z-plane, 1 in the s-plane.
     """
 
     points: ComplexArray
@@ -53,15 +47,8 @@ class DrivenBasis(ModalBasis):
 
     The rows are compressed when it is made: the norm of what is left of the data is that on all lines.
 
-    Parameters
-    ----------
-    terms : array, (K, m)
-        The inputs, which every output has for itself: D.
-    functions : array, (K, 2 n (m + R))
-        The two functions of every pole, drive by drive: inputs first, then the ends of every run.
-    data : array, (K, l, 1)
-    drives : int
-        m + R.
+    `terms` (K, m): the inputs, which every output has for itself: D. `functions` (K, 2 n (m + R)): the two functions of every pole, drive
+    by drive: inputs first, then the ends of every run. `data` (K, l, 1). `drives`: m + R.
     """
 
     drives: int = 1
@@ -90,11 +77,7 @@ class DrivenBasis(ModalBasis):
     def fit_participation(self, shapes: Array, level: Array | float = 1.0) -> tuple[ComplexArray, RealArray]:
         """Fit what drives each pole to known shapes, with D of every output, by least squares over all rows.
 
-        Parameters
-        ----------
-        shapes : array of complex, (l, n)
-        level : array, (l,), optional
-            What every output counts in parts of: its noise.
+        `shapes` (l, n). `level` (l,): what every output counts in parts of: its noise.
 
         Returns
         -------
@@ -168,12 +151,7 @@ class DrivenBasis(ModalBasis):
 def driven_basis(runs: Sequence[Run], poles: Array) -> DrivenBasis:
     """Return the columns that poles give on the lines of some runs.
 
-    Parameters
-    ----------
-    runs : sequence of Run
-        Of the same outputs and inputs.
-    poles : array of complex, (n,)
-        In the plane of the points; one of each pair, and real ones.
+    `runs`: of the same outputs and inputs. `poles` (n,): in the plane of the points; one of each pair, and real ones.
     """
     parts = [_triangle(run, poles) for run in runs]
     inputs, n, total = runs[0].inputs.shape[1], len(poles), len(runs)
@@ -225,11 +203,7 @@ def _tied_fit(w: ComplexArray, c: ComplexArray, data: RealArray) -> ComplexArray
 
     Re(x) Re(y) = Re(x* y + x y) / 2, and so on: sums over outputs need nothing but w^H w, w'w, c^H c and c'c.
 
-    Parameters
-    ----------
-    w : array of complex, (K, a)
-    c : array of complex, (l, a)
-    data : array, (K, l)
+    `w` (K, a). `c` (l, a). `data` (K, l).
     """
     H, S = (w.conj().T @ w) * (c.conj().T @ c), (w.T @ w) * (c.T @ c)
     a = len(H)
@@ -290,13 +264,7 @@ _NUMBERS_OF_LINES = 1 << 16
 class DrivenLines:
     """Lines with all drives side by side: the inputs, then the ends of every run, which are zero on the lines of the others.
 
-    Parameters
-    ----------
-    points : array of complex, (F,)
-        Where the lines lie in the plane of the poles.
-    drives : array of complex, (F, m + R)
-    inputs : int
-        m.
+    `points` (F,): where the lines lie in the plane of the poles. `drives` (F, m + R). `inputs`: m.
     """
 
     points: ComplexArray
@@ -310,13 +278,7 @@ class DrivenLines:
     def pairs(self, poles: Array, sides: Array, chain: Array | None = None) -> tuple[ComplexArray, ComplexArray]:
         """Return b'd / (x - p) and conj(b)'d / (x - conj p), (F, n) each; with the chain dp/ds their derivatives by s.
 
-        Parameters
-        ----------
-        poles : array of complex, (n,)
-            In the plane of the points.
-        sides : array of complex, (n, m + R)
-            b.
-        chain : array of complex, (n,), optional
+        `poles` (n,): in the plane of the points. `sides` (n, m + R): b. `chain` (n,).
         """
         x = self.points[:, None]
         own, pair = 1 / (x - poles), 1 / (x - np.conj(poles))

@@ -28,14 +28,8 @@ SENSITIVE = 1e7
 class Block:
     """One diagonal block of a modal form.
 
-    Parameters
-    ----------
-    states : slice
-        Its states.
-    poles : array of complex
-        Its poles: a real one, a conjugate pair, or a whole cluster that no well conditioned coordinates take apart.
-    separate : bool
-        False for such a cluster: its poles lack eigenvectors of their own, or nearly so.
+    `states`: its states. `poles`: its poles: a real one, a conjugate pair, or a whole cluster that no well conditioned coordinates take
+    apart. `separate`: false for such a cluster: its poles lack eigenvectors of their own, or nearly so.
     """
 
     states: slice
@@ -47,16 +41,9 @@ class Block:
 class ModalForm:
     """A model in modal coordinates q, x = T q: A is block diagonal, [[s, w], [-w, s]] for the pair s +- j w.
 
-    Parameters
-    ----------
-    state_space : StateSpace
-        The model in these coordinates.
-    T : array, (n, n)
-        Real change of coordinates; columns of length one in well scaled states.
-    blocks : tuple of Block
-        By rising frequency.
-    condition : float
-        Condition number of T in well scaled states: digits lost by the change are its decimal logarithm.
+    `state_space`: the model in these coordinates. `T` (n, n): real change of coordinates; columns of length one in well scaled states.
+    `blocks`: by rising frequency. `condition`: condition number of T in well scaled states: digits lost by the change are its decimal
+    logarithm.
     """
 
     state_space: StateSpace
@@ -74,15 +61,9 @@ class ModalForm:
 class PoleGroup:
     """Poles that coincide, and how many of them the outputs see and the inputs drive.
 
-    Parameters
-    ----------
-    pole : complex
-        Their mean; of conjugate pairs the one above the real axis.
-    multiplicity : int
-        How many there are.
-    observable, controllable : int
-        How many of them outputs see and inputs drive: never more than there are outputs, or inputs, when every one has
-        an eigenvector of its own.
+    `pole`: their mean; of conjugate pairs the one above the real axis. `multiplicity`: how many there are. `observable`, `controllable`:
+    how many of them outputs see and inputs drive: never more than there are outputs, or inputs, when every one has an eigenvector of its
+    own.
     """
 
     pole: complex
@@ -102,11 +83,7 @@ def block_diagonal_basis(A: RealArray, frequency: RealArray) -> tuple[RealArray,
     Poles with sound eigenvectors stand in blocks of their own. The others are gathered by rising distance until the
     condition of T is below `SENSITIVE`; such a cluster's block is its part of the ordered real Schur form.
 
-    Parameters
-    ----------
-    A : array, (n, n)
-    frequency : array, (n,)
-        What the blocks are ordered by, for the eigenvalues in the order of `numpy.linalg.eigvals`.
+    `A` (n, n). `frequency` (n,): what the blocks are ordered by, for the eigenvalues in the order of `numpy.linalg.eigvals`.
     """
     scale = state_scale(A)
     A = scaled(A, scale)

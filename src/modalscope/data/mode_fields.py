@@ -68,12 +68,7 @@ class _Row:
 
     @classmethod
     def from_dict(cls, entries: Mapping[str, Any]) -> Self:
-        """Take back what `to_dict` gave; entries of later versions are left.
-
-        Parameters
-        ----------
-        entries : mapping
-        """
+        """Take back what `to_dict` gave; entries of later versions are left."""
         check_kind("an entry of the file", entries, Mapping)
         named = {"frequency" if name == "frequency_hz" else name: value for name, value in entries.items()}
         known = {each.name: named[each.name] for each in fields(cls) if each.name in named}  # type: ignore[arg-type]
@@ -89,17 +84,8 @@ class _Row:
 class Candidate(_Row):
     """A pole that looked like a mode and was not reported.
 
-    Parameters
-    ----------
-    frequency : float
-        Hz.
-    damping_ratio : float
-    gain : float
-        By how many standard deviations the data are explained better with it; NaN where that is not known.
-    reason : str
-        Why it was left out, in one sentence.
-    remedy : str
-        What to do to have it reported, or to be rid of it.
+    `frequency`: hz. `gain`: by how many standard deviations the data are explained better with it; NaN where that is not known. `reason`:
+    why it was left out, in one sentence. `remedy`: what to do to have it reported, or to be rid of it.
     """
 
     frequency: float
@@ -126,16 +112,8 @@ class Candidate(_Row):
 class Harmonic(_Row):
     """A line of a turning machine, which is no mode.
 
-    Parameters
-    ----------
-    frequency : float
-        Hz.
-    order : int, optional
-        Which multiple of the shaft line it is; None where there is no such line.
-    level : float
-        Its root mean square over that of all outputs together.
-    evidence : str
-        What shows that it is no mode, in words.
+    `frequency`: hz. `order`: which multiple of the shaft line it is; None where there is no such line. `level`: its root mean square over
+    that of all outputs together. `evidence`: what shows that it is no mode, in words.
     """
 
     frequency: float
@@ -175,22 +153,12 @@ def _rows_of(name: str, kind: type[_Kind], values: Any) -> tuple[_Kind, ...]:
 
 
 def candidates_of(values: Iterable[Candidate | Mapping[str, Any]]) -> tuple[Candidate, ...]:
-    """Return candidates as a tuple; what `to_dict` gave becomes one again.
-
-    Parameters
-    ----------
-    values : sequence of Candidate or mapping
-    """
+    """Return candidates as a tuple; what `to_dict` gave becomes one again."""
     return _rows_of("left_out", Candidate, values)
 
 
 def harmonics_of(values: Iterable[Harmonic | Mapping[str, Any]]) -> tuple[Harmonic, ...]:
-    """Return harmonics as a tuple; what `to_dict` gave becomes one again.
-
-    Parameters
-    ----------
-    values : sequence of Harmonic or mapping
-    """
+    """Return harmonics as a tuple; what `to_dict` gave becomes one again."""
     return _rows_of("harmonics", Harmonic, values)
 
 
@@ -431,10 +399,7 @@ def joined(parts: Sequence[ModalModel]) -> ModalModel:
     What is not known of every part, and what belongs to a part as a whole (direct terms, residuals), is left out; notes,
     candidates and harmonics of all are kept.
 
-    Parameters
-    ----------
-    parts : sequence of ModalModel
-        At least one.
+    `parts`: at least one.
     """
     first = parts[0]
     known: dict[str, Any] = dict.fromkeys(DIRECT)

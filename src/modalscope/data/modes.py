@@ -194,12 +194,7 @@ def _weights(modes: ModalModel) -> RealArray:
 class Mode:
     """One mode of a `ModalModel`: `modes[0]` is the first; nothing is copied.
 
-    Parameters
-    ----------
-    modes : ModalModel
-        The model that it belongs to.
-    index : int
-        Which of its modes, from zero.
+    `modes`: the model that it belongs to. `index`: which of its modes, from zero.
 
     Examples
     --------

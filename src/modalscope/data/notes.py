@@ -87,10 +87,6 @@ class Note:
 def notes_of(values: Iterable[Note | str | Mapping[str, Any]] | Note | str) -> tuple[Note, ...]:
     """Return notes as a tuple; plain text becomes a note of the kind "remark", entries of a file the note they were.
 
-    Parameters
-    ----------
-    values : Note, str, or a sequence of them and of what `Note.to_dict` gave
-
     Examples
     --------
     >>> [note.kind for note in notes_of(["one pole left out", Note("band", {}, "2 to 5 Hz")])]

@@ -142,12 +142,7 @@ def sample_functions(rate: float, first: int, count: int, poles: Array, *, slope
 class LineData(NamedTuple):
     """Values on lines for any number of fits.
 
-    Parameters
-    ----------
-    values : array, (2 F, l, m)
-        Weighted, real parts above imaginary parts.
-    energy : array, (l, m)
-        Of every channel.
+    `values` (2 F, l, m): weighted, real parts above imaginary parts. `energy` (l, m): of every channel.
     """
 
     values: RealArray
@@ -192,15 +187,8 @@ _TOLD = 1e-7
 class FittedSide(NamedTuple):
     """Participation fitted to shapes.
 
-    Parameters
-    ----------
-    side : array of complex, (n, m)
-    terms : array, (t, l, m)
-        Coefficients of the constant and residual terms.
-    left : array, (l, m)
-        Energy that is left of every channel.
-    unexplained : array, (l, m)
-        What the best terms and residues of every channel leave; NaN where that is near rounding.
+    `side` (n, m). `terms` (t, l, m): coefficients of the constant and residual terms. `left` (l, m): energy that is left of every
+    channel. `unexplained` (l, m): what the best terms and residues of every channel leave; NaN where that is near rounding.
     """
 
     side: ComplexArray
@@ -213,16 +201,9 @@ class FittedSide(NamedTuple):
 class ModalBasis:
     """What poles (and constant terms) can contribute, as real columns.
 
-    Parameters
-    ----------
-    terms : array, (K, t)
-        Constant and residual terms, which every channel has for itself.
-    functions : array, (K, 2 n)
-        g1 and g2 of every pole; for a real pole g2 is zero.
-    data : array, (K, l, m)
-        The response on the same rows.
-    whole : array, (l, m), optional
-        Energy of the data of every channel, where it is known.
+    `terms` (K, t): constant and residual terms, which every channel has for itself. `functions` (K, 2 n): g1 and g2 of every pole; for a
+    real pole g2 is zero. `data` (K, l, m): the response on the same rows. `whole` (l, m): energy of the data of every channel, where it
+    is known.
     """
 
     terms: RealArray
@@ -266,9 +247,7 @@ class ModalBasis:
     def fit_participation(self, shapes: Array) -> tuple[ComplexArray, RealArray]:
         """Fit participation rows l_j to known shapes c_j, with the terms of every channel, by least squares over all rows.
 
-        Parameters
-        ----------
-        shapes : array of complex, (l, n)
+        `shapes` (l, n).
 
         Returns
         -------
@@ -294,9 +273,7 @@ class ModalBasis:
 
         Nothing is rebuilt for that, unless so little is left that the difference is rounding.
 
-        Parameters
-        ----------
-        shapes : array of complex, (l, n)
+        `shapes` (l, n).
         """
         rows, outputs, inputs = self.data.shape
         t, n = self.terms.shape[1], shapes.shape[1]
@@ -356,13 +333,7 @@ def _residues(shapes: Array, participation: Array) -> RealArray:
 def _with_shapes(functions: RealArray, kept: Array, shapes: Array) -> RealArray:
     """Return what (Re l_1, Im l_1, ...) give in the rows of every output, (l, K, kept): g1 a + g2 b with a + j b = c l.
 
-    Parameters
-    ----------
-    functions : array, (K, kept)
-        g1 and g2 of every pole, but for some that are zero.
-    kept : array of int
-        Which of all 2 n they are.
-    shapes : array of complex, (l, n)
+    `functions` (K, kept): g1 and g2 of every pole, but for some that are zero. `kept`: which of all 2 n they are. `shapes` (l, n).
     """
     whole = np.zeros((len(functions), 2 * shapes.shape[1]))
     whole[:, kept] = functions
@@ -409,15 +380,8 @@ def stacked_basis(
 ) -> ModalBasis:
     """Return g1 = own + pair and g2 = j (own - pair) for pairs, own for real poles, with real and imaginary parts stacked.
 
-    Parameters
-    ----------
-    own, pair : array of complex, (F, n)
-        The functions of the poles and of their conjugates.
-    alone : array of bool, (n,)
-        Real poles.
-    terms : array of complex, (F, t)
-    data : array of complex, (F, l, m)
-    weights : array, (F,), optional
+    `own`, `pair` (F, n): the functions of the poles and of their conjugates. `alone` (n,): real poles. `terms` (F, t). `data` (F, l, m).
+    `weights` (F,).
     """
     pairs = [np.where(alone, own, own + pair), np.where(alone, 0, 1j * (own - pair))]
     functions = np.stack(pairs, axis=2).reshape(len(data), -1)

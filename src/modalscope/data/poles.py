@@ -118,13 +118,8 @@ def overlap(s: ComplexArray, others: ComplexArray) -> BoolArray:
 def pole_kinds(poles: ArrayLike, dt: float | None = None) -> tuple[str, ...]:
     """Name each continuous pole: `mode`, `real`, `unstable`, `nyquist` or `zero`.
 
-    Parameters
-    ----------
-    poles : array of complex
-        Continuous poles, rad/s.
-    dt : float, optional
-        Sampling interval of the identified system, seconds. A pole at half the sampling rate (a negative real pole of the
-        sampled system) cannot be told from its alias and is called `nyquist`.
+    `poles`: continuous poles, rad/s. `dt`: sampling interval of the identified system, seconds. A pole at half the sampling rate (a
+    negative real pole of the sampled system) cannot be told from its alias and is called `nyquist`.
 
     Returns
     -------

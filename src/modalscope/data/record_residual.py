@@ -52,17 +52,8 @@ class Excess(NamedTuple):
 def excess(frequencies: RealArray, power: RealArray, values: Array, poles: Array, resolution: float) -> Excess:
     """Compare what a fit leaves near modes with what it leaves beside them.
 
-    Parameters
-    ----------
-    frequencies : array, (F,)
-        Hz.
-    power : array, (F, l)
-        Squares of what is left of the values.
-    values : array of complex, (F, l)
-    poles : array of complex, (n,)
-        rad/s, as they are in the data.
-    resolution : float
-        Distance of the lines of a run, Hz; no mode is taken to be narrower.
+    `frequencies` (F,): hz. `power` (F, l): squares of what is left of the values. `values` (F, l). `poles` (n,): rad/s, as they are in
+    the data. `resolution`: distance of the lines of a run, Hz; no mode is taken to be narrower.
     """
     f = np.abs(poles) / (2 * np.pi)
     half = np.maximum(np.abs(poles.real) / (2 * np.pi), resolution)
@@ -86,12 +77,7 @@ def excess(frequencies: RealArray, power: RealArray, values: Array, poles: Array
 
 
 def excess_notes(found: Excess) -> tuple[Note, ...]:
-    """Return a note where what is left stands out at the modes and matters.
-
-    Parameters
-    ----------
-    found : Excess
-    """
+    """Return a note where what is left stands out at the modes and matters."""
     if not (found.decibels >= _STANDS_OUT and found.share >= _MATTERS):
         return ()
     text = (
@@ -104,13 +90,7 @@ def excess_notes(found: Excess) -> tuple[Note, ...]:
 def pole_notes(poles: Array, sampling_rate: float | None, duration: float) -> tuple[Note, ...]:
     """Return notes on poles of a drift and of a delay.
 
-    Parameters
-    ----------
-    poles : array of complex, (n,)
-        Of the sampled system, or rad/s where there is no sampling rate.
-    sampling_rate : float, optional
-    duration : float
-        Seconds of the longest run.
+    `poles` (n,): of the sampled system, or rad/s where there is no sampling rate. `duration`: seconds of the longest run.
     """
     notes = []
     distance = np.abs(poles - 1) * sampling_rate if sampling_rate is not None else np.abs(poles)

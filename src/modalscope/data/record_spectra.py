@@ -43,12 +43,7 @@ _AT_A_TIME = 1 << 16
 def running_mean(values: RealArray, run: IntArray, beside: int) -> RealArray:
     """Return the mean over each line and up to `beside` lines on either side within its run, (F,).
 
-    Parameters
-    ----------
-    values : array, (F,)
-    run : array of int, (F,)
-        Increasing.
-    beside : int
+    `values` (F,). `run` (F,): increasing.
 
     Examples
     --------
@@ -68,11 +63,7 @@ def running_mean(values: RealArray, run: IntArray, beside: int) -> RealArray:
 def resonance_weights(power: RealArray, run: IntArray) -> RealArray:
     """Return a weight a line, (F,), of mean square one: the root of the outputs' amplitude over neighbouring lines of the run.
 
-    Parameters
-    ----------
-    power : array, (F,)
-        Of the outputs together.
-    run : array of int, (F,)
+    `power` (F,): of the outputs together. `run` (F,).
     """
     w = running_mean(power, run, _BESIDE)
     np.maximum(w, _QUIET * max(float(np.median(w)), np.finfo(float).tiny), out=w)
@@ -86,12 +77,7 @@ def resonance_weights(power: RealArray, run: IntArray) -> RealArray:
 def telling_lines(power: RealArray, run: IntArray, most: int) -> IntArray:
     """Return at most so many lines: half of them evenly spaced, and those that stand highest above their surroundings.
 
-    Parameters
-    ----------
-    power : array, (F,)
-        Of the outputs together.
-    run : array of int, (F,)
-    most : int
+    `power` (F,): of the outputs together. `run` (F,).
     """
     if power.size <= most:
         return np.arange(power.size)
@@ -116,15 +102,7 @@ def near_modes(frequencies: RealArray, poles: Array, resolution: float, most: in
 
     What lies d half bandwidths away and farther holds a part of 1 / (2 d^3) or so of what is known of a pole.
 
-    Parameters
-    ----------
-    frequencies : array, (F,)
-        Hz.
-    poles : array of complex, (n,)
-        rad/s.
-    resolution : float
-        Hz; no mode is taken to be narrower.
-    most : int
+    `frequencies` (F,): hz. `poles` (n,): rad/s. `resolution`: hz; no mode is taken to be narrower.
     """
     if frequencies.size <= most:
         return np.arange(frequencies.size)
@@ -151,14 +129,7 @@ def picture_of(
 ) -> FrequencyResponse:
     """Return H = S_yu S_uu^-1 with spectra averaged over groups of neighbouring lines, of all runs together.
 
-    Parameters
-    ----------
-    frequencies : array, (F,)
-        Hz, in any order.
-    outputs : array of complex, (F, l)
-    inputs : array of complex, (F, m)
-    labels : mapping
-        Labels, units and quantity of the response.
+    `frequencies` (F,): hz, in any order. `outputs` (F, l). `inputs` (F, m). `labels`: labels, units and quantity of the response.
     """
     order = np.argsort(frequencies, kind="stable")
     starts = np.arange(0, order.size, max(-(-order.size // _LINES), 1))
@@ -318,28 +289,12 @@ class RecordSpectra(NoResponse):
 
     A model gives Y = D U + sum_j c_j (l_j' U + w_j x) / (x - s_j) + conj: nothing is estimated, and a run may begin and end anywhere.
 
-    Parameters
-    ----------
-    values : array of complex, (F, l, 1)
-        Outputs, divided by the root of the number of samples.
-    frequencies : array, (F,)
-        Hz; increasing within a run.
-    drive : array of complex, (F, m)
-        Inputs; zero where a run has not this input.
-    run : array of int, (F,)
-        Which run each line belongs to.
-    durations : tuple of float
-        Seconds of every run.
-    sampling_rate : float, optional
-        Samples per second, when the inputs were held between samples (z-plane); None for those of a continuous structure.
-    source : RecordSpectra, optional
-        All lines, where these are some of them.
-    groups : sequence of labels, "auto" or None
-        One label a run: what disagrees between groups is repeatability. By default every run of several is one.
-    level : array, (l,), optional
-        What every output is divided by to be level with the others by its noise, where that was seen.
-    line_scale : array, (F,), optional
-        What outputs and inputs of every line were divided by, where their noise is not alike on all lines.
+    `values` (F, l, 1): outputs, divided by the root of the number of samples. `frequencies` (F,): hz; increasing within a run. `drive`
+    (F, m): inputs; zero where a run has not this input. `run` (F,): which run each line belongs to. `durations`: seconds of every run.
+    `sampling_rate`: samples per second, when the inputs were held between samples (z-plane); None for those of a continuous structure.
+    `source`: all lines, where these are some of them. `groups`: one label a run: what disagrees between groups is repeatability. By
+    default every run of several is one. `level` (l,): what every output is divided by to be level with the others by its noise, where
+    that was seen. `line_scale` (F,): what outputs and inputs of every line were divided by, where their noise is not alike on all lines.
     """
 
     frequencies: RealArray

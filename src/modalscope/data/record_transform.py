@@ -32,10 +32,7 @@ def half_transform(samples: Array, place: ComplexArray) -> None:
     With E and O the transforms of even and of odd samples and w = exp(-2 pi j / N), Y_k = E_k + w^k O_k and Y_(N/2 - k) = (E_k - w^k O_k)*
     for k up to N / 4: E is laid down from the front, O from the back, and each pair takes the place of the two that it is made of.
 
-    Parameters
-    ----------
-    samples : array, (N,)
-    place : array of complex, (N // 2 + 1,)
+    `samples` (N,). `place` (N // 2 + 1,).
 
     Examples
     --------
@@ -66,17 +63,9 @@ def half_transform(samples: Array, place: ComplexArray) -> None:
 def record_spectra(records: Records, band: tuple[float, float] | None = None) -> RecordSpectra:
     """Return the plain transforms of whole runs, cut to a band: no window, no padding, no detrend; 0 Hz and half the rate are left out.
 
-    Parameters
-    ----------
-    records : Records
-        With inputs.
-    band : (float, float), optional
-        Hz.
+    `records`: with inputs. `band`: hz.
 
-    Raises
-    ------
-    DataError
-        Records without inputs, or a band that holds no line.
+    Raises `DataError`: records without inputs, or a band that holds no line.
 
     Notes
     -----

@@ -333,14 +333,7 @@ class Records(Shown, Convertible):
 def as_records(data: Any) -> Records:
     """Return a record, records of several runs, or a list of them as `Records`.
 
-    Parameters
-    ----------
-    data : Signals, Records, or a sequence of them
-
-    Raises
-    ------
-    DataError
-        Anything else, or runs that do not belong together.
+    Raises `DataError`: anything else, or runs that do not belong together.
     """
     if isinstance(data, Records):
         return data

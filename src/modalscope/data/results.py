@@ -28,18 +28,9 @@ __all__ = ["Result", "Settings", "StabilizationDiagram"]
 class Settings:
     """Options by name; those at their default None are left out, so that `identify(data, **settings)` repeats what was done.
 
-    Parameters
-    ----------
-    band : (float, float), optional
-        Lowest and highest frequency in Hz that is used.
-    exclude : tuple of labels, optional
-        Channels left out.
-    route : str, optional
-        From records with inputs: "records", "frf", "markov" or "subspace".
-    delays : mapping of label to int, optional
-        From records with inputs: samples by which outputs come late after the forces, which was taken out; {} for none.
-    factorization : {"auto", "dense", "gram", "randomized", "lanczos"}
-        The route to the singular vectors.
+    `band`: lowest and highest frequency in Hz that is used. `exclude`: channels left out. `route`: from records with inputs: "records",
+    "frf", "markov" or "subspace". `delays`: from records with inputs: samples by which outputs come late after the forces, which was
+    taken out; {} for none. `factorization`: the route to the singular vectors.
     """
 
     band: tuple[float, float] | None = None
@@ -64,13 +55,7 @@ class Settings:
         return name in set(self.keys())
 
     def get(self, name: str, default: Any = None) -> Any:
-        """Return an option, or a default where it is not set.
-
-        Parameters
-        ----------
-        name : str
-        default : object, optional
-        """
+        """Return an option, or a default where it is not set."""
         value = getattr(self, name, None)
         return default if value is None else value
 

@@ -164,14 +164,7 @@ class Setups(Shown, Convertible):
 def as_test(data: Any) -> Records | Setups:
     """Return the records of one test: `Setups` where none has inputs and their outputs differ, `Records` else.
 
-    Parameters
-    ----------
-    data : Signals, Records, Setups, or a sequence of them
-
-    Raises
-    ------
-    DataError
-        Anything else, or records that do not belong together.
+    Raises `DataError`: anything else, or records that do not belong together.
     """
     if isinstance(data, Setups):
         return data
@@ -183,12 +176,7 @@ def as_test(data: Any) -> Records | Setups:
 
 
 def check_setups(parts: list[Signals]) -> None:
-    """Raise when records are no setups of one structure: measured inputs, no common output, other rates, quantities or units.
-
-    Parameters
-    ----------
-    parts : list of Signals
-    """
+    """Raise when records are no setups of one structure: measured inputs, no common output, other rates, quantities or units."""
     first = parts[0]
     known: dict[str, tuple[Any, ...]] = {}
     for number, part in enumerate(parts, 1):

@@ -107,10 +107,7 @@ def html_table(rows: Sequence[Sequence[str]]) -> str:
 def curve(values: Array) -> str:
     """Return a curve as SVG: of long data the lowest and the highest value of every column of the picture.
 
-    Parameters
-    ----------
-    values : array of float, (N,)
-        Values that are not finite are left out.
+    `values` (N,): values that are not finite are left out.
     """
     y = np.asarray(values, dtype=float)
     parts = [part[np.isfinite(part)] for part in np.array_split(y, max(min(len(y), _COLUMNS), 1))]
@@ -130,10 +127,7 @@ def curve(values: Array) -> str:
 def dots(x: Array, y: Array, dark: Array) -> str:
     """Return dots as SVG, dark ones over pale ones.
 
-    Parameters
-    ----------
-    x, y : array, (N,)
-    dark : array of bool, (N,)
+    `x`, `y` (N,). `dark` (N,).
     """
     step = max(1, -(-len(x) // _DOTS))
     chosen = np.argsort(dark, kind="stable")[::step]

@@ -22,14 +22,7 @@ _TOGETHER = 64
 def check_size(data: Signals | Records | Setups | Response) -> None:
     """Raise when a channel's numbers are so large or so small that powers of them cannot be computed with.
 
-    Parameters
-    ----------
-    data : Signals, Records, Setups, FrequencyResponse or ImpulseResponse
-
-    Raises
-    ------
-    DataError
-        Names the channel.
+    Raises `DataError`: names the channel.
 
     Examples
     --------
@@ -75,12 +68,7 @@ def _largest(array: Array) -> Array:
 
 
 def check_alive(response: Response) -> None:
-    """Raise on a channel of zeros: nothing can be read off it, and it hides a wrong cable or a wrong column.
-
-    Parameters
-    ----------
-    response : Response
-    """
+    """Raise on a channel of zeros: nothing can be read off it, and it hides a wrong cable or a wrong column."""
     speaks = np.zeros(response.values.shape[1:], dtype=bool)
     for values in response.values:  # nearly always the first line or sample settles it
         speaks |= values != 0

@@ -206,17 +206,10 @@ def matrices_of(system: Any) -> dict[str, Any]:
 class Balanced:
     """A balanced model, whole or cut to its leading states.
 
-    Parameters
-    ----------
-    state_space : StateSpace
-        The model: both Gramians are diag(hankel_singular_values) when it is whole.
-    hankel_singular_values : array
-        All of them, falling; those below rounding belong to states that are not seen or not driven.
-    T, inverse : array, (n, k), (k, n)
-        Change of coordinates x = T z, and its left inverse.
-    error_bound : float
-        2 times the sum of the singular values that were cut: no frequency response of the cut model is further than this from
-        the whole one, in the largest singular value over outputs and inputs, at any frequency.
+    `state_space`: the model: both Gramians are diag(hankel_singular_values) when it is whole. `hankel_singular_values`: all of them,
+    falling; those below rounding belong to states that are not seen or not driven. `T`, `inverse` (n, k): change of coordinates x = T z,
+    and its left inverse. `error_bound`: 2 times the sum of the singular values that were cut: no frequency response of the cut model is
+    further than this from the whole one, in the largest singular value over outputs and inputs, at any frequency.
     """
 
     state_space: StateSpace

@@ -48,12 +48,7 @@ class Rows(Protocol):
 class Picked:
     """Some columns of rows, each multiplied by a factor.
 
-    Parameters
-    ----------
-    rows : Rows
-    columns : tuple of int
-    factors : tuple of float, optional
-        One a column that is picked.
+    `factors`: one a column that is picked.
     """
 
     rows: Rows

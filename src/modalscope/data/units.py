@@ -142,10 +142,6 @@ def in_si(unit: str) -> InSi | None:
 
     A sensitivity such as `100 mV/g` says that the channel is in mV, and that 100 of them are one g.
 
-    Parameters
-    ----------
-    unit : str
-
     Examples
     --------
     >>> in_si("g"), in_si("100 mV/g").factor, in_si("m/s^2/lbf").unit, in_si("furlong")
@@ -192,12 +188,7 @@ class Scalable(Protocol):
 
 
 def si_form(data: Data) -> tuple[Data, tuple[Note, ...]]:
-    """Return data in SI, and what was converted and what was not; other objects are returned as they are.
-
-    Parameters
-    ----------
-    data : Signals, Records, Setups, FrequencyResponse or ImpulseResponse
-    """
+    """Return data in SI, and what was converted and what was not; other objects are returned as they are."""
     if isinstance(data, InParts):
         told: dict[Note, None] = {}
 

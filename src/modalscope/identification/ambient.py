@@ -66,15 +66,7 @@ class SeenRecord:
 
     Wherever data are identified it stands for its record.
 
-    Parameters
-    ----------
-    record : Signals or StoredSignals
-    excerpt : Signals
-        What was looked at: all of a record in memory.
-    levels : Levels
-    own : OwnBands
-    lines : tuple of Line
-        Of machines.
+    `excerpt`: what was looked at: all of a record in memory. `lines`: of machines.
     """
 
     record: Signals | StoredSignals
@@ -87,10 +79,7 @@ class SeenRecord:
 def seen_record(record: Signals | StoredSignals) -> SeenRecord:
     """Look through a record without inputs.
 
-    Parameters
-    ----------
-    record : Signals or StoredSignals
-        Of a stored record an excerpt is looked at.
+    `record`: of a stored record an excerpt is looked at.
     """
     from modalscope.preprocess.bands import levels_in, own_bands
     from modalscope.preprocess.harmonics import Spectrum, lines_in
@@ -102,13 +91,7 @@ def seen_record(record: Signals | StoredSignals) -> SeenRecord:
 
 
 def looked_through(data: Any, exclude: Any = None) -> Any:
-    """Return a record without inputs looked through, without the channels left out; all other data as they are.
-
-    Parameters
-    ----------
-    data : object
-    exclude : labels, optional
-    """
+    """Return a record without inputs looked through, without the channels left out; all other data as they are."""
     if not isinstance(data, Signals | StoredSignals | Records) or data.input_dofs:
         return data
     thing = data if exclude is None else data.select(exclude=exclude)
@@ -122,11 +105,7 @@ def looked_through(data: Any, exclude: Any = None) -> Any:
 def conditioned(seen: SeenRecord, band: Band | None) -> Conditioned:
     """Return a record without inputs in a band, or in its own.
 
-    Parameters
-    ----------
-    seen : SeenRecord
-    band : (float, float), optional
-        As asked, Hz.
+    `band`: as asked, Hz.
     """
     from modalscope.preprocess.bands import noise_notes, taken_down
     from modalscope.preprocess.harmonics import harmonic_notes
@@ -157,10 +136,7 @@ def _without_lines(record: Signals | StoredSignals, lines: Sequence[Line]) -> tu
 def bands_of_record(data: Any) -> tuple[tuple[Band, ...], tuple[Note, ...]]:
     """Return the bands that a record without inputs falls into, and what is said about them; none of all other data.
 
-    Parameters
-    ----------
-    data : object
-        As `looked_through` gives it.
+    `data`: as `looked_through` gives it.
     """
     if not isinstance(data, SeenRecord):
         return (), ()
@@ -178,10 +154,6 @@ def bands_of_setups(setups: Setups) -> tuple[tuple[Band, ...], tuple[Note, ...]]
 
     One does where the block rows of the joined setups span half a period of the lowest frequency: modes of one band are fitted without
     those of the others, and their shapes suffer.
-
-    Parameters
-    ----------
-    setups : Setups
     """
     own = _own(setups)
     rows = max(SETUP_ROWS // len(setups.output_dofs), 10)
@@ -212,11 +184,7 @@ class InBand(NamedTuple):
 def conditioned_setups(setups: Setups, band: Band | None) -> InBand:
     """Return setups at the rate of a band and without drift, the band, and what was chosen.
 
-    Parameters
-    ----------
-    setups : Setups
-    band : (float, float), optional
-        As asked, Hz; by default one in which something stands out of any of them, where they are sampled for more.
+    `band`: as asked, Hz; by default one in which something stands out of any of them, where they are sampled for more.
     """
     own = _own(setups)
     chosen = own.whole if band is None else band

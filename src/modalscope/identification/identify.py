@@ -193,14 +193,7 @@ def assemble(
 ) -> Identification:
     """Wrap one cut: the model itself, what it leaves of the data, and modes told from extraneous poles.
 
-    Parameters
-    ----------
-    pipeline : Pipeline
-    order : int
-    chosen : tuple of Note
-        Why this order.
-    deviations : bool
-        Whether standard deviations of the poles are wanted.
+    `chosen`: why this order. `deviations`: whether standard deviations of the poles are wanted.
     """
     found = Sweep(pipeline, [order], deviations=deviations)
     cut = found.cut(order)

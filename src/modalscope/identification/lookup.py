@@ -116,20 +116,10 @@ def _named(name: Any) -> list[Method]:
 def find_method(name: str, domain: str | None, default_domain: str, route: str | None = None) -> Method:
     """Return the cell of a name and a domain; without a domain the one that suits the data, else the row's only one.
 
-    Parameters
-    ----------
-    name : str
-        A row of the table, or a name from the literature ("ssi-cov", "polymax", "itd"); any case, hyphens and underscores alike.
-    domain : {"time", "z", "s"}, optional
-    default_domain : str
-        What suits the data.
-    route : str, optional
-        From records with inputs: only rows that this way serves.
+    `name`: A row of the table, or a name from the literature ("ssi-cov", "polymax", "itd"); any case, hyphens and underscores alike.
+    `default_domain`: what suits the data. `route`: from records with inputs: only rows that this way serves.
 
-    Raises
-    ------
-    DataError
-        An unknown name, or a cell that does not exist.
+    Raises `DataError`: an unknown name, or a cell that does not exist.
     """
     found = _named(name)
     if not found:
@@ -179,11 +169,7 @@ def _unknown(name: Any) -> DataError:
 def options_of(row: Method, given: Mapping[str, Any]) -> Options:
     """Return the row's own options; what it has no use for is refused, with the rows that have it.
 
-    Parameters
-    ----------
-    row : Method
-    given : mapping
-        None stands for what is not given.
+    `given`: none stands for what is not given.
     """
     own = {f.name for f in fields(row.options_type)}
     chosen = {name: value for name, value in given.items() if value is not None}
@@ -208,13 +194,7 @@ def options_of(row: Method, given: Mapping[str, Any]) -> Options:
 
 
 def check_form(row: Method, form: str | None) -> None:
-    """Raise when a form was asked that a row does not have.
-
-    Parameters
-    ----------
-    row : Method
-    form : str or None
-    """
+    """Raise when a form was asked that a row does not have."""
     if form is None:
         return
     check_choice("form", form, ("observable", "controllable", "smaller"))

@@ -150,21 +150,9 @@ DOMAINS = {
 class Problem:
     """What a row of the table is to solve; made by `prepare`, once.
 
-    Parameters
-    ----------
-    method : Method
-    response : Response
-        As the row takes it, in the band.
-    measured : Response
-        As it was measured or estimated, in the band: what all rows share.
-    records : Signals or StoredSignals, optional
-        Records without inputs, filtered to the band, where they were given.
-    driven : Records, optional
-        Records with inputs, as they were given.
-    options : Options
-        As asked; sizes that are not given are chosen with the order.
-    notes : tuple of Note
-        What was converted.
+    `response`: as the row takes it, in the band. `measured`: as it was measured or estimated, in the band: what all rows share.
+    `records`: records without inputs, filtered to the band, where they were given. `driven`: records with inputs, as they were given.
+    `options`: as asked; sizes that are not given are chosen with the order. `notes`: what was converted.
     """
 
     method: Method
@@ -193,38 +181,14 @@ Realize = Callable[[Any, Factors], Realization]
 class Method:
     """One cell of the table: everything that the stages ask of a method.
 
-    Parameters
-    ----------
-    name, domain : str
-        The row and the column.
-    realization : str
-        How the model is read off, in words.
-    section : str
-        Where the report has it.
-    common : str
-        The name that most people know it by.
-    known_as : tuple of str
-        Names in the literature of this cell, with the options that make them.
-    aliases : tuple of str
-        Other words for `name` that mean this cell.
-    takes : Takes
-        What it is given.
-    matrix : callable
-        (problem, largest order) -> data matrix and settings.
-    factor : callable
-        (data matrix, largest order, route) -> factors.
-    realize : callable
-        (data matrix, factors) -> models of all orders.
-    orders : OrderRule
-        What an order is: states, blocks of states, or the degree of a polynomial.
-    options_type : type
-        The options of its data matrix.
-    forms : tuple of str
-        Observable and controllable forms that exist; the first is the default, "smaller" takes the one with fewer states.
-    fixed : mapping
-        Options that make the row.
-    from_records : str, optional
-        The way from records with inputs to what it takes, where that is not the one of all rows that take the same.
+    `name`, `domain`: the row and the column. `realization`: how the model is read off, in words. `section`: where the report has it.
+    `common`: the name that most people know it by. `known_as`: names in the literature of this cell, with the options that make them.
+    `aliases`: other words for `name` that mean this cell. `takes`: what it is given. `matrix`: (problem, largest order) -> data matrix
+    and settings. `factor`: (data matrix, largest order, route) -> factors. `realize`: (data matrix, factors) -> models of all orders.
+    `orders`: what an order is: states, blocks of states, or the degree of a polynomial. `options_type`: the options of its data matrix.
+    `forms`: observable and controllable forms that exist; the first is the default, "smaller" takes the one with fewer states. `fixed`:
+    options that make the row. `from_records`: the way from records with inputs to what it takes, where that is not the one of all rows
+    that take the same.
     """
 
     name: str
@@ -253,12 +217,7 @@ class Method:
         return self.from_records or ROUTES[self.takes]
 
     def served_by(self, route: str) -> bool:
-        """Whether a way from records with inputs ends in what the row takes; from frequency responses samples can be had, too.
-
-        Parameters
-        ----------
-        route : str
-        """
+        """Whether a way from records with inputs ends in what the row takes; from frequency responses samples can be had, too."""
         return route == self.route or (route == "frf" and self.takes is Takes.SAMPLES)
 
     @property
@@ -289,33 +248,20 @@ class Method:
     def refusal(self, response: Response, records: bool) -> Refusal | None:
         """Return why the row cannot take these data and what to do, None when it can.
 
-        Parameters
-        ----------
-        response : Response
-        records : bool
-            Whether records without inputs are there.
+        `records`: whether records without inputs are there.
         """
         refused = REFUSALS.get(self.takes)
         return None if refused is None else refused(response, records)
 
     def reservation(self, response: Response) -> str:
-        """Return why a comparison leaves the row out although it can take the data, empty when it does not.
-
-        Parameters
-        ----------
-        response : Response
-        """
+        """Return why a comparison leaves the row out although it can take the data, empty when it does not."""
         reserved = RESERVATIONS.get(self.takes)
         return "" if reserved is None else reserved(response)
 
     def rows_span(self, settings: Settings, dt: float | None) -> float | None:
         """Return the time that the block rows span, seconds; None where they are no samples, or all of them are states.
 
-        Parameters
-        ----------
-        settings : Settings
-        dt : float, optional
-            Sampling interval of the identified system.
+        `dt`: sampling interval of the identified system.
         """
         rows = settings.get("block_rows")
         if (
@@ -328,12 +274,7 @@ class Method:
         return float(rows * dt)
 
     def exact_on(self, response: Response) -> bool:
-        """Return whether the row works on the data themselves, not on a transform that loses something.
-
-        Parameters
-        ----------
-        response : Response
-        """
+        """Return whether the row works on the data themselves, not on a transform that loses something."""
         exact = EXACT.get(self.takes)
         return exact is None or exact(response)
 

@@ -114,16 +114,9 @@ def labels_of(exclude: Any) -> tuple[Any, ...]:
 class HankelOptions(Options):
     """Of a Hankel matrix of samples; see `modalscope.blocks.hankel`.
 
-    Parameters
-    ----------
-    block_rows, block_columns : int, optional
-        Blocks of H(0).
-    form : {"observable", "controllable", "smaller"}, optional
-        Which side the shift is read off.
-    reduction : {"projection", "markov", "reversed"}, optional
-        Of the canonical form to minimum order.
-    row_shifts, column_shifts, row_subsets, column_subsets, row_weights, column_weights, row_compression, column_compression : optional
-        The matrix in its generality.
+    `block_rows`, `block_columns`: blocks of H(0). `form`: which side the shift is read off. `reduction`: of the canonical form to minimum
+    order. `row_shifts`, `column_shifts`, `row_subsets`, `column_subsets`, `row_weights`, `column_weights`, `row_compression`,
+    `column_compression`: the matrix in its generality.
     """
 
     why_not = "this method works on samples"
@@ -166,19 +159,8 @@ class HankelOptions(Options):
 class LineOptions(Options):
     """Of a matrix of transfer functions, on lines or on those of a window of samples; see `modalscope.blocks.transfer` and `shifted`.
 
-    Parameters
-    ----------
-    block_rows : int, optional
-        The degree of the polynomials.
-    block_columns : int, optional
-        Samples in the window, with source="samples".
-    form : {"observable"}, optional
-        The only one there is.
-    weights : array (lines,), {"coherence", "variance", "level"}, optional
-    initial_values : array or "rest", optional
-    basis : {"orthogonal", "powers"}, optional
-    source : {"samples", "elimination"}, optional
-    row_shifts : sequence of int, optional
+    `block_rows`: the degree of the polynomials. `block_columns`: samples in the window, with source="samples". `form`: the only one there
+    is. `weights` (lines,).
     """
 
     why_not = "the columns of a frequency-domain matrix are lines"
@@ -202,11 +184,7 @@ class LineOptions(Options):
 class FractionOptions(Options):
     """Of a matrix fraction; see `modalscope.blocks.fraction`.
 
-    Parameters
-    ----------
-    form : {"controllable"}, optional
-        The only one there is.
-    weights : array (lines,), {"coherence", "variance", "level"}, optional
+    `form`: the only one there is. `weights` (lines,).
     """
 
     why_not = "a matrix fraction is fitted on all lines, and has no blocks"
@@ -219,12 +197,7 @@ class FractionOptions(Options):
 class DrivenOptions(Options):
     """Of records with inputs projected on their past; see `modalscope.blocks.driven`.
 
-    Parameters
-    ----------
-    block_rows, block_columns : int, optional
-        Blocks of the future and of the past.
-    form : {"observable"}, optional
-        The only one there is.
+    `block_rows`, `block_columns`: blocks of the future and of the past. `form`: the only one there is.
     """
 
     why_not = "a projection of records has whole, equal blocks of samples"
@@ -238,16 +211,8 @@ class DrivenOptions(Options):
 class RecordOptions(DrivenOptions):
     """Of records projected on their past; see `modalscope.blocks.projections`.
 
-    Parameters
-    ----------
-    block_rows, block_columns : int, optional
-        Blocks of the future and of the past.
-    form : {"observable"}, optional
-        The only one there is.
-    references : labels, optional
-        Outputs of the past; all by default.
-    weighting : {"cva"}, optional
-        "cva": both sides are whitened, so that the singular values are canonical correlations.
+    `block_rows`, `block_columns`: blocks of the future and of the past. `form`: the only one there is. `references`: outputs of the past;
+    all by default. `weighting`: "cva": both sides are whitened, so that the singular values are canonical correlations.
     """
 
     references: Any = None
@@ -263,12 +228,7 @@ class RecordOptions(DrivenOptions):
 class SpectraOptions(Options):
     """Of records on lines; see `modalscope.blocks.records`.
 
-    Parameters
-    ----------
-    block_rows : int, optional
-        The degree of the polynomials.
-    form : {"observable"}, optional
-        The only one there is.
+    `block_rows`: the degree of the polynomials. `form`: the only one there is.
     """
 
     why_not = "the columns of records on lines are the lines of whole runs, as they are"

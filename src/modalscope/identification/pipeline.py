@@ -27,15 +27,7 @@ _PARTICIPATION = {
 class Pipeline:
     """One row of the table on its data, factored once for all orders.
 
-    Parameters
-    ----------
-    problem : Problem
-    matrix : DataMatrix
-    realization : Realization
-    settings : Options
-        Every option with the value that was taken.
-    notes : tuple of Note
-        What was chosen, converted or left out.
+    `settings`: every option with the value that was taken. `notes`: what was chosen, converted or left out.
     """
 
     problem: Problem
@@ -83,14 +75,7 @@ class Pipeline:
 class Factored:
     """A data matrix and its factors: what rows that differ in their realization alone have in common.
 
-    Parameters
-    ----------
-    matrix : DataMatrix
-    settings : Options
-        Every option with the value that was taken.
-    chosen : tuple of Note
-        How sizes were chosen.
-    factors : Factors
+    `settings`: every option with the value that was taken. `chosen`: how sizes were chosen.
     """
 
     matrix: DataMatrix
@@ -102,11 +87,7 @@ class Factored:
 def factor(problem: Problem, largest: int) -> Pipeline:
     """Return the models of all orders up to the largest.
 
-    Parameters
-    ----------
-    problem : Problem
-    largest : int
-        The largest order that will be asked: sizes that are not given follow from it.
+    `largest`: the largest order that will be asked: sizes that are not given follow from it.
     """
     return realized(problem, factored(problem, largest))
 
@@ -114,11 +95,7 @@ def factor(problem: Problem, largest: int) -> Pipeline:
 def built(problem: Problem, largest: int) -> Built:
     """Return the data matrix of a row.
 
-    Parameters
-    ----------
-    problem : Problem
-    largest : int
-        As in `factor`.
+    `largest`: as in `factor`.
     """
     return problem.method.matrix(problem, check_count("order", largest))
 
@@ -126,13 +103,8 @@ def built(problem: Problem, largest: int) -> Built:
 def factored(problem: Problem, largest: int, given: Built | None = None) -> Factored:
     """Return the data matrix of a row and its factors.
 
-    Parameters
-    ----------
-    problem : Problem
-    largest : int
-        As in `factor`.
-    given : Built, optional
-        The matrix, where another row has made the same one: what it keeps for its products is then made once.
+    `largest`: as in `factor`. `given`: the matrix, where another row has made the same one: what it keeps for its products is then made
+    once.
     """
     matrix, settings, chosen = built(problem, largest) if given is None else given
     return Factored(matrix, settings, chosen, problem.method.factor(matrix.observable, largest, settings.factorization))
@@ -141,11 +113,7 @@ def factored(problem: Problem, largest: int, given: Built | None = None) -> Fact
 def realized(problem: Problem, given: Factored) -> Pipeline:
     """Return the models that a row reads off factors.
 
-    Parameters
-    ----------
-    problem : Problem
-    given : Factored
-        The row's own, or those of a row of the same data matrix.
+    `given`: the row's own, or those of a row of the same data matrix.
     """
     matrix, settings, factors = given.matrix, given.settings, given.factors
     realization = problem.method.realize(matrix.observable, factors)

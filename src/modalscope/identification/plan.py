@@ -39,17 +39,9 @@ _LINES, _COPIES = 1000, 3
 class Plan:
     """What a diagram will take.
 
-    Parameters
-    ----------
-    method, data, matrix : str
-        The row, what it is made of and the matrix, in words.
-    orders : tuple of int
-    ways : tuple of Cost
-        Of factoring, in the order in which they are tried; nothing where that is not known.
-    reading, sweeping : float
-        Seconds of what comes before the factors, and of all orders after them.
-    memory : float
-        Bytes beside the data, at most.
+    `method`, `data`, `matrix`: the row, what it is made of and the matrix, in words. `ways`: of factoring, in the order in which they are
+    tried; nothing where that is not known. `reading`, `sweeping`: seconds of what comes before the factors, and of all orders after them.
+    `memory`: bytes beside the data, at most.
     """
 
     method: str
@@ -103,20 +95,9 @@ def plan(
 ) -> Plan:
     """Return what a stabilization diagram without deviations will take; nothing of its size is made.
 
-    Parameters
-    ----------
-    data : FrequencyResponse, ImpulseResponse, Signals, Records or a list of records
-    method, domain : str, optional
-        A cell of the table of methods.
-    orders : iterable of int, optional
-        As in `stabilize`.
-    **options
-        As in `stabilize`.
+    `method`, `domain`: A cell of the table of methods. `orders`: as in `stabilize`. `**options`: as in `stabilize`.
 
-    Raises
-    ------
-    DataError
-        Data that the row cannot take.
+    Raises `DataError`: data that the row cannot take.
     """
     problem = prepare(data, method, domain, **options)
     asked = tuple(problem.method.orders.ladder(problem.measured) if orders is None else checked_orders(orders))

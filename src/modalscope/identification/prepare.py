@@ -35,28 +35,11 @@ __all__ = ["Data", "Measured", "measure", "pose", "prepare"]
 class Measured:
     """What all rows share: the response in the band, the records behind correlations, and what was done.
 
-    Parameters
-    ----------
-    response : Response
-    records : Signals or StoredSignals, optional
-        Records without inputs, filtered to the band.
-    given : str
-        What it was made of, in words.
-    row, domain : str
-        The row and the column that are taken when none is asked.
-    band : (float, float), optional
-        As asked, Hz; of hits and of records without inputs what was chosen where none was asked.
-    exclude : object
-        Channels left out, as asked.
-    route : str, optional
-        The way from records with inputs.
-    driven : Records, optional
-        Records with inputs, delays taken out.
-    delays : mapping of label to int, optional
-        Samples by which outputs came late.
-    notes : tuple of Note
-    sizes : mapping
-        Block sizes that suit the response where none are asked, for rows that have them.
+    `records`: records without inputs, filtered to the band. `given`: what it was made of, in words. `row`, `domain`: the row and the
+    column that are taken when none is asked. `band`: as asked, Hz; of hits and of records without inputs what was chosen where none was
+    asked. `exclude`: channels left out, as asked. `route`: the way from records with inputs. `driven`: records with inputs, delays taken
+    out. `delays`: samples by which outputs came late. `sizes`: block sizes that suit the response where none are asked, for rows that
+    have them.
     """
 
     response: Response
@@ -86,18 +69,10 @@ Data = Signals | Records | Setups | Response
 def prepare(data: Any, method: str | None = None, domain: str | None = None, **options: Any) -> Problem:
     """Return the problem of one row of the table on the data.
 
-    Parameters
-    ----------
-    data : FrequencyResponse, ImpulseResponse, Signals, Records, Setups or a list of records
-    method, domain : str, optional
-        A row, or a name from the literature, and a column; by default what suits the data.
-    **options
-        Those of `identify`.
+    `method`, `domain`: A row, or a name from the literature, and a column; by default what suits the data. `**options`: those of
+    `identify`.
 
-    Raises
-    ------
-    DataError
-        A channel of zeros, a band without lines, an unknown method, domain or option, a method that cannot take the data.
+    Raises `DataError`: A channel of zeros, a band without lines, an unknown method, domain or option, a method that cannot take the data.
     """
     band, exclude = options.pop("band", None), options.pop("exclude", None)
     route, delays = options.pop("route", None), options.pop("delays", None)
@@ -118,18 +93,8 @@ def measure(
 ) -> Measured:
     """Return the response of the data in a band, without the channels that are excluded; records are turned into responses here.
 
-    Parameters
-    ----------
-    data : FrequencyResponse, ImpulseResponse, Signals, Records, Setups or a list of records
-    band : (float, float), optional
-        Hz.
-    exclude : labels, optional
-    route : str, optional
-        From records with inputs, see `modalscope.identification.routes`.
-    method, domain : str, optional
-        What the way must serve, where it is left open.
-    delays : mapping of label to int, optional
-        Samples by which outputs of records with inputs come late, see `modalscope.doctor.delays`.
+    `band`: hz. `route`: from records with inputs, see `modalscope.identification.routes`. `method`, `domain`: what the way must serve,
+    where it is left open. `delays`: samples by which outputs of records with inputs come late, see `modalscope.doctor.delays`.
     """
     checked = None if band is None else check_band(band)
     asked = "auto" if route is None else check_choice("route", route, ROUTES)
@@ -269,12 +234,7 @@ _USUAL = {("lines", False): ("alternate", "s"), ("lines", True): ("alternate", "
 def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem:
     """Return the problem of one row on what was measured.
 
-    Parameters
-    ----------
-    measured : Measured
-    row : Method
-    options : mapping
-        Without band and excluded channels, which were applied.
+    `options`: without band and excluded channels, which were applied.
     """
     response = measured.response
     refusal = row.refusal(response, measured.held is not None)

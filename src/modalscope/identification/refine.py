@@ -45,12 +45,7 @@ def completed(task: Task, modes: ModalModel, participation: ComplexArray) -> Mod
     The first one is looked for before anything is refined: a mode that is missed draws the others to its place. Nothing is added when
     the residual stays coloured: then it is no noise, and poles would be fitted to the model's own error.
 
-    Parameters
-    ----------
-    task : Task
-    modes : ModalModel
-    participation : array of complex, (n, m)
-        Of the modes.
+    `participation` (n, m): of the modes.
     """
     count = len(modes)
     found: _Found = (modes.poles - task.response.added_damping, modes.shapes, participation)
@@ -307,15 +302,7 @@ def in_place(response: Response, modes: ModalModel, fixed: Array, groups: Any = 
 
     Each group of inputs or runs pulls a value its own way; how far the pulls differ is the repeatability, whether or not they add to zero.
 
-    Parameters
-    ----------
-    response : Response
-    modes : ModalModel
-        Decaying oscillations, with participation.
-    fixed : array of complex, (k,)
-        rad/s: poles that take part beside them.
-    groups : "auto", None or sequence of labels
-        As in `refine`.
+    `modes`: decaying oscillations, with participation. `fixed` (k,): rad/s: poles that take part beside them. `groups`: as in `refine`.
     """
     added = response.added_damping
     task = task_of(response, np.asarray(fixed, dtype=np.complex128) - added, None, None)

@@ -51,12 +51,7 @@ class Way(NamedTuple):
 
 
 def usual_route(records: Records) -> str:
-    """Return the way that suits records with inputs by the rule of this module; runs that do not stack are taken as they are.
-
-    Parameters
-    ----------
-    records : Records
-    """
+    """Return the way that suits records with inputs by the rule of this module; runs that do not stack are taken as they are."""
     from modalscope.preprocess.excitation import find_excitation
 
     if max(records.samples) <= _LENGTHS * min(records.samples) and all(
@@ -69,14 +64,7 @@ def usual_route(records: Records) -> str:
 def chosen_route(records: Records, method: str | None, domain: str | None, asked: str) -> str:
     """Return the way for a method and a domain: as asked, or the first by the rule that serves them.
 
-    Parameters
-    ----------
-    records : Records
-        With inputs.
-    method, domain : str, optional
-        As asked.
-    asked : str
-        "auto", or a way.
+    `records`: with inputs. `method`, `domain`: as asked. `asked`: "auto", or a way.
     """
     if asked != "auto":
         return asked
@@ -91,12 +79,7 @@ def chosen_route(records: Records, method: str | None, domain: str | None, asked
 def by_route(records: Records, route: str, band: tuple[float, float] | None) -> Way:
     """Return what a way makes of records with inputs.
 
-    Parameters
-    ----------
-    records : Records
-    route : {"records", "frf", "markov", "subspace"}
-    band : (float, float) or None
-        Hz.
+    `band`: hz.
     """
     if route == "frf":
         return _averaged(records, band)
@@ -121,12 +104,7 @@ def without_delays(
 ) -> tuple[Records, Mapping[str, int] | None, tuple[Note, ...]]:
     """Return records with outputs that come late shifted back, by how much, and what is said; periods are left whole unless it is asked.
 
-    Parameters
-    ----------
-    records : Records
-        With inputs.
-    delays : mapping of label to int, optional
-        As in `modalscope.doctor.delays`.
+    `records`: with inputs. `delays`: as in `modalscope.doctor.delays`.
     """
     from modalscope.doctor.delays import aligned, seen_delays
 
@@ -164,11 +142,7 @@ def _level(spectra: RecordSpectra, band: tuple[float, float] | None, note: Note)
 def one_record(records: Records, what: str) -> Signals:
     """Return runs of one length and the same inputs as one record, or raise.
 
-    Parameters
-    ----------
-    records : Records
-    what : str
-        What is to be made of it.
+    `what`: what is to be made of it.
     """
     stacks = records.stacked()
     if len(stacks) > 1:

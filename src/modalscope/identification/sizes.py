@@ -85,12 +85,7 @@ def default_windows(
     largest; of very long records that are held to it, the way is taken that is twice as precise. What is given is kept, and the other
     side reads the rest. Correlations have errors that do not fade; see `default_blocks`.
 
-    Parameters
-    ----------
-    response : ImpulseResponse
-    order : int
-    block_rows, block_columns : int, optional
-        As given.
+    `block_rows`, `block_columns`: as given.
     """
     if response.ambient:
         return default_blocks(response, order, block_rows, block_columns)
@@ -160,12 +155,7 @@ def setup_blocks(response: ImpulseResponse, lowest: float | None = None) -> dict
     fade, weak and close modes are lost (docs/setups.md). No more rows than 1300 in all, which a Gram matrix bears, and never fewer than
     ten blocks.
 
-    Parameters
-    ----------
-    response : ImpulseResponse
-        Its lags end where nothing is heard.
-    lowest : float, optional
-        Hz: where the slowest mode stands out; all lags without it.
+    `response`: its lags end where nothing is heard. `lowest`: hz: where the slowest mode stands out; all lags without it.
     """
     samples = response.samples
     seen = samples if lowest is None else min(int(_PERIODS * response.sampling_rate / lowest), samples)
@@ -210,12 +200,7 @@ def default_degree(response: FrequencyResponse, order: int, *, truncates: bool =
     and a degree of 48 always. The variance goes with 1 / rows: 2000 lines give 1.7 times the least, 48 gave 3 times. Where all block rows
     are states there are 240 of them, or as many as a degree of 48 has. Never fewer than 8 and what the order needs.
 
-    Parameters
-    ----------
-    response : FrequencyResponse
-    order : int
-    truncates : bool
-        Whether directions are cut off, so that more rows are no more states.
+    `truncates`: whether directions are cut off, so that more rows are no more states.
     """
     lines, outputs, inputs = response.values.shape
     most = min(_LINE_ROWS, _LINE_NUMBERS // lines) if truncates else _COMPANION

@@ -47,22 +47,10 @@ _SAME = 1e-8
 class Cut:
     """One order: its model, its modes and how far to trust them.
 
-    Parameters
-    ----------
-    order : int
-    triple : Triple
-        (A, B, C), with inputs and outputs in their own places.
-    modal : Eigenmodes
-        All its poles, as they are in the data.
-    wrapped : callable
-        () -> the same, with what an exponential window added taken off.
-    reported : array of int
-        The poles that a rank explains and that lie in the band.
-    indicators : mapping of name to array (k,)
-    misfit : float
-        norm(measured - rebuilt) / norm(measured) over the data, each output divided by its root mean square.
-    std : Deviations, optional
-        Standard deviations of the reported poles, where they were asked.
+    `triple`: (A, B, C), with inputs and outputs in their own places. `modal`: all its poles, as they are in the data. `wrapped`: () ->
+    the same, with what an exponential window added taken off. `reported`: the poles that a rank explains and that lie in the band.
+    `misfit`: norm(measured - rebuilt) / norm(measured) over the data, each output divided by its root mean square. `std`: standard
+    deviations of the reported poles, where they were asked.
     """
 
     order: int
@@ -86,12 +74,7 @@ class Cut:
 def cut_order(pipeline: Pipeline, order: int, *, deviations: bool = True) -> Cut:
     """Cut one order out of a pipeline and judge it.
 
-    Parameters
-    ----------
-    pipeline : Pipeline
-    order : int
-    deviations : bool
-        Whether standard deviations are wanted.
+    `deviations`: whether standard deviations are wanted.
     """
     return Shared(pipeline, deviations).of_order(order)
 
@@ -99,12 +82,7 @@ def cut_order(pipeline: Pipeline, order: int, *, deviations: bool = True) -> Cut
 def judged(pipeline: Pipeline, orders: Sequence[int], measured: Shared) -> list[Cut | DataError]:
     """Return the first of some orders, or why there is none: as many of them as are better judged together, at least one.
 
-    Parameters
-    ----------
-    pipeline : Pipeline
-    orders : sequence of int
-        Increasing, at least one.
-    measured : Shared
+    `orders`: increasing, at least one.
     """
     found: list[tuple[int, Triple, Eigenmodes] | DataError] = []
     size = 0
@@ -148,11 +126,7 @@ class _Told(NamedTuple):
 class Shared:
     """The data that every order is fitted to and the noise in them: what all orders share, computed once.
 
-    Parameters
-    ----------
-    pipeline : Pipeline
-    deviations : bool
-        Whether standard deviations are wanted.
+    `deviations`: whether standard deviations are wanted.
     """
 
     def __init__(self, pipeline: Pipeline, deviations: bool) -> None:
@@ -167,10 +141,7 @@ class Shared:
     def cuts(self, parts: Sequence[tuple[int, Triple, Eigenmodes]]) -> list[Cut]:
         """Return orders with their indicators, and the standard deviations of their poles, where they are wanted.
 
-        Parameters
-        ----------
-        parts : sequence of (int, Triple, Eigenmodes)
-            Of one order, or of several that are judged together.
+        `parts`: of one order, or of several that are judged together.
         """
         if not parts:
             return []
@@ -198,12 +169,7 @@ class Shared:
         return [self._told[order].deviations for order, _, _ in parts]
 
     def take_deviations_of(self, other: Shared) -> None:
-        """Take the deviations that are known of the same poles: they follow from the poles and the data alone.
-
-        Parameters
-        ----------
-        other : Shared
-        """
+        """Take the deviations that are known of the same poles: they follow from the poles and the data alone."""
         self._told.update(other._told)
 
     def _reported(self, model: Triple, modal: Eigenmodes) -> IntArray:
@@ -236,14 +202,7 @@ class Shared:
     def of_order(self, order: int) -> Cut:
         """Return one order.
 
-        Parameters
-        ----------
-        order : int
-
-        Raises
-        ------
-        DataError
-            An order that cannot be given.
+        Raises `DataError`: an order that cannot be given.
         """
         (found,) = judged(self._pipeline, [order], self)
         if isinstance(found, DataError):
@@ -253,10 +212,7 @@ class Shared:
     def with_bases(self, several: Sequence[Eigenmodes]) -> list[Eigenmodes]:
         """Return modes with what their poles can contribute, made once for all, where the misfit is not known by the fit.
 
-        Parameters
-        ----------
-        several : sequence of Eigenmodes
-            Of one order or of several.
+        `several`: of one order or of several.
         """
         if self._weighted or self._response is not self._pipeline.response:
             return list(several)
@@ -295,13 +251,7 @@ class Sweep:
     An order that cannot be given (too few blocks, say) is left out, with a note in `notes`. Orders that are better judged together are
     (see `judged`), and handed out one by one.
 
-    Parameters
-    ----------
-    pipeline : Pipeline
-    orders : iterable of int
-        Increasing.
-    deviations : bool
-        Whether standard deviations of the poles are wanted.
+    `orders`: increasing. `deviations`: whether standard deviations of the poles are wanted.
     """
 
     def __init__(self, pipeline: Pipeline, orders: Iterable[int], *, deviations: bool = True) -> None:
@@ -322,21 +272,11 @@ class Sweep:
         return self._measured.noise_beside(cut.modal)
 
     def has_poles_of(self, other: Sweep) -> bool:
-        """Whether another sweep over the same factors has the same poles at every order.
-
-        Parameters
-        ----------
-        other : Sweep
-        """
+        """Whether another sweep over the same factors has the same poles at every order."""
         return self.orders == other.orders and self._model.has_poles_of(other._model)
 
     def has_modes_of(self, other: Sweep) -> bool:
-        """Whether another sweep over the same factors has the same modes at every order, and says the same of them.
-
-        Parameters
-        ----------
-        other : Sweep
-        """
+        """Whether another sweep over the same factors has the same modes at every order, and says the same of them."""
         if not self.has_poles_of(other):
             return False
         mine, its = self.pipeline, other.pipeline
@@ -349,31 +289,16 @@ class Sweep:
         return self.pipeline.realization.triple(self.orders[-1])
 
     def take_deviations_of(self, other: Sweep | None) -> None:
-        """Take the deviations that a sweep with the same poles has found.
-
-        Parameters
-        ----------
-        other : Sweep, optional
-        """
+        """Take the deviations that a sweep with the same poles has found."""
         if other is not None:
             self._measured.take_deviations_of(other._measured)
 
     def cut(self, order: int) -> Cut:
-        """Return one order; the sweep stays where it is.
-
-        Parameters
-        ----------
-        order : int
-        """
+        """Return one order; the sweep stays where it is."""
         return self._measured.of_order(order)
 
     def told(self, cuts: Iterable[Cut]) -> tuple[Note, ...]:
-        """Return where the deviations of cuts come from, or why there are none; nothing where none were asked.
-
-        Parameters
-        ----------
-        cuts : iterable of Cut
-        """
+        """Return where the deviations of cuts come from, or why there are none; nothing where none were asked."""
         if self.noise is None:
             return ()
         known = any(np.any(np.isfinite(cut.std.frequency)) for cut in cuts if cut.std is not None)
@@ -460,16 +385,8 @@ def start(
 ) -> Sweep:
     """Factor for the largest order and return the sweep over those within reach.
 
-    Parameters
-    ----------
-    problem : Problem
-    asked : list of int
-    automatic : bool
-        Whether nobody asked for just these: then some order is always found.
-    deviations : bool
-        Whether standard deviations of the poles are wanted.
-    given : Factored, optional
-        Factors for the largest order, where another row has them.
+    `automatic`: whether nobody asked for just these: then some order is always found. `deviations`: whether standard deviations of the
+    poles are wanted. `given`: factors for the largest order, where another row has them.
     """
     pipeline = factor(problem, asked[-1]) if given is None else realized(problem, given)
     reach = pipeline.method.orders.reach(pipeline.factors, asked, automatic)

@@ -34,10 +34,7 @@ def write_analysis(path: Path, document: Analysis) -> None:
 def read_analysis(path: Path) -> Analysis:
     """Return the analysis that a JSON file holds, by itself or beside modes.
 
-    Raises
-    ------
-    DataError
-        No such file, no JSON, or no analysis in it.
+    Raises `DataError`: no such file, no JSON, or no analysis in it.
     """
     try:
         text = path.read_text(encoding="utf-8")

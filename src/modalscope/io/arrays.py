@@ -274,17 +274,9 @@ def damaged(where: str, found: str) -> DataError:
 def geometry_of_arrays(where: str, values: dict[str, Any]) -> Geometry:
     """Return the geometry of arrays by their names in the layout.
 
-    Parameters
-    ----------
-    where : str
-        The file, for messages.
-    values : dict
-        `geometry_nodes`, `geometry_coordinates`, and where present `geometry_lines`, `geometry_faces`, `geometry_motions`.
+    `values`: `geometry_nodes`, `geometry_coordinates`, and where present `geometry_lines`, `geometry_faces`, `geometry_motions`.
 
-    Raises
-    ------
-    DataError
-        An array is missing, or counts nodes that are not there.
+    Raises `DataError`: an array is missing, or counts nodes that are not there.
     """
     nodes = values.get("geometry_nodes")
     if nodes is None or values.get("geometry_coordinates") is None:

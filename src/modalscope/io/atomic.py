@@ -32,17 +32,11 @@ def replacing(path: str | Path, sources: Iterable[Path | None] = ()) -> Iterator
     A file that is there keeps its rights, and a symbolic link stays one: what it points to is replaced. Another hard link to it keeps
     the earlier content.
 
-    Parameters
-    ----------
-    path : path
-        The file to write. Its suffix is kept by the temporary name.
-    sources : iterable of path or None
-        Files that must not be overwritten: those that the data came from.
+    `path`: the file to write. Its suffix is kept by the temporary name. `sources`: files that must not be overwritten: those that the
+    data came from.
 
-    Raises
-    ------
-    DataError
-        The folder is missing, the target is a folder, a pipe, a device or one of the sources, or the system refuses to write.
+    Raises `DataError`: the folder is missing, the target is a folder, a pipe, a device or one of the sources, or the system refuses to
+    write.
 
     Examples
     --------
@@ -74,11 +68,7 @@ def replacing(path: str | Path, sources: Iterable[Path | None] = ()) -> Iterator
 def check_target(path: str | Path, sources: Iterable[Path | None] = ()) -> Path:
     """Return the file that would be replaced, at the end of symbolic links, or raise as `replacing` does.
 
-    Parameters
-    ----------
-    path : path
-    sources : iterable of path or None
-        Files that must not be overwritten, by whatever name.
+    `sources`: files that must not be overwritten, by whatever name.
     """
     try:
         target = Path(os.path.realpath(path))
@@ -156,10 +146,7 @@ _MARKS = {
 def is_ours(path: Path) -> bool:
     """Whether a file carries the mark of its format.
 
-    Parameters
-    ----------
-    path : path
-        A file that is there.
+    `path`: A file that is there.
 
     Raises
     ------
@@ -189,11 +176,7 @@ def check_texts(kind: str, thing: Any) -> None:
 
     Names of indicators are names of arrays in a file, and need to be printable and without a slash, too.
 
-    Parameters
-    ----------
-    kind : str
-        The suffix, for the message.
-    thing : data object
+    `kind`: the suffix, for the message.
     """
     for where, text in _texts(thing):
         odd = "\0" in text or any("\ud800" <= c <= "\udfff" for c in text)

@@ -79,18 +79,8 @@ class Contents:
 class Format:
     """One row of the table of formats.
 
-    Parameters
-    ----------
-    name : str
-        The format in words.
-    reader : callable or None
-        `reader(path, options) -> Contents`.
-    writer : callable or None
-        `writer(path, thing, options)`.
-    read_options, write_options : tuple of str
-        Keyword options of its own.
-    folder : bool
-        Whether it is a folder of files.
+    `name`: the format in words. `reader`: `reader(path, options) -> Contents`. `writer`: `writer(path, thing, options)`. `read_options`,
+    `write_options`: keyword options of its own. `folder`: whether it is a folder of files.
     """
 
     name: str
@@ -177,23 +167,9 @@ def chosen(
 ) -> str:
     """Return the name of the table that is meant.
 
-    Parameters
-    ----------
-    where : str
-        The file, for messages.
-    what : str
-        What its tables are called: "sheets".
-    there : mapping or sequence of str
-        All names.
-    tables : sequence of str
-        Those that hold tables.
-    options : mapping
-        `sheet`.
+    `what`: what its tables are called: "sheets". `there`: all names. `tables`: those that hold tables. `options`: `sheet`.
 
-    Raises
-    ------
-    DataError
-        No table of the name that was asked for, or several and none was: the message names the option that says which.
+    Raises `DataError`: no table of the name that was asked for, or several and none was: the message names the option that says which.
     """
     asked = options.get("sheet")
     if asked is not None:

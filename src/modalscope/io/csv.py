@@ -287,10 +287,7 @@ _PLAIN = re.compile(r"[\w :+.²³µ-]*|\w+/\w+²?")
 def write(path: Path, thing: Thing, options: Options) -> None:
     """Write a response, a record of one run or a table of modes.
 
-    Raises
-    ------
-    DataError
-        A direct term, several runs, or labels that a header of columns does not give back.
+    Raises `DataError`: A direct term, several runs, or labels that a header of columns does not give back.
     """
     if isinstance(thing, ModalModel):
         _put(path, None, *_modes_table(thing))

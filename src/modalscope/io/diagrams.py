@@ -50,16 +50,7 @@ def diagram_arrays(diagram: StabilizationDiagram) -> dict[str, Array]:
 def diagram_contents(where: str, arrays: Mapping[str, Array]) -> Contents:
     """Make the diagram that named arrays describe.
 
-    Parameters
-    ----------
-    where : str
-        The file, for messages.
-    arrays : mapping
-
-    Raises
-    ------
-    DataError
-        Arrays that are missing, damaged or of no diagram.
+    Raises `DataError`: arrays that are missing, damaged or of no diagram.
     """
     with _checked(where):
         text = str(np.asarray(arrays[DIAGRAM])[()])
@@ -78,13 +69,7 @@ def write_document(path: Path, diagram: StabilizationDiagram) -> None:
 def document_contents(where: str, document: Mapping[str, Any], space: Room) -> Contents:
     """Make the diagram that a JSON document holds; errors as in `diagram_contents`.
 
-    Parameters
-    ----------
-    where : str
-        The file, for messages.
-    document : mapping
-    space : Room
-        What its arrays may take.
+    `space`: what its arrays may take.
     """
     with _checked(where):
         arrays = {name: _array(name, values, space) for name, values in document["arrays"].items()}

@@ -47,10 +47,7 @@ _ROWS, _VALUES = 200, 3
 def read(path: Path, options: Options) -> Contents:
     """Read a sheet of a workbook (options `sheet`, and those of text tables).
 
-    Raises
-    ------
-    DataError
-        openpyxl is missing, no workbook, several sheets that are tables and no `sheet`, or what tables are refused for.
+    Raises `DataError`: openpyxl is missing, no workbook, several sheets that are tables and no `sheet`, or what tables are refused for.
     """
     space = room(path.name, path.stat().st_size)
     with _opened(path, space) as book:
@@ -62,12 +59,7 @@ def read(path: Path, options: Options) -> Contents:
 
 
 def rows_of(path: Path) -> list[tuple[int, str]]:
-    """Return the rows of the first sheet with their numbers; tabs part their cells.
-
-    Parameters
-    ----------
-    path : path
-    """
+    """Return the rows of the first sheet with their numbers; tabs part their cells."""
     with _opened(path, room(path.name, path.stat().st_size)) as book:
         return list(_lines(book[book.sheetnames[0]], 0))
 

@@ -210,10 +210,7 @@ def _geometry_in(path: Path) -> Thing:
 def format_of(path: Path, doing: str) -> Format:
     """Return the format of a suffix; `doing` it was asked.
 
-    Raises
-    ------
-    DataError
-        No suffix, or an unknown one.
+    Raises `DataError`: no suffix, or an unknown one.
     """
     row = FORMATS.get(path.suffix.lower())
     if row is None:
@@ -300,12 +297,7 @@ def write(path: str | Path, thing: Any, **options: Any) -> None:
 
 
 def sources_of(thing: Any) -> tuple[Path, ...]:
-    """Return the files that data, modes, a diagram, a result or its document came from, as far as they are known.
-
-    Parameters
-    ----------
-    thing : data object, StabilizationDiagram, Result, Analysis, or what has a response
-    """
+    """Return the files that data, modes, a diagram, a result or its document came from, as far as they are known."""
     document = thing if isinstance(thing, Analysis) else getattr(thing, "analysis", None)
     held = (thing, *(getattr(thing, name, None) for name in ("data", "response")))
     named = (file.path for file in document.files) if isinstance(document, Analysis) else ()

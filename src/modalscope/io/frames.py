@@ -23,12 +23,7 @@ _RATES = ("sampling_rate", "sampling_frequency", "sample_rate", "fs", "Fs")
 
 
 def is_frame(thing: object) -> bool:
-    """Whether an object is one of pandas or xarray that `table_of_frame` takes.
-
-    Parameters
-    ----------
-    thing : object
-    """
+    """Whether an object is one of pandas or xarray that `table_of_frame` takes."""
     kind = type(thing)
     return kind.__module__.partition(".")[0] in ("pandas", "xarray") and kind.__name__ in (
         "DataFrame",
@@ -44,16 +39,9 @@ def table_of_frame(frame: Any, where: str) -> Table:
     Units stand in `attrs["units"]` of the column (xarray) or of the frame, there as a mapping of name to unit (pandas), or in the names.
     The index, or the one dimension that all variables have, is the axis.
 
-    Parameters
-    ----------
-    frame : DataFrame, Series, Dataset or DataArray
-    where : str
-        What it is called in messages.
+    `where`: what it is called in messages.
 
-    Raises
-    ------
-    DataError
-        No numbers in it.
+    Raises `DataError`: no numbers in it.
     """
     kind = type(frame).__name__
     if kind == "Series":

@@ -69,14 +69,7 @@ def listed(names: Iterable[str]) -> str:
 def unknown_arrays(where: str, names: list[str], noun: type[Any] | None) -> DataError:
     """Return the error about arrays that make no data object, or are none of its fields.
 
-    Parameters
-    ----------
-    where : str
-        The file, for messages.
-    names : list of str
-        Of the arrays.
-    noun : type, optional
-        The data object that the others make.
+    `names`: of the arrays. `noun`: the data object that the others make.
     """
     known: list[str] = (
         sorted(names_of(noun))
@@ -108,10 +101,6 @@ def with_vectors(arrays: Mapping[str, Array]) -> dict[str, Array]:
 
     It is of frequencies where `y_values` are complex or the unit says so, else of times. Equal vectors of several signals are one.
     Arrays without such scalars are returned as they are.
-
-    Parameters
-    ----------
-    arrays : mapping of name to array
 
     Examples
     --------
@@ -205,23 +194,12 @@ def contents_from_arrays(
 ) -> Contents:
     """Make the noun that named arrays describe.
 
-    Parameters
-    ----------
-    where : str
-        The file, for messages.
-    arrays : mapping
-        Name -> array, as they stand in the file.
-    options : mapping
-        `rename` (name in the file -> name of the layout), `axes` (name of the layout -> the axes as they stand in the
-        file, such as "inputs outputs lines"; an axis that is not named has length 1), `ignore` (names to leave), and any
-        of `FIELD_OPTIONS`.
-    members : bool
-        Whether names such as `runs{2}` and `test(2).acc` are those of members of lists (`modalscope.io.loose`).
+    `arrays`: name -> array, as they stand in the file. `options`: `rename` (name in the file -> name of the layout), `axes` (name of the
+    layout -> the axes as they stand in the file, such as "inputs outputs lines"; an axis that is not named has length 1), `ignore` (names
+    to leave), and any of `FIELD_OPTIONS`. `members`: whether names such as `runs{2}` and `test(2).acc` are those of members of lists
+    (`modalscope.io.loose`).
 
-    Raises
-    ------
-    DataError
-        Unknown arrays, none that make a noun, text where numbers belong, or whatever the noun refuses.
+    Raises `DataError`: unknown arrays, none that make a noun, text where numbers belong, or whatever the noun refuses.
     """
     rename, ignore = dict(options.get("rename") or {}), _as_names(options.get("ignore"))
     known = {part for name in arrays for part in (meant_by(name) if members else (name,))}
@@ -426,14 +404,7 @@ def _of_channels(thing: Thing, given: Mapping[str, str]) -> tuple[list[str], lis
 
 
 def overridden(thing: Thing, options: Options, path: Path | None) -> Thing:
-    """Return the data with the fields that the caller gave, which named arrays have used already, and where they came from.
-
-    Parameters
-    ----------
-    thing : data object
-    options : mapping
-    path : path, optional
-    """
+    """Return the data with the fields that the caller gave, which named arrays have used already, and where they came from."""
     given = {name: options[name] for name in FIELD_OPTIONS if options.get(name) is not None}
     if isinstance(given.get("units"), Mapping):
         units = _of_channels(thing, given.pop("units"))

@@ -39,13 +39,8 @@ def seal(path: Path) -> None:
 def check_hdf5(path: Path, room: Room, streamed: str = "") -> None:
     """Raise a `DataError` where a file is damaged, leads out of itself, or is larger than it may be.
 
-    Parameters
-    ----------
-    path : path
-    room : Room
-        What its arrays may take.
-    streamed : str
-        The dataset that is read stretch by stretch: it may have any size, in pieces of a modest one.
+    `room`: what its arrays may take. `streamed`: the dataset that is read stretch by stretch: it may have any size, in pieces of a modest
+    one.
 
     Raises
     ------

@@ -56,13 +56,8 @@ class _Visit:
 def walk(path: str, left: int, streamed: str = "") -> None:
     """Visit every group and dataset.
 
-    Parameters
-    ----------
-    path : str
-    left : int
-        Bytes that the arrays of the file may take in memory.
-    streamed : str
-        A dataset of numbers that is read in stretches: its pieces are bounded, not its size.
+    `left`: bytes that the arrays of the file may take in memory. `streamed`: A dataset of numbers that is read in stretches: its pieces
+    are bounded, not its size.
 
     Raises
     ------

@@ -60,14 +60,7 @@ def set_max_memory(size: int | None) -> None:
 class Room:
     """What is left of the memory that one file may take.
 
-    Parameters
-    ----------
-    where : str
-        The file, for messages.
-    size : int
-        Its bytes on the disk.
-    left : int
-        Bytes that its arrays may still take.
+    `size`: its bytes on the disk. `left`: bytes that its arrays may still take.
     """
 
     where: str
@@ -122,11 +115,7 @@ class Room:
 def room(where: str, size: int) -> Room:
     """Return the room that a file of this size may take.
 
-    Parameters
-    ----------
-    where : str
-    size : int
-        Bytes of the file on the disk.
+    `size`: bytes of the file on the disk.
 
     Examples
     --------

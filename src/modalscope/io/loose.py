@@ -75,18 +75,9 @@ class _Sorted:
 def meaning_of(where: str, arrays: Mapping[str, Array], options: Options) -> Meant | None:
     """Return what arrays are meant to be; None where names and shapes say nothing.
 
-    Parameters
-    ----------
-    where : str
-        The file, for messages.
-    arrays : mapping of name to array
-    options : mapping
-        `sampling_rate`, `transpose`.
+    `options`: `sampling_rate`, `transpose`.
 
-    Raises
-    ------
-    DataError
-        Hits or channels, samples in rows or in columns, where nothing tells: the message names the options that do.
+    Raises `DataError`: hits or channels, samples in rows or in columns, where nothing tells: the message names the options that do.
     """
     found = _sorted(where, arrays)
     if not found.data or (found.axis is None and found.rate is None and options.get("sampling_rate") is None):
@@ -135,13 +126,7 @@ def _sorted(where: str, arrays: Mapping[str, Array]) -> _Sorted:
 
 
 def axis_kind(name: str, array: Array) -> str:
-    """Return whether a vector is of "time" or "frequency", by its name and by rising; nothing where it is of neither.
-
-    Parameters
-    ----------
-    name : str
-    array : array
-    """
+    """Return whether a vector is of "time" or "frequency", by its name and by rising; nothing where it is of neither."""
     flat = array.ravel()
     if array.dtype.kind == "c" or not rises(flat):
         return ""
@@ -328,12 +313,8 @@ _MEMBER = re.compile(r"(?P<of>[^({]*)(?:\((?P<round>[0-9]{1,9})\)|\{(?P<curly>[0
 class Lists:
     """Named arrays in which lists have become arrays, or runs.
 
-    Parameters
-    ----------
-    arrays : mapping of name to array
-        Everything, where no list is of runs.
-    runs : sequence of mappings
-        The arrays of each run, those that all share among them; empty where there are none.
+    `arrays`: everything, where no list is of runs. `runs`: the arrays of each run, those that all share among them; empty where there are
+    none.
     """
 
     arrays: Mapping[str, Array] = field(default_factory=dict)
@@ -368,17 +349,9 @@ def meant_by(name: str) -> set[str]:
 def lists_of(where: str, arrays: Mapping[str, Array]) -> Lists | None:
     """Return named arrays without lists; None where there are none.
 
-    Parameters
-    ----------
-    where : str
-        The file, for messages.
-    arrays : mapping of name to array
-        As readers hand them on, members by their places.
+    `arrays`: as readers hand them on, members by their places.
 
-    Raises
-    ------
-    DataError
-        Lists in lists, or runs beside another number of members.
+    Raises `DataError`: lists in lists, or runs beside another number of members.
 
     Examples
     --------
@@ -527,16 +500,7 @@ def _apart(held: Sequence[Array], place: int) -> str:
 def stacked_runs(where: str, runs: Sequence[object]) -> Signals:
     """Return records of one run each as runs of one record.
 
-    Parameters
-    ----------
-    where : str
-        The file, for messages.
-    runs : sequence of Signals
-
-    Raises
-    ------
-    DataError
-        Something else than records, or records of other channels, rates or lengths.
+    Raises `DataError`: something else than records, or records of other channels, rates or lengths.
     """
     records = [run for run in runs if isinstance(run, Signals)]
     first = records[0] if records else None

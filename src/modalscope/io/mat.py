@@ -76,10 +76,7 @@ def read_mat5(data: bytes, room: Room, ignore: Collection[str] = ()) -> dict[str
 
     Members of other cells are named `runs{1}`, those of arrays of structures `test(1).acc`.
 
-    Raises
-    ------
-    DataError
-        A damaged file, an older version, more than the room, or a variable of a class that is not read and not ignored.
+    Raises `DataError`: A damaged file, an older version, more than the room, or a variable of a class that is not read and not ignored.
     """
     order = {b"IM": "<", b"MI": ">"}.get(data[126:_HEADER])
     if order is None:

@@ -36,10 +36,7 @@ _EACH = 400
 def read(path: Path, options: Options) -> Contents:
     """Read a mesh; nodes are numbered from 1 in the order of the file, elements of higher order are taken by their corners.
 
-    Raises
-    ------
-    DataError
-        meshio is missing, or the file is none that it reads.
+    Raises `DataError`: meshio is missing, or the file is none that it reads.
     """
     package = optional_package(f"reading a mesh ({path.suffix})", "meshio", "mesh")
     space = room(path.name, path.stat().st_size)

@@ -37,10 +37,7 @@ _MAGIC = b"\x93NUMPY"
 def read_npy(path: Path, options: Options) -> Contents:
     """Read an array (options of tables; `sampling_rate` where no column is of times).
 
-    Raises
-    ------
-    DataError
-        No array, a pickle, another size than its head says, more than two axes, more channels than samples.
+    Raises `DataError`: no array, a pickle, another size than its head says, more than two axes, more channels than samples.
     """
     array = _array(path, room(path.name, path.stat().st_size))
     if array.dtype.names:
@@ -63,18 +60,9 @@ def read_npy(path: Path, options: Options) -> Contents:
 def columns_of_array(where: str, array: Array, transpose: bool) -> Array:
     """Return an array as (rows, columns).
 
-    Parameters
-    ----------
-    where : str
-        The file, for messages.
-    array : array, (N,) or (N, c)
-    transpose : bool
-        Whether it is (c, N).
+    `array` (N,). `transpose`: whether it is (c, N).
 
-    Raises
-    ------
-    DataError
-        More axes, none, or no numbers.
+    Raises `DataError`: more axes, none, or no numbers.
     """
     if array.dtype.kind not in "biufc" or array.ndim not in (1, 2) or not array.size:
         raise DataError(

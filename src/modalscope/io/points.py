@@ -47,9 +47,7 @@ def neighbour_lines(points: RealArray) -> list[tuple[int, int]]:
     On a grid these are its meshes, without diagonals; along a beam one point follows the other. Every set of points hangs together by
     them, as far as the twelve nearest of each reach.
 
-    Parameters
-    ----------
-    points : array, (n, 3)
+    `points` (n, 3).
 
     Notes
     -----
@@ -95,15 +93,9 @@ _LONGEST = 200
 def geometry_of_tables(points: Path, lines: Path | None = None) -> Geometry:
     """Return the geometry that a table of points, and where given one of lines, describes.
 
-    Parameters
-    ----------
-    points, lines : path
-        See the tables at the head of this module.
+    `points`, `lines`: see the tables at the head of this module.
 
-    Raises
-    ------
-    DataError
-        Columns that are not known, cells that are no numbers, nodes that are not there.
+    Raises `DataError`: columns that are not known, cells that are no numbers, nodes that are not there.
     """
     head, rows, dialect = _rows(points)
     places = _places(points, head, len(rows[0]))
@@ -226,12 +218,7 @@ def _joined(path: Path) -> dict[str, Any]:
 
 
 def joined_by_neighbours(geometry: Geometry) -> tuple[Geometry, tuple[str, ...]]:
-    """Return a geometry with lines: its own, or else those between neighbours, with a note.
-
-    Parameters
-    ----------
-    geometry : Geometry
-    """
+    """Return a geometry with lines: its own, or else those between neighbours, with a note."""
     if geometry.lines.size or geometry.faces.size or len(geometry.nodes) < 2:
         return geometry, ()
     pairs = neighbour_lines(geometry.coordinates)
@@ -247,17 +234,9 @@ def joined_by_neighbours(geometry: Geometry) -> tuple[Geometry, tuple[str, ...]]
 def with_geometry(options: Options, load: Callable[[Path], Any]) -> tuple[dict[str, Any], tuple[str, ...]]:
     """Return options with the geometry itself where a file was named, and what to say of it.
 
-    Parameters
-    ----------
-    options : mapping
-        `geometry`: a Geometry, a path, or paths of points and lines.
-    load : callable
-        Reads a file that is no table.
+    `options`: `geometry`: a Geometry, a path, or paths of points and lines. `load`: reads a file that is no table.
 
-    Raises
-    ------
-    DataError
-        A file that is not there, or holds no geometry.
+    Raises `DataError`: A file that is not there, or holds no geometry.
     """
     given = options.get("geometry")
     if given is None or isinstance(given, Geometry):
@@ -293,10 +272,7 @@ def with_geometry(options: Options, load: Callable[[Path], Any]) -> tuple[dict[s
 def told_of_channels(contents: Contents) -> Contents:
     """Return contents that say which channels have no place in the geometry.
 
-    Parameters
-    ----------
-    contents : Contents
-        Of data with their geometry.
+    `contents`: of data with their geometry.
     """
     thing = contents.thing
     if not isinstance(thing, Channels) or thing.geometry is None:

@@ -63,10 +63,7 @@ def _guarded(
 def read_tdms(path: Path, options: Options) -> Contents:
     """Read a TDMS file of LabVIEW: the channels of one group, their increment and units.
 
-    Raises
-    ------
-    DataError
-        npTDMS is missing, a damaged file, several groups and no `sheet`, or what tables are refused for.
+    Raises `DataError`: npTDMS is missing, a damaged file, several groups and no `sheet`, or what tables are refused for.
     """
 
     def load(package: Any, space: Room) -> Table:
@@ -106,10 +103,7 @@ def _of_tdms(number: int, channel: Any) -> Column:
 def read_mdf(path: Path, options: Options) -> Contents:
     """Read an MDF file of a vehicle's recorder: the channels of one group, which share its clock.
 
-    Raises
-    ------
-    DataError
-        asammdf is missing, a damaged file, several groups and no `sheet`, or what tables are refused for.
+    Raises `DataError`: asammdf is missing, a damaged file, several groups and no `sheet`, or what tables are refused for.
     """
 
     def load(package: Any, space: Room) -> Table:
@@ -135,10 +129,7 @@ def read_mdf(path: Path, options: Options) -> Contents:
 def read_netcdf(path: Path, options: Options) -> Contents:
     """Read a netCDF file: the variables along time or frequency.
 
-    Raises
-    ------
-    DataError
-        xarray is missing, a damaged file, no common dimension, or what tables are refused for.
+    Raises `DataError`: xarray is missing, a damaged file, no common dimension, or what tables are refused for.
     """
 
     def load(package: Any, space: Room) -> Table:
@@ -152,10 +143,7 @@ def read_netcdf(path: Path, options: Options) -> Contents:
 def read_parquet(path: Path, options: Options) -> Contents:
     """Read a Parquet file of columns.
 
-    Raises
-    ------
-    DataError
-        pandas or pyarrow are missing, a damaged file, or what tables are refused for.
+    Raises `DataError`: pandas or pyarrow are missing, a damaged file, or what tables are refused for.
     """
 
     def load(package: Any, space: Room) -> Table:

@@ -41,11 +41,7 @@ _DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeErr
 def stays_stored(options: Options, size: int) -> bool:
     """Whether a record of so many bytes stays in its file: as asked, or where it is large beside the memory that may be taken.
 
-    Parameters
-    ----------
-    options : mapping
-        With `stored` True or False where that was asked.
-    size : int
+    `options`: with `stored` True or False where that was asked.
     """
     asked = options.get("stored")
     if asked is None:
@@ -58,10 +54,7 @@ def stays_stored(options: Options, size: int) -> bool:
 def name_of_outputs(options: Options) -> str:
     """Return the name in the file of what is called `outputs` here.
 
-    Parameters
-    ----------
-    options : mapping
-        With `rename`.
+    `options`: with `rename`.
 
     Examples
     --------
@@ -73,26 +66,14 @@ def name_of_outputs(options: Options) -> str:
 
 
 def identity_of(path: Path) -> str:
-    """Return what tells whether a file is still the same without reading it: its name, size and date.
-
-    Parameters
-    ----------
-    path : path
-    """
+    """Return what tells whether a file is still the same without reading it: its name, size and date."""
     status = path.stat()
     return f"{path.resolve()} {status.st_size} {status.st_mtime_ns}"
 
 
 @dataclass(frozen=True)
 class Hdf5Rows:
-    """A dataset of an HDF5 file.
-
-    Parameters
-    ----------
-    path : str
-    name : str
-    shape : (int, int)
-    """
+    """A dataset of an HDF5 file."""
 
     path: str
     name: str
@@ -117,11 +98,7 @@ class Hdf5Rows:
 class ZarrRows:
     """An array of a Zarr folder.
 
-    Parameters
-    ----------
-    path : str
-        Of the array's own folder.
-    shape : (int, int)
+    `path`: of the array's own folder.
     """
 
     path: str
@@ -142,14 +119,7 @@ class ZarrRows:
 class ZarrOutputs:
     """Impulse responses in an array of a Zarr folder, some outputs at a time.
 
-    Parameters
-    ----------
-    path : str
-        Of the array's own folder.
-    shape : (int, int, int)
-        Samples, outputs, inputs.
-    together : int
-        Outputs that lie in one piece.
+    `path`: of the array's own folder. `shape`: samples, outputs, inputs. `together`: outputs that lie in one piece.
     """
 
     path: str
@@ -185,21 +155,10 @@ def _unreadable(path: str, what: str, error: Exception) -> DataError:
 def stored_contents(where: str, rows: Rows, arrays: Mapping[str, Array], options: Options) -> Contents:
     """Return a record whose samples stay where they are.
 
-    Parameters
-    ----------
-    where : str
-        The file, for messages.
-    rows : Rows
-        The outputs.
-    arrays : mapping
-        What stands beside them, by the names in the file: rate, labels, units.
-    options : mapping
-        Of files of named arrays.
+    `rows`: the outputs. `arrays`: what stands beside them, by the names in the file: rate, labels, units. `options`: of files of named
+    arrays.
 
-    Raises
-    ------
-    DataError
-        More than two axes, inputs, no sampling rate, what the data object refuses.
+    Raises `DataError`: more than two axes, inputs, no sampling rate, what the data object refuses.
     """
     name, samples = name_of_outputs(options), rows.shape[0]
     beside = {key: array for key, array in arrays.items() if array.ndim == 0 or len(array) != samples}
@@ -233,20 +192,9 @@ def stored_contents(where: str, rows: Rows, arrays: Mapping[str, Array], options
 def stored_response(where: str, blocks: ZarrOutputs, arrays: Mapping[str, Array], options: Options) -> Contents:
     """Return impulse responses whose samples stay where they are.
 
-    Parameters
-    ----------
-    where : str
-        The file, for messages.
-    blocks : ZarrOutputs
-    arrays : mapping
-        What stands beside them, by the names in the file.
-    options : mapping
-        Of files of named arrays.
+    `arrays`: what stands beside them, by the names in the file. `options`: of files of named arrays.
 
-    Raises
-    ------
-    DataError
-        No sampling rate, what the data object refuses.
+    Raises `DataError`: no sampling rate, what the data object refuses.
     """
     labels = arrays.get("output_dofs")
     beside = {key: array for key, array in arrays.items() if key not in ("output_dofs", "output_units", "feedthrough")}

@@ -39,10 +39,7 @@ _ALONE = Lock()
 def read(path: Path, options: Options) -> Contents:
     """Read a sound file; samples of 8, 16, 24 or 32 bits are divided by the full scale, those of floating point taken as they are.
 
-    Raises
-    ------
-    DataError
-        No such file, one that is compressed, or cut off.
+    Raises `DataError`: no such file, one that is compressed, or cut off.
     """
     from scipy.io import wavfile
 

@@ -45,13 +45,7 @@ _TEXTS, _LEFT = ("input_dofs", "processing", "quantity"), ("unrefined_", "geomet
 def modes_in_pieces(folder: Path, modes: ModalModel, channels: Channels) -> Any:
     """Return the array of the shapes, to be filled, in a new Zarr folder with all else of some modes.
 
-    Parameters
-    ----------
-    folder : path
-        Not there yet.
-    modes : ModalModel
-    channels : Channels
-        Whose outputs the shapes will have.
+    `folder`: not there yet. `channels`: whose outputs the shapes will have.
     """
     zarr = optional_package(f"writing {folder.suffix}", "zarr", "zarr")
     group, outputs = zarr.open_group(str(folder), mode="w"), len(channels.output_dofs)
@@ -89,12 +83,7 @@ _DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeErr
 def read(path: Path, options: Options) -> Contents:
     """Read a group of arrays, or one array; a record that is large beside the memory stays where it is.
 
-    Parameters
-    ----------
-    path : path
-        The folder.
-    options : mapping
-        Those of named arrays, and `stored`.
+    `path`: the folder. `options`: those of named arrays, and `stored`.
     """
     zarr = optional_package(f"reading {path.suffix}", "zarr", "zarr")
     if not path.is_dir():

@@ -17,29 +17,13 @@ __all__ = ["Arena"]
 class Arena:
     """The data, and what a mode has to pass.
 
-    Parameters
-    ----------
-    problem : Whitened
-        Data divided by the noise of rows and channels.
-    variance : float
-        Of what is left of them by a richer model.
-    bar : float
-        What noise may explain, in variances.
-    band : (float, float)
-        Hz.
-    brief : bool
-        Whether poles are refined roughly.
-    coloured : bool
-        Whether what is left of the data is more than noise: then nothing is looked for in it, collinear neighbours are not taken for two
-        modes of which one may be noise, and the variance stays what it is.
-    recounted : bool
-        Whether of coloured data what is left says how errors are correlated, so that modes which few orders show are counted again.
-    correlation : array, (F,), optional
-        Of the noise on neighbouring lines, which the rows' deviations already count in full.
-    whole : array, (K, q, p), optional
-        The divided data with what the terms explain, where errors may be a part of them; without it where it is not given.
-    window : float
-        a T of an exponential window that noise on lines lies under.
+    `problem`: data divided by the noise of rows and channels. `variance`: of what is left of them by a richer model. `bar`: what noise
+    may explain, in variances. `band`: hz. `brief`: whether poles are refined roughly. `coloured`: whether what is left of the data is
+    more than noise: then nothing is looked for in it, collinear neighbours are not taken for two modes of which one may be noise, and the
+    variance stays what it is. `recounted`: whether of coloured data what is left says how errors are correlated, so that modes which few
+    orders show are counted again. `correlation` (F,): of the noise on neighbouring lines, which the rows' deviations already count in
+    full. `whole` (K, q, p): the divided data with what the terms explain, where errors may be a part of them; without it where it is not
+    given. `window`: a T of an exponential window that noise on lines lies under.
     """
 
     problem: Whitened

@@ -92,12 +92,7 @@ def merge_bands(
 
 
 def evened(parts: Sequence[ModalModel]) -> list[ModalModel]:
-    """Return modes of several parts with the same fields: what only some have is NaN in the others, and what is not refined its own start.
-
-    Parameters
-    ----------
-    parts : sequence of ModalModel
-    """
+    """Return modes of several parts with the same fields: NaN where only others have a value, the start where one is not refined."""
     known = [name for name in PER_MODE if any(getattr(part, name) is not None for part in parts)]
     refined = any(part.unrefined is not None for part in parts)
     filled = []
@@ -143,15 +138,7 @@ _DAMPED = 0.1
 class Part:
     """A part of a band: what it reports, and what was identified for that.
 
-    Parameters
-    ----------
-    core : (float, float)
-        Hz: its modes lie here.
-    band : (float, float) or None
-        Hz: its data, which reach further; None for all.
-    diagram : StabilizationDiagram
-    modes : ModalModel
-        Selected automatically.
+    `core`: hz: its modes lie here. `band`: hz: its data, which reach further; None for all. `modes`: selected automatically.
     """
 
     core: tuple[float, float]
@@ -164,12 +151,7 @@ class Part:
 class Cut:
     """Where a part is cut, and how far the data of either half reach.
 
-    Parameters
-    ----------
-    at : float
-        Hz.
-    lower, upper : float
-        Hz: the upper end of the lower half's data, and the lower end of the upper half's.
+    `at`: hz. `lower`, `upper`: hz: the upper end of the lower half's data, and the lower end of the upper half's.
     """
 
     at: float
@@ -177,12 +159,7 @@ class Cut:
     upper: float
 
     def halves(self, part: Part) -> tuple[Ends, Ends]:
-        """Return core and band of the lower and of the upper half.
-
-        Parameters
-        ----------
-        part : Part
-        """
+        """Return core and band of the lower and of the upper half."""
         low, high = part.core if part.band is None else part.band
         return ((part.core[0], self.at), (low, self.lower)), ((self.at, part.core[1]), (self.upper, high))
 
@@ -190,11 +167,7 @@ class Cut:
 def holds_too_little(diagram: StabilizationDiagram, modes: ModalModel) -> bool:
     """Return whether the orders of a diagram end before its data do: the fit still falls, or modes come up at the last orders only.
 
-    Parameters
-    ----------
-    diagram : StabilizationDiagram
-    modes : ModalModel
-        Selected from it.
+    `modes`: selected from it.
     """
     return any(note.kind == ORDERS_END for note in (*diagram.notes, *modes.notes))
 
@@ -204,10 +177,6 @@ def cut_of(part: Part) -> Cut | None:
 
     Each half has a quarter of the resonances of the best order at least. Between these bounds the cut lies in the widest gap between
     neighbours, in half bandwidths of both.
-
-    Parameters
-    ----------
-    part : Part
     """
     response, (low, high) = part.diagram.response, part.core
     f, zeta = _resonances(part.diagram, low, high)
@@ -243,12 +212,7 @@ def joined_modes(parts: Sequence[Part], modes: Sequence[ModalModel], whole: Resp
 
     A part reports what lies in its core, and a half bandwidth around it: a mode at a cut may fall on either side.
 
-    Parameters
-    ----------
-    parts : sequence of Part
-    modes : sequence of ModalModel
-        Those that each part reports, refined or not.
-    whole : FrequencyResponse
+    `modes`: those that each part reports, refined or not.
     """
     inside = evened([_of_core(each, part.core) for part, each in zip(parts, modes, strict=True)])
     merged = merge_bands(inside, [part.band or part.core for part in parts])
@@ -270,11 +234,7 @@ def joined_diagram(whole: StabilizationDiagram, parts: Sequence[Part]) -> Stabil
 
     Fit errors are those of the parts together; singular values stay those of the whole, whose orders ended too soon.
 
-    Parameters
-    ----------
-    whole : StabilizationDiagram
-    parts : sequence of Part
-        By frequency.
+    `parts`: by frequency.
     """
     kept = [_in_core(part, first=k == 0, last=k == len(parts) - 1) for k, part in enumerate(parts)]
     diagrams = [part.diagram for part in parts]

@@ -58,17 +58,7 @@ _NEAR_BANDWIDTHS, _NEAR_DEVIATIONS, _ALIKE = 2.0, 10.0, 0.5
 class Replicates:
     """How replicates of a result are made and identified; made by `replicates_of`.
 
-    Parameters
-    ----------
-    diagram : StabilizationDiagram
-    modes : ModalModel
-        The truth of every replicate.
-    clean : array
-        The rebuilt response.
-    noise : Noise
-    order : int
-    whole : bool
-        Whether the selection is replayed, too.
+    `modes`: the truth of every replicate. `clean`: the rebuilt response. `whole`: whether the selection is replayed, too.
     """
 
     diagram: StabilizationDiagram
@@ -79,12 +69,7 @@ class Replicates:
     whole: bool
 
     def one(self, rng: np.random.Generator) -> RealArray:
-        """Return frequencies, damping ratios and their deviations of one replicate, (4, n); NaN where a mode is not found.
-
-        Parameters
-        ----------
-        rng : numpy Generator
-        """
+        """Return frequencies, damping ratios and their deviations of one replicate, (4, n); NaN where a mode is not found."""
         values = self.clean + self.noise.drawn(self.clean.shape, rng)
         response: Response = replace(self.diagram.response, values=values)
         found = np.full((4, len(self.modes)), np.nan)
@@ -125,19 +110,9 @@ def replicates_of(
 ) -> Replicates:
     """Return how to make replicates of modes that were selected from a diagram.
 
-    Parameters
-    ----------
-    diagram : StabilizationDiagram
-    modes : ModalModel
-    records : Signals, optional
-        That correlations were made from.
-    whole : bool
-        Whether the selection is replayed, too.
+    `records`: that correlations were made from. `whole`: whether the selection is replayed, too.
 
-    Raises
-    ------
-    DataError
-        No modes, noise of which nothing is known, or a method that works on past records themselves.
+    Raises `DataError`: no modes, noise of which nothing is known, or a method that works on past records themselves.
     """
     if not len(modes):
         raise DataError("a certificate was asked", "there are no modes", "Give a result with modes.")
@@ -181,11 +156,7 @@ def nearest_order(diagram: StabilizationDiagram, modes: ModalModel) -> int:
 
     Of a mode that is split in two the deviation is, rightly, many times that of the mode.
 
-    Parameters
-    ----------
-    diagram : StabilizationDiagram
-    modes : ModalModel
-        Selected from it.
+    `modes`: selected from it.
     """
     costs = []
     for order in diagram.orders:
@@ -397,13 +368,7 @@ def certified(
 ) -> Certificate:
     """Return the certificate: `count` replicates, and four times as many more for what fails.
 
-    Parameters
-    ----------
-    made : Replicates
-    count : int
-    rng : numpy Generator
-    progress : callable, optional
-        Called with (replicates done, replicates in all).
+    `progress`: called with (replicates done, replicates in all).
     """
     found = np.stack([_one(made, rng, i, count, progress) for i in range(count)])
     told = calibration(made.modes, found)
@@ -432,12 +397,7 @@ def certified(
 
 
 def told_of_few(count: int) -> list[Note]:
-    """Return how wrong an interval may be that so few replicates pass; nothing of as many as tell.
-
-    Parameters
-    ----------
-    count : int
-    """
+    """Return how wrong an interval may be that so few replicates pass; nothing of as many as tell."""
     if count >= _FEW:
         return []
     bias, scatter = (float(v) for v in _by_chance(np.array(count)))

@@ -155,19 +155,8 @@ _ROUNDS, _PEAKS = 8, 6
 class Outcome(Optimum):
     """The poles that stayed, as the data have them.
 
-    Parameters
-    ----------
-    descent : Descent
-    variance : float
-        Of the noise.
-    gain : array, (n,)
-        In variances.
-    frequency_std, damping_std : array, (n,)
-        Hz, ratio: from the information of the data.
-    noise : float
-        The larger variance, of the noise or of what the model leaves.
-    recount : Recount, optional
-        Of coloured data whose modes are counted again.
+    `variance`: of the noise. `gain` (n,): in variances. `frequency_std`, `damping_std` (n,): hz, ratio: from the information of the data.
+    `noise`: the larger variance, of the noise or of what the model leaves. `recount`: of coloured data whose modes are counted again.
     """
 
     gain: RealArray
@@ -180,11 +169,6 @@ class Outcome(Optimum):
         """Return the deviations of a pole's frequency (Hz) and damping ratio when it stands for others that act as one with it.
 
         Where each alone lies depends on the others, whose residues may nearly cancel; where all of them lie is what the data tell.
-
-        Parameters
-        ----------
-        first : int
-        others : array of int
         """
         point = self.descent.point
         kept = np.setdiff1d(np.arange(len(point.poles)), others)
@@ -205,15 +189,9 @@ class Outcome(Optimum):
 def contest(arena: Arena, poles: ComplexArray, sides: ComplexArray, *, doubted: bool = False) -> Outcome | None:
     """Return the poles that hold their own, from candidates on.
 
-    Parameters
-    ----------
-    arena : Arena
-    poles : array of complex, (n,)
-        rad/s, as they are in the data.
-    sides : array of complex, (n, p)
-        Participation of the side that varies, divided as the data are.
-    doubted : bool
-        Whether it is in doubt that the data are white: None when what is left does not become white, or much whiter round by round.
+    `poles` (n,): rad/s, as they are in the data. `sides` (n, p): participation of the side that varies, divided as the data are.
+    `doubted`: whether it is in doubt that the data are white: None when what is left does not become white, or much whiter round by
+    round.
     """
     size = np.maximum(np.linalg.norm(sides, axis=1, keepdims=True), 1e-300)
     point = arena.problem.at(poles, sides / size, slopes=False)
@@ -300,11 +278,7 @@ def gains_beside(arena: Arena, found: Outcome, poles: Array) -> RealArray:
 def staying(poles: ComplexArray, standing: RealArray) -> Array:
     """Return which new poles stay, (n,): those that stand out, and of those that share a peak and do not the one that does most.
 
-    Parameters
-    ----------
-    poles : array of complex, (n,)
-    standing : array, (n,)
-        As in `Recount.standing`.
+    `poles` (n,). `standing` (n,): as in `Recount.standing`.
     """
     near = overlap(poles, poles)
     rank = np.argsort(np.argsort(standing))

@@ -77,12 +77,7 @@ class Evidence:
 class Own:
     """A pole with values of its own, where no orders of the diagram agree on any.
 
-    Parameters
-    ----------
-    shape : array of complex, (l,)
-    participation : array of complex, (m,)
-    frequency_std, damping_std : float
-        Hz, ratio.
+    `shape` (l,). `participation` (m,). `frequency_std`, `damping_std`: hz, ratio.
     """
 
     shape: ComplexArray
@@ -139,12 +134,7 @@ class Gathered:
         self._known: list[tuple[Response, Evidence]] = []
 
     def of(self, diagram: StabilizationDiagram) -> Evidence:
-        """Return what the data of a diagram show.
-
-        Parameters
-        ----------
-        diagram : StabilizationDiagram
-        """
+        """Return what the data of a diagram show."""
         response = diagram.response
         for other, known in self._known:
             if response is other or _same(response, other):
@@ -173,17 +163,8 @@ def judge(
 ) -> Candidate:
     """Weigh a group of poles that agree: what speaks for it, and what against.
 
-    Parameters
-    ----------
-    poles : Poles
-    group : array of int
-    peak : array, (p,)
-        Of every pole, see `peaks`.
-    fit : float
-        What the best fit leaves of the data.
-    evidence : Evidence
-    left_open : float
-        The larger standard deviation of frequency in half bandwidths and of damping in damping ratios; NaN where it is not known.
+    `peak` (p,): of every pole, see `peaks`. `fit`: what the best fit leaves of the data. `left_open`: the larger standard deviation of
+    frequency in half bandwidths and of damping in damping ratios; NaN where it is not known.
     """
     f, zeta = float(np.median(poles.frequency[group])), float(np.median(poles.damping[group]))
     first, orders = int(poles.order[group].min()), np.array(poles.orders)
@@ -280,14 +261,7 @@ _MOST_ORDERS = 0.5
 
 
 def counted(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> tuple[Poles, list[Candidate]]:
-    """Return the groups of poles that agree over orders, splits merged, with what speaks for each and what against.
-
-    Parameters
-    ----------
-    diagram : StabilizationDiagram
-    poles : Poles
-    evidence : Evidence
-    """
+    """Return the groups of poles that agree over orders, splits merged, with what speaks for each and what against."""
     (orders, fit), known = usable_orders(diagram), _known(diagram)
     every = merge_splits(poles, known)
     poles = replace(every, orders=orders).take(np.flatnonzero(every.order <= orders[-1]))

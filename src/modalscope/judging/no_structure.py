@@ -45,13 +45,7 @@ def harmonics_of_diagram(diagram: StabilizationDiagram) -> tuple[Harmonic, ...]:
 
 
 def beside_structure(diagram: StabilizationDiagram, candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Return candidates with what the record as a whole says against them.
-
-    Parameters
-    ----------
-    diagram : StabilizationDiagram
-    candidates : sequence of Candidate
-    """
+    """Return candidates with what the record as a whole says against them."""
     lines = [note for note in diagram.notes if note.kind == HARMONIC]
     alone = next((note for note in diagram.notes if note.kind == NOISE), None)
     unseen = next((note for note in diagram.notes if note.kind == UNSEEN), None)
@@ -79,11 +73,6 @@ def told_of_errors(modes: ModalModel, diagram: StabilizationDiagram) -> ModalMod
 
     Errors of Markov parameters that follow from a record are themselves the response of a system of many states, the observer's: every
     order fits them as well as the modes, and nothing in the response tells one from the other.
-
-    Parameters
-    ----------
-    modes : ModalModel
-    diagram : StabilizationDiagram
     """
     response = diagram.response
     weighed = any(
@@ -99,13 +88,7 @@ def told_of_errors(modes: ModalModel, diagram: StabilizationDiagram) -> ModalMod
 
 
 def told_why_none(modes: ModalModel, diagram: StabilizationDiagram) -> ModalModel:
-    """Return a result with its harmonics, and with a note of why it is empty where it is.
-
-    Parameters
-    ----------
-    modes : ModalModel
-    diagram : StabilizationDiagram
-    """
+    """Return a result with its harmonics, and with a note of why it is empty where it is."""
     modes = replace(modes, harmonics=harmonics_of_diagram(diagram))
     if len(modes):
         return modes

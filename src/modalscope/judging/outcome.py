@@ -201,13 +201,7 @@ def paired_with(
     Frequencies lie within the tolerance or the larger half bandwidth; among these the nearest with the most alike shape is taken, shapes
     where both have the same outputs.
 
-    Parameters
-    ----------
-    reference : ModalModel
-    candidates : list of Candidate
-    poles : Poles
-    tolerance : float
-        Relative distance of frequencies.
+    `tolerance`: relative distance of frequencies.
     """
     if not candidates or not len(reference):
         return []
@@ -232,12 +226,7 @@ def _likeness(reference: ModalModel, candidates: list[Candidate], poles: Poles) 
 def told_beside(modes: ModalModel, reference: ModalModel, which: Array) -> ModalModel:
     """Return modes whose reasons hold the differences to the reference; what of the reference has no partner is a note.
 
-    Parameters
-    ----------
-    modes : ModalModel
-    reference : ModalModel
-    which : array of int, (n,)
-        The reference mode of each.
+    `which` (n,): the reference mode of each.
     """
     alike = np.ones(len(modes))
     if len(reference.shapes) == len(modes.shapes):

@@ -50,14 +50,8 @@ _PRODUCT = 0.5
 class ColouredErrors:
     """The errors of all channels.
 
-    Parameters
-    ----------
-    variance : array, (F, q, p)
-        Of a complex value.
-    share : array, (F, q, p)
-        The part of it that belongs to the response.
-    even, own : array, (k,), (n,)
-        Correlations of the two parts, of values so many lines apart, from one on; zero beyond.
+    `variance` (F, q, p): of a complex value. `share` (F, q, p): the part of it that belongs to the response. `even`, `own` (k,):
+    correlations of the two parts, of values so many lines apart, from one on; zero beyond.
     """
 
     variance: RealArray
@@ -68,9 +62,7 @@ class ColouredErrors:
     def common(self, lines: Array) -> RealArray:
         """Return the correlations of errors around lines, all channels together, (n, k).
 
-        Parameters
-        ----------
-        lines : array of int, (n,)
+        `lines` (n,).
         """
         share = self.share.mean(axis=(1, 2))[lines, None]
         longest = max(len(self.even), len(self.own))
@@ -80,11 +72,7 @@ class ColouredErrors:
     def covariances(self, channels: slice, rows: ComplexArray) -> RealArray:
         """Return Re of conj x' D^-1 (q A q + s K s) D^-1 y for pairs x, y of rows (c, k, 2, F), (c, k, 2, 2).
 
-        Parameters
-        ----------
-        channels : slice
-            Which c, counted over inputs first.
-        rows : array of complex, (c, k, 2, F)
+        `channels`: which c, counted over inputs first. `rows` (c, k, 2, F).
         """
         s2, variance = (each.reshape(len(each), -1)[:, channels].T for each in (self.share, self.variance))
         parts = ((self.even, 1 - s2), (self.own, s2))
@@ -99,14 +87,8 @@ def errors_of(left: ComplexArray, data: ComplexArray, even: RealArray, unknown: 
     a line. With u what is left, divided by its deviations, E Re u_k u*_k+i = q_k q_k+i A_i + s_k s_k+i K_i over all lines and channels: two
     unknowns a lag, as likely as any before they are seen (their variance is one, that of a product a half).
 
-    Parameters
-    ----------
-    left, data : array of complex, (F, q, p)
-        What a fit leaves, and the whole response.
-    even : array, (F,)
-        Squares of what is even noise, up to a factor.
-    unknown : int
-        Real unknowns a channel.
+    `left`, `data` (F, q, p): what a fit leaves, and the whole response. `even` (F,): squares of what is even noise, up to a factor.
+    `unknown`: real unknowns a channel.
     """
     power, size = np.abs(left) ** 2, np.abs(data - left) ** 2
     noise, own = parts_of_level(power.reshape(len(left), -1), even, size.reshape(len(left), -1))
@@ -191,13 +173,7 @@ _NOTHING = float(np.finfo(float).eps) ** 2
 class ChannelFits:
     """Fits of poles and terms to all channels.
 
-    Parameters
-    ----------
-    terms : array, (K, t)
-    functions : array, (K, 2 n)
-        Of poles.
-    data : array, (K, q, p)
-    errors : ColouredErrors
+    `terms` (K, t). `functions` (K, 2 n): of poles. `data` (K, q, p).
     """
 
     def __init__(self, terms: RealArray, functions: RealArray, data: RealArray, errors: ColouredErrors) -> None:
@@ -211,16 +187,8 @@ class ChannelFits:
     ) -> tuple[RealArray, RealArray]:
         """Return residues a (c, k, 2) of modes in all channels, and their covariances B (c, k, 2, 2).
 
-        Parameters
-        ----------
-        which : array of int, (k,)
-            Modes.
-        without : array of int, optional
-            Lines that do not count.
-        beside : array, (K, 2 b), optional
-            More columns in pairs, which count as modes behind those that there are.
-        told : int, optional
-            How many of the modes, from the first on, have a covariance; by default all.
+        `which` (k,): modes. `without`: lines that do not count. `beside` (K, 2 b): more columns in pairs, which count as modes behind
+        those that there are. `told`: how many of the modes, from the first on, have a covariance; by default all.
         """
         columns = self._columns if beside is None else np.vstack([self._columns, beside.T])
         own = (self._first + 2 * np.asarray(which)[:, None] + [0, 1]).ravel()
@@ -351,13 +319,7 @@ def inverse(B: Array) -> Array:
 class Recount:
     """The errors of all channels at the end of a contest.
 
-    Parameters
-    ----------
-    arena : Arena
-    descent : Descent
-    left : array, (K, q, p)
-        What the poles with free residues leave.
-    errors : ColouredErrors
+    `left` (K, q, p): what the poles with free residues leave.
     """
 
     arena: Arena
@@ -380,10 +342,7 @@ class Recount:
     def gains(self, which: Array) -> RealArray:
         """Return what modes explain beside the others, in variances, (k,): the sum of a_j' B_jj^-1 a_j over channels.
 
-        Parameters
-        ----------
-        which : array of int, (k,)
-            Modes.
+        `which` (k,): modes.
         """
         a, B = self.fits.residues(which)
         return np.asarray(np.einsum("cki,ckij,ckj->k", a, np.linalg.pinv(B, hermitian=True), a))
@@ -395,9 +354,7 @@ class Recount:
         their covariance B, and a of all lines, sum a' B^-1 r is normal with the variance sum a' B^-1 a, and that is its mean for a
         resonance, where it is zero for a line.
 
-        Parameters
-        ----------
-        which : array of int, (k,)
+        `which` (k,).
         """
         poles = self.descent.point.poles[which]
         half, lines = self.arena.half_in_lines(poles), self.arena.problem.light.grid
@@ -418,9 +375,7 @@ class Recount:
         A resonance that shifts from input to input makes shoulders of its own shape, one that shifts from output to output such of its own
         participation.
 
-        Parameters
-        ----------
-        which : array of int, (k,)
+        `which` (k,).
         """
         s, size = self.descent.point.poles, self.descent.fitted.gain
         shapes, participation = self.arena.problem.scaled_back(self.descent.point, self.descent.fitted)
@@ -435,10 +390,7 @@ class Recount:
         What a shift e of a pole s leaves is r e g' + r e^2 g'' / 2 + ... with g = 1 / (x - s): the first two are free in every channel. The
         third is (e / h)^3 sqrt(5 / 16) of the mode, h its half bandwidth, and e^3 of normal e scatters by sqrt(15) e^3: that is taken off.
 
-        Parameters
-        ----------
-        one : int
-        hosts : array of int, (b,)
+        `hosts` (b,).
         """
         problem, poles = self.arena.problem, self.descent.point.poles[hosts]
         step = -0.05 * poles.real
@@ -460,9 +412,7 @@ class Recount:
 
         Zero for those outside the band, coherent lines and such that are damped like what lies outside; a shoulder has what shifts leave.
 
-        Parameters
-        ----------
-        which : array of int, (k,)
+        `which` (k,).
         """
         poles, (low, high) = self.descent.point.poles[which], self.arena.band
         f, zeta = frequencies_and_damping(poles)
@@ -482,10 +432,6 @@ class Recount:
         """Return the poles (k,) that may stand out of what is left, the strongest first, and their sides (k, p).
 
         What overlaps with others shows little of itself before they are refined beside it: a quarter of the bar is enough here.
-
-        Parameters
-        ----------
-        most : int
         """
         problem, known = self.arena.problem, self.descent.point.poles
         grid = grid_of(problem.light)
@@ -504,11 +450,7 @@ class Recount:
 def recount_of(arena: Arena, descent: Descent) -> Recount:
     """Return the errors as what the poles of a descent leave, with free residues, shows them.
 
-    Parameters
-    ----------
-    arena : Arena
-        Of lines whose errors are coloured.
-    descent : Descent
+    `arena`: of lines whose errors are coloured.
     """
     problem = arena.problem
     columns = np.hstack([problem.columns(descent.point.poles, slopes=False)[0], problem.terms])

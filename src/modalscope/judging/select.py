@@ -100,11 +100,7 @@ class Weighed(NamedTuple):
 def weighed(diagram: StabilizationDiagram, gathered: Gathered | None = None) -> Weighed:
     """Return all that might be a mode, by the rule that suits the data: what takes the time of `select`, whatever is chosen then.
 
-    Parameters
-    ----------
-    diagram : StabilizationDiagram
-    gathered : Gathered, optional
-        What data show, where several diagrams of the same ones are weighed.
+    `gathered`: what data show, where several diagrams of the same ones are weighed.
     """
     poles = oscillations(diagram)
     if diagram.exact_rank is not None:
@@ -126,14 +122,7 @@ def chosen_of(
 ) -> ModalModel:
     """Return the modes among what was weighed: those at given frequencies, or the automatic ones with the changes by hand.
 
-    Parameters
-    ----------
-    diagram : StabilizationDiagram
-    found : Weighed
-        Of the same diagram.
-    wanted, added, refused : sequence of float
-        Hz, as `frequencies`, `take` and `refuse` of `select`.
-    tolerance : float
+    `found`: of the same diagram. `wanted`, `added`, `refused`: hz, as `frequencies`, `take` and `refuse` of `select`.
     """
     candidates = found.candidates
     if wanted is not None:

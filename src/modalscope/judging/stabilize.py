@@ -67,11 +67,7 @@ def limits_of(tolerances: Mapping[str, float] | None) -> dict[str, float]:
 def stable_against(before: Cut, after: Cut, limits: Mapping[str, float] = TOLERANCES) -> Array:
     """Return for each pole of `after` whether frequency, damping and shape are those of one pole of `before`, (3, k).
 
-    Parameters
-    ----------
-    before, after : Cut
-    limits : mapping
-        Tolerances of stability, all three.
+    `limits`: tolerances of stability, all three.
     """
     new, old = after.reported, before.reported
     if not old.size or not new.size:
@@ -142,12 +138,7 @@ _DOUBLED, _FINE = 2, 100
 def grown(found: StabilizationDiagram, again: Callable[[Iterable[int]], StabilizationDiagram]) -> StabilizationDiagram:
     """Return the diagram of twice the orders while the fit error falls as if modes were missing, and say so where that ends first.
 
-    Parameters
-    ----------
-    found : StabilizationDiagram
-        At the orders that are tried by default.
-    again : callable
-        Makes the diagram of other orders.
+    `found`: at the orders that are tried by default. `again`: makes the diagram of other orders.
     """
     if found.response.ambient or not found.response.separable:
         return found
@@ -256,11 +247,7 @@ def stabilize(
 def by_instruments(found: StabilizationDiagram, again: Callable[..., StabilizationDiagram]) -> StabilizationDiagram:
     """Return the diagram with past inputs and outputs as instruments where `found` shows unmeasured forces; else, or without a way, that.
 
-    Parameters
-    ----------
-    found : StabilizationDiagram
-    again : callable
-        Makes the diagram of a way, `route="subspace"`.
+    `again`: makes the diagram of a way, `route="subspace"`.
     """
     doubt = [note for note in found.notes if note.kind == UNMEASURED]
     if not doubt:
@@ -275,12 +262,7 @@ def by_instruments(found: StabilizationDiagram, again: Callable[..., Stabilizati
 
 
 def withheld(diagram: StabilizationDiagram) -> dict[str, Any]:
-    """Return what becomes of the deviations where damping is biased by what was not measured: they would not hold it.
-
-    Parameters
-    ----------
-    diagram : StabilizationDiagram
-    """
+    """Return what becomes of the deviations where damping is biased by what was not measured: they would not hold it."""
     std = diagram.damping_ratios_std
     return {} if std is None else {"damping_ratios_std": np.full_like(std, np.nan)}
 
@@ -297,14 +279,7 @@ def stabilized(
 ) -> StabilizationDiagram:
     """Return the diagram of a problem; see `stabilize`.
 
-    Parameters
-    ----------
-    problem : Problem
-    asked : list of int
-        Orders, increasing.
-    automatic : bool
-        Whether nobody asked for just these: then some order is always found.
-    tolerances, progress, watch, deviations : optional
+    `asked`: orders, increasing. `automatic`: whether nobody asked for just these: then some order is always found.
     """
     limits = limits_of(tolerances)
     return swept(start(problem, asked, automatic=automatic, deviations=deviations), asked, limits, progress, watch)
@@ -319,12 +294,7 @@ def swept(
 ) -> StabilizationDiagram:
     """Return the diagram of what a sweep has still to come; the sweep stays there to cut out an order again.
 
-    Parameters
-    ----------
-    found : Sweep
-    asked : sequence of int
-        Orders that were asked for.
-    tolerances, progress, watch : optional
+    `asked`: orders that were asked for.
     """
     limits, cuts = limits_of(tolerances), []
     for cut in found:
@@ -347,15 +317,7 @@ def collected(
 ) -> StabilizationDiagram:
     """Return the diagram of the orders so far.
 
-    Parameters
-    ----------
-    pipeline : Pipeline
-    cuts : sequence of Cut
-        At least one, by increasing order.
-    limits : mapping
-        Tolerances of stability, all three.
-    notes : sequence of Note
-        What was left out.
+    `cuts`: at least one, by increasing order. `limits`: tolerances of stability, all three. `notes`: what was left out.
     """
     stable = [np.zeros((3, cuts[0].reported.size), bool)]
     stable += [stable_against(before, after, limits) for before, after in pairwise(cuts)]

@@ -71,17 +71,9 @@ _FLAT = ("order", "pole", "shape", "participation", "own", "index")
 class Poles:
     """Decaying oscillations of all orders, flat.
 
-    Parameters
-    ----------
-    orders : tuple of int
-    order : array of int, (p,)
-    pole : array of complex, (p,)
-    shape : array of complex, (p, l)
-    participation : array of complex, (p, m)
-    own : array, (p,)
-        Norm of the pole's own contribution over the norm of the data.
-    index : array of int, (p,), optional
-        Where each stands in the diagram that it came from; of a merged one where the stronger stood. Their own places by default.
+    `order` (p,). `pole` (p,). `shape` (p, l). `participation` (p, m). `own` (p,): norm of the pole's own contribution over the norm of
+    the data. `index` (p,): where each stands in the diagram that it came from; of a merged one where the stronger stood. Their own places
+    by default.
     """
 
     orders: tuple[int, ...]
@@ -128,11 +120,7 @@ def merge_splits(poles: Poles, deviation: RealArray | None = None) -> Poles:
     Few inputs drive two modes alike by chance: two of them one pair in four. Where all outputs were measured at once, poles of
     unlike shapes that lie further apart than their deviations are two modes all the same.
 
-    Parameters
-    ----------
-    poles : Poles
-    deviation : array, optional
-        rad/s: how well the data tell every pole of the diagram, by its index; NaN where that is not known.
+    `deviation`: rad/s: how well the data tell every pole of the diagram, by its index; NaN where that is not known.
     """
     kept = [_merged(poles.take(np.flatnonzero(poles.order == order)), deviation) for order in poles.orders]
     return Poles(poles.orders, *(np.concatenate([getattr(k, name) for k in kept]) for name in _FLAT))

@@ -52,12 +52,7 @@ def rarely_shown(found: int, tried: int) -> str:
 def too_little(gain: float, bar: float, *, coloured: bool) -> str:
     """Return why what a group explains makes no mode: noise may explain it, or errors that are no white noise.
 
-    Parameters
-    ----------
-    gain, bar : float
-        What it explains and what noise may, in deviations.
-    coloured : bool
-        Whether the errors were counted as such.
+    `gain`, `bar`: what it explains and what noise may, in deviations. `coloured`: whether the errors were counted as such.
     """
     text = (
         f"beside the modes it explains {gain:.1f} standard deviations of the noise; noise alone may explain {bar:.1f}"
@@ -79,15 +74,7 @@ def one_residue(response: Response, pole: complex, parts: ComplexArray, residues
     in every channel. The data themselves do not come in: with the modes of a list alone the weak ones would make up for what shifts of the
     strong ones leave.
 
-    Parameters
-    ----------
-    response : Response
-        One channel of the data.
-    pole : complex
-        s, rad/s, as it is in the data.
-    parts : array of complex, (k,)
-        Poles s_k.
-    residues : array of complex, (k, l, m)
+    `response`: one channel of the data. `pole`: s, rad/s, as it is in the data. `parts` (k,): poles s_k. `residues` (k, l, m).
     """
     basis = response.basis(np.append(pole, parts), response.outside_powers)
     columns, functions = (
@@ -123,16 +110,7 @@ _SHARE = 0.25
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Trial:
-    """All that a verdict rests on.
-
-    Parameters
-    ----------
-    diagram : StabilizationDiagram
-    poles : Poles
-    evidence : Evidence
-    arena : Arena
-    found : Outcome
-    """
+    """All that a verdict rests on."""
 
     diagram: StabilizationDiagram
     poles: Poles
@@ -196,13 +174,7 @@ class Trial:
         return (both[0] / (f * zeta), both[1] / zeta) if zeta > 0 else (np.inf, np.inf)
 
     def residue(self, candidate: Candidate, family: Array) -> ComplexArray | None:
-        """Return the residue of a mode at the values it is listed with, from its poles; None of white data, which the list explains.
-
-        Parameters
-        ----------
-        candidate : Candidate
-        family : array of int
-        """
+        """Return the residue of a mode at the values it is listed with, from its poles; None of white data, which the list explains."""
         if not self.arena.coloured:
             return None
         listed = complex(poles_from(candidate.frequency, candidate.damping)) - self.diagram.as_measured.added_damping
@@ -214,11 +186,7 @@ class Trial:
 def verdicts(trial: Trial, groups: list[Array]) -> list[Candidate]:
     """Return modes and all that was found beside them, these with what speaks against them.
 
-    Parameters
-    ----------
-    trial : Trial
-    groups : list of array of int
-        Poles that agree over orders; those that values are preferably taken from first.
+    `groups`: poles that agree over orders; those that values are preferably taken from first.
     """
     peak, fit = peaks(trial.diagram, trial.poles, trial.evidence), usable_orders(trial.diagram)[1]
     known = [judge(trial.poles, group, peak, fit, trial.evidence) for group in groups]
@@ -387,12 +355,7 @@ def likely(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> t
     A rich model that lacks a mode leaves a coloured residual, too: that of the modes, completed, decides then. So do skirts of modes
     outside the band: they take part where they make that of the rich model white. None where samples leave a coloured one.
 
-    Parameters
-    ----------
-    diagram : StabilizationDiagram
-    poles : Poles
-        Not merged: of two poles within one bandwidth each is a candidate.
-    evidence : Evidence
+    `poles`: not merged: of two poles within one bandwidth each is a candidate.
     """
     response, groups = diagram.as_measured, _groups(poles)
     rich = diagram.poles[diagram.order_of_pole == diagram.orders[int(np.argmin(diagram.fit_errors))]]

@@ -57,17 +57,7 @@ _QUIET = 0.1
 class Cells:
     """Periodograms of a record, neighbouring lines averaged; every channel divided by its root mean square in the band.
 
-    Parameters
-    ----------
-    values : array of complex, (c, l, l)
-    frequencies : array, (c,)
-        Hz.
-    counts : array, (c,)
-        Lines.
-    rate : float
-        Samples a second.
-    samples : int
-        Of the record.
+    `values` (c, l, l). `frequencies` (c,): hz. `counts` (c,): lines. `rate`: samples a second. `samples`: of the record.
     """
 
     values: ComplexArray
@@ -132,14 +122,7 @@ class Equations(NamedTuple):
 def cells_of(record: Signals, poles: ComplexArray, band: tuple[float, float]) -> Cells:
     """Return the cells of a record in a band: fine near poles, coarse far from them.
 
-    Parameters
-    ----------
-    record : Signals
-        Without inputs.
-    poles : array of complex, (n,)
-        rad/s.
-    band : (float, float)
-        Hz.
+    `record`: without inputs. `poles` (n,): rad/s. `band`: hz.
     """
     y = np.asarray(record.outputs)
     count = len(y)
@@ -162,22 +145,14 @@ def cells_of(record: Signals, poles: ComplexArray, band: tuple[float, float]) ->
 
 
 def unknowns(modes: int, outputs: int) -> int:
-    """Return how many real unknowns a record has with so many modes: poles, shapes, drives and background.
-
-    Parameters
-    ----------
-    modes, outputs : int
-    """
+    """Return how many real unknowns a record has with so many modes: poles, shapes, drives and background."""
     return 2 * modes + 4 * modes * outputs + _POWERS * outputs**2
 
 
 def begun(cells: Cells, poles: ComplexArray) -> Driven:
     """Return where to begin: near every pole the leading vector of the periodograms, forces without correlation; S is positive definite.
 
-    Parameters
-    ----------
-    cells : Cells
-    poles : array of complex, (n,)
+    `poles` (n,).
     """
     outputs = cells.values.shape[1]
     shapes, drives = np.zeros((outputs, len(poles)), complex), np.zeros((len(poles), outputs), complex)
@@ -198,11 +173,7 @@ def begun(cells: Cells, poles: ComplexArray) -> Driven:
 def spectrum(cells: Cells, poles: ComplexArray, own: Driven) -> ComplexArray:
     """Return S of every cell, (c, l, l).
 
-    Parameters
-    ----------
-    cells : Cells
-    poles : array of complex, (n,)
-    own : Driven
+    `poles` (n,).
     """
     T, turned = cells.functions(poles), cells.functions(poles.conj())
     half = (T[:, None, :] * own.shapes) @ own.drives + (turned[:, None, :] * own.shapes.conj()) @ own.drives.conj()
@@ -213,11 +184,7 @@ def spectrum(cells: Cells, poles: ComplexArray, own: Driven) -> ComplexArray:
 def loss(cells: Cells, poles: ComplexArray, own: Driven) -> float:
     """Return -log p, up to a number; infinite where S is not positive definite everywhere.
 
-    Parameters
-    ----------
-    cells : Cells
-    poles : array of complex, (n,)
-    own : Driven
+    `poles` (n,).
     """
     S = spectrum(cells, poles, own)
     try:
@@ -233,11 +200,7 @@ def loss(cells: Cells, poles: ComplexArray, own: Driven) -> float:
 def equations(cells: Cells, poles: ComplexArray, own: Driven) -> Equations:
     """Return information and score at a point where S is positive definite.
 
-    Parameters
-    ----------
-    cells : Cells
-    poles : array of complex, (n,)
-    own : Driven
+    `poles` (n,).
     """
     S = spectrum(cells, poles, own)
     root: ComplexArray = np.asarray(np.linalg.inv(np.linalg.cholesky(S)), dtype=np.complex128)
@@ -278,13 +241,7 @@ def _directions(cells: Cells, poles: ComplexArray, own: Driven, root: ComplexArr
 
 
 def moved(own: Driven, step: RealArray) -> Driven:
-    """Return what a record has of its own after a step, in the order of `equations` behind the poles.
-
-    Parameters
-    ----------
-    own : Driven
-    step : array
-    """
+    """Return what a record has of its own after a step, in the order of `equations` behind the poles."""
     l, n = own.shapes.shape
     sides = step[: 4 * n * l].reshape(2, n, l, 2)
     change = sides[..., 0] + 1j * sides[..., 1]
@@ -350,10 +307,7 @@ class _Eliminated(NamedTuple):
 def scored(records: Sequence[Cells], poles: ComplexArray) -> Scored:
     """Return the poles of greatest likelihood over all records, from a start near them.
 
-    Parameters
-    ----------
-    records : sequence of Cells
-    poles : array of complex, (n,)
+    `poles` (n,).
     """
     parts = [begun(cells, poles) for cells in records]
     if not np.isfinite(_total(records, poles, parts)):
@@ -370,12 +324,7 @@ def scored(records: Sequence[Cells], poles: ComplexArray) -> Scored:
 
 
 def covariance(found: Scored) -> RealArray:
-    """Return the covariance of Re and Im of the poles, (2n, 2n): the inverse of all information, wider where the model does not fit.
-
-    Parameters
-    ----------
-    found : Scored
-    """
+    """Return the covariance of Re and Im of the poles, (2n, 2n): the inverse of all information, wider where the model does not fit."""
     return np.asarray(max(found.misfit, 1.0) * np.linalg.pinv(found.informations.sum(axis=0), hermitian=True))
 
 

@@ -34,12 +34,7 @@ def deviations_of_poles(poles: Array, blocks: Array) -> tuple[RealArray, RealArr
 
     With s = x + j y and w = |s|: df = (x dx + y dy) / (2 pi w), dzeta = (-y^2 dx + x y dy) / w^3.
 
-    Parameters
-    ----------
-    poles : array of complex, (n,)
-        rad/s.
-    blocks : array, (n, 2, 2)
-        Covariance of (Re s, Im s) of each pole.
+    `poles` (n,): rad/s. `blocks` (n, 2, 2): covariance of (Re s, Im s) of each pole.
 
     Returns
     -------
@@ -58,12 +53,7 @@ def deviations_of_poles(poles: Array, blocks: Array) -> tuple[RealArray, RealArr
 def covariances_of_poles(poles: Array, others: Array, blocks: Array) -> tuple[RealArray, RealArray]:
     """Return the covariances of the frequencies (Hz) of poles and others, one to one, and of their damping ratios, to first order.
 
-    Parameters
-    ----------
-    poles, others : array of complex, (n,)
-        rad/s.
-    blocks : array, (n, 2, 2)
-        Covariance of (Re s, Im s) of each pole with that of its other.
+    `poles`, `others` (n,): rad/s. `blocks` (n, 2, 2): covariance of (Re s, Im s) of each pole with that of its other.
     """
     own, its = _gradients(poles), _gradients(others)
     f, zeta = (np.einsum("na,nab,nb->n", a, np.asarray(blocks), b) for a, b in zip(own, its, strict=True))
@@ -82,11 +72,7 @@ def _gradients(poles: Array) -> tuple[RealArray, RealArray]:
 def pole_blocks(covariance: RealArray, first: Array) -> RealArray:
     """Return the 2 x 2 blocks on the diagonal of a covariance that begin at the given rows, (n, 2, 2).
 
-    Parameters
-    ----------
-    covariance : array, (p, p)
-    first : array of int, (n,)
-        Where Re s of each pole stands; Im s follows it.
+    `covariance` (p, p). `first` (n,): where Re s of each pole stands; Im s follows it.
     """
     rows = np.asarray(first)[:, None] + np.arange(2)
     return np.asarray(covariance[rows[:, :, None], rows[:, None, :]])
@@ -100,19 +86,8 @@ def sandwich(inverse: RealArray, scores: RealArray, informations: RealArray | No
     for G / (G - 1): the jackknife, to first order. Of 4 to 15 parts, alike or not, with or without values of their own, Student's interval
     of G - 1 degrees of freedom held the truth in 87 to 95 % of 400 cases each (without, in 65 to 95 %).
 
-    Parameters
-    ----------
-    inverse : array, (p, p)
-        C, the inverse of the information J'J (without the noise's variance).
-    scores : array, (G, p)
-        S_g = J_g' r_g of every part; at the optimum their mean is zero.
-    informations : array, (G, p, p), optional
-        H_g = J_g' J_g.
-
-    Source
-    ------
-    P. J. Huber, The behavior of maximum likelihood estimates under nonstandard conditions, 1967; by clusters: K.-Y. Liang and
-    S. L. Zeger, Biometrika 73, 1986; few clusters: R. M. Bell and D. F. McCaffrey, Survey Methodology 28, 2002.
+    `inverse` (p, p): c, the inverse of the information J'J (without the noise's variance). `scores` (G, p): s_g = J_g' r_g of every part;
+    at the optimum their mean is zero. `informations` (G, p, p): h_g = J_g' J_g.
     """
     parts = len(scores)
     factor = parts / (parts - 1)
@@ -136,16 +111,7 @@ def shape_deviations(shape: ComplexArray, alone: RealArray, moved: ComplexArray,
     d c_o = n_o + A_o d theta, with n_o independent from output to output; of d c the part along the shape itself is no change of
     shape: d phi = (I - c c^H / c^H c) d c.
 
-    Parameters
-    ----------
-    shape : array of complex, (l,)
-        c.
-    alone : array, (l,)
-        E |n_o|^2.
-    moved : array of complex, (l, p)
-        A_o.
-    covariance : array, (p, p)
-        Of theta.
+    `shape` (l,): c. `alone` (l,): E |n_o|^2. `moved` (l, p): a_o. `covariance` (p, p): of theta.
     """
     unit = shape / max(float(np.linalg.norm(shape)), 1e-300)
     weight = np.abs(unit) ** 2
@@ -172,11 +138,7 @@ def slope_to_s(matrix: DataMatrix, values: ComplexArray) -> ComplexArray:
 class PoleInfluence:
     """How a response moves continuous poles: ds = slope dx, dx by the gradient.
 
-    Parameters
-    ----------
-    gradient : Influence
-        Of the eigenvalues in the plane of the data matrix.
-    slope : array of complex, (k,)
+    `gradient`: of the eigenvalues in the plane of the data matrix. `slope` (k,).
     """
 
     gradient: Influence
@@ -207,20 +169,10 @@ def influence_on_all(
 ) -> PoleInfluence:
     """Return how the response moves some eigenvalues of a model, or of those of several orders.
 
-    Parameters
-    ----------
-    matrix : DataMatrix
-    realization : Realization
-    parts : sequence of (int, Triple, Eigen)
-        Orders with their models, cut out of the realization, with inputs and outputs in their own places; of the eigenvalues those that
-        are asked.
-    lines : Lines, optional
-        Those that stand for all; see `DataMatrix.influence`.
+    `parts`: orders with their models, cut out of the realization, with inputs and outputs in their own places; of the eigenvalues those
+    that are asked. `lines`: those that stand for all; see `DataMatrix.influence`.
 
-    Raises
-    ------
-    DataError
-        The row has no first-order formula.
+    Raises `DataError`: the row has no first-order formula.
     """
     factored = [
         (order, Eigen(eigen.values, eigen.left.T, eigen.vectors.T) if model.turned else eigen)

@@ -52,10 +52,7 @@ def normal(point: Point, fitted: Fitted) -> tuple[RealArray, RealArray]:
 def covariance_of_scores(point: Point, fitted: Fitted, noise: RealArray) -> RealArray:
     """Return the covariance of J'e (2 n p, 2 n p), e of the covariance `noise` (4 n, 4 n) between compressed rows, alike in all channels.
 
-    Parameters
-    ----------
-    point, fitted
-    noise : array, (4 n, 4 n)
+    `noise` (4 n, 4 n).
     """
     V = _free(point, fitted).view(np.float64)
     coloured = (noise @ V.reshape(len(noise), -1)).reshape(V.shape)
@@ -84,11 +81,7 @@ def scores(point: Point, fitted: Fitted) -> RealArray:
 def scores_of_rows(point: Point, fitted: Fitted, blocks: Array) -> RealArray:
     """Return J'r of every block of rows, all channels together, (blocks, 2 n p).
 
-    Parameters
-    ----------
-    point, fitted
-    blocks : array of int, (K,)
-        The block of every row, counted from zero.
+    `blocks` (K,): the block of every row, counted from zero.
     """
     W, c = _free(point, fitted), _coefficients(point, fitted)
     left, span = residual(point, fitted), point.span
@@ -147,12 +140,7 @@ def _interleaved(values: ComplexArray) -> RealArray:
 class WindowNoise:
     """What noise of variance one does to a fit.
 
-    Parameters
-    ----------
-    covariance : array, (2 n p, 2 n p)
-        Of the unknowns, J'J^-1 J'C J J'J^-1.
-    free : float
-        Expected squared misfit.
+    `covariance` (2 n p, 2 n p): of the unknowns, J'J^-1 J'C J J'J^-1. `free`: expected squared misfit.
     """
 
     covariance: RealArray
@@ -162,11 +150,7 @@ class WindowNoise:
 def window_noise(point: Point, fitted: Fitted, response: Response) -> WindowNoise | None:
     """Return what noise under the window of a response does to a fit; None without a window, and of samples, whose rows are divided by it.
 
-    Parameters
-    ----------
-    point, fitted
-        Of the response.
-    response : Response
+    `point`, `fitted`: of the response.
     """
     window, grid = window_over_lines(response), response.grid
     if window <= 0 or grid is None:
@@ -192,13 +176,7 @@ def _of_rows(Q: RealArray, grid: RealArray, window: float) -> RealArray:
 def correlated(columns: ComplexArray, grid: RealArray, window: float) -> ComplexArray:
     """Return T times columns (F, k).
 
-    Parameters
-    ----------
-    columns : array of complex, (F, k)
-    grid : array, (F,)
-        Hz, evenly spaced but for gaps.
-    window : float
-        The rate a over the distance of lines.
+    `columns` (F, k). `grid` (F,): hz, evenly spaced but for gaps. `window`: the rate a over the distance of lines.
     """
     place = np.rint((grid - grid[0]) / np.median(np.diff(grid))).astype(int)
     longest = int(place[-1])
@@ -234,16 +212,7 @@ _LESS, _MORE = 1 / 3, 2.0
 class Descent:
     """Where a descent ended.
 
-    Parameters
-    ----------
-    point : Point
-    fitted : Fitted
-    cost : float
-        Squared misfit.
-    converged : bool
-    why : str
-        Why not.
-    iterations : int
+    `cost`: squared misfit. `why`: why not.
     """
 
     point: Point
@@ -268,18 +237,8 @@ def descend(
 
     What is promised counts, not what was gained: near the optimum rounding hides the gain.
 
-    Parameters
-    ----------
-    problem : Whitened
-    poles, sides
-        Where to start.
-    tolerance : float
-    most : int
-        Iterations.
-    decisive : float, optional
-        A squared misfit that decides: the descent ends below it, and where no hundreds of steps like the next would lead there.
-    progress : callable, optional
-        Called with (iterations done, iterations at most).
+    `poles`, `sides`: where to start. `most`: iterations. `decisive`: A squared misfit that decides: the descent ends below it, and where
+    no hundreds of steps like the next would lead there. `progress`: called with (iterations done, iterations at most).
     """
     point = problem.at(poles, sides)
     fitted = point.fitted()

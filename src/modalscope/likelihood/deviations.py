@@ -39,14 +39,8 @@ def residual_variance(energy: Array, free: float, is_complex: bool) -> RealArray
 
     NaN where there are no more values than unknowns.
 
-    Parameters
-    ----------
-    energy : array, (l, m)
-        Sum of squares of what is left of every channel.
-    free : float
-        Real values of a channel less the real numbers that were fitted to it.
-    is_complex : bool
-        Whether the values are lines, of two real numbers each.
+    `energy` (l, m): sum of squares of what is left of every channel. `free`: real values of a channel less the real numbers that were
+    fitted to it. `is_complex`: whether the values are lines, of two real numbers each.
     """
     return np.asarray((1 + is_complex) * energy / free if free > 0 else np.full(energy.shape, np.nan))
 
@@ -101,14 +95,7 @@ _Some = tuple[Asked, Deviations]
 
 
 def deviations_of(matrix: DataMatrix, realization: Realization, *asked: Asked) -> list[Deviations]:
-    """Return the standard deviations of some poles of models: of several orders at once where there are no lines, which differ with them.
-
-    Parameters
-    ----------
-    matrix : DataMatrix
-    realization : Realization
-    *asked : Asked
-    """
+    """Return the standard deviations of some poles of models; without lines, of several orders at once."""
     found = [Deviations(*(np.full(one.modal.poles.size, np.nan) for _ in range(2))) for one in asked]
     some = [(one, place) for one, place in zip(asked, found, strict=True) if one.which.size]
     for group in _groups(some, matrix.judged):
@@ -173,13 +160,7 @@ def lines_for_all(response: Response, poles: Array, degree: int) -> Lines | None
     Blocks of two, four and eight lines are represented by the one in their middle where a third of the distance to the nearest pole
     spans as many. None: all are needed, or there are no lines.
 
-    Parameters
-    ----------
-    response : Response
-    poles : array of complex
-        Of the model, all of them, as they are in the data.
-    degree : int
-        Of the polynomials that the rows of the matrix are.
+    `poles`: of the model, all of them, as they are in the data. `degree`: of the polynomials that the rows of the matrix are.
     """
     grid = response.grid
     if grid is None or grid.size < 2 or not response.separable or response.added_damping > 0:

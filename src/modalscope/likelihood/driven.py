@@ -38,12 +38,7 @@ _RANK = 1e-11
 class DrivenWhitened(Whitened):
     """Records whose noise is white and of one deviation, without what terms explain.
 
-    Parameters
-    ----------
-    light : RecordSpectra
-        One output.
-    lines : DrivenLines
-        Of the drives divided by their sizes, 1 / `varying`.
+    `light`: one output. `lines`: of the drives divided by their sizes, 1 / `varying`.
     """
 
     light: RecordSpectra
@@ -147,11 +142,7 @@ def whitened_records(
 ) -> DrivenWhitened:
     """Divide records by the deviation of rows and outputs, the drives by their size, and take out what the terms explain.
 
-    Parameters
-    ----------
-    records : RecordSpectra
-    fixed, powers, rows, outputs
-        As in `likelihood.whitened`.
+    `fixed`, `powers`, `rows`, `outputs`: as in `likelihood.whitened`.
     """
     basis = records.whole_basis(fixed, powers)
     flat, terms = basis.data[:, :, 0], basis.columns

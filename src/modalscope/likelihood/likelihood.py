@@ -39,25 +39,11 @@ _Span = tuple[RealArray, RealArray | None]
 class Whitened:
     """Data whose noise is white and of one deviation, without what terms explain.
 
-    Parameters
-    ----------
-    light : Response
-        One channel of the data: it gives the functions of poles.
-    rows : array, (K,)
-        What each row is divided by.
-    terms : array, (K, t)
-        Orthonormal columns that are free in every channel.
-    data : array, (K, q, p)
-        The divided data, less their part in the terms; q >= p.
-    linear, varying : array, (q,), (p,)
-        What the channels of either side are divided by.
-    turned : bool
-        Whether the inputs are the side that is eliminated.
-    swift : bool
-        Whether columns may be made orthogonal by their products, in a third of the time: what is left of the data is then known to
-        a part of 1e-5 of the data, not to rounding.
-    energy : array, (q p,), optional
-        Squares of the data, channel by channel, for `swift`.
+    `light`: one channel of the data: it gives the functions of poles. `rows` (K,): what each row is divided by. `terms` (K, t):
+    orthonormal columns that are free in every channel. `data` (K, q, p): the divided data, less their part in the terms; q >= p.
+    `linear`, `varying` (q,): what the channels of either side are divided by. `turned`: whether the inputs are the side that is
+    eliminated. `swift`: whether columns may be made orthogonal by their products, in a third of the time: what is left of the data is
+    then known to a part of 1e-5 of the data, not to rounding. `energy` (q p,): squares of the data, channel by channel, for `swift`.
     """
 
     light: Response
@@ -177,18 +163,9 @@ def whitened(
 ) -> Whitened:
     """Divide the data by the deviation of rows, outputs and inputs, and take out what the terms explain.
 
-    Parameters
-    ----------
-    response : Response
-    fixed : array of complex
-        Poles that stay as they are, free in every channel.
-    powers : tuple of int
-        As in `Response.basis`.
-    rows : array, (K,)
-        Standard deviations, of K real rows.
-    outputs, inputs : array, (l,), (m,)
-    swift : bool
-        Whether a step may be a little inaccurate and much faster; for noise of more than 1e-4 of the data.
+    `fixed`: poles that stay as they are, free in every channel. `powers`: as in `Response.basis`. `rows` (K,): standard deviations, of K
+    real rows. `outputs`, `inputs` (l,). `swift`: whether a step may be a little inaccurate and much faster; for noise of more than 1e-4
+    of the data.
     """
     basis = response.basis(fixed, powers)
     data = basis.data / rows[:, None, None] / outputs[:, None] / inputs
@@ -207,15 +184,8 @@ def whitened(
 class Fitted:
     """What least squares gives at a point: the eliminated side, its own information, and what is left over.
 
-    Parameters
-    ----------
-    linear : array of complex, (q, n)
-        c.
-    back : array, (2 n, r)
-        From coefficients of `kept` to (Re c_1, Im c_1, Re c_2, ...).
-    kept : array, (4 n p, r)
-        Orthonormal columns of what the modes can explain.
-    left : array, (4 n p, q)
+    `linear` (q, n): c. `back` (2 n, r): from coefficients of `kept` to (Re c_1, Im c_1, Re c_2, ...). `kept` (4 n p, r): orthonormal
+    columns of what the modes can explain. `left` (4 n p, q).
     """
 
     linear: ComplexArray
@@ -241,19 +211,9 @@ class Fitted:
 class Point:
     """Poles and unit vectors, with the functions on the compressed rows.
 
-    Parameters
-    ----------
-    problem : Whitened
-    poles : array of complex, (n,)
-    sides : array of complex, (n, p)
-        b, of length one.
-    own, derived : array of complex, (4 n, n)
-        g and dg/ds, with real part and minus imaginary part the two real functions of a pole.
-    data : array, (4 n, q, p)
-    beyond : array, (q, p)
-        Squared norm of the data outside the span of all columns.
-    basis : (array (K, 4 n), array (4 n, r) or None)
-        P and W of `span`.
+    `poles` (n,). `sides` (n, p): b, of length one. `own`, `derived` (4 n, n): g and dg/ds, with real part and minus imaginary part the
+    two real functions of a pole. `data` (4 n, q, p). `beyond` (q, p): squared norm of the data outside the span of all columns. `basis`:
+    P and W of `span`.
     """
 
     problem: Whitened

@@ -38,14 +38,7 @@ def line_filters(frequencies: RealArray, rate: float | None, poles: Array) -> tu
     With h and p of a pole and its conjugate g1 = h + p and g2 = j (h - p), so that their squares are |h|^2 + |p|^2, which is on the way to
     them: h = (u - j v) / (u^2 + v^2), x - pole = u + j v.
 
-    Parameters
-    ----------
-    frequencies : array, (F,)
-        Hz.
-    rate : float or None
-        Of a sampled system, Hz.
-    poles : array of complex, (n,)
-        rad/s, so few that all of this stays in the cache.
+    `frequencies` (F,): hz. `rate`: of a sampled system, Hz. `poles` (n,): rad/s, so few that all of this stays in the cache.
     """
     x, s = 2j * np.pi * frequencies, np.asarray(poles, dtype=complex)
     if rate is not None:
@@ -91,12 +84,7 @@ _HELD, _AT_A_TIME = 1 << 23, 48_000
 class Peak:
     """A pole that stands out.
 
-    Parameters
-    ----------
-    pole : complex
-        As it is in the data, rad/s.
-    shape, participation : array of complex, (l,), (m,)
-        Of length one, of the residual's largest singular value there.
+    `pole`: as it is in the data, rad/s. `shape`, `participation` (l,): of length one, of the residual's largest singular value there.
     """
 
     pole: complex
@@ -112,19 +100,9 @@ def strongest_peaks(
     A pole's functions g1 and g2 are orthogonal but for their overlap with the mirror image; a residue of rank one lowers the misfit by
     the square of the largest singular value of its `amplitudes`.
 
-    Parameters
-    ----------
-    response : Response
-        One channel of the data.
-    left : array, (K, l, m)
-        Whitened residual, on rows divided by `rows`.
-    rows : array, (K,)
-        The same for both parts of a line.
-    known : array of complex
-        Poles that are there already: nothing is taken within half a half bandwidth of them.
-    least : float
-    most : int
-        Peaks at most; half bandwidths of any two do not reach a quarter of the way.
+    `response`: one channel of the data. `left` (K, l, m): whitened residual, on rows divided by `rows`. `rows` (K,): the same for both
+    parts of a line. `known`: poles that are there already: nothing is taken within half a half bandwidth of them. `most`: peaks at most;
+    half bandwidths of any two do not reach a quarter of the way.
     """
     grid = grid_of(response)
     A = amplitudes(response, left, rows, grid)
@@ -143,12 +121,7 @@ def strongest_peaks(
 def apart(grid: ComplexArray, gain: RealArray, least: float, most: int) -> list[int]:
     """Return where the largest gains are, far from each other, `most` of them while they reach `least`.
 
-    Parameters
-    ----------
-    grid : array of complex, (n,)
-    gain : array, (n,)
-    least : float
-    most : int
+    `grid` (n,). `gain` (n,).
     """
     gain, found = gain.copy(), list[int]()
     while len(found) < most and gain.size and gain[best := int(np.argmax(gain))] >= max(least, 1e-300):
@@ -160,12 +133,7 @@ def apart(grid: ComplexArray, gain: RealArray, least: float, most: int) -> list[
 def amplitudes(response: Response, left: RealArray, rows: RealArray, poles: Array) -> ComplexArray:
     """Return A = (<g1, E> + j <g2, E>) / |g| of every pole, (n, l, m): its residue beside nothing else, in deviations of a row.
 
-    Parameters
-    ----------
-    response, left, rows
-        As in `strongest_peaks`.
-    poles : array of complex, (n,)
-        Oscillations.
+    `response`, `left`, `rows`: as in `strongest_peaks`. `poles` (n,): oscillations.
     """
     divided = (left / rows[:, None, None]).reshape(len(left), -1)
     quiet = _of_places(response, rows) ** -2.0
@@ -180,13 +148,8 @@ def amplitudes_by_channel(
 ) -> tuple[ComplexArray, RealArray]:
     """Return the residue of every pole beside nothing else by weighted least squares, and what it explains in each channel, (n, l, m) each.
 
-    Parameters
-    ----------
-    response, left, rows
-        As in `strongest_peaks`.
-    weights : array, (F, l, m)
-        One over the variance of every value that is left, of either part of a line.
-    poles : array of complex, (n,)
+    `response`, `left`, `rows`: as in `strongest_peaks`. `weights` (F, l, m): one over the variance of every value that is left, of either
+    part of a line. `poles` (n,).
     """
     shape, w = (poles.size, *left.shape[1:]), weights.reshape(len(weights), -1)
     A, sizes = np.empty((poles.size, w.shape[1]), dtype=complex), np.empty((poles.size, w.shape[1]))
@@ -291,19 +254,8 @@ def strongest_driven(
 ) -> list[Peak]:
     """Return where the residual of records holds the strongest oscillation, if that lowers the squared misfit by `least`.
 
-    Parameters
-    ----------
-    records : RecordSpectra
-        One output: where the lines are.
-    lines : DrivenLines
-        The drives, each in its own size.
-    left : array, (2 F, l)
-        Whitened residual.
-    rows : array, (2 F,)
-        What rows were divided by.
-    known : array of complex
-        Poles that are there already: nothing is taken within half a half bandwidth of them.
-    least : float
+    `records`: one output: where the lines are. `lines`: the drives, each in its own size. `left` (2 F, l): whitened residual. `rows` (2
+    F,): what rows were divided by. `known`: poles that are there already: nothing is taken within half a half bandwidth of them.
     """
     count, order = records.count, np.argsort(records.frequencies, kind="stable")
     seen = _Seen(

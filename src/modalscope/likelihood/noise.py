@@ -49,13 +49,7 @@ _NEAR = 20
 def correlated(shape: tuple[int, ...], correlation: Array, rng: np.random.Generator) -> ComplexArray:
     """Return circular noise of variance one on lines that correlate as given, by circulant embedding.
 
-    Parameters
-    ----------
-    shape : (int, int, int)
-        Lines, outputs and inputs.
-    correlation : array of complex, (F,)
-        Of one line with that k lines below it.
-    rng : numpy Generator
+    `shape`: lines, outputs and inputs. `correlation` (F,): of one line with that k lines below it.
 
     Notes
     -----
@@ -72,11 +66,7 @@ def coloured(left: Array, rng: np.random.Generator) -> ComplexArray:
 
     n(f) = sum_j g_j e(f + j) / sqrt(2 k + 1), g_j normal and new for every line: channels keep what they have in common.
 
-    Parameters
-    ----------
-    left : array of complex, (F, l, m)
-        e.
-    rng : numpy Generator
+    `left` (F, l, m): e.
     """
     count = len(left)
     total = np.zeros(left.shape, dtype=complex)
@@ -117,22 +107,13 @@ class Noise(ABC):
     def moments(self, influence: PoleInfluence, other: PoleInfluence | None = None) -> Moments:
         """Return what the noise does to poles, or to poles and as many others together.
 
-        Parameters
-        ----------
-        influence : PoleInfluence
-        other : PoleInfluence, optional
-            Of the same response; by default `influence` itself.
+        `other`: of the same response; by default `influence` itself.
         """
 
     def beside(self, residual: RealArray, left: Array | None = None) -> Noise:
         """Return the noise, given what a model leaves of the data.
 
-        Parameters
-        ----------
-        residual : array, (l, m)
-            Its variance.
-        left : array, (K, l, m), optional
-            Itself: noise is then drawn with its spectrum.
+        `residual` (l, m): its variance. `left` (K, l, m): itself: noise is then drawn with its spectrum.
         """
         return self
 
@@ -149,20 +130,9 @@ class Noise(ABC):
 class White(Noise):
     """Noise that differs from value to value; under an exponential window noise that fades.
 
-    Parameters
-    ----------
-    variance : array, (l, m) or (F, l, m)
-        E|noise|^2.
-    source : str
-        Where it is known from, in words.
-    is_complex : bool
-        Whether the values are lines.
-    resolution : float
-        Distance of lines that leak into each other, Hz; 0 where none do.
-    fading : array, optional
-        What an exponential window makes of it, see `Influence.joint`; None without one.
-    left : array of complex, (F, l, m), optional
-        What a model leaves on lines: noise is drawn with its spectrum.
+    `variance` (l, m): e|noise|^2. `source`: where it is known from, in words. `is_complex`: whether the values are lines. `resolution`:
+    distance of lines that leak into each other, Hz; 0 where none do. `fading`: what an exponential window makes of it, see
+    `Influence.joint`; None without one. `left` (F, l, m): what a model leaves on lines: noise is drawn with its spectrum.
     """
 
     variance: RealArray
@@ -237,12 +207,8 @@ class Residual(Noise):
 class Parts(Noise):
     """Noise as the deviations of a record's parts from the whole.
 
-    Parameters
-    ----------
-    deviations : array, (K, T, l, m)
-        Scaled so that the sum of their squares is the variance of the whole.
-    duration : float
-        Seconds of a part: a mode that forgets its state more slowly is not seen to scatter.
+    `deviations` (K, T, l, m): scaled so that the sum of their squares is the variance of the whole. `duration`: seconds of a part: a mode
+    that forgets its state more slowly is not seen to scatter.
     """
 
     deviations: RealArray
@@ -303,11 +269,7 @@ def noise_of(response: Response, records: Signals | StoredSignals | None = None)
     The variance of the estimates where the response has it; else their coherence with the number of averages; for correlations the
     scatter of parts of the record, and nothing for their half spectra; else the residual of whatever model is fitted.
 
-    Parameters
-    ----------
-    response : Response
-    records : Signals or StoredSignals, optional
-        That correlations were made from.
+    `records`: that correlations were made from.
     """
     if response.ambient:
         return _of_parts(response, records)

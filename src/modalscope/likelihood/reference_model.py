@@ -48,23 +48,9 @@ _ROUNDING = 1e-13
 class Floor:
     """What a richer model leaves: the noise, where the data are of a linear structure.
 
-    Parameters
-    ----------
-    rows : array, (K,)
-        Deviations of the rows, relative to each other.
-    levels : Levels
-        Deviations of the channels.
-    variance : float
-        Of a row divided by all of these.
-    colour : Colour
-    left : array, (K, l, m)
-        The residual, not divided.
-    data : array, (K, l, m)
-        Not divided.
-    correlation : array, (F,), optional
-        Of neighbouring lines around each, where rows are divided line by line.
-    window : float
-        a T of an exponential window that noise on lines lies under; see `colour`.
+    `rows` (K,): deviations of the rows, relative to each other. `levels`: deviations of the channels. `variance`: of a row divided by all
+    of these. `left` (K, l, m): the residual, not divided. `data` (K, l, m): not divided. `correlation` (F,): of neighbouring lines around
+    each, where rows are divided line by line. `window`: a T of an exponential window that noise on lines lies under; see `colour`.
     """
 
     rows: RealArray
@@ -168,11 +154,7 @@ def by_line(floor: Floor, count: int) -> Floor:
     tau = (1 + rho) / (1 - rho): so many lines tell as much as one of white noise. The variance is that of the residual divided by its level
     alone, or the colour would cancel.
 
-    Parameters
-    ----------
-    floor : Floor
-    count : int
-        Lines.
+    `count`: lines.
     """
     rows, l, m = floor.left.shape
     each, data = floor.left / floor.rows[:, None, None], floor.data / floor.rows[:, None, None]
@@ -198,10 +180,7 @@ def by_line(floor: Floor, count: int) -> Floor:
 def level_of(power: RealArray, even: RealArray, size: RealArray) -> RealArray:
     """Return the level of a coloured residual line by line: noise of a known course, and error that is a part of the response.
 
-    Parameters
-    ----------
-    power, even, size : array, (F,)
-        As in `parts_of_level`, of one channel.
+    `power`, `even`, `size` (F,): as in `parts_of_level`, of one channel.
     """
     noise, own = parts_of_level(power[:, None], even, size[:, None])
     return np.asarray(noise + own)[:, 0]
@@ -212,14 +191,7 @@ def parts_of_level(power: RealArray, even: RealArray, size: RealArray) -> tuple[
 
     Two unknowns by weighted least squares, the weights from the level before; neither is negative.
 
-    Parameters
-    ----------
-    power : array, (F, c)
-        Squares of the residual.
-    even : array, (F,)
-        Of what is even noise.
-    size : array, (F, c)
-        Of the data.
+    `power` (F, c): squares of the residual. `even` (F,): of what is even noise. `size` (F, c): of the data.
     """
     unit = np.maximum(power.mean(axis=0), 1e-300)  # a channel of zeros has no size
     power = power / unit

@@ -42,15 +42,9 @@ def refine_setups(setups: Setups, modes: ModalModel, *, apart: bool = False) -> 
     Poles are common, everything else is every setup's own: shapes, what drives them, background. Correlations, from which the modes were
     found, follow what is strong; here every line counts as much as it tells.
 
-    Parameters
-    ----------
-    setups : Setups
-        With the channels that the modes have.
-    modes : ModalModel
-        Where to start; all of them stand in the band.
-    apart : bool
-        Whether every setup is refined by itself and the poles are means weighted by their information; a pole that goes astray in a setup
-        is not counted there. By default the poles are refined over all setups at once.
+    `setups`: with the channels that the modes have. `modes`: where to start; all of them stand in the band. `apart`: whether every setup
+    is refined by itself and the poles are means weighted by their information; a pole that goes astray in a setup is not counted there.
+    By default the poles are refined over all setups at once.
 
     Returns
     -------

@@ -47,12 +47,7 @@ _NEARER, _LINES = 2.0, 8.0
 
 
 def skirts(response: Response) -> ComplexArray:
-    """Return poles on either side of the band of lines (n,) in rad/s, at 45 degrees off each end; none for samples and few lines.
-
-    Parameters
-    ----------
-    response : Response
-    """
+    """Return poles on either side of the band of lines (n,) in rad/s, at 45 degrees off each end; none for samples and few lines."""
     if response.grid is None or len(response.grid) < 2 * _LINES:
         return np.zeros(0, dtype=complex)
     low, high = 2 * np.pi * np.array(response.span)
@@ -82,17 +77,7 @@ def needed_beside(response: Response, modes: Array, candidates: Array) -> Comple
     chi-squared number of k = 2 l m degrees (in records 2 l (m + R), R the ends of runs); what is kept exceeds k + 2 sqrt(k t) + 2 t,
     t = ln(positions / 1e-3), in variances of what all poles together leave.
 
-    Parameters
-    ----------
-    response : Response
-    modes : array of complex, (n,)
-        rad/s.
-    candidates : array of complex, (k,)
-        rad/s; those that grow, and those near a mode, are left out.
-
-    Source
-    ------
-    B. Laurent and P. Massart, Annals of Statistics 28, 2000, Lemma 1.
+    `modes` (n,): rad/s. `candidates` (k,): rad/s; those that grow, and those near a mode, are left out.
     """
     added = response.added_damping
     far = np.abs(candidates[:, None] - modes) > _PART * np.abs(modes.real)
@@ -148,18 +133,8 @@ _ROUNDS, _SETTLED = 30, 1e-7
 class Task:
     """Data to be explained, and what stays as it is while modes are refined.
 
-    Parameters
-    ----------
-    response : Response
-    fixed : array of complex
-        Poles, as they are in the data, that are held and free in every channel.
-    powers : tuple of int
-        Residual terms.
-    rows : array, (K,)
-        Standard deviations of the rows, relative to each other.
-    known : Levels, optional
-        Of the channels, where they are known.
-    progress : callable, optional
+    `fixed`: poles, as they are in the data, that are held and free in every channel. `powers`: residual terms. `rows` (K,): standard
+    deviations of the rows, relative to each other. `known`: of the channels, where they are known.
     """
 
     response: Response
@@ -180,12 +155,7 @@ def task_of(
 ) -> Task:
     """Return the task of a response: noise from its variance where it carries one and no weights are given, faded as a window made it.
 
-    Parameters
-    ----------
-    response : Response
-    fixed : array of complex
-    weights : array, (lines or samples,), optional
-    progress : callable, optional
+    `weights` (lines or samples,).
     """
     powers = response.refined_powers
     rows = response.count * (1 + bool(np.iscomplexobj(response.values)))
@@ -201,17 +171,8 @@ def task_of(
 class Settled:
     """The optimum, and the noise that goes with it.
 
-    Parameters
-    ----------
-    descent : Descent
-    variance : float
-        Of a row of the whitened data.
-    unknown : int
-        Unknowns a channel.
-    colour : Colour
-        Of the residual.
-    worth : array, (n,)
-        What a gain in variances counts beside one in white noise; see `told_under_window`.
+    `variance`: of a row of the whitened data. `unknown`: unknowns a channel. `colour`: of the residual. `worth` (n,): what a gain in
+    variances counts beside one in white noise; see `told_under_window`.
     """
 
     descent: Descent
@@ -249,20 +210,10 @@ def settle(
     further descents and levels settle together. Where it is coloured it is model error, and no second descent: channels that happen
     to fit well would draw all weight to themselves.
 
-    Parameters
-    ----------
-    task : Task
-    poles : array of complex, (n,)
-        As they are in the data.
-    shapes, participation : array of complex, (l, n), (n, m)
-        The side with fewer channels is where the descent starts; the other follows.
-    most : int
-        Iterations of a descent.
+    `poles` (n,): as they are in the data. `shapes`, `participation` (l, n): the side with fewer channels is where the descent starts; the
+    other follows. `most`: iterations of a descent.
 
-    Raises
-    ------
-    DataError
-        No more data than unknowns.
+    Raises `DataError`: no more data than unknowns.
     """
     levels = task.known or levels_of(np.sqrt(np.mean(np.abs(task.response.values) ** 2, axis=0)))
     found: _Start | Settled = _Start(poles, shapes, participation, levels)

@@ -25,14 +25,8 @@ LEAST_GROUPS = 4
 class Spread:
     """Standard deviations of refined modes.
 
-    Parameters
-    ----------
-    frequency, damping : array, (n,)
-        From the noise: Hz, ratio.
-    shapes : array, (l, n)
-        Of the shapes as they were fitted.
-    frequency_between, damping_between : array, (n,), optional
-        Between groups.
+    `frequency`, `damping` (n,): from the noise: Hz, ratio. `shapes` (l, n): of the shapes as they were fitted. `frequency_between`,
+    `damping_between` (n,): between groups.
     """
 
     frequency: RealArray
@@ -47,19 +41,8 @@ def spread_of(
 ) -> Spread:
     """Return the deviations at an optimum.
 
-    Parameters
-    ----------
-    point, fitted
-    poles : array of complex, (n,)
-        rad/s, as the modes are to have them.
-    variance : float
-        Of a row of the whitened noise.
-    response : Response
-        That was refined.
-    groups : tuple of str or None
-        One label an input, or a run.
-    seen : Colour
-        Of the residual.
+    `poles` (n,): rad/s, as the modes are to have them. `variance`: of a row of the whitened noise. `response`: that was refined.
+    `groups`: one label an input, or a run. `seen`: of the residual.
     """
     information = inverse(normal(point, fitted)[0])
     between = _between(point, fitted, information, groups)

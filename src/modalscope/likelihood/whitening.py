@@ -48,9 +48,7 @@ _FALSE = 1e-3
 class Levels:
     """Standard deviations of one real row of the noise: the product of these, channel by channel.
 
-    Parameters
-    ----------
-    outputs, inputs : array, (l,), (m,)
+    `outputs`, `inputs` (l,).
     """
 
     outputs: RealArray
@@ -65,9 +63,7 @@ class Levels:
 def levels_of(deviations: RealArray) -> Levels:
     """Return the nearest product of an output's and an input's part, in the logarithm.
 
-    Parameters
-    ----------
-    deviations : array, (l, m)
+    `deviations` (l, m).
     """
     d = np.maximum(deviations, max(_QUIETEST * float(deviations.max(initial=0.0)), 1e-290))
     log = np.log(d)
@@ -114,14 +110,8 @@ def smoothed(values: RealArray, length: int) -> RealArray:
 class Colour:
     """How far a residual is from white noise.
 
-    Parameters
-    ----------
-    correlation : float
-        Of neighbouring lines or samples.
-    uneven : float
-        Scatter of the smoothed level over that of white noise; 0 with too few rows to smooth.
-    excess : float
-        The larger of both over what white noise may show.
+    `correlation`: of neighbouring lines or samples. `uneven`: scatter of the smoothed level over that of white noise; 0 with too few rows
+    to smooth. `excess`: the larger of both over what white noise may show.
     """
 
     correlation: float
@@ -137,18 +127,10 @@ class Colour:
 def colour(left: RealArray, count: int, unknown: float, *, level: bool = True, window: float = 0.0) -> Colour:
     """Judge a whitened residual by how far neighbours agree, and by how its level changes along lines or samples.
 
-    Parameters
-    ----------
-    left : array, (K, q, p)
-    count : int
-        Lines or samples; K is that, or twice that with real and imaginary parts one after the other.
-    unknown : float
-        Unknowns a channel: a fit itself correlates what it leaves by about unknown / K.
-    level : bool
-        Whether a level that changes counts.
-    window : float
-        a T of an exponential window over the length that a line's distance tells: its noise has the correlation
-        rho_i = 1 / (1 + j pi i / (a T)) between lines, and sum |rho_i|^2 = a T coth(a T) lines tell as much as one.
+    `left` (K, q, p). `count`: lines or samples; K is that, or twice that with real and imaginary parts one after the other. `unknown`:
+    unknowns a channel: a fit itself correlates what it leaves by about unknown / K. `level`: whether a level that changes counts.
+    `window`: a T of an exponential window over the length that a line's distance tells: its noise has the correlation rho_i = 1 / (1 + j
+    pi i / (a T)) between lines, and sum |rho_i|^2 = a T coth(a T) lines tell as much as one.
     """
     e = left.reshape(-1, count, left[0].size)
     power = np.einsum("rkc,rkc->c", e, e) / len(left)  # no copy: of long records each is large
@@ -172,12 +154,7 @@ def colour(left: RealArray, count: int, unknown: float, *, level: bool = True, w
 def blocks_of(rows: int, count: int, correlation: float) -> Array:
     """Return the block of every row, neighbouring lines or samples together: a correlation length long, eight blocks at least.
 
-    Parameters
-    ----------
-    rows, count : int
-        Real rows, and lines or samples.
-    correlation : float
-        Of neighbours.
+    `rows`, `count`: real rows, and lines or samples. `correlation`: of neighbours.
     """
     rho = float(np.clip(correlation, 0, 0.99))
     length = int(np.clip(np.ceil((1 + rho) / (1 - rho)), 2, max(count // 8, 1)))
@@ -191,9 +168,7 @@ def told_apart(correlation: RealArray, half: RealArray) -> RealArray:
     1 + 2 sum_i rho^i / (1 + (i / 2 h)^2) times the variance that white noise gives it: the correlation of 1 / (j w - s) with itself i lines
     off is 1 / (1 + j i / 2 h). That is tau for wide resonances, and much less for those narrower than the noise is correlated.
 
-    Parameters
-    ----------
-    correlation, half : array, (n,)
+    `correlation`, `half` (n,).
     """
     own = lag_factor(correlation[:, None] ** np.arange(1, _LAGS), half)
     return np.asarray((1 + correlation) / (1 - correlation) / own)
@@ -205,12 +180,7 @@ def told_under_window(window: float, decay: RealArray) -> RealArray:
     Where the window is large both are: with w = exp(-a t), r = exp(-b t), b >= a the decay in the data, over a length T,
     mean(w^2) mean(r^2) / mean(w^2 r^2).
 
-    Parameters
-    ----------
-    window : float
-        a T.
-    decay : array, (n,)
-        b T.
+    `window`: a T. `decay` (n,): b T.
     """
 
     def mean(rate: RealArray) -> RealArray:
@@ -223,12 +193,7 @@ def told_under_window(window: float, decay: RealArray) -> RealArray:
 def lag_factor(correlation: RealArray, half: RealArray) -> RealArray:
     """Return 1 + 2 sum_i r_i / (1 + (i / 2 h)^2), (n,): how errors of correlations r_i raise the variance of a resonance's amplitude.
 
-    Parameters
-    ----------
-    correlation : array, (k,) or (n, k)
-        r_i of lines i = 1 ... k apart.
-    half : array, (n,)
-        Half bandwidths h in lines.
+    `correlation` (k,): r_i of lines i = 1 ... k apart. `half` (n,): half bandwidths h in lines.
     """
     lags = np.arange(1, correlation.shape[-1] + 1)
     return np.asarray(1 + 2 * np.sum(correlation / (1 + (lags / (2 * np.maximum(half, 1e-6)[:, None])) ** 2), axis=-1))
@@ -237,15 +202,7 @@ def lag_factor(correlation: RealArray, half: RealArray) -> RealArray:
 def free_bound(channels: int, rows: int) -> float:
     """Return k + 2 sqrt(k t) + 2 t, k = 2 channels, t = ln(positions / 1e-3): what noise gives a pole with free residues, in variances.
 
-    Parameters
-    ----------
-    channels : int
-    rows : int
-        Real values a channel; half as many positions.
-
-    Source
-    ------
-    B. Laurent and P. Massart, Annals of Statistics 28, 2000, Lemma 1.
+    `rows`: real values a channel; half as many positions.
     """
     k, t = 2 * channels, np.log(max(rows / 2, 2.0) / _FALSE)
     return float(k + 2 * np.sqrt(k * t) + 2 * t)
@@ -258,12 +215,7 @@ def search_bound(outputs: int, inputs: int, rows: int) -> float:
     over all positions on the frequency axis that a pole may take: half as many as there are rows. So the free shape and participation
     count, and the search for the best place does.
 
-    Parameters
-    ----------
-    outputs, inputs : int
-        Channels.
-    rows : int
-        Real values a channel.
+    `outputs`, `inputs`: channels. `rows`: real values a channel.
     """
     positions = max(rows / 2, 2.0)
     return float(2 * (np.sqrt(outputs) + np.sqrt(inputs) + np.sqrt(np.log(positions / _FALSE))) ** 2)

@@ -35,10 +35,6 @@ def followed(side: ModalSide) -> tuple[RealArray, RealArray]:
     """Return amplitude coherence over all blocks, and EMAC: an identified block against the modes' first one, grown.
 
     NaN where nothing is seen.
-
-    Parameters
-    ----------
-    side : ModalSide
     """
     found = side.compare(agreement, decay_step)
     values = coherence(found.inner, found.identified, found.expected), found.agreement
@@ -62,10 +58,7 @@ def nests(model: Triple) -> bool:
 def together(parts: Sequence[Part]) -> Part:
     """Return the modes of models whose states nest, all of them as modes of the largest: states that a model has not are zero.
 
-    Parameters
-    ----------
-    parts : sequence of (Triple, Eigenmodes)
-        Of one realization, at least one.
+    `parts`: of one realization, at least one.
     """
     if len(parts) == 1:
         return parts[0]
@@ -104,11 +97,7 @@ def indicators_of(matrix: DataMatrix, model: Triple, modes: Eigenmodes) -> dict[
 def indicators_of_all(matrix: DataMatrix, parts: Sequence[Part]) -> list[dict[str, RealArray]]:
     """Return the accuracy indicators of several orders: what concerns one mode alone is computed for all of them at once.
 
-    Parameters
-    ----------
-    matrix : DataMatrix
-    parts : sequence of (Triple, Eigenmodes)
-        One order, or several: those whose models nest go together.
+    `parts`: one order, or several: those whose models nest go together.
     """
     if len(parts) > 1 and not all(nests(model) for model, _ in parts):
         return [indicators_of(matrix, *part) for part in parts]

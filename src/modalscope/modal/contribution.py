@@ -22,14 +22,7 @@ def contributions(response: Response, poles: Array, shapes: Array, participation
     On lines the integral of |R / (j w - s)|^2 over w is pi |R|^2 / |Re s|, lines lying `step` apart in w. The sum over samples of
     |2 Re R exp(s t)|^2 is about |R|^2 fs / |Re s|, over no more than the samples there are.
 
-    Parameters
-    ----------
-    response : FrequencyResponse or ImpulseResponse
-    poles : array of complex, (p,)
-        rad/s, with a window's damping taken off.
-    shapes : array of complex, (p, l)
-    participation : array of complex, (p, m)
-        Referred to the impulse itself.
+    `poles` (p,): rad/s, with a window's damping taken off. `shapes` (p, l). `participation` (p, m): referred to the impulse itself.
 
     Examples
     --------

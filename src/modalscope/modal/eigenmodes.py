@@ -19,14 +19,8 @@ __all__ = ["Eigenmodes", "eigenmodes", "from_modes", "split_extraneous", "state_
 class Eigenmodes:
     """The modal form of one model: one pole of each pair, rad/s, with what belongs to it.
 
-    Parameters
-    ----------
-    poles : array of complex, (k,)
-        rad/s, as identified (an exponential window's damping still in them).
-    eigen : Eigen
-        The same in the plane of the data matrix, with the vectors of A.
-    fit : ModalFit
-        Shapes, participation and terms.
+    `poles` (k,): rad/s, as identified (an exponential window's damping still in them). `eigen`: the same in the plane of the data matrix,
+    with the vectors of A. `fit`: shapes, participation and terms.
     """
 
     poles: ComplexArray

@@ -64,12 +64,7 @@ def agreement(real: RealArray, imaginary: RealArray, identified: RealArray, expe
 def repeated(poles: ArrayLike, width: float = 2e-3) -> list[Array]:
     """Return the groups of poles, two and more, of which each lies within `width` (relative) of a neighbour.
 
-    Parameters
-    ----------
-    poles : array of complex, (n,)
-        rad/s.
-    width : float
-        Largest distance of neighbours over the larger of their moduli.
+    `poles` (n,): rad/s. `width`: largest distance of neighbours over the larger of their moduli.
     """
     s = np.asarray(poles, dtype=np.complex128)
     some = _alike_in_size(s, width)

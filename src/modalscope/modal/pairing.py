@@ -21,13 +21,7 @@ __all__ = ["Pairs", "comac", "pair_modes"]
 class Pairs:
     """Modes of two sets that belong together; `a` and `b` are cut to the outputs that both have.
 
-    Parameters
-    ----------
-    a, b : ModalModel
-    first, second : array of int, (p,)
-        The modes of each pair, counted from zero.
-    mac : array, (p,)
-        Modal assurance criterion of each pair.
+    `first`, `second` (p,): the modes of each pair, counted from zero. `mac` (p,): modal assurance criterion of each pair.
     """
 
     a: ModalModel

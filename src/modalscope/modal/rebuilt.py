@@ -54,10 +54,6 @@ def heard_lines(response: Response) -> Array:
     lines, lines with p < 3 are left out. All lines count where no variance is known, where none holds more than noise, and where the
     lines of noise hold less than a hundredth of the measured mean square.
 
-    Parameters
-    ----------
-    response : FrequencyResponse or ImpulseResponse or RecordSpectra
-
     Examples
     --------
     >>> import modalscope as ms
@@ -172,10 +168,7 @@ def _squares(values: Array) -> RealArray:
 def rebuilt(response: Response, modes: ModalModel) -> Array:
     """Return the responses that the modes give on the lines or samples of the data, in the shape of its values.
 
-    Raises
-    ------
-    DataError
-        Modes with other channels than the data, or without participation.
+    Raises `DataError`: modes with other channels than the data, or without participation.
     """
     added = response.added_damping
     model = replace(modes, poles=modes.poles - added) if added else modes

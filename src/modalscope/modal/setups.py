@@ -33,12 +33,7 @@ _LEAST = 4
 def with_repeatability(modes: ModalModel, response: Response) -> ModalModel:
     """Return modes with the deviation of the mean over the groups of the response's inputs, s / sqrt(G); as they are without four groups.
 
-    Parameters
-    ----------
-    modes : ModalModel
-        Identified from all groups together.
-    response : FrequencyResponse or ImpulseResponse
-        With `groups`: one label an input.
+    `modes`: identified from all groups together. `response`: with `groups`: one label an input.
     """
     labels = response.groups
     if labels is None or len(set(labels)) < _LEAST or not len(modes):
@@ -62,10 +57,7 @@ def steps_of_groups(poles: Array, response: Response) -> ComplexArray:
     |(1 - Q Q')(E - sum_r ds_r R_r dg_r/ds)|^2 over its pairs, with E what is left and Q an orthonormal basis of the functions g:
     the residues are free in this step, too.
 
-    Parameters
-    ----------
-    poles : array of complex, (n,)
-    response : FrequencyResponse or ImpulseResponse
+    `poles` (n,).
     """
     assert response.groups is not None
     basis = response.basis(poles, response.outside_powers)

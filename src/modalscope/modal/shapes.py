@@ -47,15 +47,8 @@ def joint_residues(
     shapes held, then shapes with the participation held, and so on. No round can raise the misfit, so that the result explains at
     least what the given shapes explain. The data are compressed once to as many rows as there are functions.
 
-    Parameters
-    ----------
-    response : Response
-    poles : array of complex, (n,)
-        rad/s, as the modes have them.
-    shapes : array of complex, (l, n)
-        Where to start.
-    held : (array (k,), array (l, k), array (k, m)), optional
-        Poles, shapes and participation of modes whose residues are known: they are taken off the data.
+    `poles` (n,): rad/s, as the modes have them. `shapes` (l, n): where to start. `held`: poles, shapes and participation of modes whose
+    residues are known: they are taken off the data.
 
     Returns
     -------
@@ -93,13 +86,7 @@ _ROUNDING = 1e-10
 class Fitted(NamedTuple):
     """Shapes of some outputs.
 
-    Parameters
-    ----------
-    outputs : slice
-        Which.
-    shapes : array of complex, (c, n)
-    left, whole : array, (c,)
-        Energy that is left, and all of it.
+    `outputs`: which. `shapes` (c, n). `left`, `whole` (c,): energy that is left, and all of it.
     """
 
     outputs: slice
@@ -113,16 +100,9 @@ def fitted_shapes(stored: StoredResponse, modes: ModalModel) -> Iterator[Fitted]
 
     All outputs share one matrix, (N m, 2 n) real, so that its pseudo-inverse serves them all.
 
-    Parameters
-    ----------
-    stored : StoredResponse
-    modes : ModalModel
-        With participation in the inputs of the responses.
+    `modes`: with participation in the inputs of the responses.
 
-    Raises
-    ------
-    DataError
-        Modes without participation, or in other inputs.
+    Raises `DataError`: modes without participation, or in other inputs.
     """
     basis = _field_basis(stored, modes)
     size = np.linalg.norm(basis, axis=0)

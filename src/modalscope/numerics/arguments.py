@@ -92,12 +92,7 @@ def plainly(verb: Callable[P, R]) -> Callable[P, R]:
 
 
 def plain_methods(*kinds: type[Any]) -> None:
-    """Make the public methods of classes, and the making of their objects, answer in plain words, as `plainly` does.
-
-    Parameters
-    ----------
-    *kinds : type
-    """
+    """Make the public methods of classes, and the making of their objects, answer in plain words, as `plainly` does."""
     own = [base for kind in kinds for base in kind.__mro__ if base.__module__.startswith(__package__.partition(".")[0])]
     for base in dict.fromkeys(own):
         for name, held in list(vars(base).items()):
@@ -284,10 +279,7 @@ R = TypeVar("R")
 def named(*options: Iterable[str]) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Return a decorator that checks the names of keywords before the function is called, and names wrong values when it fails.
 
-    Parameters
-    ----------
-    options : iterables of str
-        What the function takes by `**options`, beside its own parameters.
+    `options`: what the function takes by `**options`, beside its own parameters.
 
     Examples
     --------

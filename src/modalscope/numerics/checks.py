@@ -96,12 +96,7 @@ _WORDS = {"str": "text", "bool": "True or False", "Mapping": "a mapping of name 
 def check_kind(name: str, value: Any, kinds: type[Any] | tuple[type[Any], ...]) -> None:
     """Raise when a value is not of the type that is expected, and say how to make it so.
 
-    Parameters
-    ----------
-    name : str
-        The verb or the option that expects it.
-    value : object
-    kinds : type or tuple of types
+    `name`: the verb or the option that expects it.
 
     Examples
     --------
@@ -286,10 +281,7 @@ def check_count(name: str, value: int, least: int = 1) -> int:
 def check_axes(**arrays: tuple[Any, int]) -> None:
     """Raise when one of several arrays has not the number of axes that it should have.
 
-    Parameters
-    ----------
-    **arrays : (array, int)
-        What each is, and how many axes it needs.
+    `**arrays`: what each is, and how many axes it needs.
     """
     for name, (array, axes) in arrays.items():
         if getattr(array, "ndim", None) != axes:

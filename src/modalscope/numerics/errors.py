@@ -91,14 +91,8 @@ def check_option_names(
 ) -> None:
     """Raise when an option has a name that the verb does not know, and name the nearest.
 
-    Parameters
-    ----------
-    verb : str
-        What was called, such as "identify" or "identify(method='era')".
-    given, known : iterable of str
-        Names of the options that were given, and of those that there are.
-    owners : mapping of option to names, optional
-        Who takes an option that this verb does not.
+    `verb`: what was called, such as "identify" or "identify(method='era')". `given`, `known`: names of the options that were given, and
+    of those that there are. `owners`: who takes an option that this verb does not.
 
     Examples
     --------

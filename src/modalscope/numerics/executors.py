@@ -29,16 +29,8 @@ _WAITING = 2
 class Crew:
     """Who works, and what is told and kept.
 
-    Parameters
-    ----------
-    client : distributed.Client, optional
-        Of a Dask scheduler; without it this process does everything.
-    progress : callable, optional
-        Called with (tasks done, tasks in all).
-    folder : path, optional
-        Where what is done is kept, so that a stopped run resumes.
-    device : Device, optional
-        Where large products are computed; without it by NumPy.
+    `client`: of a Dask scheduler; without it this process does everything. `progress`: called with (tasks done, tasks in all). `folder`:
+    where what is done is kept, so that a stopped run resumes. `device`: where large products are computed; without it by NumPy.
     """
 
     client: Any = None
@@ -136,11 +128,7 @@ def each(work: Callable[[Task], Done], tasks: Sequence[Task]) -> Iterator[tuple[
 
     A worker that dies costs its own tasks: they are done again by others.
 
-    Parameters
-    ----------
-    work : callable
-        A function of a module, or a partial of one: it is sent to the workers.
-    tasks : sequence
+    `work`: A function of a module, or a partial of one: it is sent to the workers.
     """
     if crew().client is None:
         for task in tasks:

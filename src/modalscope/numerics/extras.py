@@ -13,20 +13,10 @@ __all__ = ["optional_package"]
 def optional_package(asked: str, package: str, extra: str, name: str | None = None) -> Any:
     """Return an optional package, or say which extra of modalscope brings it.
 
-    Parameters
-    ----------
-    asked : str
-        What it is needed for.
-    package : str
-        The name that is imported.
-    extra : str
-    name : str, optional
-        What the package is called, when that is not the name that is imported.
+    `asked`: what it is needed for. `package`: the name that is imported. `name`: what the package is called, when that is not the name
+    that is imported.
 
-    Raises
-    ------
-    DataError
-        It is not installed.
+    Raises `DataError`: it is not installed.
     """
     try:
         return import_module(package)

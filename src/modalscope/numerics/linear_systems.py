@@ -103,10 +103,7 @@ def gramian_factor(A: RealArray, B: RealArray, sampled: bool) -> RealArray:
     By Smith's doubling, L <- [L, A^(2^k) L] compressed by QR: the factor is found without squaring it, so that small
     Hankel singular values keep their digits. A continuous model is first mapped to a sampled one of the same Gramian.
 
-    Raises
-    ------
-    DataError
-        A pole that does not decay.
+    Raises `DataError`: A pole that does not decay.
     """
     values = np.linalg.eigvals(A)
     growing = np.abs(values) >= 1 if sampled else values.real >= 0
@@ -220,10 +217,7 @@ HELD = 4_000_000
 def transfer(A: RealArray, B: RealArray, C: RealArray, D: RealArray, points: ComplexArray) -> ComplexArray:
     """Return D + C (x I - A)^-1 B at every point, (points, l, m): one Schur form A = Z S Z*, then back substitution (Eq. 75).
 
-    Raises
-    ------
-    DataError
-        A point that is a pole.
+    Raises `DataError`: A point that is a pole.
     """
     n, m = B.shape
     scale = state_scale(A)

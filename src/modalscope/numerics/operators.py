@@ -103,12 +103,7 @@ class WideOperator(Operator, Protocol):
 
 @dataclass(frozen=True, eq=False)
 class TransposedOperator:
-    """H' of a wide operator.
-
-    Parameters
-    ----------
-    inner : WideOperator
-    """
+    """H' of a wide operator."""
 
     inner: WideOperator
 
@@ -237,12 +232,7 @@ class LargeMatrix(DenseMatrix):
 class Product:
     """H X, made when it is asked for.
 
-    Parameters
-    ----------
-    matrix : Operator
-        H.
-    right : array, (columns, k)
-        X.
+    `matrix`: h. `right` (columns, k): x.
     """
 
     matrix: Operator

@@ -43,15 +43,9 @@ def triangle_of(
 ) -> RealArray:
     """Return R (at most columns, columns) of all rows that the chunks give together.
 
-    Parameters
-    ----------
-    chunks : callable
-        Gives the chunks, (rows, columns) each, from the first on; it is called again where the Gram matrix is not accurate.
-    columns : int
-    least : float
-        Length that each column must keep beside the ones before it for the Gram matrix to be enough; R is then known to 1e-16 / least^2.
-    gram : array, optional
-        R'R of more rows than columns, where it is known already; its place is used.
+    `chunks`: gives the chunks, (rows, columns) each, from the first on; it is called again where the Gram matrix is not accurate.
+    `least`: length that each column must keep beside the ones before it for the Gram matrix to be enough; R is then known to 1e-16 /
+    least^2. `gram`: R'R of more rows than columns, where it is known already; its place is used.
     """
     if gram is None:
         gram, rows = _gram(chunks(), columns)
@@ -106,14 +100,8 @@ def _reflected(place: RealArray, filled: int) -> int:
 def factor_of_gram(gram: RealArray, *, overwrite: bool = False, least: float = _OWN) -> RealArray | None:
     """Return the upper triangular R with R'R = G, columns of zeros left as they are; None where a column is hardly one of its own.
 
-    Parameters
-    ----------
-    gram : array, (n, n)
-        G; its upper triangle is read.
-    overwrite : bool
-        Whether its place may be used.
-    least : float
-        Length that each column must keep beside the ones before it.
+    `gram` (n, n): g; its upper triangle is read. `overwrite`: whether its place may be used. `least`: length that each column must keep
+    beside the ones before it.
 
     Examples
     --------
@@ -159,10 +147,7 @@ def orthonormal(columns: RealArray) -> RealArray:
     orthogonal, as what comes out of a Gram matrix' eigenvectors is. Where it is small beside one the second pass leaves rounding; other
     columns cost a tenth more for the trial.
 
-    Parameters
-    ----------
-    columns : array, (K, k)
-        K >= k.
+    `columns` (K, k): K >= k.
 
     References
     ----------
@@ -225,11 +210,7 @@ def resolved(X: RealArray, data: RealArray) -> tuple[RealArray, RealArray]:
     squared condition; where its own Gram matrix shows that to be small, the second factor leaves rounding. It is applied to what the first
     basis sees of the data, as reflections are to the data: Q is never made.
 
-    Parameters
-    ----------
-    X : array, (K, k)
-        Columns that are not zero.
-    data : array, (K, q)
+    `X` (K, k): columns that are not zero. `data` (K, q).
 
     References
     ----------
@@ -332,9 +313,7 @@ def _triangle(gram: RealArray) -> RealArray | None:
 def scaled_span(columns: RealArray) -> RealArray:
     """Return an orthonormal basis of what columns span, each brought to length one first, with one copy of long columns beside it.
 
-    Parameters
-    ----------
-    columns : array, (K, k)
+    `columns` (K, k).
     """
     size = np.sqrt(np.einsum("kj,kj->j", columns, columns))
     if not np.any(size > 0):

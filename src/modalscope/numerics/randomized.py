@@ -33,15 +33,8 @@ _TINY = float(np.finfo(float).tiny)
 class Triplets(NamedTuple):
     """Singular triplets H = P diag(d) Q', the leading ones.
 
-    Parameters
-    ----------
-    P : array, (rows, k)
-    d : array, (k,)
-    Q : array, (columns, k)
-    reached : bool
-        Whether those that stand out are singular vectors to the accuracy asked.
-    directions : int
-        How many there are in the range that they lie in.
+    `P` (rows, k). `d` (k,). `Q` (columns, k). `reached`: whether those that stand out are singular vectors to the accuracy asked.
+    `directions`: how many there are in the range that they lie in.
     """
 
     P: RealArray
@@ -54,10 +47,7 @@ class Triplets(NamedTuple):
 class _Basis:
     """Orthonormal columns that grow by blocks.
 
-    Parameters
-    ----------
-    rows, most : int
-        Their length, and how many there may be.
+    `rows`, `most`: their length, and how many there may be.
     """
 
     def __init__(self, rows: int, most: int) -> None:
@@ -98,14 +88,7 @@ def by_range(matrix: Operator, carried: int, seed: int = 0) -> Triplets:
     B = X diag(d) Y', P = U X and Q = V Y, H Q = P d holds to rounding, and H' P - Q d is what V misses of H' U_last times the last
     rows of X. Directions within a factor of two of the last one carried are bulk, which no factorization separates steadily.
 
-    Parameters
-    ----------
-    matrix : Operator
-        As many rows as columns, or more.
-    carried : int
-        Directions, with those to spare.
-    seed : int
-        Of the random directions at the start.
+    `matrix`: as many rows as columns, or more. `carried`: directions, with those to spare. `seed`: of the random directions at the start.
 
     References
     ----------
@@ -138,12 +121,7 @@ def by_lanczos(matrix: Operator, wanted: int, seed: int = 0) -> Triplets:
     Singular values below about 1e-7 of the largest are lost to the square; one product with H and an orthogonalization bring the others
     to rounding.
 
-    Parameters
-    ----------
-    matrix : Operator
-    wanted : int
-    seed : int
-        Of the vector it starts from.
+    `seed`: of the vector it starts from.
     """
     from scipy.sparse.linalg import LinearOperator, eigsh
 

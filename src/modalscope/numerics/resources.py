@@ -52,11 +52,7 @@ DEVICES = ("cpu", "cuda")
 class Device:
     """A place for arrays of PyTorch.
 
-    Parameters
-    ----------
-    name : str
-        As PyTorch has it.
-    torch : module
+    `name`: as PyTorch has it.
     """
 
     name: str
@@ -72,14 +68,7 @@ class Device:
 def device_named(name: str | None) -> Device | None:
     """Return the place that is asked for; None is NumPy.
 
-    Parameters
-    ----------
-    name : {"cpu", "cuda"}, optional
-
-    Raises
-    ------
-    DataError
-        PyTorch is not installed, or has no graphics card.
+    Raises `DataError`: PyTorch is not installed, or has no graphics card.
     """
     if name is None:
         return None
@@ -96,10 +85,6 @@ def device_named(name: str | None) -> Device | None:
 def namespace(array: Any) -> Any:
     """Return the functions that belong to an array, as the array API has them.
 
-    Parameters
-    ----------
-    array : array or tensor
-
     Examples
     --------
     >>> namespace(np.zeros(3)) is np
@@ -111,22 +96,12 @@ def namespace(array: Any) -> Any:
 
 
 def transforms(array: Any) -> Any:
-    """Return the Fourier transforms that belong to an array.
-
-    Parameters
-    ----------
-    array : array or tensor
-    """
+    """Return the Fourier transforms that belong to an array."""
     return scipy.fft if isinstance(array, np.ndarray) else namespace(array).fft
 
 
 def fetched(array: Any) -> Array:
-    """Return an array of NumPy, from wherever it is.
-
-    Parameters
-    ----------
-    array : array or tensor
-    """
+    """Return an array of NumPy, from wherever it is."""
     return array if isinstance(array, np.ndarray) else np.asarray(array.cpu().numpy())
 
 
@@ -169,14 +144,7 @@ def allowed_memory() -> int:
 def check_fits(what: str, size: float, change: str) -> None:
     """Raise, before it starts, when work would take more memory than it may.
 
-    Parameters
-    ----------
-    what : str
-        The work, in words.
-    size : float
-        Bytes.
-    change : str
-        What to change.
+    `what`: the work, in words. `size`: bytes. `change`: what to change.
     """
     most = allowed_memory()
     if size > most:
@@ -200,11 +168,6 @@ def in_words(size: float) -> str:
 
 def scratch(numbers: int, dtype: Any = float) -> Any:
     """Return zeros for work on long records, which the system takes back with the last reference to them: a heap keeps what is freed.
-
-    Parameters
-    ----------
-    numbers : int
-    dtype : dtype
 
     Examples
     --------

@@ -46,12 +46,7 @@ def noise_threshold(singular_values: Array, ratio: float = 1.0) -> float:
 
     omega(beta) = .56 beta^3 - .95 beta^2 + 1.82 beta + 1.43.
 
-    Parameters
-    ----------
-    singular_values : array
-        Of the whole matrix.
-    ratio : float
-        beta, the shorter side of the matrix over the longer one.
+    `singular_values`: of the whole matrix. `ratio`: beta, the shorter side of the matrix over the longer one.
 
     References
     ----------
@@ -73,10 +68,7 @@ def noise_threshold(singular_values: Array, ratio: float = 1.0) -> float:
 def assign(cost: RealArray) -> tuple[Array, Array]:
     """Return rows and columns of the pairs whose costs have the least sum; of the longer side some stay alone.
 
-    Parameters
-    ----------
-    cost : array, (a, b)
-        What it costs to pair i with j, finite.
+    `cost` (a, b): what it costs to pair i with j, finite.
 
     Returns
     -------

@@ -37,10 +37,7 @@ class Sums(Protocol[Result_co]):
 class TriangleSum:
     """Triangular factor R of rows that come in chunks, R'R = sum of chunk'chunk: exact, with nothing of the data's size kept.
 
-    Parameters
-    ----------
-    columns : int
-        Length of a row.
+    `columns`: length of a row.
 
     Examples
     --------
@@ -99,14 +96,7 @@ _DIGEST = 32
 class SavedSums:
     """Sums of blocks, and which tasks are in them; in a file, where a folder is given.
 
-    Parameters
-    ----------
-    folder : path or None
-    work : str
-        All that decides the numbers: another work has a file of its own.
-    shape : tuple of int
-        Of the sums, blocks first.
-    tasks : int
+    `work`: all that decides the numbers: another work has a file of its own. `shape`: of the sums, blocks first.
 
     Examples
     --------
@@ -127,13 +117,7 @@ class SavedSums:
         self._take_up()
 
     def add(self, task: int, block: int, sums: RealArray) -> None:
-        """Take in the sums of a task.
-
-        Parameters
-        ----------
-        task, block : int
-        sums : array
-        """
+        """Take in the sums of a task."""
         self.sums[block] += sums
         self.done[task] = True
         if time.monotonic() >= self._next:

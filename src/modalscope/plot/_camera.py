@@ -20,10 +20,7 @@ AXES = ("x", "y", "z")
 class View:
     """A parallel projection: coordinates (n, 3) @ `matrix` (3, 2) on paper, and the distance along `depth` (3,).
 
-    Parameters
-    ----------
-    kind : str
-        `line` (displacement drawn over position), `plane` (motion in the plane of the nodes) or `space`.
+    `kind`: `line` (displacement drawn over position), `plane` (motion in the plane of the nodes) or `space`.
     """
 
     kind: str
@@ -48,11 +45,7 @@ def oblique(azimuth: float = -62.0, elevation: float = 24.0) -> View:
 def view_of(coordinates: RealArray, motion: RealArray) -> View:
     """Choose the clearest view: a line over its length, a plane that moves in itself flat, all else obliquely.
 
-    Parameters
-    ----------
-    coordinates : array, (n, 3)
-    motion : array, (n, 3)
-        Displacement of the nodes.
+    `coordinates` (n, 3). `motion` (n, 3): displacement of the nodes.
     """
     size = extent(coordinates)
     centred = coordinates - coordinates.mean(axis=0)

@@ -48,16 +48,9 @@ def drawn(thing: Any, ax: Axes | None = None) -> Axes:
     spectra of others, poles in their plane of models, lines of a geometry, the map of a comparison, the intervals of a certificate,
     fit errors of a validation.
 
-    Parameters
-    ----------
-    thing : object
-    ax : Axes, optional
-        A new figure by default.
+    `ax`: A new figure by default.
 
-    Raises
-    ------
-    DataError
-        Something that has no picture.
+    Raises `DataError`: something that has no picture.
     """
     raise DataError(
         f"a picture of {type(thing).__name__} was asked", "it has none", "Use one of the functions of modalscope.plot."

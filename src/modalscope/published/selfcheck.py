@@ -101,14 +101,7 @@ _ROUNDED = 0.51
 class Value:
     """One published number and what this installation gives.
 
-    Parameters
-    ----------
-    table, source, column : str
-    row : int
-        From one.
-    published, computed : float
-    digits : int
-        Decimals that were printed.
+    `row`: from one. `digits`: decimals that were printed.
     """
 
     table: str
@@ -127,12 +120,7 @@ class Value:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SelfCheck:
-    """Every published value, recomputed.
-
-    Parameters
-    ----------
-    values : tuple of Value
-    """
+    """Every published value, recomputed."""
 
     values: tuple[Value, ...]
 

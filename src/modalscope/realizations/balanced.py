@@ -27,12 +27,8 @@ def first_blocks(matrix: DataMatrix, factors: Factors) -> tuple[RealArray, RealA
 class Balanced(Realization):
     """Balanced projection: the model of order n is the leading n x n block of the largest one.
 
-    Parameters
-    ----------
-    A, B, C : array
-        Of the largest order; B is None where columns are lines.
-    nested : NestedEigen, optional
-        Their eigenvalues, each order's from those of the one before.
+    `A`, `B`, `C`: of the largest order; B is None where columns are lines. `nested`: their eigenvalues, each order's from those of the
+    one before.
     """
 
     A: RealArray
@@ -60,11 +56,7 @@ class Balanced(Realization):
 def balanced(matrix: DataMatrix, factors: Factors) -> Balanced:
     """Balanced projection: A = d^-1/2 P' H(1) Q d^-1/2 (Eq. 28, the eigensystem realization algorithm).
 
-    Parameters
-    ----------
-    matrix : DataMatrix
-    factors : Factors
-        Of H(0), the largest order.
+    `factors`: of H(0), the largest order.
 
     Returns
     -------
@@ -82,17 +74,8 @@ def projected_general(P: Array, d: Array, Q: Array, shifted: Array, first_row: A
 
     B = d^1/2 Q' E_m keeps Q', C = E_l' P d^1/2 keeps P.
 
-    Parameters
-    ----------
-    P : array, (rows, n)
-    d : array, (n,)
-    Q : array, (columns, n)
-    shifted : array, (rows, columns)
-        H(1).
-    first_row : array of int
-        Rows of the first block (outputs).
-    first_column : array of int
-        Columns of the first block (inputs).
+    `P` (rows, n). `d` (n,). `Q` (columns, n). `shifted` (rows, columns): h(1). `first_row`: rows of the first block (outputs).
+    `first_column`: columns of the first block (inputs).
     """
     root = np.sqrt(np.asarray(d, dtype=float))
     A = np.linalg.pinv(P) @ shifted @ np.linalg.pinv(np.asarray(Q).T) / np.outer(root, root)

@@ -67,10 +67,6 @@ class FractionCompanion(Realization):
     The matrix has the roots' inverses mu = 1 / z as eigenvalues, from mu^p w' = - sum_j mu^(p-j) w' A_j, and the rows
     [mu^(p-1) w', ..., w'] as left eigenvectors: their last m entries are the participation w'.
     Shapes and residuals come from least squares over the lines.
-
-    Parameters
-    ----------
-    matrix : Fraction
     """
 
     matrix: Fraction
@@ -116,11 +112,7 @@ class FractionCompanion(Realization):
 def fraction_companion(matrix: Fraction, factors: Factors) -> FractionCompanion:
     """Return the companion forms of every degree.
 
-    Parameters
-    ----------
-    matrix : Fraction
-    factors : Factors
-        Of the normal equations: for the singular values, the companion needs the Gram blocks alone.
+    `factors`: of the normal equations: for the singular values, the companion needs the Gram blocks alone.
     """
     return FractionCompanion(factors=factors, matrix=matrix)
 
@@ -184,15 +176,7 @@ def _needs_whole_blocks(matrix: DataMatrix) -> tuple[RowShift, int]:
 class NullSpaceCompanion(Realization):
     """Observable canonical form: models with l r poles at any rank n; the l r - n that the truncation does not explain are extraneous.
 
-    Parameters
-    ----------
-    shift : RowShift
-    gram : array, (k, k)
-        (E P)'(E P).
-    P : array, (l (r + 1), k)
-        The left factor without weights.
-    B : array, (l r, m), optional
-        The first block column.
+    `gram` (k, k): (E P)'(E P). `P` (l (r + 1), k): the left factor without weights. `B` (l r, m): the first block column.
     """
 
     shift: RowShift
@@ -236,11 +220,7 @@ class NullSpaceCompanion(Realization):
 def null_space_companion(matrix: DataMatrix, factors: Factors) -> NullSpaceCompanion:
     """Observable canonical form: last block row P_r (E P_n)#, which is -[X_0 ... X_(r-1)] of Eqs. 52-54 from all columns, minimum norm.
 
-    Parameters
-    ----------
-    matrix : DataMatrix
-    factors : Factors
-        Of the matrix with one block row more, the largest rank.
+    `factors`: of the matrix with one block row more, the largest rank.
     """
     shift, _ = _needs_whole_blocks(matrix)
     gram, _ = shift_grams(matrix, factors)
@@ -263,13 +243,8 @@ def _check_explained(left: RealArray, whole: RealArray, blocks: int, limit: floa
 class LeastSquaresCompanion(Realization):
     """Least-squares companion forms of every degree p, of p blocks.
 
-    Parameters
-    ----------
-    shift : RowShift
-    stand_in : array, (l (r + 1), k)
-        P diag(d) without weights: it differs from the matrix by orthonormal columns only.
-    B : array, (l r, m), optional
-        The first block column.
+    `stand_in` (l (r + 1), k): P diag(d) without weights: it differs from the matrix by orthonormal columns only. `B` (l r, m): the first
+    block column.
     """
 
     shift: RowShift
@@ -343,11 +318,7 @@ def least_squares_companion(matrix: DataMatrix, factors: Factors) -> LeastSquare
     lower triangular the degrees are nested: the last block row is L[p, :p] L[:p, :p]^-1, whatever follows. Where L[:p, :p] has
     lost rank (no noise, or more rows than columns) the minimum-norm solution takes its place.
 
-    Parameters
-    ----------
-    matrix : DataMatrix
-    factors : Factors
-        Of the matrix with one block row more, complete.
+    `factors`: of the matrix with one block row more, complete.
     """
     shift, _ = _needs_whole_blocks(matrix)
     stand_in = shift.unweighted(factors.P * factors.d)
@@ -365,11 +336,7 @@ REDUCTIONS = ("projection", "markov", "reversed")
 class Reduced(Realization):
     """Models of minimum order from a canonical form.
 
-    Parameters
-    ----------
-    companion : NullSpaceCompanion
-    way : callable
-        (companion, order) -> model.
+    `way`: (companion, order) -> model.
     """
 
     companion: NullSpaceCompanion
@@ -383,15 +350,10 @@ class Reduced(Realization):
 def reduced(companion: NullSpaceCompanion, how: str) -> Reduced:
     """Return models of minimum order from a canonical form.
 
-    Parameters
-    ----------
-    companion : NullSpaceCompanion
-        The canonical form of the null space, of samples.
-    how : {"projection", "markov", "reversed"}
-        "projection": (E P)# A~ (E P), which is the alternate method. "markov": ERA on C~ A~^k B~, the model's own Markov parameters.
-        "reversed": data that run backward grow, so that a mode's pole becomes 1 / z outside the unit circle while the
-        minimum-norm extraneous poles stay inside; the invariant subspace of those outside is the model. Without noise exact; a
-        mode that does not decay is not told apart.
+    `companion`: the canonical form of the null space, of samples. `how`: "projection": (E P)# A~ (E P), which is the alternate method.
+    "markov": ERA on C~ A~^k B~, the model's own Markov parameters. "reversed": data that run backward grow, so that a mode's pole becomes
+    1 / z outside the unit circle while the minimum-norm extraneous poles stay inside; the invariant subspace of those outside is the
+    model. Without noise exact; a mode that does not decay is not told apart.
     """
     ways = {"projection": _projected, "markov": _from_markov, "reversed": _from_reversal}
     way = ways[check_choice("reduction", how, REDUCTIONS)]

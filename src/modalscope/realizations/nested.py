@@ -96,12 +96,7 @@ class Roots(NamedTuple):
 
 
 def roots(arrow: Arrow) -> Roots | None:
-    """Return the eigenvalues of an arrowhead matrix; None where they do not settle or do not come in pairs.
-
-    Parameters
-    ----------
-    arrow : Arrow
-    """
+    """Return the eigenvalues of an arrowhead matrix; None where they do not settle or do not come in pairs."""
     lam, w = arrow.values.all, arrow.b.all * arrow.c.all
     with np.errstate(all="ignore"):
         order, u = _far_first(lam, w, arrow)
@@ -226,12 +221,7 @@ class Known(NamedTuple):
 class NestedEigen:
     """Eigenvalues and vectors of models of all orders whose A are T M T^-1 with leading blocks of M and of a triangular T.
 
-    Parameters
-    ----------
-    matrix : array, (N, N)
-        M.
-    states, back : array, (N, N), optional
-        T, upper triangular, and its inverse; of none both are I.
+    `matrix` (N, N): m. `states`, `back` (N, N): t, upper triangular, and its inverse; of none both are I.
     """
 
     def __init__(self, matrix: RealArray, states: RealArray | None = None, back: RealArray | None = None) -> None:
@@ -239,12 +229,7 @@ class NestedEigen:
         self._last: tuple[int, Known | None] = (0, None)
 
     def eigen(self, n: int) -> Eigen | None:
-        """Return all eigenvalues and vectors of the model of order n; None where they are left to others.
-
-        Parameters
-        ----------
-        n : int
-        """
+        """Return all eigenvalues and vectors of the model of order n; None where they are left to others."""
         known = self.known(n)
         if known is None:
             return None

@@ -23,19 +23,9 @@ _NOISE_FREE = 1e-10
 class OrderAdvice:
     """A recommended order.
 
-    Parameters
-    ----------
-    order : int
-        States to keep.
-    by_gap, by_threshold : int
-        What the clearest gap between neighbours and the Gavish-Donoho threshold say.
-    floor : float
-        The threshold: singular values below it are taken for noise.
-    confidence : {"certain", "fair", "poor"}
-        Certain: there is no noise, or both rules agree and the gap is clear. Fair: they agree, or differ by one pair and
-        the gap is clear. Poor: anything else.
-    reason : str
-        The same in words.
+    `order`: states to keep. `by_gap`, `by_threshold`: what the clearest gap between neighbours and the Gavish-Donoho threshold say.
+    `floor`: the threshold: singular values below it are taken for noise. `confidence`: certain: there is no noise, or both rules agree
+    and the gap is clear. Fair: they agree, or differ by one pair and the gap is clear. Poor: anything else. `reason`: the same in words.
     """
 
     order: int
@@ -94,10 +84,7 @@ def recommend_order(factors: Factors) -> OrderAdvice:
     Without noise the spectrum ends at rounding, and the rank is the order. In noise the gap decides when it is clear and
     leaves half to twice what the threshold counts; else the threshold does.
 
-    Parameters
-    ----------
-    factors : Factors
-        Of H(0) or of the matrix with one block more, with some directions to spare.
+    `factors`: of H(0) or of the matrix with one block more, with some directions to spare.
     """
     d: RealArray = factors.complete_spectrum
     rows, columns = factors.left.shape[0], factors.Q.shape[0]

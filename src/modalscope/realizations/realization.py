@@ -37,14 +37,8 @@ class Sides(NamedTuple):
 class Realization(ABC):
     """All orders of one method on one data matrix.
 
-    Parameters
-    ----------
-    factors : Factors
-        Of the matrix that the method factors, or of a stand-in with the same singular values.
-    matrix : DataMatrix
-        That was factored.
-    notes : tuple of str
-        What was chosen, in words.
+    `factors`: of the matrix that the method factors, or of a stand-in with the same singular values. `matrix`: that was factored.
+    `notes`: what was chosen, in words.
     """
 
     factors: Factors
@@ -55,10 +49,7 @@ class Realization(ABC):
     def triple(self, n: int) -> Triple:
         """Return the model of order n.
 
-        Raises
-        ------
-        DataError
-            An order beyond the rank, or one that the method cannot have.
+        Raises `DataError`: an order beyond the rank, or one that the method cannot have.
         """
 
     def in_turn(self) -> Realization:
@@ -68,16 +59,9 @@ class Realization(ABC):
     def sides(self, n: int, eigen: Eigen) -> Sides:
         """Return what `pairs` takes of eigenvalues of the model of order n: small arrays, of which those of several orders go together.
 
-        Parameters
-        ----------
-        n : int
-        eigen : Eigen
-            Of the model of the matrix that was factored.
+        `eigen`: of the model of the matrix that was factored.
 
-        Raises
-        ------
-        DataError
-            The first-order change of its poles is not known.
+        Raises `DataError`: the first-order change of its poles is not known.
         """
         raise DataError(
             "the influence of the data on these poles was asked",
@@ -88,11 +72,7 @@ class Realization(ABC):
     def pairs(self, sides: Sides, values: ComplexArray) -> tuple[tuple[Any, Any], ...]:
         """Return L and v with dx_j = L_j dH v_j, as `DataMatrix.influence` takes them; several pairs stand for their sum.
 
-        Parameters
-        ----------
-        sides : Sides
-        values : array of complex, (k,)
-            The eigenvalues.
+        `values` (k,): the eigenvalues.
         """
         return ((self.left_rows.pencil(sides.left, values), self.matrix.right_vectors(self.factors, sides.right)),)
 
@@ -104,12 +84,7 @@ class Realization(ABC):
     def influence(self, parts: Sequence[tuple[int, Eigen]], lines: Lines | None = None) -> Influence:
         """Return the gradient of eigenvalues of one order, or of several, by the response as it was factored.
 
-        Parameters
-        ----------
-        parts : sequence of (int, Eigen)
-            Orders with eigenvalues of their models.
-        lines : Lines, optional
-            Those that stand for all; see `DataMatrix.influence`.
+        `parts`: orders with eigenvalues of their models. `lines`: those that stand for all; see `DataMatrix.influence`.
         """
         each = [self.sides(n, eigen) for n, eigen in parts]
         sides = (
@@ -124,10 +99,7 @@ class Realization(ABC):
     def reduced(self, how: str) -> Realization:
         """Return the models at minimum order, by one of the ways of `modalscope.realizations.companion`.
 
-        Raises
-        ------
-        DataError
-            There is nothing to reduce.
+        Raises `DataError`: there is nothing to reduce.
         """
         raise DataError(
             f"reduction={how!r} was asked",

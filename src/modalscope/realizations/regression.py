@@ -19,12 +19,7 @@ __all__ = ["Regression", "regression", "regression_matrix"]
 class Regression(Realization):
     """Least-squares regression on H(0), truncated: leading blocks of an n x n problem.
 
-    Parameters
-    ----------
-    A : array, (k, k)
-        P' H(1) Q d^-1.
-    B, CA : array
-        d Q' E_m (None where columns are lines) and E_l' H(1) Q d^-1.
+    `A` (k, k): p' H(1) Q d^-1. `B`, `CA`: d Q' E_m (None where columns are lines) and E_l' H(1) Q d^-1.
     """
 
     A: RealArray
@@ -50,11 +45,7 @@ def regression(matrix: DataMatrix, factors: Factors) -> Regression:
     its poles are zero, and those n are the poles of P' H(1) Q d^-1. In these states B = d Q' E_m and C A = E_l' H(1) Q d^-1, so that
     C A^k B = E_l' [H(1) H(0)#_n]^k H(0)_n E_m for every k >= 1.
 
-    Parameters
-    ----------
-    matrix : DataMatrix
-    factors : Factors
-        Of H(0), the largest order.
+    `factors`: of H(0), the largest order.
     """
     d = factors.d
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -46,15 +46,8 @@ def check_blocks(gram: RealArray, n: int, block_rows: int) -> None:
 class Shift(Realization):
     """Shift of the row factor: leading blocks of two small Gram matrices serve all orders.
 
-    Parameters
-    ----------
-    gram, cross : array, (k, k)
-        (E0 P)'(E0 P) and (E0 P)'(E1 P).
-    B, C : array
-        Of the largest order; B is None where columns are lines or times.
-    block_rows : int
-    nested : NestedEigen, optional
-        Eigenvalues, each order's from those of the one before.
+    `gram`, `cross` (k, k): (E0 P)'(E0 P) and (E0 P)'(E1 P). `B`, `C`: of the largest order; B is None where columns are lines or times.
+    `nested`: eigenvalues, each order's from those of the one before.
     """
 
     gram: RealArray
@@ -125,11 +118,7 @@ def shift(matrix: DataMatrix, factors: Factors) -> Shift:
     (E0 P)# comes from the normal equations of P's leading columns. P is orthonormal, so that E0 P is nearly so, and nothing is lost
     by them; where E0 drops the last block they are the matrix inversion lemma behind Eq. 57: (E0 P)'(E0 P) = I - p' p.
 
-    Parameters
-    ----------
-    matrix : DataMatrix
-    factors : Factors
-        Of the matrix with one block row more (`tall`), the largest order.
+    `factors`: of the matrix with one block row more (`tall`), the largest order.
     """
     gram, cross = shift_grams(matrix, factors)
     C, B = first_blocks(matrix, factors)

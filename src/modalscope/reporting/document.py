@@ -53,12 +53,7 @@ def alive_section(
 
     Nothing that a user wrote stands in it as markup: labels are in the data, which are base64.
 
-    Parameters
-    ----------
-    modes : ModalModel
-    *diagrams : StabilizationDiagram
-    spectra : Decomposition, optional
-        Of a record without inputs: what stands behind the poles.
+    `spectra`: of a record without inputs: what stands behind the poles.
     """
     script, style = front_end("viewer.js"), front_end("viewer.css")
     if script is None or style is None or not len(modes):
@@ -186,17 +181,9 @@ def _heading(what: str, joint: str, source: str | None) -> str:
 class Origin:
     """Where a result came from, and what is told of it beside the diagram's own.
 
-    Parameters
-    ----------
-    source, command : str, optional
-        The file, and the command line that was typed.
-    findings, notes, script : optional
-        Of the whole analysis; by default those of the diagram.
-    certificate : Certificate, optional
-    data : object, optional
-        What was measured: of ambient records the spectra stand behind the diagram.
-    diagrams : sequence of StabilizationDiagram
-        Of every band, where there are several.
+    `source`, `command`: the file, and the command line that was typed. `findings`, `notes`, `script`: of the whole analysis; by default
+    those of the diagram. `data`: what was measured: of ambient records the spectra stand behind the diagram. `diagrams`: of every band,
+    where there are several.
     """
 
     source: str | None = None
@@ -272,10 +259,7 @@ def write_page(
     Sections may come from a generator: a file that cannot be written is found before any picture is drawn. The sources, which the
     data came from, are never overwritten.
 
-    Raises
-    ------
-    DataError
-        Another suffix than .html or .htm, or a file that cannot be written.
+    Raises `DataError`: another suffix than .html or .htm, or a file that cannot be written.
     """
     target = check_path(path)
     if target.suffix.lower() not in (".html", ".htm"):

@@ -43,11 +43,7 @@ _OPEN = 0.3
 class Grade:
     """How far a mode can be relied on.
 
-    Parameters
-    ----------
-    word : {"good", "look", "doubtful"}
-    reason : str
-        The one that decides.
+    `reason`: the one that decides.
     """
 
     word: str
@@ -57,11 +53,7 @@ class Grade:
 def grades(modes: ModalModel, certificate: Certificate | None = None) -> tuple[Grade, ...]:
     """Return a grade for each mode by the rules of this module.
 
-    Parameters
-    ----------
-    modes : ModalModel
-    certificate : Certificate, optional
-        Whose simulations tell whether intervals hold.
+    `certificate`: whose simulations tell whether intervals hold.
     """
     widths = half_widths(modes)
     likes = alike_pairs(modes)

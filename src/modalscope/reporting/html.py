@@ -215,14 +215,7 @@ def _escaped(text: str) -> str:
 class Section:
     """A heading and what stands below it, already HTML.
 
-    Parameters
-    ----------
-    anchor : str
-        Its name in links, a single word.
-    title : str
-        Plain text.
-    body : str
-        HTML.
+    `anchor`: its name in links, a single word. `title`: plain text. `body`: HTML.
     """
 
     anchor: str
@@ -237,12 +230,8 @@ class Section:
 def page(title: str, subtitle: str, sections: Iterable[Section], generator: str) -> str:
     """Return the whole document.
 
-    Parameters
-    ----------
-    title, subtitle, generator : str
-        Plain text: the heading, the line below it, and what wrote the page.
-    sections : iterable of Section
-        In the order of reading; each gets a link at the top.
+    `title`, `subtitle`, `generator`: plain text: the heading, the line below it, and what wrote the page. `sections`: in the order of
+    reading; each gets a link at the top.
     """
     kept = list(sections)
     return _PAGE.substitute(
@@ -272,17 +261,8 @@ def table(
 ) -> str:
     """Return a table of plain text.
 
-    Parameters
-    ----------
-    head : sequence of str
-    rows : iterable of sequence of str
-    words : sequence of int
-        Columns that hold words and are set from the left; the others hold numbers.
-    shades : sequence of sequence of float, optional
-        For every cell how dark it is, 0 to 1.
-    graded : int, optional
-        A column of grades: each word is set in the colour of its first word.
-    caption : str
+    `words`: columns that hold words and are set from the left; the others hold numbers. `shades`: for every cell how dark it is, 0 to 1.
+    `graded`: A column of grades: each word is set in the colour of its first word.
     """
     kinds = [' class="words"' if i in words else "" for i in range(len(head))]
     parts = ['<div class="scroll"><table>']

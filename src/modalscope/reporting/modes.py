@@ -121,16 +121,7 @@ def summary_section(
 ) -> Section:
     """The verdict: warnings first, how many modes where, how much they explain, how many of them are good, and the least sure.
 
-    Parameters
-    ----------
-    modes : ModalModel
-    diagrams : sequence of StabilizationDiagram
-        One a band.
-    fit : (float, array) or None
-        Fit error in all and per channel.
-    band : str
-        The band that was asked, in words.
-    judged : sequence of Grade, optional
+    `diagrams`: one a band. `fit`: fit error in all and per channel. `band`: the band that was asked, in words.
     """
     diagram, ends = diagrams[0], [asked_ends(each) for each in diagrams]
     low, high = min(low for low, _ in ends), max(high for _, high in ends)

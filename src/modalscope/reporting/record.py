@@ -127,15 +127,8 @@ def data_section(
 ) -> Section:
     """What was measured: channels, lines or samples, quantity, processing; level and coherence of every output; what is wrong with it.
 
-    Parameters
-    ----------
-    response : FrequencyResponse or ImpulseResponse
-    source : str, optional
-        Where the data came from.
-    findings : sequence of Finding, optional
-        Of the data before they were turned into the response; by default the response itself is examined.
-    record : Signals, Records or other data, optional
-        What was measured; of records their own length, rate and processing are told beside those of the response.
+    `source`: where the data came from. `findings`: of the data before they were turned into the response; by default the response itself
+    is examined. `record`: what was measured; of records their own length, rate and processing are told beside those of the response.
     """
     facts = {"source": source or "not stated", **_recorded(record), **_extent(response)}
     facts["quantity"] = response.quantity or "not stated"

@@ -62,15 +62,7 @@ __all__ = [
 class Shown:
     """One band as a report shows it.
 
-    Parameters
-    ----------
-    diagram : StabilizationDiagram
-    modes : ModalModel
-        Those that lie in the band.
-    number : int
-        Counted from 1.
-    words : str
-        Its ends.
+    `modes`: those that lie in the band. `number`: counted from 1. `words`: its ends.
     """
 
     diagram: StabilizationDiagram
@@ -79,13 +71,7 @@ class Shown:
     words: str
 
     def named(self, section: Section, several: bool) -> Section:
-        """Return a section with the band in its title, where there are several; the first keeps its anchor.
-
-        Parameters
-        ----------
-        section : Section
-        several : bool
-        """
+        """Return a section with the band in its title, where there are several; the first keeps its anchor."""
         if not several:
             return section
         anchor = section.anchor if self.number == 1 else f"{section.anchor}-{self.number}"
@@ -95,12 +81,7 @@ class Shown:
 def bands_of(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> list[Shown]:
     """Return every band with its own modes; one band has all.
 
-    Parameters
-    ----------
-    modes : ModalModel
-        Of all bands.
-    diagrams : sequence of StabilizationDiagram
-        One a band.
+    `modes`: of all bands. `diagrams`: one a band.
     """
     found = []
     for k, diagram in enumerate(diagrams):

@@ -86,25 +86,11 @@ def trial(
     Lines run from a quarter of the lowest frequency to 1.25 of the highest; the rate is that of the structure, 2.56 times
     the highest frequency at least.
 
-    Parameters
-    ----------
-    structure : Structure
-        What is tested.
-    kind : {"frf", "impulse", "records", "ambient"}
-        Frequency responses, impulse responses, records under white forces with the forces, or without them.
-    samples : int, optional
-        Lines or samples; 1000, 2000 and 20000 by default.
-    quantity : {"displacement", "velocity", "acceleration"}
-        What is measured.
-    snr_db : float, optional
-        Signal over noise of each channel, 20 log10 of the ratio of their root mean squares; no noise by default.
-    seed : int or numpy Generator, optional
-        Makes noise and forces repeatable.
+    `structure`: what is tested. `kind`: frequency responses, impulse responses, records under white forces with the forces, or without
+    them. `samples`: lines or samples; 1000, 2000 and 20000 by default. `quantity`: what is measured. `snr_db`: signal over noise of each
+    channel, 20 log10 of the ratio of their root mean squares; no noise by default. `seed`: makes noise and forces repeatable.
 
-    Raises
-    ------
-    DataError
-        An unknown kind or quantity, fewer than two samples, a seed that is none.
+    Raises `DataError`: an unknown kind or quantity, fewer than two samples, a seed that is none.
 
     Examples
     --------

@@ -118,13 +118,7 @@ def analyze(
 def analyzed(data: Any, document: Analysis, progress: Progress | None = None, told: tuple[Note, ...] = ()) -> Result:
     """Return the result of the choices in a document on data that were read; see `analyze`.
 
-    Parameters
-    ----------
-    data : FrequencyResponse, ImpulseResponse or Signals
-    document : Analysis
-    progress : callable, optional
-    told : tuple of Note
-        What of the data's file was left.
+    `told`: what of the data's file was left.
     """
     check_kind("document", document, Analysis)
     return concluded(data, document, looked_at(data, document, progress), told)
@@ -140,16 +134,8 @@ def concluded(
 ) -> Result:
     """Return the result of bands that were identified: their modes chosen and refined, the data examined.
 
-    Parameters
-    ----------
-    data : FrequencyResponse, ImpulseResponse or Signals
-    document : Analysis
-    looks : sequence of Look
-        One a band of the document.
-    told : tuple of Note
-        What of the data's file was left.
-    choose, check : callable
-        `select` and `examine`, or what keeps their parts from one choice to the next.
+    `looks`: one a band of the document. `told`: what of the data's file was left. `choose`, `check`: `select` and `examine`, or what
+    keeps their parts from one choice to the next.
     """
     modes, diagrams = modes_chosen(data, document, looks, choose), [look.diagram for look in looks]
     harmless, out = _harmless(diagrams), _left_out(data, document)

@@ -55,11 +55,7 @@ def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> 
 
     Poles of the diagram that the data need beside the modes take part, held: real poles, and what was not selected.
 
-    Parameters
-    ----------
-    diagram : StabilizationDiagram
-    modes : ModalModel
-        Selected from it.
+    `modes`: selected from it.
     """
     if not len(modes):
         return modes
@@ -139,14 +135,8 @@ def _kept(why: str) -> Note:
 def modes_chosen(data: Any, document: Analysis, looks: Sequence[Look], choose: Choose = select) -> ModalModel:
     """Return the modes of all that was identified, refined where that was chosen and helps.
 
-    Parameters
-    ----------
-    data : data object
-    document : Analysis
-    looks : sequence of Look
-        Of the bands of the document, or of every setup apart.
-    choose : callable
-        `select`, or what keeps its parts from one choice to the next.
+    `looks`: of the bands of the document, or of every setup apart. `choose`: `select`, or what keeps its parts from one choice to the
+    next.
     """
     if not isinstance(data, Setups):
         return _of_bands(document, looks, choose)

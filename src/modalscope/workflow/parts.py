@@ -33,18 +33,9 @@ _DEEPEST = 3
 class Look:
     """One band of a document, identified.
 
-    Parameters
-    ----------
-    diagram : StabilizationDiagram
-        Of the whole band, joined where there are several parts.
-    band : (float, float) or None
-        Hz; None for all data.
-    parts : tuple of Part
-        What one ladder of orders holds each; none where orders, frequencies or several bands were given: these are not cut.
-    notes : tuple of Note
-        Why this band.
-    setup : int
-        Of which setup, where every one is identified apart.
+    `diagram`: of the whole band, joined where there are several parts. `band`: hz; None for all data. `parts`: what one ladder of orders
+    holds each; none where orders, frequencies or several bands were given: these are not cut. `notes`: why this band. `setup`: of which
+    setup, where every one is identified apart.
     """
 
     diagram: StabilizationDiagram
@@ -68,14 +59,7 @@ def looked_at(
 ) -> list[Look]:
     """Return every band of a document identified; one where nobody chose orders is cut where one ladder of them does not hold it.
 
-    Parameters
-    ----------
-    data : data object
-    document : Analysis
-    progress, watch : callable, optional
-        As in `stabilize`.
-    choose : callable
-        `select`, or what keeps its parts from one choice to the next.
+    `progress`, `watch`: as in `stabilize`. `choose`: `select`, or what keeps its parts from one choice to the next.
     """
     if document.apart:
         alone = replace(document, exclude=(), apart=False)
@@ -124,15 +108,7 @@ def _own_bands(data: Any, exclude: Any) -> tuple[tuple[tuple[float, float], ...]
 def setups_apart(data: Any, document: Analysis) -> tuple[Signals, ...]:
     """Return the records of every setup, without the channels that a document leaves out.
 
-    Parameters
-    ----------
-    data : Setups
-    document : Analysis
-
-    Raises
-    ------
-    DataError
-        Other data, or several bands.
+    Raises `DataError`: other data, or several bands.
     """
     if not isinstance(data, Setups) or len(document.bands) > 1:
         what = f"{len(document.bands)} bands" if isinstance(data, Setups) else type(data).__name__

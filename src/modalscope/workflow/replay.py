@@ -70,12 +70,7 @@ def replay(
 def check_same(known: tuple[SourceFile, ...], sources: tuple[SourceFile, ...], thing: Any) -> None:
     """Raise when data are not those that were analysed, by their hash; where only a file's is known, by that of the data's own file.
 
-    Parameters
-    ----------
-    known, sources : tuple of SourceFile
-        Of the document, and of what was read now.
-    thing : object
-        The data.
+    `known`, `sources`: of the document, and of what was read now. `thing`: the data.
     """
     hashes = [file.sha256 for file in known]
     if not all(hashes) or hashes == [file.sha256 for file in sources]:

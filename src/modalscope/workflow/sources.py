@@ -33,17 +33,10 @@ _CHUNK = 1 << 20
 def opened(data: Any, reading: Reading) -> tuple[Any, tuple[SourceFile, ...], tuple[Note, ...]]:
     """Return the data in SI, where they came from, and what of a file was left; a path is read, several are parts of one test.
 
-    Parameters
-    ----------
-    data : path, sequence of paths, data object, or one of pandas or xarray
-        Several files are merged: those of the same outputs are runs, others are setups (see `merge`).
-    reading : mapping, or a sequence of them
-        Options of `read`: of all files, or of each.
+    `data`: several files are merged: those of the same outputs are runs, others are setups (see `merge`). `reading`: options of `read`:
+    of all files, or of each.
 
-    Raises
-    ------
-    DataError
-        A file that holds modes already, options of reading for data that are read, or of another number of files.
+    Raises `DataError`: A file that holds modes already, options of reading for data that are read, or of another number of files.
     """
     several = isinstance(data, list | tuple) and are_paths(data)
     each = _of_each(reading, len(data) if several else 1)

@@ -45,14 +45,8 @@ _ENDS, _DIGITS = 5000, 9
 class Sampling:
     """The rate of a column of times.
 
-    Parameters
-    ----------
-    rate : float
-        Samples per second.
-    doubt : float
-        What the digits of the times leave open of it.
-    off : float
-        The largest distance of a time from the even grid, in steps.
+    `rate`: samples per second. `doubt`: what the digits of the times leave open of it. `off`: the largest distance of a time from the
+    even grid, in steps.
     """
 
     rate: float
@@ -108,16 +102,10 @@ def parts_of_epoch(times: RealArray) -> float:
 def sampling_of(times: RealArray) -> Sampling:
     """Return the rate 1/T of times t(k) = t(0) + k T, T = (t(N-1) - t(0)) / (N-1).
 
-    Parameters
-    ----------
-    times : array, (N,)
-        Seconds.
+    `times` (N,): seconds.
 
-    Raises
-    ------
-    DataError
-        Times that are fewer than two, do not increase, leave the grid by more than their digits and 2 % of a step explain, or skip
-        samples; `found` says by how much.
+    Raises `DataError`: times that are fewer than two, do not increase, leave the grid by more than their digits and 2 % of a step
+    explain, or skip samples; `found` says by how much.
 
     Examples
     --------
@@ -201,15 +189,7 @@ _RANGE = re.compile(r"\s*(\d*)\s*-\s*(\d*)\s*\Z")
 def with_rows(table: Table, asked: object) -> Table:
     """Return a table of the rows that are asked, `1101-4000`, counted from 1; either end may be left open.
 
-    Parameters
-    ----------
-    table : Table
-    asked : str, optional
-
-    Raises
-    ------
-    DataError
-        No range, or rows that are not there.
+    Raises `DataError`: no range, or rows that are not there.
 
     Examples
     --------
@@ -239,16 +219,9 @@ def with_rows(table: Table, asked: object) -> Table:
 def check_numbers(table: Table, columns: Sequence[Column]) -> None:
     """Raise where cells are empty or not finite; name the rows, and the ways out.
 
-    Parameters
-    ----------
-    table : Table
-    columns : sequence of Column
-        Those that are taken.
+    `columns`: those that are taken.
 
-    Raises
-    ------
-    DataError
-        Cells without a finite number.
+    Raises `DataError`: cells without a finite number.
     """
     holes = [~np.isfinite(column.values) for column in columns]
     column, bad = next(((c, hole) for c, hole in zip(columns, holes, strict=True) if hole.any()), (None, None))

@@ -28,18 +28,11 @@ _FINE = 0.02
 def contents_from_table(table: Table, options: Options) -> Contents:
     """Make the data object that a table holds.
 
-    Parameters
-    ----------
-    table : Table
-    options : mapping
-        `columns` ("time=1,in=2,out=3-9"), `ignore` (numbers or names), `rows` ("1101-4000"), `units` (number or name ->
-        unit), `sampling_rate`.
+    `options`: `columns` ("time=1,in=2,out=3-9"), `ignore` (numbers or names), `rows` ("1101-4000"), `units` (number or name -> unit),
+    `sampling_rate`.
 
-    Raises
-    ------
-    DataError
-        Nothing to take, a time column that is not even or of another rate, an axis that is not known: the message names the option
-        that says what was meant.
+    Raises `DataError`: nothing to take, a time column that is not even or of another rate, an axis that is not known: the message names
+    the option that says what was meant.
     """
     table = _with_units(with_rows(table, options.get("rows")), options.get("units"))
     ignored = ignored_columns(table.columns, options.get("ignore"))

@@ -114,20 +114,9 @@ def phase_unit(unit: str, phases: RealArray) -> str:
 def joined_polar(where: str, magnitude: Array, phase: Array, unit: str, example: str) -> ComplexArray:
     """Return m exp(j phi).
 
-    Parameters
-    ----------
-    where : str
-        The file, for messages.
-    magnitude, phase : array, (N,)
-    unit : str
-        "deg", "rad", or "" where it is not known.
-    example : str
-        How `--units` names the phase.
+    `magnitude`, `phase` (N,). `unit`: "deg", "rad", or "" where it is not known. `example`: how `--units` names the phase.
 
-    Raises
-    ------
-    DataError
-        A phase whose unit is not known.
+    Raises `DataError`: A phase whose unit is not known.
     """
     if not unit:
         raise DataError(
@@ -153,11 +142,7 @@ _PAIR = re.compile(r"^(?P<out>[^/]+?)\s*(?:/|<-|->)\s*(?P<in>[^/]+?)$")
 def parts_by_name(columns: Sequence[Column], spoken: Mapping[int, str]) -> dict[tuple[str, int], Parts]:
     """Return parts by the name of what they belong to; where names repeat, the first real part goes with the first imaginary one.
 
-    Parameters
-    ----------
-    columns : sequence of Column
-    spoken : mapping of number to role
-        What `--columns` says.
+    `spoken`: what `--columns` says.
     """
     found: dict[tuple[str, int], Parts] = {}
     for column in columns:
@@ -182,20 +167,9 @@ def frequency_response(
 ) -> tuple[FrequencyResponse, list[str], dict[int, str]]:
     """Return frequency responses, notes, and what was left with its reason.
 
-    Parameters
-    ----------
-    table : Table
-    axis : Column
-        The frequencies.
-    columns : sequence of Column
-        All others that may be taken.
-    spoken : mapping of number to role
-        What `--columns` says.
+    `axis`: the frequencies. `columns`: all others that may be taken. `spoken`: what `--columns` says.
 
-    Raises
-    ------
-    DataError
-        Magnitudes without phases, a part without its other, an unknown unit of phases, pairs that make no matrix.
+    Raises `DataError`: magnitudes without phases, a part without its other, an unknown unit of phases, pairs that make no matrix.
     """
     found = parts_by_name(columns, spoken)
     notes: list[str] = []

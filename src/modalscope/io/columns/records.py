@@ -28,21 +28,9 @@ def records(
 ) -> tuple[Signals, list[str], dict[int, str]]:
     """Return records, notes, and what was left with its reason.
 
-    Parameters
-    ----------
-    table : Table
-    axis : Column, optional
-        The times.
-    columns : sequence of Column
-        All others that may be taken.
-    roles : mapping of number to Role
-    options : mapping
-        `sampling_rate`.
+    `axis`: the times. `columns`: all others that may be taken. `options`: `sampling_rate`.
 
-    Raises
-    ------
-    DataError
-        More channels than samples, complex values, times that are not even or of another rate, no rate at all.
+    Raises `DataError`: more channels than samples, complex values, times that are not even or of another rate, no rate at all.
     """
     twice = {c.number: "a second column of times" for c in columns if axis and roles[c.number].role == "time"}
     channels = [column for column in columns if column.number not in twice]
@@ -99,11 +87,7 @@ def _even_rows(times: RealArray, above: int) -> str:
 def free_decay(record: Signals, where: str) -> ImpulseResponse:
     """Return records without forces as one free decay of all channels, from the first row on.
 
-    Parameters
-    ----------
-    record : Signals
-    where : str
-        The table, for messages.
+    `where`: the table, for messages.
     """
     if record.inputs is not None:
         raise DataError(
@@ -156,12 +140,7 @@ def _refuse_two_clocks(table: Table, axis: Column, others: Sequence[Column]) -> 
 def refuse_transposed(where: str, samples: int, channels: int, transposed: bool) -> None:
     """Raise where there are more channels than samples: rows and columns were exchanged.
 
-    Parameters
-    ----------
-    where : str
-    samples, channels : int
-    transposed : bool
-        Whether `--transpose` was given already.
+    `transposed`: whether `--transpose` was given already.
     """
     if channels > samples:
         raise DataError(
@@ -185,10 +164,7 @@ def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[
 
     An option goes before the header, the header before the times; each is held against the times.
 
-    Raises
-    ------
-    DataError
-        Times that are not even, or of another rate than the option or the header says; nothing that says a rate.
+    Raises `DataError`: times that are not even, or of another rate than the option or the header says; nothing that says a rate.
     """
     given = options.get("sampling_rate")
     said, source = (

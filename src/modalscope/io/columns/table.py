@@ -14,16 +14,8 @@ __all__ = ["Column", "Table", "as_word", "span"]
 class Column:
     """One column of a table.
 
-    Parameters
-    ----------
-    number : int
-        Its place in the file, from 1.
-    name, unit : str
-        As they stand in the head; empty where there is none.
-    values : array, (N,)
-        Numbers, or one text or none where it holds text.
-    stamps : bool
-        Whether the values were dates and times, now seconds from the first.
+    `number`: its place in the file, from 1. `name`, `unit`: as they stand in the head; empty where there is none. `values` (N,): numbers,
+    or one text or none where it holds text. `stamps`: whether the values were dates and times, now seconds from the first.
     """
 
     number: int
@@ -51,23 +43,9 @@ class Column:
 class Table:
     """Columns of equal length, the sampling rate that stands beside them, and what was found on the way, in words.
 
-    Parameters
-    ----------
-    where : str
-        The file, for messages.
-    columns : tuple of Column
-    rate : float, optional
-        Samples per second.
-    rate_from : str
-        Where the rate stands: `header line 3`.
-    notes : tuple of str
-        What was found, in words.
-    layout : tuple of (str, str)
-        The evidence on the layout: part, and what it is.
-    roles : mapping of number to role
-        What the file itself says of its columns.
-    first_row : int
-        The row of the file that is the first here, from 1 below the head.
+    `rate`: samples per second. `rate_from`: where the rate stands: `header line 3`. `notes`: what was found, in words. `layout`: the
+    evidence on the layout: part, and what it is. `roles`: what the file itself says of its columns. `first_row`: the row of the file that
+    is the first here, from 1 below the head.
     """
 
     where: str

@@ -230,12 +230,7 @@ _RANGE = re.compile(r"(\d+)-(\d*)\Z")
 class Role:
     """What a column is, and why.
 
-    Parameters
-    ----------
-    role : str
-        One of `ROLES`, "index", or "" where nothing speaks for any.
-    reason : str
-        In words.
+    `role`: one of `ROLES`, "index", or "" where nothing speaks for any. `reason`: in words.
     """
 
     role: str = ""
@@ -243,12 +238,7 @@ class Role:
 
 
 def may_be_base(column: Column) -> bool:
-    """Whether a name is one that the motion of a base goes by.
-
-    Parameters
-    ----------
-    column : Column
-    """
+    """Whether a name is one that the motion of a base goes by."""
     return not _BASE.isdisjoint(words_of(column.name))
 
 
@@ -294,10 +284,7 @@ def _by_name(whole: str, words: Sequence[str]) -> Role:
 def named_columns(columns: Sequence[Column], items: Iterable[str], option: str) -> list[Column]:
     """Return the columns that items name: numbers from 1, ranges `3-9` and `3-`, or names.
 
-    Raises
-    ------
-    DataError
-        A column that is not there.
+    Raises `DataError`: A column that is not there.
     """
     found: list[Column] = []
     by_number = {column.number: column for column in columns}
@@ -323,13 +310,7 @@ def named_columns(columns: Sequence[Column], items: Iterable[str], option: str) 
 
 
 def ignored_columns(columns: Sequence[Column], asked: object) -> list[Column]:
-    """Return the columns that the option `ignore` names: one or several, by number or name.
-
-    Parameters
-    ----------
-    columns : sequence of Column
-    asked : str, int or iterable of these, optional
-    """
+    """Return the columns that the option `ignore` names: one or several, by number or name."""
     items = asked if isinstance(asked, Iterable) and not isinstance(asked, str) else () if asked is None else (asked,)
     return named_columns(columns, map(str, items), "ignore")
 
@@ -346,16 +327,9 @@ def _absent(columns: Sequence[Column], text: str, option: str) -> DataError:
 def spoken_roles(columns: Sequence[Column], text: str) -> dict[int, str]:
     """Return the role of each column that `--columns` names, by its number.
 
-    Parameters
-    ----------
-    columns : sequence of Column
-    text : str
-        Such as `time=1,in=2,out=3-9`; a part without a role belongs to the one before.
+    `text`: such as `time=1,in=2,out=3-9`; a part without a role belongs to the one before.
 
-    Raises
-    ------
-    DataError
-        A role or column that is not there, a column named twice.
+    Raises `DataError`: A role or column that is not there, a column named twice.
 
     Examples
     --------

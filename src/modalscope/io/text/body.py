@@ -68,23 +68,9 @@ def read_body(
 ) -> tuple[list[Array], list[str]]:
     """Return the columns of a body, and what to say of lines under it.
 
-    Parameters
-    ----------
-    where : str
-        The file, for messages.
-    lines : iterable of (int, str)
-        The body, each line with its number.
-    kinds : sequence of str
-        Those of the columns.
-    dialect : Dialect
-    width : int
-        Cells in a row.
-    space : Room
+    `lines`: the body, each line with its number. `kinds`: those of the columns. `width`: cells in a row.
 
-    Raises
-    ------
-    DataError
-        A row of another length, or a cell that holds something else than its column.
+    Raises `DataError`: A row of another length, or a cell that holds something else than its column.
     """
     pieces: list[list[Array]] = []
     source = ((number, line) for number, line in lines if line[0] not in _SIGNS or not uncommented(line)[1])

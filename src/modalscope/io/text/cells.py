@@ -73,11 +73,7 @@ def seconds_of(cells: Iterable[str], more: Iterable[str] | None = None) -> RealA
 
     Times of day alone go on past midnight.
 
-    Parameters
-    ----------
-    cells : iterable of str
-    more : iterable of str, optional
-        The other column.
+    `more`: the other column.
 
     Raises
     ------
@@ -145,16 +141,9 @@ _MARKERS = ("#", "%", "//", "!")
 class Dialect:
     """How numbers and cells are written.
 
-    Parameters
-    ----------
-    delimiter : str
-        Between cells; empty for blanks.
-    decimal, thousands : str
-        Signs inside numbers; `thousands` is empty where groups of digits are not parted.
-    quoted : bool
-        Whether cells stand in quotation marks.
-    paired : bool
-        Whether the comma is both: two cells at a time are one number.
+    `delimiter`: between cells; empty for blanks. `decimal`, `thousands`: signs inside numbers; `thousands` is empty where groups of
+    digits are not parted. `quoted`: whether cells stand in quotation marks. `paired`: whether the comma is both: two cells at a time are
+    one number.
     """
 
     delimiter: str

@@ -29,10 +29,7 @@ _MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (code
 def encoding_of(path: Path) -> str:
     """Return how the bytes of a text file are to be read, by its first 64 kB.
 
-    Raises
-    ------
-    DataError
-        It is no text.
+    Raises `DataError`: it is no text.
     """
     with path.open("rb") as file:
         head = file.read(_HEAD)
@@ -55,14 +52,7 @@ def encoding_of(path: Path) -> str:
 def lines_of(path: Path, encoding: str, skip: int, space: Room) -> Iterator[tuple[int, str]]:
     """Give number, from 1, and text of the lines that are not blank.
 
-    Parameters
-    ----------
-    path : path
-    encoding : str
-    skip : int
-        Lines to leave at the top.
-    space : Room
-        What a line may take.
+    `skip`: lines to leave at the top. `space`: what a line may take.
     """
     with path.open(encoding=encoding, errors="replace", newline=None) as file:
         number = blank = 0
@@ -115,19 +105,9 @@ def dialect_of(where: str, lines: Sequence[str], delimiter: str | None = None, d
     The delimiter is the one under which most lines are rows of values, of more than one cell where that can be; the decimal sign the
     one that all numbers allow.
 
-    Parameters
-    ----------
-    where : str
-        The file, for messages.
-    lines : sequence of str
-        The first of the file, without signs of comments.
-    delimiter, decimal : str, optional
-        What the user says.
+    `lines`: the first of the file, without signs of comments. `delimiter`, `decimal`: what the user says.
 
-    Raises
-    ------
-    DataError
-        Commas that may be decimal signs as well as delimiters or thousands: the message names the option that says it.
+    Raises `DataError`: commas that may be decimal signs as well as delimiters or thousands: the message names the option that says it.
 
     Examples
     --------
@@ -185,18 +165,9 @@ def decimal_sign(where: str, cells: Sequence[str], decimal: str | None = None) -
 
     `0,5` has a decimal comma, `1.234,5` too; `1,234` may be either, and where all are such nobody can tell.
 
-    Parameters
-    ----------
-    where : str
-        The file, for messages.
-    cells : sequence of str
-    decimal : str, optional
-        What the user says.
+    `decimal`: what the user says.
 
-    Raises
-    ------
-    DataError
-        Nothing but numbers such as `1,234`.
+    Raises `DataError`: nothing but numbers such as `1,234`.
 
     Examples
     --------

@@ -56,18 +56,9 @@ _ROW_NAMES = {
 class Layout:
     """The parts of a text table.
 
-    Parameters
-    ----------
-    width : int
-        Cells in a row.
-    body : int
-        The first row of values, counted in the lines given.
-    names, units : tuple of str
-        One a column, empty where there is none.
-    name_line, unit_line : int
-        Where they stand, counted likewise; -1 where they do not.
-    facts : tuple of (int, str, str)
-        Line, key and value of what stands above.
+    `width`: cells in a row. `body`: the first row of values, counted in the lines given. `names`, `units`: one a column, empty where
+    there is none. `name_line`, `unit_line`: where they stand, counted likewise; -1 where they do not. `facts`: line, key and value of
+    what stands above.
     """
 
     width: int
@@ -82,11 +73,7 @@ class Layout:
 def layout_of(lines: Sequence[str], dialect: Dialect) -> Layout | None:
     """Return the layout of the first lines of a file; None where no rows of values stand in them.
 
-    Parameters
-    ----------
-    lines : sequence of str
-        Without signs of comments.
-    dialect : Dialect
+    `lines`: without signs of comments.
 
     Examples
     --------
@@ -182,17 +169,7 @@ def _are_parts(cells: Sequence[str]) -> bool:
 def rate_of_facts(where: str, facts: Sequence[tuple[int, str, str]], decimal: str) -> tuple[float, int, str] | None:
     """Return the sampling rate that lines above a table say, with the line and its words; None where none does.
 
-    Parameters
-    ----------
-    where : str
-        The file, for messages.
-    facts : sequence of (line, key, value)
-    decimal : str
-
-    Raises
-    ------
-    DataError
-        Lines that say different rates.
+    Raises `DataError`: lines that say different rates.
 
     Examples
     --------

@@ -44,10 +44,7 @@ Line = tuple[int, str]
 def read(path: Path, options: Options) -> Contents:
     """Read a text table (options `columns`, `ignore`, `units`, `skip`, `decimal`, `delimiter`, `transpose`, `sampling_rate`).
 
-    Raises
-    ------
-    DataError
-        No table, or one of which something is not certain: the message names the option that says it.
+    Raises `DataError`: no table, or one of which something is not certain: the message names the option that says it.
     """
     space = room(path.name, path.stat().st_size)
     skip = 0 if options.get("skip") is None else check_count("skip", options["skip"], least=0)
@@ -67,23 +64,9 @@ def contents_of_lines(
 ) -> Contents:
     """Make the data object that the lines of a table hold.
 
-    Parameters
-    ----------
-    where : str
-        The file, for messages.
-    lines : iterator of (int, str)
-        Number and text.
-    signs : (str or None, str or None)
-        Delimiter and decimal sign, where they are known.
-    space : Room
-    options : mapping
-    notes : tuple of str
-        What to say of the file.
+    `lines`: number and text. `signs`: delimiter and decimal sign, where they are known. `notes`: what to say of the file.
 
-    Raises
-    ------
-    DataError
-        As `read`.
+    Raises `DataError`: as `read`.
     """
     first = _first(lines, space, _SAMPLES if options.get("transpose") else _COLUMNS)
     bare = [uncommented(line)[0] for _, line in first]

@@ -47,18 +47,9 @@ _ROWS, _OFF = 3, 0.5
 class WrappedHead:
     """The head of such a file.
 
-    Parameters
-    ----------
-    first, lines : int
-        The line that counts the samples, from 0, and how many lines the head has.
-    count : int
-        Of the samples that follow.
-    step : float, optional
-        s; None where the head says none that can be.
-    said : str
-        What stands for the step.
-    series, unit : str
-        What they are of, and in which unit.
+    `first`, `lines`: the line that counts the samples, from 0, and how many lines the head has. `count`: of the samples that follow.
+    `step`: s; None where the head says none that can be. `said`: what stands for the step. `series`, `unit`: what they are of, and in
+    which unit.
     """
 
     first: int
@@ -73,10 +64,7 @@ class WrappedHead:
 def head_of(first: Sequence[str]) -> WrappedHead | None:
     """Return the head of an accelerogram; None of any other text.
 
-    Parameters
-    ----------
-    first : sequence of str
-        The first lines of a text.
+    `first`: the first lines of a text.
 
     Examples
     --------
@@ -135,14 +123,7 @@ def _numbers(line: str) -> list[str] | None:
 def gathered(head: WrappedHead, lines: Iterable[Line], least: int, space: Room) -> list[Line]:
     """Return the lines below a head, one more than it counts samples: as many as tell what they are.
 
-    Parameters
-    ----------
-    head : WrappedHead
-    lines : iterable of (int, str)
-        Those below it.
-    least : int
-        Lines that are wanted in any case.
-    space : Room
+    `lines`: those below it. `least`: lines that are wanted in any case.
     """
     found = []
     for line in islice(lines, max(head.count + 1, least)):
@@ -157,13 +138,7 @@ def runs_on(head: WrappedHead, body: Sequence[Line], rate: float | None) -> bool
     They are rows where each has as many numbers, more than one, and either the first column counts the time, or there are as many
     rows as the head counts samples, or each row has so many.
 
-    Parameters
-    ----------
-    head : WrappedHead
-    body : sequence of (int, str)
-        The lines below it.
-    rate : float, optional
-        Samples per second, where they were given.
+    `body`: the lines below it. `rate`: samples per second, where they were given.
     """
     rows = list(takewhile(bool, (_numbers(line) for _, line in body)))
     widths = {len(row) for row in rows if row}
@@ -181,20 +156,9 @@ def runs_on(head: WrappedHead, body: Sequence[Line], rate: float | None) -> bool
 def wrapped_contents(where: str, head: WrappedHead, body: Iterable[Line], space: Room, options: Options) -> Contents:
     """Return the samples below a head as a record of one channel.
 
-    Parameters
-    ----------
-    where : str
-        The file, for messages.
-    head : WrappedHead
-    body : iterable of (int, str)
-        The lines below it.
-    space : Room
-    options : mapping
+    `body`: the lines below it.
 
-    Raises
-    ------
-    DataError
-        Another number of samples than the head says, no step, or something that is no number.
+    Raises `DataError`: another number of samples than the head says, no step, or something that is no number.
     """
     values = _values(where, head, body, space)
     if head.step is None and options.get("sampling_rate") is None:

@@ -75,10 +75,7 @@ class Function:
 def read_function(name: str, block: Block) -> Function:
     """Read one dataset 58.
 
-    Raises
-    ------
-    DataError
-        Records that do not read, another number of values than the header counts, NaN, values of an impossible size.
+    Raises `DataError`: records that do not read, another number of values than the header counts, NaN, values of an impossible size.
     """
     where = f"{block.name} of {name}"
     if len(block.records) < HEADER_LINES:

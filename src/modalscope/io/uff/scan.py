@@ -73,18 +73,10 @@ class Block:
 def scan(name: str, data: bytes, space: Room | None = None) -> list[Block]:
     """Return the sets of a universal file.
 
-    Parameters
-    ----------
-    name : str
-        The file, for messages.
-    data : bytes
-    space : Room, optional
-        What its lines may take.
+    `space`: what its lines may take.
 
-    Raises
-    ------
-    DataError
-        Not a universal file, a set that is cut off, a payload of another length than its header counts, more than the room.
+    Raises `DataError`: not a universal file, a set that is cut off, a payload of another length than its header counts, more than the
+    room.
     """
     space = space or room(name, len(data))
     blocks: list[Block] = []

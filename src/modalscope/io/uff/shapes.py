@@ -62,10 +62,7 @@ class Shape:
 def read_shape(name: str, block: Block) -> Shape | str:
     """Read one set; a set of another analysis is answered by a reason to leave it.
 
-    Raises
-    ------
-    DataError
-        Records that do not read, or another number of values at a node than the header counts.
+    Raises `DataError`: records that do not read, or another number of values at a node than the header counts.
     """
     where = f"{block.name} of {name}"
     newer = block.dataset == 2414

@@ -32,17 +32,9 @@ _ROUNDING = 8 * np.finfo(float).eps
 def write(path: Path, thing: Plain, options: Options) -> None:
     """Write a data object.
 
-    Parameters
-    ----------
-    path : Path
-    thing : FrequencyResponse, ImpulseResponse, Signals, ModalModel or Geometry
-    options : mapping
-        `text` (False: binary double precision), `dataset` (55 or 2414 for modes), `nodes` (2411 or 15), `lines` (82 or 2412).
+    `options`: `text` (False: binary double precision), `dataset` (55 or 2414 for modes), `nodes` (2411 or 15), `lines` (82 or 2412).
 
-    Raises
-    ------
-    DataError
-        Labels that have neither a node number nor a short name, or something that has no place in the format.
+    Raises `DataError`: labels that have neither a node number nor a short name, or something that has no place in the format.
     """
     dataset, nodes, lines = (
         _choice(options, name, choices)

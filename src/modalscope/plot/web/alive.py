@@ -39,10 +39,7 @@ _STATIC = Path(__file__).parents[2] / "app" / "static"
 def front_end(name: str) -> str | None:
     """Return a part of the bundled front end; None where it was not built.
 
-    Parameters
-    ----------
-    name : str
-        Such as "viewer.js".
+    `name`: such as "viewer.js".
     """
     path = _STATIC / name
     return path.read_text(encoding="utf-8") if path.is_file() else None
@@ -51,12 +48,7 @@ def front_end(name: str) -> str | None:
 def alive_blob(modes: ModalModel, *diagrams: StabilizationDiagram, spectra: Decomposition | None = None) -> bytes:
     """Return modes and the diagrams that they were selected from, one a band, as one blob.
 
-    Parameters
-    ----------
-    modes : ModalModel
-    *diagrams : StabilizationDiagram
-    spectra : Decomposition, optional
-        Whose singular values stand behind the poles in the place of the indicator, in the bands that were asked.
+    `spectra`: whose singular values stand behind the poles in the place of the indicator, in the bands that were asked.
     """
     told, drawn = modes_parts(modes, {})
     first = diagrams[0]

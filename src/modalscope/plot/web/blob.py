@@ -27,14 +27,8 @@ _TYPES = {"f": "<f4", "i": "<i4", "u": "|u1", "b": "|u1"}
 def pack(head: Mapping[str, Any], arrays: Mapping[str, Array], exact: tuple[str, ...] = ()) -> bytes:
     """Return a head and arrays as one blob.
 
-    Parameters
-    ----------
-    head : mapping
-        What JSON holds; numbers that are not finite become null.
-    arrays : mapping of name to array
-        Real ones; sent with single precision.
-    exact : tuple of str
-        Arrays that keep double precision.
+    `head`: what JSON holds; numbers that are not finite become null. `arrays`: real ones; sent with single precision. `exact`: arrays
+    that keep double precision.
 
     Examples
     --------

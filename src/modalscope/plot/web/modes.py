@@ -20,25 +20,14 @@ __all__ = ["modes_blob", "modes_parts"]
 def modes_blob(modes: ModalModel, names: Mapping[str, str], head: Mapping[str, Any]) -> bytes:
     """Return modes with all that is told and drawn of them.
 
-    Parameters
-    ----------
-    modes : ModalModel
-    names : mapping of frequency as text to name
-    head : mapping
-        What belongs to the whole result.
+    `head`: what belongs to the whole result.
     """
     parts, arrays = modes_parts(modes, names)
     return pack({**head, **parts}, arrays)
 
 
 def modes_parts(modes: ModalModel, names: Mapping[str, str]) -> tuple[dict[str, Any], dict[str, Array]]:
-    """Return what is told and what is drawn of modes.
-
-    Parameters
-    ----------
-    modes : ModalModel
-    names : mapping of frequency as text to name
-    """
+    """Return what is told and what is drawn of modes."""
     given = {
         "modes": _rows(modes, names),
         "left_out": [candidate.to_dict() for candidate in modes.left_out],
@@ -100,9 +89,7 @@ def turned(shapes: Array) -> ComplexArray:
 
     The turn is -arg(sum phi^2) / 2, as in `modalscope.plot.shape`.
 
-    Parameters
-    ----------
-    shapes : array of complex, (l, n)
+    `shapes` (l, n).
     """
     phi = np.asarray(shapes, dtype=complex)
     phi = phi * np.exp(-0.5j * np.angle(np.sum(phi**2, axis=0)))

@@ -42,12 +42,7 @@ _CURVES, _POINTS = 3, 200_000
 
 
 def curves_of(data: Any) -> tuple[Array, Array]:
-    """Return lines (F,) and indicator curves (F, k) of data of any kind: CMIF, or the singular values of ambient spectra.
-
-    Parameters
-    ----------
-    data : FrequencyResponse, ImpulseResponse, Signals or Records
-    """
+    """Return lines (F,) and indicator curves (F, k) of data of any kind: CMIF, or the singular values of ambient spectra."""
     if isinstance(data, Records):
         data = max(data.runs, key=lambda run: run.samples)
     if isinstance(data, Signals):
@@ -59,12 +54,7 @@ def curves_of(data: Any) -> tuple[Array, Array]:
 
 
 def overview_blob(data: Any) -> bytes:
-    """Return the indicator over all that was measured, with what the data are.
-
-    Parameters
-    ----------
-    data : FrequencyResponse, ImpulseResponse, Signals or Records
-    """
+    """Return the indicator over all that was measured, with what the data are."""
     try:
         lines, curves = curves_of(data)
     except DataError:  # records that give no response: the diagram shows what there is
@@ -77,12 +67,7 @@ def overview_blob(data: Any) -> bytes:
 def cut_view(sweep: Sweep, cut: Cut, before: Cut | None) -> dict[str, Any]:
     """Return the poles of one order as the page takes them while a sweep runs.
 
-    Parameters
-    ----------
-    sweep : Sweep
-    cut : Cut
-    before : Cut, optional
-        The order before.
+    `before`: the order before.
     """
     index = cut.reported
     f, zeta = frequencies_and_damping(cut.modes.poles[index])
@@ -98,12 +83,7 @@ def cut_view(sweep: Sweep, cut: Cut, before: Cut | None) -> dict[str, Any]:
 
 
 def poles_blob(diagrams: Sequence[StabilizationDiagram]) -> bytes:
-    """Return the poles of all orders and bands, with the indicator behind them.
-
-    Parameters
-    ----------
-    diagrams : sequence of StabilizationDiagram
-    """
+    """Return the poles of all orders and bands, with the indicator behind them."""
     first = diagrams[0]
     lines, curves = behind(diagrams, _POINTS)
     head = {
@@ -118,12 +98,7 @@ def poles_blob(diagrams: Sequence[StabilizationDiagram]) -> bytes:
 
 
 def pole_arrays(diagrams: Sequence[StabilizationDiagram]) -> dict[str, Array]:
-    """Return frequency, damping, order, kind and deviations of all poles.
-
-    Parameters
-    ----------
-    diagrams : sequence of StabilizationDiagram
-    """
+    """Return frequency, damping, order, kind and deviations of all poles."""
 
     def known(values: Array | None, count: int) -> Array:
         return np.full(count, np.nan) if values is None else values
@@ -143,13 +118,7 @@ def pole_arrays(diagrams: Sequence[StabilizationDiagram]) -> dict[str, Array]:
 
 
 def behind(diagrams: Sequence[StabilizationDiagram], points: int) -> tuple[Array, Array]:
-    """Return lines (F,) and indicator curves (k, F) of diagrams; of more points than asked the highest of neighbours.
-
-    Parameters
-    ----------
-    diagrams : sequence of StabilizationDiagram
-    points : int
-    """
+    """Return lines (F,) and indicator curves (k, F) of diagrams; of more points than asked the highest of neighbours."""
     curves = [_cut(curves_of(d.response), d, len(diagrams)) for d in diagrams]
     count = min(_CURVES, *(c.shape[1] for _, c in curves))
     return thinned(np.concatenate([f for f, _ in curves]), np.concatenate([c[:, :count] for _, c in curves]), points)
@@ -158,11 +127,7 @@ def behind(diagrams: Sequence[StabilizationDiagram], points: int) -> tuple[Array
 def thinned(lines: Array, curves: Array, points: int) -> tuple[Array, Array]:
     """Return at most so many lines (P,) and curves (k, P), of each group of neighbours the highest: no peak is lost.
 
-    Parameters
-    ----------
-    lines : array, (F,)
-    curves : array, (F, k)
-    points : int
+    `lines` (F,). `curves` (F, k).
     """
     every = max(1, -(-len(lines) // points))
     starts = np.arange(0, len(lines), every)
@@ -181,12 +146,7 @@ def _kinds(kinds: Array, flags: Array) -> Array:
 def channel_blob(diagrams: Sequence[StabilizationDiagram], modes: ModalModel, output: int, column: int) -> bytes:
     """Return one channel on lines, measured and rebuilt from the modes.
 
-    Parameters
-    ----------
-    diagrams : sequence of StabilizationDiagram
-        Several bands stand one behind the other.
-    modes : ModalModel
-    output, column : int
+    `diagrams`: several bands stand one behind the other.
     """
     parts = []
     for diagram in diagrams:
@@ -215,14 +175,7 @@ def channel_blob(diagrams: Sequence[StabilizationDiagram], modes: ModalModel, ou
 
 
 def inside(modes: ModalModel, diagram: StabilizationDiagram, bands: int) -> ModalModel:
-    """Return the modes that belong to a band: of several bands those inside.
-
-    Parameters
-    ----------
-    modes : ModalModel
-    diagram : StabilizationDiagram
-    bands : int
-    """
+    """Return the modes that belong to a band: of several bands those inside."""
     if bands == 1:
         return modes
     low, high = band_of(diagram, bands)
@@ -230,23 +183,12 @@ def inside(modes: ModalModel, diagram: StabilizationDiagram, bands: int) -> Moda
 
 
 def band_of(diagram: StabilizationDiagram, bands: int) -> tuple[float, float]:
-    """Return from where to where a diagram reports, Hz: of several bands the one that was chosen, which its data may exceed.
-
-    Parameters
-    ----------
-    diagram : StabilizationDiagram
-    bands : int
-    """
+    """Return from where to where a diagram reports, Hz: of several bands the one that was chosen, which its data may exceed."""
     return asked_ends(diagram) if bands > 1 else diagram.response.span
 
 
 def asked_ends(diagram: StabilizationDiagram) -> tuple[float, float]:
-    """Return the band that was asked as far as there are data, Hz; all of them where none was.
-
-    Parameters
-    ----------
-    diagram : StabilizationDiagram
-    """
+    """Return the band that was asked as far as there are data, Hz; all of them where none was."""
     low, high = diagram.response.span
     asked = diagram.settings.get("band")
     return (low, high) if asked is None else (max(low, asked[0]), min(high, asked[1]))
@@ -264,12 +206,7 @@ def _cut(lines: tuple[Array, ...], diagram: StabilizationDiagram, bands: int) ->
 def rebuilt_lines(modes: ModalModel, diagram: StabilizationDiagram, bands: int) -> tuple[Array, Array, Array]:
     """Return lines (F,), measured and rebuilt values (F, l, m) of a band by its own modes.
 
-    Parameters
-    ----------
-    modes : ModalModel
-    diagram : StabilizationDiagram
-    bands : int
-        How many there are.
+    `bands`: how many there are.
     """
     response = diagram.response.picture()
     f, measured = response.spectrum()
