@@ -35,10 +35,7 @@ def test_rows_are_replaced_study_by_study_and_others_are_kept(folder: Path) -> N
     old = rows(folder)
     assert [row.split(" | ")[0] for row in old] == ["| 3 dB", "| 20 dB"]  # numbers by their size
     write([measured("20 dB", 3, SECOND)], folder)
-    assert rows(folder) == [
-        old[0],
-        "| 20 dB | found | 3 seeds, 0 to 2 | at least 2 | 3 | yes | 2026-02-02 | bbbbbbb |",
-    ]
+    assert rows(folder) == [old[0], "| 20 dB | found | 3 seeds, 0 to 2 | at least 2 | 3 | yes | 2026-02-02 | bbbbbbb |"]
     page = (folder / "selection.md").read_text(encoding="utf-8")
     assert page.startswith("# Selection of modes\n")
     assert "Last run: 2026-02-02, commit bbbbbbb, modalscope 0.2." in page

@@ -18,7 +18,7 @@ WITH_LGPL: frozenset[str] = frozenset({"mdf", "tdms"})
 
 #: Licences that a package names for a few of its files only, and how the names of these end: they count where the files are installed.
 FOR_SOME_FILES: dict[str, tuple[str, str]] = {
-    "docutils": ("GNU General Public License (GPL)", ".el"),  # its mode for Emacs, by COPYING.rst
+    "docutils": ("GNU General Public License (GPL)", ".el")  # its mode for Emacs, by COPYING.rst
 }
 
 _NAME = re.compile(r"\s*([A-Za-z0-9._-]+)\s*(?:\[([^\]]*)\])?")

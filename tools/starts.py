@@ -36,11 +36,7 @@ STARTS: dict[str, tuple[tuple[str, ...], tuple[str, ...], str]] = {
         r"0\.906",
     ),
     "ambient": (
-        (
-            "examples/palisaden/palisaden.npz",
-            "examples/palisaden/points.csv",
-            "examples/palisaden/lines.csv",
-        ),
+        ("examples/palisaden/palisaden.npz", "examples/palisaden/points.csv", "examples/palisaden/lines.csv"),
         (
             "psd palisaden.npz -o spectra.png",
             "identify palisaden.npz --band 1 4 --geometry points.csv --lines lines.csv -o report.html",

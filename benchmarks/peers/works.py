@@ -137,21 +137,9 @@ WORKS = (
         (("pymor", "era_randomized", "alternate", RANDOM),),
         "the others: minutes",
     ),
-    Work(
-        "OKID and ERA, 4 x 2, 4000 samples, order 20",
-        driven,
-        (("modred", "markov", "markov", 1e-2),),
-    ),
-    Work(
-        "LSCF 50 x 4000 lines, poles of every degree to 60",
-        fractions,
-        (("sdypy_EMA", "lscf", "lscf", 1e-4),),
-    ),
-    Work(
-        "the same, ours the whole diagram with shapes",
-        fractions,
-        (("sdypy_EMA", "lscf", "lscf_diagram", 1e-4),),
-    ),
+    Work("OKID and ERA, 4 x 2, 4000 samples, order 20", driven, (("modred", "markov", "markov", 1e-2),)),
+    Work("LSCF 50 x 4000 lines, poles of every degree to 60", fractions, (("sdypy_EMA", "lscf", "lscf", 1e-4),)),
+    Work("the same, ours the whole diagram with shapes", fractions, (("sdypy_EMA", "lscf", "lscf_diagram", 1e-4),)),
     Work(
         "SSI-cov 15 x 60 000, orders 1 to 100",
         lambda: ambient(15, 60_000),

@@ -126,12 +126,7 @@ _HOMES = {
 }
 
 #: What else there is, in namespaces.
-_NAMESPACES = {
-    "indicators": "modal.indicators",
-    "plot": "plot",
-    "preprocess": "preprocess",
-    "systems": "systems",
-}
+_NAMESPACES = {"indicators": "modal.indicators", "plot": "plot", "preprocess": "preprocess", "systems": "systems"}
 
 #: Names that stood at the face and now stand in a namespace alone.
 _MOVED = {

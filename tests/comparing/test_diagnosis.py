@@ -110,10 +110,7 @@ def test_under_a_window_lines_are_counted_within_the_bandwidth_of_the_data(side:
 
 def told(name: str, share: float, signal: float) -> MethodResult:
     """Return a method whose second mode has these reasons."""
-    reasons = (
-        {"share_of_peak": 9.0, "signal_to_noise": 9e9},
-        {"share_of_peak": share, "signal_to_noise": signal},
-    )
+    reasons = ({"share_of_peak": 9.0, "signal_to_noise": 9e9}, {"share_of_peak": share, "signal_to_noise": signal})
     return result(name, [(5, 0.02, (1, 0)), (10, 0.02, (1, 0))], reasons=reasons)
 
 

@@ -166,10 +166,7 @@ def test_a_pole_on_the_negative_real_axis_has_no_continuous_model() -> None:
         (lambda: _one().transfer(-1.0), "at a pole of the model, but it is infinite there"),
         (lambda: _one().transformed([[0.0]]), "singular"),
         (lambda: _one().to_discrete(0.1).simulate(np.ones((3, 2))), "inputs of 1 channels were asked, but there are 2"),
-        (
-            lambda: _one().to_discrete(0.1).simulate(np.ones((3, 1)), [1, 2]),
-            "initial needs 1 entries, but it has 2",
-        ),
+        (lambda: _one().to_discrete(0.1).simulate(np.ones((3, 1)), [1, 2]), "initial needs 1 entries, but it has 2"),
         (lambda: _one().to_discrete(0.1).impulse_response(0), "samples needs a whole number of at least 1"),
     ],
 )

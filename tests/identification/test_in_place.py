@@ -11,12 +11,7 @@ import modalscope as ms
 from modalscope.identification.refine import in_place
 from tests.support import FIVE, add_noise
 
-NAMES = (
-    "frequencies_std",
-    "damping_ratios_std",
-    "frequencies_repeatability",
-    "damping_ratios_repeatability",
-)
+NAMES = ("frequencies_std", "damping_ratios_std", "frequencies_repeatability", "damping_ratios_repeatability")
 
 
 def five_modes() -> ms.ModalModel:

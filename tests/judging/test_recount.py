@@ -155,10 +155,7 @@ def test_what_is_much_narrower_than_a_line_is_no_mode() -> None:
     assert not np.any(less.lasting(np.arange(4)))
 
 
-@pytest.mark.parametrize(
-    ("shape", "part", "own"),
-    [(0, 0, False), (1, 0, False), (0, 1, False), (1, 1, True)],
-)
+@pytest.mark.parametrize(("shape", "part", "own"), [(0, 0, False), (1, 0, False), (0, 1, False), (1, 1, True)])
 def test_a_shoulder_has_the_shape_or_the_participation_of_a_stronger_mode_that_it_overlaps(
     shape: int, part: int, own: bool
 ) -> None:

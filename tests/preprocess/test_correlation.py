@@ -6,12 +6,7 @@ import scipy.linalg as sla
 from scipy import signal
 
 from modalscope.data import DataError, Signals
-from modalscope.preprocess import (
-    correlation_blocks,
-    decomposition,
-    estimate_correlation,
-    half_spectra,
-)
+from modalscope.preprocess import correlation_blocks, decomposition, estimate_correlation, half_spectra
 from modalscope.systems import chain5
 from tests.support import random_system, relative
 

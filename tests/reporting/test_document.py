@@ -160,15 +160,7 @@ def test_the_table_of_modes_holds_every_value() -> None:
 def test_reasons_are_shown_whatever_they_hold() -> None:
     section = sections.reasons_section(judged())
     heads = re.findall(r"<th[^>]*>([^<]*)</th>", section.body)
-    assert heads == [
-        "mode",
-        "frequency [Hz]",
-        "orders found",
-        "orders tried",
-        "fit loss [%]",
-        "agrees",
-        "nearest",
-    ]
+    assert heads == ["mode", "frequency [Hz]", "orders found", "orders tried", "fit loss [%]", "agrees", "nearest"]
     assert "<td>12.5</td>" in section.body
     assert "<td>yes</td>" in section.body
     assert "mode 2, mac 0.04" in section.body

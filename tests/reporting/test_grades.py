@@ -21,9 +21,7 @@ def known(damping: float = 0.01, frequency: float = 1e-4) -> ModalModel:
     """Return the chain's modes with relative deviations of frequencies and damping ratios."""
     modes = examples.modes()
     return replace(
-        modes,
-        frequencies_std=frequency * modes.frequencies,
-        damping_ratios_std=damping * modes.damping_ratios,
+        modes, frequencies_std=frequency * modes.frequencies, damping_ratios_std=damping * modes.damping_ratios
     )
 
 

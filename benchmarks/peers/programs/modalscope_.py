@@ -56,11 +56,7 @@ def _ambient(data, lags=None, **options):
         record = ms.estimate_correlation(record, lags=lags)
         options["block_columns"] = int(data["rows"])
     diagram = ms.stabilize(
-        record,
-        orders=range(1, int(data["largest"]) + 1),
-        block_rows=int(data["rows"]) - 1,
-        deviations=False,
-        **options,
+        record, orders=range(1, int(data["largest"]) + 1), block_rows=int(data["rows"]) - 1, deviations=False, **options
     )
     return np.exp(diagram.poles[diagram.order_of_pole == int(data["order"])])
 

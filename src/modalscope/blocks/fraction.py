@@ -531,11 +531,7 @@ def trigonometric_sums(values: ComplexArray, angles: RealArray, lags: int) -> Re
 
 
 def fraction(
-    response: FrequencyResponse,
-    *,
-    degree: int,
-    weights: ArrayLike | None = None,
-    equal_outputs: bool = True,
+    response: FrequencyResponse, *, degree: int, weights: ArrayLike | None = None, equal_outputs: bool = True
 ) -> Fraction:
     """Prepare the normal equations of all degrees up to `degree`.
 

@@ -307,8 +307,7 @@ def _edge(case: _Case) -> Cause | None:
     if away > width:
         return None
     return Cause(
-        "edge of the band",
-        f"{away:.3g} Hz inside the band {f[0]:.5g} to {f[-1]:.5g} Hz, bandwidth {width:.2g} Hz",
+        "edge of the band", f"{away:.3g} Hz inside the band {f[0]:.5g} to {f[-1]:.5g} Hz, bandwidth {width:.2g} Hz"
     )
 
 

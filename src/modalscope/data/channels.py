@@ -263,12 +263,7 @@ class Channels(Shown, ABC):
         """
         return replace(self, processing=(*self.processing, step))
 
-    def select(
-        self,
-        outputs: Chosen = None,
-        inputs: Chosen = None,
-        exclude: Chosen = None,
-    ) -> Self:
+    def select(self, outputs: Chosen = None, inputs: Chosen = None, exclude: Chosen = None) -> Self:
         """Return some of the channels, named by label or counted from zero.
 
         Parameters

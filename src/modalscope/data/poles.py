@@ -130,9 +130,7 @@ def pole_kinds(poles: ArrayLike, dt: float | None = None) -> tuple[str, ...]:
     at_nyquist = np.zeros(s.shape, bool) if dt is None else np.isclose(np.abs(s.imag) * dt, np.pi, rtol=1e-9, atol=0)
     forgotten = np.zeros(s.shape, bool) if dt is None else s.real * dt < np.log(_ZERO)
     names = np.select(
-        [forgotten, at_nyquist, s.real > 0, is_real(s)],
-        ["zero", "nyquist", "unstable", "real"],
-        default="mode",
+        [forgotten, at_nyquist, s.real > 0, is_real(s)], ["zero", "nyquist", "unstable", "real"], default="mode"
     )
     return tuple(str(name) for name in names)
 

@@ -297,12 +297,7 @@ class Records(Shown, Convertible):
             source_path=self.source_path,
         )
 
-    def select(
-        self,
-        outputs: Chosen = None,
-        inputs: Chosen = None,
-        exclude: Chosen = None,
-    ) -> Records:
+    def select(self, outputs: Chosen = None, inputs: Chosen = None, exclude: Chosen = None) -> Records:
         """Return some of the channels; a run that keeps none of its inputs is left out, for what drove it is not known.
 
         Parameters

@@ -152,9 +152,7 @@ class StabilizationDiagram(Shown, HasPoles):
             there = array.shape[-1 if name == "shapes" else 0]
             if there != count:
                 raise DataError(
-                    f"a diagram of {count} poles needs as many {name}",
-                    f"there are {there}",
-                    "Give one a pole.",
+                    f"a diagram of {count} poles needs as many {name}", f"there are {there}", "Give one a pole."
                 )
             freeze(self, **{name: locked(array)})
         freeze(

@@ -206,10 +206,7 @@ class StoredSignals(Channels):
         return {"quantities": tuple(q or kind for q, kind in zip(self.quantities, kinds, strict=True))}
 
     def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
-        return {
-            "rows": Picked(self.rows, tuple(outputs)),
-            "quantities": tuple(self.quantities[i] for i in outputs),
-        }
+        return {"rows": Picked(self.rows, tuple(outputs)), "quantities": tuple(self.quantities[i] for i in outputs)}
 
 
 # ----------------------------------------------------------------------------------------------------- stored response

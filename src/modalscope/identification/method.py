@@ -84,10 +84,7 @@ def _no_records(response: Response, records: bool) -> Refusal | None:
 def _no_spectra(response: Response, records: bool) -> Refusal | None:
     if response.origin == "records":
         return None
-    return Refusal(
-        "it takes records with inputs, and these are none",
-        "Give Signals with inputs, or leave route out.",
-    )
+    return Refusal("it takes records with inputs, and these are none", "Give Signals with inputs, or leave route out.")
 
 
 #: Why a row cannot take the data, given whether records without inputs are there. Other rows take all data.

@@ -150,9 +150,7 @@ _REPORTED: tuple[Method, ...] = (
             ),
             "z": _Cell("left to the reader", "Least squares", ("least squares FD",), ("least-squares-fd",)),
             "s": _Cell(
-                "left to the reader",
-                "Least squares",
-                ("least squares FD, continuous", "first-order form, Eq. 109"),
+                "left to the reader", "Least squares", ("least squares FD, continuous", "first-order form, Eq. 109")
             ),
         },
         realization="regression on H(0)",

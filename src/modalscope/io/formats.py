@@ -20,20 +20,7 @@ from modalscope.data.analysis import Analysis
 from modalscope.data.channels import files_of
 from modalscope.data.results import Result
 from modalscope.data.shown import summary_of
-from modalscope.io import (
-    csv,
-    excel,
-    hdf5,
-    json,
-    mat,
-    mesh,
-    npz,
-    recorders,
-    text,
-    uff,
-    wav,
-    zarr,
-)
+from modalscope.io import csv, excel, hdf5, json, mat, mesh, npz, recorders, text, uff, wav, zarr
 from modalscope.io.analysis import write_analysis
 from modalscope.io.atomic import check_texts, replacing
 from modalscope.io.contents import Contents, Format, Options, Survey, Thing
@@ -87,11 +74,7 @@ FORMATS: dict[str, Format] = {
     ".h5": _HDF5,
     ".hdf5": _HDF5,
     ".zarr": Format(
-        name="Zarr folder",
-        reader=zarr.read,
-        writer=None,
-        read_options=(*ARRAY_OPTIONS, *STORED_OPTIONS),
-        folder=True,
+        name="Zarr folder", reader=zarr.read, writer=None, read_options=(*ARRAY_OPTIONS, *STORED_OPTIONS), folder=True
     ),
 }
 

@@ -211,11 +211,7 @@ def _bound(seconds: int, memory: int) -> None:
         return
     status = Path("/proc/self/statm")
     own = int(status.read_text().split()[0]) * resource.getpagesize() if status.exists() else _OWN_MEMORY
-    for kind, most in (
-        (resource.RLIMIT_CPU, seconds),
-        (resource.RLIMIT_AS, own + memory),
-        (resource.RLIMIT_CORE, 0),
-    ):
+    for kind, most in ((resource.RLIMIT_CPU, seconds), (resource.RLIMIT_AS, own + memory), (resource.RLIMIT_CORE, 0)):
         hard = resource.getrlimit(kind)[1]
         resource.setrlimit(kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
 

@@ -26,11 +26,7 @@ __all__ = ["SPLIT", "Part", "cut_of", "evened", "holds_too_little", "joined_diag
 
 @named()
 def merge_bands(
-    results: Sequence[ModalModel],
-    bands: Sequence[tuple[float, float]],
-    *,
-    tolerance: float = 0.005,
-    shape: float = 0.8,
+    results: Sequence[ModalModel], bands: Sequence[tuple[float, float]], *, tolerance: float = 0.005, shape: float = 0.8
 ) -> ModalModel:
     """Return the modes of several bands by frequency, those that lie in two of them once.
 

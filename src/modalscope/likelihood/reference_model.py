@@ -224,10 +224,7 @@ def _neither_negative(
     a, b = (ss * pe - es * ps) / rest, (ee * ps - es * pe) / rest
     first = np.where(apart, b <= 0, alone[0] * pe >= alone[1] * ps)
     second = ~first & np.where(apart, a <= 0, True)
-    return (
-        np.where(first, alone[0], np.where(second, 0.0, a)),
-        np.where(second, alone[1], np.where(first, 0.0, b)),
-    )
+    return (np.where(first, alone[0], np.where(second, 0.0, a)), np.where(second, alone[1], np.where(first, 0.0, b)))
 
 
 def _few(response: Response, poles: Array) -> Array:

@@ -32,12 +32,7 @@ _ASTRAY = 1.0
 
 
 def refined(
-    task: Task,
-    before: ModalModel,
-    settled: Settled | None,
-    groups: Groups,
-    lost: list[Candidate],
-    notes: list[Note],
+    task: Task, before: ModalModel, settled: Settled | None, groups: Groups, lost: list[Candidate], notes: list[Note]
 ) -> ModalModel:
     """Wrap the optimum: values, deviations, what was lost, and the modes as they were."""
     response = task.response

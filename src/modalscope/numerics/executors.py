@@ -55,11 +55,7 @@ def crew() -> Crew:
 @named()
 @contextmanager
 def working(
-    client: Any = None,
-    *,
-    progress: Progress | None = None,
-    save: str | Path | None = None,
-    device: str | None = None,
+    client: Any = None, *, progress: Progress | None = None, save: str | Path | None = None, device: str | None = None
 ) -> Iterator[None]:
     """Let long sums over a record be done by others, be told of, and be kept, and large products be computed elsewhere.
 

@@ -153,9 +153,7 @@ def simulated(model: Quadruple, inputs: ArrayLike, initial: ArrayLike | None) ->
     u = real_array("inputs", inputs, "(samples, inputs)", 2)
     if u.shape[1] != model.B.shape[1]:
         raise DataError(
-            f"inputs of {model.B.shape[1]} channels were asked",
-            f"there are {u.shape[1]}",
-            "Give one column an input.",
+            f"inputs of {model.B.shape[1]} channels were asked", f"there are {u.shape[1]}", "Give one column an input."
         )
     states = _states(model.A, u @ model.B.T, _initial(model, initial))
     return np.asarray(states @ model.C.T + u @ model.D.T)

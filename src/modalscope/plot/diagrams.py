@@ -185,11 +185,7 @@ def _draw(ax: Axes, lines: RealArray, curves: RealArray, colours: list[str]) -> 
 
 @named()
 def indicator(
-    response: Response,
-    modes: ModalModel | None = None,
-    ax: Axes | None = None,
-    *,
-    kind: str = "cmif",
+    response: Response, modes: ModalModel | None = None, ax: Axes | None = None, *, kind: str = "cmif"
 ) -> Axes:
     """Draw the complex mode indicator function, the singular values of H over frequency, or the sum of magnitudes.
 

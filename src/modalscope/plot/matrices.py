@@ -10,12 +10,7 @@ from numpy.typing import ArrayLike
 from modalscope.data import ModalModel
 from modalscope.modal import indicators
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import (
-    Array,
-    RealArray,
-    complex_array,
-    real_array,
-)
+from modalscope.numerics.checks import Array, RealArray, complex_array, real_array
 from modalscope.plot._style import (
     BLUE,
     GREEN,

@@ -487,11 +487,7 @@ def pulse_response(signals: Signals, Y: RealArray, D: RealArray, note: str) -> I
 @named()
 @one_thread
 def estimate_markov(
-    signals: Signals,
-    *,
-    method: str = "okid",
-    observer_order: int | None = None,
-    samples: int | None = None,
+    signals: Signals, *, method: str = "okid", observer_order: int | None = None, samples: int | None = None
 ) -> ImpulseResponse:
     """Turn records with measured inputs of any kind into impulse responses: Markov parameters Y(k) = C A^k B and the direct term.
 

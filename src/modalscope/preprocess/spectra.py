@@ -71,9 +71,7 @@ def segment_starts(samples: int, segment: int, overlap: float) -> list[int]:
     check_count("segment", segment, least=2)
     if segment > samples:
         raise DataError(
-            f"segments of {segment} samples were asked",
-            f"a run has {samples}",
-            f"Lower segment to at most {samples}.",
+            f"segments of {segment} samples were asked", f"a run has {samples}", f"Lower segment to at most {samples}."
         )
     if not 0 <= overlap < 1:
         raise DataError(

@@ -73,20 +73,8 @@ TABLES = (
             (13.7967, 4.8219, 1.000, 0.753, 0.837, 0.998, 0.836),
         ),
     ),
-    _column(
-        "five storeys",
-        "pyOMA example: closed form of the chain",
-        "f Hz",
-        6,
-        *_FIVE_STOREYS,
-    ),
-    _column(
-        "five storeys, identified",
-        "the same, from its responses",
-        "f Hz",
-        6,
-        *_FIVE_STOREYS,
-    ),
+    _column("five storeys", "pyOMA example: closed form of the chain", "f Hz", 6, *_FIVE_STOREYS),
+    _column("five storeys, identified", "the same, from its responses", "f Hz", 6, *_FIVE_STOREYS),
     _column("shear building", _IASC, "f Hz", 2, 9.41, 11.79, 16.38, 25.54, 32.01, 38.66, 48.01, 60.15),
 )
 

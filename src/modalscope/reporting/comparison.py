@@ -235,9 +235,7 @@ def _identities(c: Comparison) -> Section:
 def _disagreements(c: Comparison) -> Section:
     if not c.disagreements:
         return Section(
-            "disagreements",
-            "Where methods disagree",
-            paragraph("Nowhere beyond what the noise moves them apart."),
+            "disagreements", "Where methods disagree", paragraph("Nowhere beyond what the noise moves them apart.")
         )
     rows = []
     for d in c.disagreements:

@@ -198,10 +198,7 @@ def _loud(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> tuple[
     left = fit_of(modes, diagrams[0].response) if len(modes) else 0.0
     if explains_enough(left):
         return unheard
-    return (
-        *unheard,
-        Note("little explained", {"share": share_explained(left), "fit_error": left}, explained(left)),
-    )
+    return (*unheard, Note("little explained", {"share": share_explained(left), "fit_error": left}, explained(left)))
 
 
 def _each_once(*notes: Note) -> tuple[Note, ...]:

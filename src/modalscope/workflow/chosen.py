@@ -39,12 +39,7 @@ __all__ = ["modes_chosen", "refined_where_it_helps"]
 # Refinement as a part of the whole job: where it makes values better, and why not where it does not.
 
 #: Of one mode.
-_DEVIATIONS = (
-    "frequencies_std",
-    "damping_ratios_std",
-    "frequencies_repeatability",
-    "damping_ratios_repeatability",
-)
+_DEVIATIONS = ("frequencies_std", "damping_ratios_std", "frequencies_repeatability", "damping_ratios_repeatability")
 
 #: Modes that go astray are held and the others refined again, so many times at most, while this part of all is left.
 _ROUNDS, _LEAST = 4, 0.5
@@ -170,10 +165,7 @@ def _of_bands(document: Analysis, looks: Sequence[Look], choose: Choose, *, betw
         if document.frequencies is not None and not frequencies:
             continue
         here = replace(
-            document,
-            frequencies=None if document.frequencies is None else frequencies,
-            taken=taken,
-            refused=refused,
+            document, frequencies=None if document.frequencies is None else frequencies, taken=taken, refused=refused
         )
         parts.append(((low, high), _repeated(_of_band(here, look, choose), look, between)))
     if not parts:

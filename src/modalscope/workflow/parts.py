@@ -51,11 +51,7 @@ class Look:
 
 
 def looked_at(
-    data: Any,
-    document: Analysis,
-    progress: Progress | None = None,
-    watch: Watch | None = None,
-    choose: Choose = select,
+    data: Any, document: Analysis, progress: Progress | None = None, watch: Watch | None = None, choose: Choose = select
 ) -> list[Look]:
     """Return every band of a document identified; one where nobody chose orders is cut where one ladder of them does not hold it.
 

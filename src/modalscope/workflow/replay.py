@@ -56,9 +56,7 @@ def replay(
     known = document.files or (SourceFile(),)
     if data is None and not all(file.path for file in known):
         raise DataError(
-            "an analysis was to be done again",
-            "its data came from no file",
-            "Give the data: replay(document, data).",
+            "an analysis was to be done again", "its data came from no file", "Give the data: replay(document, data)."
         )
     given = [file.path for file in known] if data is None else data
     thing, sources, told = opened(given, document.reading if data is None or are_paths(data) else {})

@@ -59,12 +59,7 @@ def kinds_of(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def read_body(
-    where: str,
-    lines: Iterable[tuple[int, str]],
-    kinds: Sequence[str],
-    dialect: Dialect,
-    width: int,
-    space: Room,
+    where: str, lines: Iterable[tuple[int, str]], kinds: Sequence[str], dialect: Dialect, width: int, space: Room
 ) -> tuple[list[Array], list[str]]:
     """Return the columns of a body, and what to say of lines under it.
 

@@ -80,9 +80,7 @@ def read_function(name: str, block: Block) -> Function:
     where = f"{block.name} of {name}"
     if len(block.records) < HEADER_LINES:
         raise DataError(
-            f"{where} needs {HEADER_LINES} records before its data",
-            f"it has {len(block.records)}",
-            DAMAGED,
+            f"{where} needs {HEADER_LINES} records before its data", f"it has {len(block.records)}", DAMAGED
         )
     dofs, shape = parse(DOFS, block.records[5], where), parse(FORM, block.records[6], where)
     abscissa, ordinate, denominator = (parse(AXIS, line, where) for line in block.records[7:10])
@@ -120,11 +118,7 @@ def _check_form(where: str, shape: dict[str, Any]) -> None:
     kind, points, spacing = shape["ordinate data type"], shape["number of points"], shape["abscissa spacing"]
     if kind not in (2, 4, 5, 6) or points < 1 or spacing not in (0, 1):
         found = f"they are {kind}, {points} and {spacing}"
-        raise DataError(
-            f"{where} needs data type 2, 4, 5 or 6, at least one point, and spacing 0 or 1",
-            found,
-            DAMAGED,
-        )
+        raise DataError(f"{where} needs data type 2, 4, 5 or 6, at least one point, and spacing 0 or 1", found, DAMAGED)
     if spacing == 1 and points > 1 and shape["abscissa increment"] <= 0:
         raise DataError(
             f"{where} needs a positive abscissa increment",
@@ -147,11 +141,7 @@ def _even_abscissa(where: str, shape: dict[str, Any], texts: Sequence[str]) -> R
             first, last = ends
     x = np.linspace(first, last, points)
     if not np.isfinite(x).all():
-        raise DataError(
-            f"{where} needs a finite abscissa",
-            f"it runs from {first:g} to {last:g}",
-            DAMAGED,
-        )
+        raise DataError(f"{where} needs a finite abscissa", f"it runs from {first:g} to {last:g}", DAMAGED)
     return x
 
 
@@ -234,11 +224,7 @@ def _from_text(where: str, lines: Sequence[bytes], shape: dict[str, Any]) -> tup
     try:
         columns = [table[field].astype(float) for field in table.dtype.names or ()]
     except ValueError as error:
-        raise DataError(
-            f"{where} needs numbers in its columns",
-            f"they do not read ({error})",
-            DAMAGED,
-        ) from None
+        raise DataError(f"{where} needs numbers in its columns", f"they do not read ({error})", DAMAGED) from None
     y = np.stack(columns[uneven:], axis=1)
     x = columns[0] if uneven else None
     values = _joined(y)

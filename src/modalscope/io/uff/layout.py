@@ -173,11 +173,7 @@ _ENTITY = 10
 def label_from(where: str, entity: str, node: int, direction: int) -> str:
     """Return the label of a node and a direction; an entity name stands for a node that has no number."""
     if direction not in DIRECTIONS:
-        raise DataError(
-            f"{where} needs a direction from -6 to 6",
-            f"it has {direction}",
-            DAMAGED,
-        )
+        raise DataError(f"{where} needs a direction from -6 to 6", f"it has {direction}", DAMAGED)
     named = entity if entity.upper() != "NONE" else ""
     if node == 0 and named:
         return named if direction == 0 else f"{named}:{DIRECTIONS[direction]}"

@@ -114,11 +114,7 @@ def _read_trace(parts: Parts, block: Block, where: str) -> str:
         found = f"it holds {len(path)}"
         # some programs leave repeated zeros out of the count
         if len([n for k, n in enumerate(path) if k == 0 or n != path[k - 1]]) != head["number of nodes"]:
-            raise DataError(
-                f"{where} needs the {head['number of nodes']} nodes of its header",
-                found,
-                DAMAGED,
-            )
+            raise DataError(f"{where} needs the {head['number of nodes']} nodes of its header", found, DAMAGED)
     pairs = [(a, b) for a, b in pairwise(path) if a > 0 and b > 0 and a != b]
     parts.lines += pairs
     return f"a trace line of {len(pairs)} lines"

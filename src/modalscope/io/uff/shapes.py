@@ -108,9 +108,7 @@ def _pole(where: str, analysis: int, lines: Sequence[bytes], newer: bool) -> com
         real, imag = second[:2] if newer else first[:2]
     except (IndexError, ValueError):
         raise DataError(
-            f"{where} needs the frequency or the eigenvalue of its mode",
-            "the record is cut off",
-            DAMAGED,
+            f"{where} needs the frequency or the eigenvalue of its mode", "the record is cut off", DAMAGED
         ) from None
     return complex(real, imag)
 
@@ -121,9 +119,7 @@ def _values(where: str, lines: Sequence[bytes], head: dict[str, int]) -> dict[tu
     count = head["values a node"] * (2 if cplx else 1)
     if head["values a node"] != len(directions):
         raise DataError(
-            f"{where} needs {len(directions)} values a node",
-            f"its header counts {head['values a node']}",
-            DAMAGED,
+            f"{where} needs {len(directions)} values a node", f"its header counts {head['values a node']}", DAMAGED
         )
     values: dict[tuple[int, int], complex] = {}
     rows = iter(lines)
@@ -133,11 +129,7 @@ def _values(where: str, lines: Sequence[bytes], head: dict[str, int]) -> dict[tu
         while len(data) < count and (more := next(rows, None)) is not None:
             data += _reals(where, more)
         if len(data) != count or (node, directions[0]) in values:
-            raise DataError(
-                f"{where} needs {count} numbers once for node {node}",
-                f"it has {len(data)}",
-                DAMAGED,
-            )
+            raise DataError(f"{where} needs {count} numbers once for node {node}", f"it has {len(data)}", DAMAGED)
         parts = (
             [complex(*pair) for pair in zip(data[::2], data[1::2], strict=True)] if cplx else [complex(v) for v in data]
         )

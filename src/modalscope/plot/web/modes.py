@@ -77,10 +77,7 @@ def _known(modes: ModalModel) -> dict[str, Array]:
         "mpc": mpc(modes.shapes) if len(modes) else None,
     }
     if modes.unrefined is not None and len(modes.unrefined) == len(modes):
-        found |= {
-            "frequency_before": modes.unrefined.frequencies,
-            "damping_before": modes.unrefined.damping_ratios,
-        }
+        found |= {"frequency_before": modes.unrefined.frequencies, "damping_before": modes.unrefined.damping_ratios}
     return {name: values for name, values in found.items() if values is not None}
 
 
