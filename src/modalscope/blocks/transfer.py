@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from modalscope.blocks.factor import Cost, Factors, costs_of
 from modalscope.blocks.lines import SEEN, LineMatrix, PolynomialRows, kept_block_rows, real_columns
-from modalscope.blocks.matrix import FunctionRows, LinePencil, line_pencil
+from modalscope.blocks.matrix import LinePencil, line_pencil
 from modalscope.blocks.polynomials import Leftover, Plane, basis_on, energy, leftover, plane_of, remainders
 from modalscope.blocks.triple import Eigen, Misfit, ModalFit, Triple
 from modalscope.data.channels import derivatives_between, known_quantity
@@ -525,14 +525,6 @@ class Transfer(PolynomialRows, LineMatrix):
     @cached_property
     def _left(self) -> Leftover:
         return leftover(self._points, self.basis, self.weights)
-
-    def left_rows(self, basis: RealArray, *, tall: bool) -> FunctionRows:
-        """Return what gives rows of a left factor as functions of the lines."""
-        return FunctionRows(
-            self._row_polynomials,
-            self._points,
-            basis.reshape(-1, self.outputs, basis.shape[1]) / self.output_scale[:, None],
-        )
 
     def pencil(self, left: Array, values: Array, *, tall: bool) -> LinePencil:
         """Return rows as functions of the lines."""

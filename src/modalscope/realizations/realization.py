@@ -52,10 +52,6 @@ class Realization(ABC):
         Raises `DataError`: an order beyond the rank, or one that the method cannot have.
         """
 
-    def in_turn(self) -> Realization:
-        """Return the same models for every order in turn: where they are nested, eigenvalues of one follow from those of the one before."""
-        return self
-
     def sides(self, n: int, eigen: Eigen) -> Sides:
         """Return what `pairs` takes of eigenvalues of the model of order n: small arrays, of which those of several orders go together.
 
