@@ -1,4 +1,4 @@
-"""Processes that compute: one a document, and a warm one that waits for the next."""
+"""Run worker processes: one for each open document, and a warm one for the next."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Open documents: every choice as a step that can be undone, the process that computes it, and the windows that look on."""
+"""Keep the open documents: their steps with undo, the process that computes each, and the windows that show it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files that the page may see: those of the folder that was given, and what was uploaded."""
+"""List and store the files that the page may open: those of the given folder and uploads."""
 
 from __future__ import annotations
 

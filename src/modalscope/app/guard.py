@@ -1,4 +1,4 @@
-"""Who may ask the server: one with its cookie, under its own name, from its own page."""
+"""Admit requests to the page: cookie, host name, origin, and limits of size."""
 
 from __future__ import annotations
 

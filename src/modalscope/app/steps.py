@@ -1,4 +1,4 @@
-"""The stages of an analysis, each kept as long as the part of the document that it depends on stays: data, diagrams, candidates, modes."""
+"""Compute the stages of an analysis (data, diagrams, candidates, modes) and keep each until a choice that it depends on changes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Gram blocks of the right matrix fraction H(z) = B(z) A(z)^-1 fitted by linear least squares: LSCF, known as PolyMAX.
+"""Fit a right matrix fraction H(z) = B(z) A(z)^-1 by linear least squares (LSCF, PolyMAX) and carry noise to its poles.
 
 With real coefficients A_0, ..., A_p (m x m) and beta_0, ..., beta_p (one row an output) the error of output o is
 sum_j z^j beta_oj - H_o sum_j z^j A_j on the lines. Its normal equations have Toeplitz blocks: each entry depends on the difference of two

@@ -1,4 +1,4 @@
-"""How small changes of a response move poles: gradients that are kept as outer products, and what noise makes of them.
+"""Compute the influence of each sample or line of a response on poles, and the covariance that noise gives them.
 
 The first-order change of a pole is dp = L dH v with one row and one column vector, H the data matrix. H is linear in the response, so its
 adjoint turns the pair into an array g of the response's own shape with dp = sum g dY. That array is an outer product (output by input) on

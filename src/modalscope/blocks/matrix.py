@@ -1,4 +1,4 @@
-"""What a block data matrix offers to factorizations, realizations and judges, whatever its domain."""
+"""Define the interface of a data matrix: block shifts, rows of left factors, products, factors, influence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Polynomials orthogonal on the lines of a band, built by the Arnoldi process (Vandermonde with Arnoldi).
+"""Compute polynomials orthogonal on frequency lines (Vandermonde with Arnoldi), the frequency planes, and the lines that suffice.
 
 Powers of j w are useless beyond degree five or so: their Gram matrix is singular to rounding. The basis here satisfies
 x p_k = sum_j h_jk p_j with a real Hessenberg matrix h when the points come in conjugate pairs, and is orthonormal in the

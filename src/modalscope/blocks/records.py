@@ -1,4 +1,4 @@
-"""How noise in records moves poles: sums over all lines of products of two polynomials, taken at as few points as these have coefficients.
+"""Compute block matrices of records on lines, with inputs and transients eliminated, and the influence of noise on their poles.
 
 A pole moves by dp = sum over lines of a . dY + b . dY*, with a = P(x) u / 2 and b = P~(x) t / 2: vectors of polynomials of degree q, smooth
 from line to line, and one number u and t a line, which follow the input and are not. White noise asks for sums of |P|^2 |u|^2 and the

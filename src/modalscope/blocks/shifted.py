@@ -1,4 +1,4 @@
-"""Shifted transfer functions Y_t(z) = sum_k Y(k + t) z^-k over a finite window (Eqs. 78-82), exact for any record.
+"""Compute shifted transfer functions Y_t(z) = sum_k Y(k + t) z^-k over a finite window (Eqs. 78-82).
 
 Nothing is assumed beyond the last sample: Y_t = C A^t G B with G = sum_(k < K) A^k z^-k, whatever has or has not decayed. On the
 window's own lines the block matrix is the Hankel matrix times an orthogonal one; on some of them, a band, it leaves the rest

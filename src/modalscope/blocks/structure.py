@@ -1,4 +1,4 @@
-"""Data matrices of sampled systems: their poles lie in the z-plane, and a mode goes on by z from one block to the next."""
+"""Index block rows and columns: shifts, subsets, compression, and the steps that all sampled data matrices share."""
 
 from __future__ import annotations
 

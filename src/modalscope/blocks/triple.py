@@ -1,4 +1,4 @@
-"""What passes between a data matrix and its realizations: models (A, B, C), their eigenvalues, and modes fitted to the data."""
+"""Hold a state-space model (A, B, C) with its eigenvalues, the modes fitted to it, and their misfit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""modalscope identify: the modes in a file, or in the files of one test."""
+"""Run `modalscope identify`: the modes in a file, in the files of one test, or in each of many files."""
 
 from __future__ import annotations
 

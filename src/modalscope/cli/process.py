@@ -1,4 +1,4 @@
-"""The program around a command: what it prints, and how it ends when somebody stops it."""
+"""Run a command as a process: output, progress, signals and exit codes."""
 
 from __future__ import annotations
 

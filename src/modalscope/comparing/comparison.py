@@ -1,4 +1,4 @@
-"""Every method on the same data, compared in one call."""
+"""Compare every method on the same data: `compare`, and its extension to further methods."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rules that name the likely cause of a disagreement, mode by mode and for the data as a whole. Each names its evidence.
+"""Name the likely cause of a disagreement between methods, with its evidence.
 
 heavy damping
     The damping ratio is above 10 %.

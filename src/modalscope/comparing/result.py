@@ -1,4 +1,4 @@
-"""What a comparison is: every method's result, the consensus, and the judgement."""
+"""Hold a comparison: the result of every method, the consensus, and the verdict."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every method on the same response: each with its own stabilization diagram and selection, or the reason why it failed."""
+"""Run every method on one response: plan, diagram, selection, or the reason for a failure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An analysis as a document: every choice that was made, so that it can be stored, read and done again."""
+"""Hold an analysis as a document of all choices, with its version, to be stored, read and repeated."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What records and responses share: labels, units and geometry of their channels, and the processing done so far."""
+"""Define what records and responses share: labels, units, geometry, groups, source files, processing."""
 
 from __future__ import annotations
 

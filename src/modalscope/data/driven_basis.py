@@ -1,4 +1,4 @@
-"""What poles can contribute to records: driven by measured inputs, and set going by what each run found at its ends.
+"""Compute the regressors of records with given poles: forced response to measured inputs, and transients of each run.
 
 With c_j the shape of a pole, l_j what drives it and d = [U; ends] the drives of a run, Y = sum_j c_j (l_j' d) / (x - s_j) + conj + D U.
 Every drive of every pole is two real columns, the same for all outputs; the shapes tie their coefficients together.

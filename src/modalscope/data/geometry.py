@@ -1,4 +1,4 @@
-"""Where the sensors are: nodes, lines, faces, and how a channel maps onto them."""
+"""Hold the geometry of a test: nodes, lines, faces, and the degree of freedom that each label names."""
 
 from __future__ import annotations
 

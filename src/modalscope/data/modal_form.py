@@ -1,4 +1,4 @@
-"""Modal form of a state-space model (Eqs. 15-16), also where poles repeat or lack eigenvectors of their own."""
+"""Transform state-space models to modal form (Eqs. 15-16), also with repeated or defective poles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The fields of modes: what each must be, and how they are cut and joined together."""
+"""Define the fields of modes: validation, selection, joining, candidates, and rows of tables."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Modes: poles, shapes and participation, and what they say about a structure."""
+"""Hold modes: poles, shapes and participation, with normalization, synthesis and names."""
 
 from __future__ import annotations
 

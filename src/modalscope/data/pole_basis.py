@@ -1,4 +1,4 @@
-"""What poles can contribute to a response, as real columns, and least squares with them.
+"""Compute pole functions on lines or samples as real regressors, and solve least squares with them.
 
 A conjugate pair of poles with residue R = a + j b contributes a g1 + b g2, two functions of the line (or sample) that are the
 same for every output and input. One orthogonal decomposition of these functions therefore serves all channels: the data

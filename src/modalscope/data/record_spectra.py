@@ -1,4 +1,4 @@
-"""Records on lines: the transforms of whole runs beside the inputs that drove them, judged where no frequency response is estimated."""
+"""Hold spectra of whole runs with the inputs that drove them, and compare models with them."""
 
 from __future__ import annotations
 

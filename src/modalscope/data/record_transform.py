@@ -1,4 +1,4 @@
-"""From records to their lines: the plain transform of whole runs, and nothing else."""
+"""Transform whole runs to frequency lines."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Records of several runs: one test, measured again and again, of any lengths and from any of its inputs."""
+"""Hold records: samples of outputs and inputs in one run or several, of any lengths."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an identification asks of a response, whichever of the two kinds it is: lines or samples."""
+"""Define the interface of a response, on lines or on samples, to identification."""
 
 from __future__ import annotations
 

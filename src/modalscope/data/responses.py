@@ -1,4 +1,4 @@
-"""Measured responses: impulse responses on samples, and frequency responses on the lines of a band."""
+"""Hold measured responses: impulse responses on samples and frequency responses on lines."""
 
 from __future__ import annotations
 

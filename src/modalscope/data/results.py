@@ -1,4 +1,4 @@
-"""The result of a whole analysis: modes, the diagrams they were selected from, and all that must be told."""
+"""Hold the result of an analysis: modes, stabilization diagrams, settings and notes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""State-space models x' = A x + B u, y = C x + D u, continuous or sampled (Eqs. 1-16)."""
+"""Hold state-space models x' = A x + B u, y = C x + D u, continuous or sampled (Eqs. 1-16), and convert them."""
 
 from __future__ import annotations
 

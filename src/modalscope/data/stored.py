@@ -1,4 +1,4 @@
-"""Records that stay in their file: read a stretch at a time, checked as they are read."""
+"""Hold records and responses that stay in their file and are read in stretches."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Units of channels and what one of them is in SI.
+"""Convert the units of channels to SI.
 
 Units are compared after `plain_unit`, so that `m/s²`, `m/s^2` and `[m / s2]` are one unit. The foot, the pound, the standard acceleration
 and what follows from them are exact by definition (NIST Special Publication 811, 2008, appendix B).

@@ -1,4 +1,4 @@
-"""Ambient setups in their band before they are put together: the band that was asked, or those that all of them together fall into."""
+"""Prepare ambient records and setups: detrend, decimate and filter to the bands where modes are."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Finding a cell of the table by the words that people have for it."""
+"""Find a method by the names that the field has for it, and say which options it takes."""
 
 from __future__ import annotations
 

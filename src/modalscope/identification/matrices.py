@@ -1,4 +1,4 @@
-"""The data matrix of a row for its problem: which blocks, in which form, and the sizes that were chosen where nothing was asked."""
+"""Build the data matrix of a method: blocks, form and sizes, chosen where nothing was asked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a row of the table is, and what it is asked to solve."""
+"""Define a row of the table of methods, and the problem that it solves."""
 
 from __future__ import annotations
 

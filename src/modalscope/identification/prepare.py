@@ -1,4 +1,4 @@
-"""From data of any kind to the problem that a row of the table solves: records become responses once, for all rows."""
+"""Prepare data of any kind for identification: records become responses once, for all methods."""
 
 from __future__ import annotations
 

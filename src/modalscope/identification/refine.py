@@ -1,4 +1,4 @@
-"""Modes refined to the maximum of the likelihood, with their deviations."""
+"""Refine modes to the maximum of the likelihood, with standard deviations (`refine`)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One order after the other from one factorization: cut, judged and handed out as it comes."""
+"""Identify model order after model order from one factorization (`sweep`)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Nouns as named arrays, the layout that .npz, .mat and HDF5 files share.
+"""Convert data objects to named arrays, the layout of .npz, .mat and HDF5 files.
 
 Each field of a data object is an array of that name; what is None is left out. Texts are text arrays. Units are `output_units` and
 `input_units`, a geometry is `geometry_nodes`, `geometry_coordinates`, `geometry_lines` and `geometry_faces` (indices into

@@ -1,4 +1,4 @@
-"""Files are written beside their target and moved into place: a failed write leaves an earlier file as it was."""
+"""Write files to a temporary name and move them into place; refuse texts that a format cannot hold."""
 
 from __future__ import annotations
 

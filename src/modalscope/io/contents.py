@@ -1,4 +1,4 @@
-"""What a reader hands on: the data object, and an account of every part of the file."""
+"""Define what a reader returns: the data object and an account of every part of the file."""
 
 from __future__ import annotations
 

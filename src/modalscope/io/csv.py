@@ -1,4 +1,4 @@
-"""CSV in the layout that is written here: responses and records, in and (`csv_writer`) out; tables of modes out.
+"""Read and write CSV files in the library's own layout; write tables of modes.
 
 Any other table is read by `modalscope.io.text`, by evidence. The first line that is not a comment names the columns; the first column
 is the abscissa. Labels carry their unit in brackets. Comments `# name: value` before it hold what has no column (quantity,

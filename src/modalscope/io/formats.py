@@ -1,4 +1,4 @@
-"""The table of formats: suffix -> how it is read and written. A new format is one module and one row here."""
+"""Define the table of formats, and read, survey and write files by their suffix."""
 
 from __future__ import annotations
 

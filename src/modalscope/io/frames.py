@@ -1,4 +1,4 @@
-"""pandas and xarray objects as tables: names, units, and the rate of their index. Neither package is imported: their objects are asked."""
+"""Read pandas and xarray objects as tables, without importing either package."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading the layout of `modalscope.io.arrays`: renaming, order of axes, and one noun out of named arrays."""
+"""Build data objects from named arrays: renaming, order of axes, and values that options override."""
 
 from __future__ import annotations
 

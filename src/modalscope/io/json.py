@@ -1,4 +1,4 @@
-"""modes.json: identified modes with their shapes, indicators and reasons, read back without loss.
+"""Read and write modes as JSON, with shapes, indicators and reasons.
 
 The layout is that of the command line (`identify -o modes.json`):
 

@@ -1,4 +1,4 @@
-"""Named arrays as people save them: `t`, `Fs`, `acc`, `force`, `H`, `f`; what each is, by its name, its shape and the others.
+"""Interpret named arrays of other programs (`t`, `Fs`, `acc`, `force`, `H`, `f`) by name and shape.
 
 A vector of times or frequencies says how many samples or lines there are, and so which axis of the other arrays counts them. What that
 does not settle (hits as columns look as channels do) is an error that names the options which say it.

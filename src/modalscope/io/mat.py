@@ -1,4 +1,4 @@
-"""MATLAB files up to version 7.3: the arrays of `modalscope.io.arrays` as variables.
+"""Read and write MATLAB files, versions 5 to 7.3.
 
 Versions 5 to 7.2 are read by `mat5`, 7.3 (which is HDF5) by h5py; version 5 is written, by scipy. Fields of a structure are
 named with a dot, `test.H`, and `rename` takes these names. MATLAB drops trailing axes of length one and makes vectors of

@@ -1,4 +1,4 @@
-"""NumPy archives: the arrays of `modalscope.io.arrays`, never a pickle."""
+"""Read and write NumPy files, .npz and .npy, never a pickle."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Geometry from files as people have them: tables of points and lines, universal files, meshes of finite elements.
+"""Read geometry from tables of points and lines, universal files and finite element meshes.
 
 | a table of points has | it is |
 |---|---|

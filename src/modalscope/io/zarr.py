@@ -1,4 +1,4 @@
-"""Zarr folders: arrays in pieces, each a file; named as in the layout of `modalscope.io.arrays`, what is short also as attributes.
+"""Read and write Zarr folders of chunked arrays.
 
 A group with an array `outputs` (samples, channels), and `sampling_rate`, `output_dofs`, ... as arrays or attributes; or one array with
 attributes. What a folder says of its arrays is read as JSON before anything is opened: pieces that are too large, and ways of packing

@@ -1,4 +1,4 @@
-"""Modes of several bands as one result, each once."""
+"""Merge modes that were selected in several bands."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Does the interval hold? The user's own case is simulated and identified again and again by what made the reported numbers.
+"""Calibrate intervals by simulation: replicates of the test are identified as the measured data were.
 
 First-order deviations see neither bias nor thresholds nor modes that split. Replicates do: the rebuilt response plus noise of the estimated
 variance, taken through the same row at the same order, and refined where the reported modes were.

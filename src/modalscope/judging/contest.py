@@ -1,4 +1,4 @@
-"""Poles that contend for the data: refined together, pruned by what each explains, completed by what stands out of the residual.
+"""Select poles jointly: refine candidates together, remove those without evidence, add what the residual shows.
 
 What a mode explains, its gain, is the rise of the squared misfit when it goes and the others are fitted again, in variances of the
 noise. The bar it has to pass counts its free shape and participation and the search for the best place: `search_bound`.

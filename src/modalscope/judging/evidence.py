@@ -1,4 +1,4 @@
-"""What speaks for a group of poles: the rules by which a mode is told from noise, and the sentence that says so."""
+"""Weigh the evidence for a group of poles that orders count, and state it in a sentence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The chosen modes as a modal model: median poles, shapes and participation fitted together to the data, and the reasons."""
+"""Build the modal model of the selected groups, paired with a reference where one is given."""
 
 from __future__ import annotations
 

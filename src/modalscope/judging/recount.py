@@ -1,4 +1,4 @@
-"""What modes explain of data whose errors are coloured, counted again channel by channel with the covariance that the errors show.
+"""Compute likelihood ratios of modes with the error covariance that the residual shows, channel by channel.
 
 The likelihood that poles are refined by divides every channel by one level over the lines. Errors that are a part of the response are
 small where a channel's response is, so that a mode tells more of itself there than that count says.

@@ -1,4 +1,4 @@
-"""Poles of all orders from one factorization, and what is stable from one order to the next."""
+"""Compute the stabilization diagram: poles of all orders, their stability, and the order that suffices (`stabilize`)."""
 
 from __future__ import annotations
 

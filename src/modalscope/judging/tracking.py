@@ -1,4 +1,4 @@
-"""Poles followed over orders: splits merged within an order, tracks from order to order, and what their members agree on.
+"""Track poles over model orders: merge split poles, join tracks, and average their members.
 
 Everything here is deterministic: an optimal assignment from one order to the next, no random starts.
 """

@@ -1,4 +1,4 @@
-"""What a contest decided, told of the groups of poles in a diagram: which are modes, which are parts of one, and what the others lack.
+"""Assign the outcome of the joint selection to the groups of a diagram: modes, parts of modes, and rejected poles with reasons.
 
 Values are those of the diagram, the median of the orders that agree, so that every method keeps its own; a mode of white data that no
 orders agree on has refined ones.

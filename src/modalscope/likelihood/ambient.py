@@ -1,4 +1,4 @@
-"""Fisher's scoring over several ambient records that share their poles: what each has of its own is eliminated."""
+"""Maximize the likelihood of several ambient records with common poles, by Fisher scoring."""
 
 from __future__ import annotations
 

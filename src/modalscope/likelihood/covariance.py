@@ -1,4 +1,4 @@
-"""Covariances carried to what is reported: poles to frequencies and damping ratios, scores of parts to the spread between them."""
+"""Propagate covariances to frequencies, damping ratios and the spread between groups."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Descent to the optimum of the likelihood: Levenberg and Marquardt's steps, held among decaying oscillations.
+"""Maximize the likelihood over poles and participation by Levenberg-Marquardt steps.
 
 The damping follows the fall of the misfit over what the linear model promised: where that holds but in part it stays as it is, so that
 of a curved valley no other step is a trial in vain.

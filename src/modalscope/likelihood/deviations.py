@@ -1,4 +1,4 @@
-"""Standard deviations of the poles of one model, by the noise in the data."""
+"""Compute standard deviations of poles by first-order propagation of noise, order by order."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The pole that stands out of a residual: a filter that is matched to a decaying oscillation, on a grid of frequencies and damping."""
+"""Find the pole that stands out of a residual, by filters matched to decaying oscillations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is known of the noise in a response, and what it does to poles: variances of the values, or deviations of parts of a record.
+"""Model the noise of a response: variances of values, or deviations of segments, and their effect on poles.
 
 Every kind is one contraction with the influence of the data on the poles (`modalscope.likelihood.covariance`).
 """

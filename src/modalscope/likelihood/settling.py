@@ -1,4 +1,4 @@
-"""Poles and the noise of every channel settled together: each descent tells what the next one divides the data by."""
+"""Iterate poles and channel noise to convergence, with out-of-band poles where they whiten the residual."""
 
 from __future__ import annotations
 

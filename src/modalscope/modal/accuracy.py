@@ -1,4 +1,4 @@
-"""How far to trust the modes of one order: every indicator that the data matrix gives."""
+"""Compute the accuracy indicators of the modes of one order."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Responses rebuilt from modes, and how much of the measured ones they leave unexplained."""
+"""Rebuild responses from modes, and compute how much of the measured response they explain."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Modes of setups that were identified alone, put together: poles averaged, parts of shapes brought to one scale through common outputs."""
+"""Merge modes that were identified in separate setups, through common outputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Shapes, residuals and modal masses from frequency responses, given poles (least-squares frequency domain, LSFD)."""
+"""Fit shapes, residual terms and modal masses to frequency responses with given poles (LSFD)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Checks that data classes make of what they are given: numbers, arrays, counts, bands, lists and file names."""
+"""Check numbers, arrays, counts, bands, lists and file names, and name the array types."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Transfer functions D + C (x I - A)^-1 B at many points."""
+"""Evaluate transfer functions and recursions of state-space models, their scaling and Gramians."""
 
 from __future__ import annotations
 

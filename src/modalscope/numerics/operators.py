@@ -1,4 +1,4 @@
-"""Matrices known by their products: what a factorization may ask of them, their transposes, and a plain array."""
+"""Define matrices by their products, with transposes and plain arrays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Orthonormal bases of tall arrays by Cholesky factors, where their condition allows it."""
+"""Compute triangular factors and orthonormal bases of tall arrays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Intervals that a frequency or a damping ratio lies in with a given probability."""
+"""Compute robust averages, optimal pairings, and confidence intervals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sums over chunks of data: add a chunk, merge two, finish. Files longer than memory, threads and clusters are one loop over chunks."""
+"""Accumulate sums over chunks of data, save them, and resume."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Deviations of every mode, from the noise and between groups, and where its values stood before refinement."""
+"""Draw intervals and certificates of modes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Measured against rebuilt responses."""
+"""Draw measured against rebuilt responses, and spectra."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Mode shapes, on the geometry or as bars."""
+"""Draw mode shapes on the geometry or as bars, with their phases."""
 
 from __future__ import annotations
 

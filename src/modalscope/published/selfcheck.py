@@ -1,4 +1,4 @@
-"""Published tables recomputed, value by value, by this installation."""
+"""Recompute published tables value by value on this installation."""
 
 from __future__ import annotations
 

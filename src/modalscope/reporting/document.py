@@ -1,4 +1,4 @@
-"""A whole report: which sections it has, and its way to the disk."""
+"""Assemble a report and write it to a file."""
 
 from __future__ import annotations
 

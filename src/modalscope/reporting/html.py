@@ -1,4 +1,4 @@
-"""One self-contained page: sections, tables and pictures as plain HTML, without a template engine.
+"""Build self-contained HTML: sections, tables, numbers, pictures and style.
 
 Everything a reader's browser needs stands in the file: the style, and the pictures as data. Nothing is asked from
 outside. What comes from the user is escaped where it enters.

@@ -1,4 +1,4 @@
-"""The first two sections of a report: the verdict, and a grade for each mode with all its figures behind."""
+"""Write the verdict and the table of modes with grade and intervals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sections on the record itself: the data and their quality, the settings, what was left out, how to repeat it."""
+"""Write the sections on data, settings, notes, and the script that repeats the analysis."""
 
 from __future__ import annotations
 

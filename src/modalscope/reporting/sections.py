@@ -1,4 +1,4 @@
-"""The sections of a report on one identification; a comparison adds its own."""
+"""Write the sections of a report on one identification or on several bands."""
 
 from __future__ import annotations
 

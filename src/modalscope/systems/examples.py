@@ -1,4 +1,4 @@
-"""Structures with repeated and close modes, and a free decay that others published results for."""
+"""Build structures with repeated and close modes, and a free decay with published results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The structures that can be built by name."""
+"""Build a simulated test by the name of its structure."""
 
 from __future__ import annotations
 

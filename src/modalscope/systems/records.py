@@ -1,4 +1,4 @@
-"""Records of a sampled model under white or given forces."""
+"""Simulate records of a sampled model under given or white forces, with noise."""
 
 from __future__ import annotations
 

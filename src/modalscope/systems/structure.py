@@ -1,4 +1,4 @@
-"""Structures M q'' + D q' + K q = f: their models, modes, responses and records (Eqs. 1-8)."""
+"""Model structures M q'' + D q' + K q = f: assembly, modes, responses and records (Eqs. 1-8)."""
 
 from __future__ import annotations
 

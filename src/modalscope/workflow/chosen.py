@@ -1,4 +1,4 @@
-"""The modes of what was identified, by the choices in a document: of parts, bands and setups."""
+"""Identify and select by the choices of a document: parts, bands, setups, refinement."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The axis of a table: the sampling rate that times give, and whether they are evenly spaced."""
+"""Determine the sampling rate from a column of times, its evenness, and the rows that are taken."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Frequency responses out of columns: pairs of parts by their names, their order or `--columns`."""
+"""Build frequency responses from columns: real and imaginary parts, magnitude and phase, coherence."""
 
 from __future__ import annotations
 

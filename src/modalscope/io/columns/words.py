@@ -1,4 +1,4 @@
-"""Words of the field in the heads of columns: names, units, and what they say about a column.
+"""Interpret the heads of columns: names, units, and the role of each column.
 
 Units and names are compared after `plain_unit` and `words_of`, so that `m/s²`, `m/s^2` and `[m / s2]` are one unit.
 """

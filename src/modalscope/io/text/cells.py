@@ -1,4 +1,4 @@
-"""Cells of a text table: how lines are parted, and what a cell holds."""
+"""Parse the cells of a text table: numbers, complex numbers, dates and times."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a text table is written: what parts its cells, and which sign is the decimal one. By the cells themselves, never by the suffix."""
+"""Determine the encoding, delimiter and decimal sign of a text table from its content."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Dataset 58, function at a nodal dof: text and binary, real and complex, even and uneven."""
+"""Read and write dataset 58, functions at nodal degrees of freedom, as text and binary."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Records of fixed columns: one table serves reading and writing."""
+"""Define the fixed-column records of universal files, for reading and writing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Functions as a matrix: one abscissa, one quantity, each pair of dofs once, complete."""
+"""Arrange the functions of a universal file as a matrix of outputs and inputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Geometry in universal files: nodes (15, 2411), trace lines (82), elements (2412) and coordinate systems (2420)."""
+"""Read and write geometry in universal files: nodes, trace lines, elements, coordinate systems."""
 
 from __future__ import annotations
 

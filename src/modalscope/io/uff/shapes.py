@@ -1,4 +1,4 @@
-"""Mode shapes in universal files: datasets 55 and 2414, data at nodes, real normal modes and complex eigenvalues."""
+"""Read and write mode shapes in universal files, datasets 55 and 2414."""
 
 from __future__ import annotations
 

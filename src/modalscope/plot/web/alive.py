@@ -1,4 +1,4 @@
-"""A result as one blob that a report or a notebook holds: poles, modes, shapes and channels, to zoom, hover and turn."""
+"""Pack a result as one blob that reports and notebooks draw interactively."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Poles and curves as the page draws them, read off diagrams and data. Nothing is identified here."""
+"""Collect the poles and curves that the page draws."""
 
 from __future__ import annotations
 
