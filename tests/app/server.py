@@ -77,7 +77,7 @@ class Served:
     """A running server, and one who may enter."""
 
     address: str
-    desks: Any
+    store: Any
     cookie: str = ""
     headers: dict[str, str] = field(default_factory=dict)
 
@@ -140,7 +140,7 @@ def served(folder: Path, place: Path, limits: Limits | None = None) -> Iterator[
     thread = Thread(target=server.run, args=([made.socket],), daemon=True)
     thread.start()
     until(lambda: server.started)
-    found = Served(made.address, made.desks)
+    found = Served(made.address, made.store)
     found.cookie = f"{made.app._cookie}={made.app._secret}"
     try:
         yield found

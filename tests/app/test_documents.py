@@ -22,7 +22,7 @@ def test_the_modes_are_those_of_replay_to_the_last_digit(server: Served, key: st
     again = ms.replay(analysis_from(state["document"])).modes
     _, headers, text = server.request("GET", f"/api/documents/{key}/export/json")
     assert 'filename="plain.json"' in headers["content-disposition"]
-    place = Path(server.desks.shelf.place) / "back.json"
+    place = Path(server.store.shelf.place) / "back.json"
     place.write_bytes(text)
     assert (ms.read(place).poles == again.poles).all()
     assert [m["frequency"] for m in server.modes(key)["modes"]] == list(again.frequencies)
@@ -70,7 +70,7 @@ def test_two_jobs_run_at_once_and_one_is_stopped(server: Served) -> None:
 
 def test_a_process_that_is_killed_says_so_and_the_document_stays(server: Served, key: str) -> None:
     before = server.settled(key)
-    server.desks.find(key)._hand.process.kill()
+    server.store.find(key)._worker.process.kill()
     failed = until(lambda: server.state(key)["failed"])
     assert "its process ended" in failed["found"]
     assert server.state(key)["document"] == before["document"]
@@ -114,7 +114,7 @@ def test_a_server_that_starts_again_has_the_documents_and_refuses_a_changed_file
         assert (state["document"]["orders"], state["undo"]) == (FEW, True)
         assert state["stage"]["stage"] == "done"
         (folder / name).write_bytes((folder / "hostile.npz").read_bytes())
-        second.desks.find(key).rest()
+        second.store.find(key).rest()
         second.act(key, "again")
         assert "hash differs" in second.settled(key)["failed"]["found"]
         second.ask("POST", f"/api/documents/{key}/close")

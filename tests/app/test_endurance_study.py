@@ -63,7 +63,7 @@ def test_fifty_windows_are_told_of_every_change(wide: Served, study: Callable[[s
     table, seconds = study(f"page, {WINDOWS} windows on one document", "5 changes"), []
     with ExitStack() as open_windows:
         windows = [open_windows.enter_context(looking(wide, key)) for _ in range(WINDOWS)]
-        until(lambda: len(wide.desks.find(key).windows) == WINDOWS)
+        until(lambda: len(wide.store.find(key).windows) == WINDOWS)
         for number in range(5):
             begun = time.monotonic()
             state = wide.act(key, "name", frequency=1.0, name=f"name {number}")
@@ -72,7 +72,7 @@ def test_fifty_windows_are_told_of_every_change(wide: Served, study: Callable[[s
         wide.settled(key)
     table.row("until all windows have a change, s", seconds, most=5, form=".2g")
     assert not table.missed
-    until(lambda: len(wide.desks.find(key).windows) == 0)
+    until(lambda: len(wide.store.find(key).windows) == 0)
     assert wide.settled(key)["document"]["names"]
 
 
@@ -81,7 +81,7 @@ def test_fifty_documents_are_open_at_once_and_each_is_computed(wide: Served) -> 
     assert len(set(keys)) == WINDOWS
     for key in keys:
         assert wide.settled(key, 300)["stage"]["stage"] == "done", key
-        assert len(wide.desks.crew._owners) <= Limits().workers
+        assert len(wide.store.pool._owners) <= Limits().workers
     first = wide.modes(keys[0])["modes"]
     for key in keys[-3:]:
         assert [mode["frequency"] for mode in wide.modes(key)["modes"]] == [mode["frequency"] for mode in first]
@@ -131,7 +131,7 @@ def test_two_gigabytes_are_taken_and_one_byte_more_is_not(
     table = study("page, upload of the largest file allowed", f"1 file of {limit / 1e9:.2f} GB")
     table.row("memory of the server, MB", (resident() - before) / 1e6, most=LITTLE / 1e6, form=".0f")
     assert not table.missed
-    uploads = Path(wide.desks.shelf.place)
+    uploads = Path(wide.store.shelf.place)
     kept = sum(path.stat().st_size for path in uploads.rglob("record.npy"))
     assert kept == limit
 

@@ -54,7 +54,7 @@ def acted(document: Analysis, action: str, given: Mapping[str, Any]) -> Analysis
 
 
 def change(document: Analysis, **new: Any) -> Analysis:
-    """Set fields; choices by hand outside of new bands go."""
+    """Set fields; choices by worker outside of new bands go."""
     unknown = sorted(set(new) - set(_SETTABLE))
     if unknown:
         known = ", ".join(_SETTABLE)

@@ -14,8 +14,8 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
-from modalscope.app.desk import Desk
-from modalscope.app.desks import Desks
+from modalscope.app.document import OpenDocument
+from modalscope.app.documents import DocumentStore
 from modalscope.app.files import FORMATS, too_large
 from modalscope.data import DataError
 from modalscope.data.analysis import VERSION
@@ -45,18 +45,18 @@ def _answered(handler: Handler) -> Handler:
     return answer
 
 
-def _desks(request: Request) -> Desks:
-    desks: Desks = request.app.state.desks
-    return desks
+def _store(request: Request) -> DocumentStore:
+    store: DocumentStore = request.app.state.store
+    return store
 
 
-def _desk(request: Request) -> Desk:
-    return _desks(request).find(request.path_params["key"])
+def _opened(request: Request) -> OpenDocument:
+    return _store(request).find(request.path_params["key"])
 
 
 async def _body(request: Request) -> dict[str, Any]:
     """Return what a request says as JSON, if it is not too much of it."""
-    most, parts, size = _desks(request).limits.body, [], 0
+    most, parts, size = _store(request).limits.body, [], 0
     async for chunk in request.stream():
         size += len(chunk)
         if size > most:
@@ -73,19 +73,19 @@ async def _body(request: Request) -> dict[str, Any]:
 
 async def start(request: Request) -> Response:
     """What there is to begin with: files, documents, methods and formats."""
-    desks = _desks(request)
-    folder = desks.shelf.folder
+    store = _store(request)
+    folder = store.shelf.folder
     rows = [{"name": m.name, "domain": m.domain, "label": m.label, "route": m.route} for m in methods()]
     first = request.app.state.first
     return JSONResponse(
         {
             "version": VERSION,
             "folder": None if folder is None else folder.name,
-            "files": await asyncio.to_thread(desks.shelf.listed),
-            "documents": desks.listed(),
+            "files": await asyncio.to_thread(store.shelf.listed),
+            "documents": store.listed(),
             "methods": rows,
             "formats": FORMATS,
-            "upload": desks.limits.upload,
+            "upload": store.limits.upload,
             "first": first,
         }
     )
@@ -93,61 +93,61 @@ async def start(request: Request) -> Response:
 
 async def upload(request: Request) -> Response:
     """Take a file as it comes."""
-    desks = _desks(request)
-    name, most = request.query_params.get("name", "file"), desks.limits.upload
+    store = _store(request)
+    name, most = request.query_params.get("name", "file"), store.limits.upload
     length = request.headers.get("content-length", "0")
     if length.isdigit() and int(length) > most:
         raise too_large(name, most)
-    return JSONResponse({"file": await desks.shelf.take(name, request.stream(), most)})
+    return JSONResponse({"file": await store.shelf.take(name, request.stream(), most)})
 
 
 async def open_files(request: Request) -> Response:
     """Open files as a document, and begin."""
-    desks, body = _desks(request), await _body(request)
+    store, body = _store(request), await _body(request)
     names = body.get("files")
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise DataError("files were to be opened", "their names are no texts", "Use the page.")
-    desk = await desks.open(names)
-    desk.start()
-    return JSONResponse(desk.state())
+    opened = await store.open(names)
+    opened.start()
+    return JSONResponse(opened.state())
 
 
 async def state(request: Request) -> Response:
     """All that a window needs to know of a document; one that nobody computed yet is begun."""
-    desk = _desk(request)
-    if desk.stage["stage"] == "idle":
-        desk.start()
-    return JSONResponse({**desk.state(), "cuts": desk.cuts})
+    opened = _opened(request)
+    if opened.stage["stage"] == "idle":
+        opened.start()
+    return JSONResponse({**opened.state(), "cuts": opened.cuts})
 
 
 async def act(request: Request) -> Response:
     """Do something to the document."""
-    desk, body = _desk(request), await _body(request)
+    opened, body = _opened(request), await _body(request)
     given, edition = body.get("given", {}), body.get("edition")
     if not isinstance(given, dict) or not isinstance(body.get("action"), str):
         raise DataError("an action was asked", "it is not named, or what it needs is no object", "Use the page.")
     if body["action"] == "geometry":
-        given = {"files": [str(_desks(request).shelf.resolve(str(name))) for name in given.get("files", ())]}
-    desk.act(body["action"], given, edition if isinstance(edition, int) else None)
-    _desks(request).keep(desk)
-    return JSONResponse(desk.state())
+        given = {"files": [str(_store(request).shelf.resolve(str(name))) for name in given.get("files", ())]}
+    opened.act(body["action"], given, edition if isinstance(edition, int) else None)
+    _store(request).keep(opened)
+    return JSONResponse(opened.state())
 
 
 async def cancel(request: Request) -> Response:
     """Stop what is computed."""
-    _desk(request).cancel()
+    _opened(request).cancel()
     return JSONResponse({})
 
 
 async def close(request: Request) -> Response:
     """Close and forget a document."""
-    _desks(request).close(request.path_params["key"])
+    _store(request).close(request.path_params["key"])
     return JSONResponse({})
 
 
 async def blob(request: Request) -> Response:
     """Arrays that were found last."""
-    found = _desk(request).blobs.get(request.path_params["name"])
+    found = _opened(request).blobs.get(request.path_params["name"])
     if found is None:
         return Response(status_code=404)
     return Response(found[1], media_type="application/octet-stream", headers={"x-number": str(found[0])})
@@ -157,7 +157,7 @@ async def channel(request: Request) -> Response:
     """One channel, measured and rebuilt."""
     output, column = (_number(request, name) for name in ("output", "input"))
     return Response(
-        await _desk(request).ask("channel", output=output, column=column), media_type="application/octet-stream"
+        await _opened(request).ask("channel", output=output, column=column), media_type="application/octet-stream"
     )
 
 
@@ -170,19 +170,19 @@ def _number(request: Request, name: str) -> int:
 
 async def compare(request: Request) -> Response:
     """Every method on the same data."""
-    return JSONResponse(plain(await _desk(request).ask("compare")))
+    return JSONResponse(plain(await _opened(request).ask("compare")))
 
 
 async def export(request: Request) -> Response:
     """The result in one format, as a file to keep."""
-    desk, suffix = _desk(request), f".{request.path_params['suffix']}"
+    opened, suffix = _opened(request), f".{request.path_params['suffix']}"
     if suffix not in FORMATS:
         raise DataError(f"{suffix[:20]} was asked", f"there are {', '.join(FORMATS)}", "Choose one of these.")
-    stem = Path(desk.document.files[0].path).stem or "modes"
+    stem = Path(opened.document.files[0].path).stem or "modes"
     folder = Path(mkdtemp(prefix="modalscope-"))
     target = folder / f"{stem}{suffix}"
     try:
-        path = Path(await desk.ask("export", suffix=suffix, target=str(target)))
+        path = Path(await opened.ask("export", suffix=suffix, target=str(target)))
     except BaseException:
         _cleared(target)
         raise
@@ -197,12 +197,12 @@ def _cleared(path: Path) -> None:
 
 async def events(request: Request) -> Response:
     """All that happens to a document, as it happens."""
-    desk = _desk(request)
-    window = desk.windows.look(desk.limits.listeners)
+    opened = _opened(request)
+    window = opened.windows.look(opened.limits.listeners)
 
     async def stream() -> AsyncIterator[str]:
         try:
-            yield f"data: {json.dumps(desk.state())}\n\n"
+            yield f"data: {json.dumps(opened.state())}\n\n"
             while True:
                 try:
                     message = await asyncio.wait_for(window.get(), _SIGN)
@@ -213,7 +213,7 @@ async def events(request: Request) -> Response:
                 if message["type"] in ("closed", "ended"):
                     return
         finally:
-            desk.windows.look_away(window)
+            opened.windows.look_away(window)
 
     return StreamingResponse(stream(), media_type="text/event-stream")
 

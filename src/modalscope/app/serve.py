@@ -17,7 +17,7 @@ from starlette.responses import FileResponse, Response
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
-from modalscope.app.desks import Desks
+from modalscope.app.documents import DocumentStore
 from modalscope.app.files import Shelf
 from modalscope.app.guard import Guard, Limits
 from modalscope.app.routes import routes
@@ -33,13 +33,13 @@ STATIC = Path(__file__).parent / "static"
 class Page:
     """A server that is ready to run.
 
-    `socket`: bound already: nobody else can take the port. `address`: with the token. `desks`: its documents.
+    `socket`: bound already: nobody else can take the port. `address`: with the token. `store`: its documents.
     """
 
     app: Any
     socket: socket.socket
     address: str
-    desks: Desks
+    store: DocumentStore
 
 
 def built() -> None:
@@ -80,20 +80,20 @@ def page(
     """
     bound = _bound(host, port)
     port = bound.getsockname()[1]
-    desks = Desks(Shelf(folder, place or place_of_ours()), limits or Limits())
+    store = DocumentStore(Shelf(folder, place or place_of_ours()), limits or Limits())
 
     @asynccontextmanager
     async def life(_: Starlette) -> AsyncIterator[None]:
-        desks.crew.warm_up()
+        store.pool.warm_up()
         yield
 
     served = [Route("/", _index), *routes(), Mount("/static", StaticFiles(directory=STATIC, check_dir=False))]
     app = Starlette(routes=served, lifespan=life)
-    app.state.desks, app.state.first = desks, first or []
+    app.state.store, app.state.first = store, first or []
     token = secrets.token_urlsafe(24)
     names = {f"{name}:{port}" for name in (host, *(("127.0.0.1", "localhost") if _is_loopback(host) else ()))}
     guard = Guard(app, token, {name.lower() for name in names}, f"modalscope-{port}")
-    return Page(guard, bound, f"http://{host}:{port}/?token={token}", desks)
+    return Page(guard, bound, f"http://{host}:{port}/?token={token}", store)
 
 
 async def _index(_: Request) -> Response:
@@ -126,7 +126,7 @@ def server_of(made: Page) -> Any:
 
     class Server(uvicorn.Server):
         async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-            made.desks.end()  # the windows let go, and nothing waits for them
+            made.store.end()  # the windows let go, and nothing waits for them
             await super().shutdown(sockets)
 
     settings = uvicorn.Config(made.app, log_level="warning", access_log=False, timeout_graceful_shutdown=2, ws="none")

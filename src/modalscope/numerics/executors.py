@@ -15,7 +15,7 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import Device, device_named
 
-__all__ = ["Crew", "crew", "each", "working"]
+__all__ = ["Execution", "each", "execution", "working"]
 
 Task = TypeVar("Task")
 Done = TypeVar("Done")
@@ -26,7 +26,7 @@ _WAITING = 2
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Crew:
+class Execution:
     """Who works, and what is told and kept.
 
     `client`: of a Dask scheduler; without it this process does everything. `progress`: called with (tasks done, tasks in all). `folder`:
@@ -43,13 +43,13 @@ class Crew:
         return array if self.device is None else self.device.place(array)
 
 
-_ALONE = Crew()
-_crew: ContextVar[Crew | None] = ContextVar("crew", default=None)
+_ALONE = Execution()
+_execution: ContextVar[Execution | None] = ContextVar("execution", default=None)
 
 
-def crew() -> Crew:
+def execution() -> Execution:
     """Return who works now."""
-    return _crew.get() or _ALONE
+    return _execution.get() or _ALONE
 
 
 @named()
@@ -91,9 +91,9 @@ def working(
             f"client is {type(client).__name__}",
             "Give distributed.Client(address).",
         )
-    outer = crew()
-    token = _crew.set(
-        Crew(
+    outer = execution()
+    token = _execution.set(
+        Execution(
             outer.client if client is None else client,
             outer.progress if progress is None else progress,
             outer.folder if save is None else _folder(save),
@@ -103,7 +103,7 @@ def working(
     try:
         yield
     finally:
-        _crew.reset(token)
+        _execution.reset(token)
 
 
 def _folder(path: str | Path) -> Path:
@@ -126,11 +126,11 @@ def each(work: Callable[[Task], Done], tasks: Sequence[Task]) -> Iterator[tuple[
 
     `work`: A function of a module, or a partial of one: it is sent to the workers.
     """
-    if crew().client is None:
+    if execution().client is None:
         for task in tasks:
             yield task, work(task)
         return
-    yield from _by_workers(crew().client, work, tasks)
+    yield from _by_workers(execution().client, work, tasks)
 
 
 def _by_workers(client: Any, work: Callable[[Task], Done], tasks: Sequence[Task]) -> Iterator[tuple[Task, Done]]:

@@ -11,16 +11,16 @@ from pathlib import Path
 from secrets import token_hex
 from typing import Any
 
-from modalscope.app.crew import Crew
-from modalscope.app.desk import Desk
+from modalscope.app.document import OpenDocument
 from modalscope.app.files import Shelf
 from modalscope.app.guard import Limits
+from modalscope.app.processes import ProcessPool
 from modalscope.data import DataError
 from modalscope.data.analysis import VERSION, Analysis, SourceFile
 from modalscope.io.analysis import analysis_from, analysis_to, read_analysis
 from modalscope.io.atomic import replacing
 
-__all__ = ["Desks"]
+__all__ = ["DocumentStore"]
 
 _DOCUMENT = ".analysis.json"
 
@@ -28,13 +28,13 @@ _DOCUMENT = ".analysis.json"
 _WRITTEN = 100
 
 
-class Desks:
+class DocumentStore:
     """Opens, finds and keeps documents."""
 
     def __init__(self, shelf: Shelf, limits: Limits) -> None:
         self.shelf, self.limits = shelf, limits
-        self.crew = Crew(limits.workers, limits.spare)
-        self._open: dict[str, Desk] = {}
+        self.pool = ProcessPool(limits.workers, limits.spare)
+        self._open: dict[str, OpenDocument] = {}
         self._place = shelf.place / "documents"
         self._place.mkdir(parents=True, exist_ok=True, mode=0o700)
 
@@ -48,7 +48,7 @@ class Desks:
             kept = json.loads(path.read_text(encoding="utf-8"))
             yield {"key": path.stem, "name": str(kept["name"]), "steps": len(kept["history"])}
 
-    def find(self, key: str) -> Desk:
+    def find(self, key: str) -> OpenDocument:
         """Return a document, from the disk where it is not open."""
         if key in self._open:
             return self._open[key]
@@ -59,15 +59,15 @@ class Desks:
             kept = json.loads(path.read_text(encoding="utf-8"))
             history = [analysis_from(entries) for entries in kept["history"]]
             place = min(max(int(kept["place"]), 0), len(history) - 1)
-            desk = self._placed(key, str(kept["name"]), history)
+            opened = self._placed(key, str(kept["name"]), history)
         except DataError:
             raise
         except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
             raise DataError(f"document {key!r} was asked", f"it is damaged ({error})", "Open its file again.") from None
-        desk.place = place
-        return desk
+        opened.place = place
+        return opened
 
-    async def open(self, names: list[str]) -> Desk:
+    async def open(self, names: list[str]) -> OpenDocument:
         """Open files of the listing, uploads, or a document: several files are parts of one test."""
         if not names:
             raise DataError("a file was to be opened", "none was named", "Choose one of the list, or drop one here.")
@@ -78,9 +78,9 @@ class Desks:
             document = Analysis(files=tuple([await asyncio.to_thread(hashed, path) for path in paths]))
         if len(self._open) >= self.limits.documents:
             raise DataError("another document was opened", f"{len(self._open)} are open", "Close some.")
-        desk = self._placed(token_hex(8), ", ".join(path.name for path in paths)[:200], [document])
-        self.keep(desk)
-        return desk
+        opened = self._placed(token_hex(8), ", ".join(path.name for path in paths)[:200], [document])
+        self.keep(opened)
+        return opened
 
     def _of_paths(self, document: Analysis, beside: Path) -> Analysis:
         """Return a document whose files lie where they did, or beside it now; nothing outside of the folder is read."""
@@ -101,38 +101,38 @@ class Desks:
         tops = [top for top in (self.shelf.folder, self.shelf.place) if top is not None]
         return any(path.resolve().is_relative_to(top) for top in tops)
 
-    def _placed(self, key: str, name: str, history: list[Analysis]) -> Desk:
-        desk = Desk(key=key, name=name, history=history, crew=self.crew, limits=self.limits)
-        self._open[key] = desk
-        return desk
+    def _placed(self, key: str, name: str, history: list[Analysis]) -> OpenDocument:
+        opened = OpenDocument(key=key, name=name, history=history, pool=self.pool, limits=self.limits)
+        self._open[key] = opened
+        return opened
 
-    def keep(self, desk: Desk) -> None:
+    def keep(self, opened: OpenDocument) -> None:
         """Write a document to the disk."""
-        first = max(0, desk.place - _WRITTEN)
-        history = desk.history[first : desk.place + _WRITTEN]
+        first = max(0, opened.place - _WRITTEN)
+        history = opened.history[first : opened.place + _WRITTEN]
         kept = {
             "modalscope": VERSION,
-            "name": desk.name,
-            "place": desk.place - first,
+            "name": opened.name,
+            "place": opened.place - first,
             "history": [analysis_to(document) for document in history],
         }
-        with replacing(self._place / f"{desk.key}.json") as temporary:
+        with replacing(self._place / f"{opened.key}.json") as temporary:
             temporary.write_text(json.dumps(kept), encoding="utf-8")
 
     def close(self, key: str) -> None:
         """Close a document and forget it."""
-        desk = self._open.pop(key, None)
-        if desk is not None:
-            desk.close()
+        opened = self._open.pop(key, None)
+        if opened is not None:
+            opened.close()
         if key.isalnum():
             (self._place / f"{key}.json").unlink(missing_ok=True)
 
     def end(self) -> None:
         """End all processes; documents stay on the disk."""
-        for desk in self._open.values():
-            desk.rest()
-            desk.windows.tell({"type": "ended"})
-        self.crew.close()
+        for opened in self._open.values():
+            opened.rest()
+            opened.windows.tell({"type": "ended"})
+        self.pool.close()
 
 
 def hashed(path: Path) -> SourceFile:

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from modalscope.app import crew
-from modalscope.app.crew import Crew
+from modalscope.app import processes
+from modalscope.app.processes import ProcessPool
 
 
-class Hand:
+class WorkerProcess:
     """Stands in for a process."""
 
     def __init__(self, loop: Any) -> None:
@@ -22,27 +22,27 @@ class Hand:
 
 
 class Owner:
-    def __init__(self, crew: Crew) -> None:
-        self.crew, self.hand, self.resting = crew, None, False
+    def __init__(self, pool: ProcessPool) -> None:
+        self.pool, self.worker, self.resting = pool, None, False
         self.start()
 
-    hand: Any
+    worker: Any
 
     def start(self) -> None:
-        self.hand = self.crew.take(self)
+        self.worker = self.pool.take(self)
 
     def rest(self) -> None:
-        self.crew.dismiss(self.hand)
-        self.hand = None
+        self.pool.dismiss(self.worker)
+        self.worker = None
 
 
 def test_no_more_processes_than_may_be(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(crew, "Hand", Hand)
+    monkeypatch.setattr(processes, "WorkerProcess", WorkerProcess)
 
     async def story() -> None:
-        few = Crew(2, spare=False)
+        few = ProcessPool(2, spare=False)
         first, second, third, fourth, fifth = (Owner(few) for _ in range(5))
-        assert [bool(owner.hand) for owner in (first, second, third, fourth, fifth)] == [
+        assert [bool(owner.worker) for owner in (first, second, third, fourth, fifth)] == [
             True,
             True,
             False,
@@ -57,18 +57,18 @@ def test_no_more_processes_than_may_be(monkeypatch: pytest.MonkeyPatch) -> None:
 
         # one that rests is ended for the next, and in the order of asking
         second.resting = True
-        given = second.hand
+        given = second.worker
         few.next()
         await asyncio.sleep(0)
         assert given.ended
-        assert [bool(owner.hand) for owner in (first, second, third, fourth)] == [True, False, False, True]
+        assert [bool(owner.worker) for owner in (first, second, third, fourth)] == [True, False, False, True]
 
         # one that ends makes room as well
         first.rest()
         await asyncio.sleep(0)
-        assert third.hand
+        assert third.worker
         few.close()
-        assert third.hand.ended
-        assert fourth.hand.ended
+        assert third.worker.ended
+        assert fourth.worker.ended
 
     asyncio.run(story())

@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from modalscope.app.actions import acted, diagrams_key
-from modalscope.app.crew import Crew, Hand
 from modalscope.app.guard import Limits
+from modalscope.app.processes import ProcessPool, WorkerProcess
 from modalscope.data import DataError
 from modalscope.data.analysis import Analysis
 from modalscope.io.analysis import analysis_to
 
-__all__ = ["Desk"]
+__all__ = ["OpenDocument"]
 
 
 # ------------------------------------------------------------------------------------------------------------- windows
@@ -62,11 +62,11 @@ class Windows:
             window.put_nowait(message)
 
 
-# ---------------------------------------------------------------------------------------------------------------- desk
+# ---------------------------------------------------------------------------------------------------------------- opened
 
 
 @dataclass(eq=False)
-class Desk:
+class OpenDocument:
     """One open document.
 
     `key`: its name in addresses. `name`: what it is called. `history`: every step. `place`: which step counts now. `edition`: counts
@@ -76,7 +76,7 @@ class Desk:
     key: str
     name: str
     history: list[Analysis]
-    crew: Crew
+    pool: ProcessPool
     limits: Limits
     place: int = 0
     edition: int = 0
@@ -86,7 +86,7 @@ class Desk:
     cuts: list[dict[str, Any]] = field(default_factory=list)
     job: int = 0
     windows: Windows = field(default_factory=Windows)
-    _hand: Hand | None = None
+    _worker: WorkerProcess | None = None
     _busy: bool = False
     _swept: str = ""
     _count: int = 0
@@ -146,24 +146,24 @@ class Desk:
         document, key = self.document, diagrams_key(self.document)
         self.failed = None
         self.job += 1
-        if self._hand is None and not self._hire():
+        if self._worker is None and not self._hire():
             self.stage = {"stage": "waiting"}
             return
-        assert self._hand is not None
+        assert self._worker is not None
         useless = self._busy and self._swept != key
         self._busy, self._swept = True, key
         self.stage = {"stage": "waiting"}
-        self._hand.send("work", self.job, analysis_to(document), self._kept.get(key))
+        self._worker.send("work", self.job, analysis_to(document), self._kept.get(key))
         self._expect(self.limits.patience if useless else self.limits.seconds, self._replace if useless else self._late)
 
     def cancel(self) -> None:
         """Stop what is computed or waits for it: between two orders, or by ending the process."""
-        if self.crew.leave(self):
+        if self.pool.leave(self):
             self._stop_hard()
-        if self._hand is None or not (self._busy or self._asked):
+        if self._worker is None or not (self._busy or self._asked):
             return
         self.job += 1
-        self._hand.send("cancel", self.job)
+        self._worker.send("cancel", self.job)
         self._expect(self.limits.patience, self._stop_hard)
 
     def _late(self) -> None:
@@ -188,7 +188,7 @@ class Desk:
         """Have nothing to compute any more; others may need the process."""
         self._busy = False
         self._expect(None)
-        self.crew.next()
+        self.pool.next()
 
     def _replace(self) -> None:
         """Start the newest job in another process: the one that has it did not stop in time."""
@@ -196,23 +196,23 @@ class Desk:
         self.start()
 
     def _hire(self) -> bool:
-        """Whether there is a process; where there is none yet the crew starts this document when there is."""
-        self._hand = self.crew.take(self)
-        if self._hand is not None:
-            self._hand.assign(self._hear)
+        """Whether there is a process; where there is none yet the pool starts this document when there is."""
+        self._worker = self.pool.take(self)
+        if self._worker is not None:
+            self._worker.assign(self._hear)
             for command, _ in self._asked.values():
-                self._hand.send(*command)
-        return self._hand is not None
+                self._worker.send(*command)
+        return self._worker is not None
 
     def _dismiss(self) -> None:
-        if self._hand is not None:
-            self.crew.dismiss(self._hand)
-        self._hand, self._busy = None, False
+        if self._worker is not None:
+            self.pool.dismiss(self._worker)
+        self._worker, self._busy = None, False
 
     @property
     def resting(self) -> bool:
         """Whether its process has nothing to do."""
-        return self._hand is not None and not self._busy and not self._asked
+        return self._worker is not None and not self._busy and not self._asked
 
     def rest(self) -> None:
         """Give the process back; what it found stays."""
@@ -221,7 +221,7 @@ class Desk:
 
     def close(self) -> None:
         """End all, and tell the windows."""
-        self.crew.leave(self)
+        self.pool.leave(self)
         self.rest()
         self.windows.tell({"type": "closed"})
 
@@ -303,10 +303,10 @@ class Desk:
         number, answer = self._count, asyncio.get_running_loop().create_future()
         command = ("ask", number, what, given)
         self._asked[number] = (command, answer)
-        if self._hand is None:
+        if self._worker is None:
             self.start()
         else:
-            self._hand.send(*command)
+            self._worker.send(*command)
         try:
             good, found = await answer
         finally:
@@ -319,4 +319,4 @@ class Desk:
         _, answer = self._asked.pop(number, (None, None))
         if answer is not None and not answer.done():
             answer.set_result(payload)
-        self.crew.next()
+        self.pool.next()

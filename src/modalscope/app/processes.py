@@ -10,7 +10,7 @@ from multiprocessing.connection import Connection
 from threading import Thread
 from typing import Any, Protocol
 
-__all__ = ["Crew", "Hand"]
+__all__ = ["ProcessPool", "WorkerProcess"]
 
 
 # --------------------------------------------------------------------------------------------------------------- child
@@ -24,13 +24,13 @@ def main(pipe: Connection) -> None:
     serve(pipe)
 
 
-# ---------------------------------------------------------------------------------------------------------------- crew
+# ---------------------------------------------------------------------------------------------------------------- pool
 
 #: Takes what a process sends: (kind, job or number of a question, payload); "ended" with the exit code is the last.
 Hear = Callable[[str, int, Any], None]
 
 
-class Hand:
+class WorkerProcess:
     """One process and the pipe to it; what it sends is heard in the server's loop.
 
     `loop`: of the server.
@@ -96,7 +96,7 @@ class Owner(Protocol):
     def start(self) -> None: ...
 
 
-class Crew:
+class ProcessPool:
     """All processes of a server: where there are as many as may be one that rests is ended, and else the next owner waits its turn.
 
     `spare`: whether one waits, warm, for the next document.
@@ -104,25 +104,25 @@ class Crew:
 
     def __init__(self, most: int, spare: bool = True) -> None:
         self._most, self._spare = most, spare
-        self._warm: Hand | None = None
-        self._owners: dict[Hand, Owner] = {}
+        self._warm: WorkerProcess | None = None
+        self._owners: dict[WorkerProcess, Owner] = {}
         self._waiting: list[Owner] = []
 
     def warm_up(self) -> None:
         """Start a process that waits, if none does."""
         if self._warm is None and self._spare:
-            self._warm = Hand(asyncio.get_running_loop())
+            self._warm = WorkerProcess(asyncio.get_running_loop())
 
-    def take(self, owner: Owner) -> Hand | None:
+    def take(self, owner: Owner) -> WorkerProcess | None:
         """Return a process, and let the next warm up; None where all have work: the owner is started when one has done with it."""
         self.leave(owner)
         if not self._room():
             self._waiting.append(owner)
             return None
-        hand, self._warm = self._warm or Hand(asyncio.get_running_loop()), None
-        self._owners[hand] = owner
+        worker, self._warm = self._warm or WorkerProcess(asyncio.get_running_loop()), None
+        self._owners[worker] = owner
         self.warm_up()
-        return hand
+        return worker
 
     def leave(self, owner: Owner) -> bool:
         """Wait no longer; say whether it waited."""
@@ -148,14 +148,14 @@ class Crew:
         if self._waiting and self._room():
             self._waiting[0].start()
 
-    def dismiss(self, hand: Hand) -> None:
+    def dismiss(self, worker: WorkerProcess) -> None:
         """End a process."""
-        self._owners.pop(hand, None)
-        hand.end()
+        self._owners.pop(worker, None)
+        worker.end()
         self.next()
 
     def close(self) -> None:
         """End them all."""
-        for hand in (*self._owners, *([self._warm] if self._warm else [])):
-            hand.end()
+        for worker in (*self._owners, *([self._warm] if self._warm else [])):
+            worker.end()
         self._owners, self._warm, self._waiting = {}, None, []
