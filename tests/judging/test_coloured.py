@@ -40,7 +40,7 @@ def test_a_narrow_mode_that_few_orders_show_is_found_where_it_is() -> None:
 
 @pytest.mark.slow
 def test_skirts_do_not_hide_errors_that_they_do_not_make_white() -> None:
-    # beside three poles for skirts nineteen poles, many without damping, followed all errors to the noise
+    # beside three out-of-band poles nineteen poles, many without damping, followed all errors to the noise
     assert judged(range(40068, 40069)).tolist() == [1, 1, 0]
 
 

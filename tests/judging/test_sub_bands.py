@@ -26,12 +26,12 @@ def judged(seeds: range, decibel: float, *, coloured: bool = False) -> IntArray:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [5, 9, 1096])
 def test_modes_of_a_band_are_found_beside_the_skirts_of_those_outside(seed: int) -> None:
-    # with the residual terms alone two of two and one of four were lost in the first; where skirts count as noise the last loses one
+    # with the residual terms alone two of two and one of four were lost in the first; where these poles count as noise the last loses one
     assert judged(range(seed, seed + 1), 40)[[0, 2, 3]].tolist() == [1, 0, 0]
 
 
 def test_coloured_errors_of_few_lines_are_not_white_for_the_poles_that_skirts_need() -> None:
-    # 65 lines: a rich model and all poles for skirts beside it leave nothing that is coloured, and three poles of errors were listed
+    # 65 lines: a rich model and all out-of-band poles beside it leave nothing that is coloured, and three poles of errors were listed
     assert judged(range(1022, 1023), 40, coloured=True)[[0, 2, 3]].tolist() == [1, 0, 0]
 
 

@@ -11,16 +11,16 @@ import pytest
 from modalscope.data import FrequencyResponse
 from modalscope.data.poles import poles_from
 from modalscope.judging import recount
-from modalscope.judging.arena import Arena
-from modalscope.judging.contest import contest
 from modalscope.judging.evidence import Candidate, evidence_of
+from modalscope.judging.joint_selection import select_jointly
 from modalscope.judging.outcome import modes_of
 from modalscope.judging.select import select
+from modalscope.judging.selection_problem import SelectionProblem
 from modalscope.judging.stabilize import ORDERS_END
 from modalscope.judging.tracking import Poles
 from modalscope.judging.verdict import Trial, _shown_by, verdicts
 from tests.judging.made import Pole, diagram_of, poles_of
-from tests.judging.test_contest import NOISE, PARTS, POLES, SHAPES, F, arena_of, data
+from tests.judging.test_joint_selection import NOISE, PARTS, POLES, SHAPES, F, data, selection_of
 
 ORDERS = tuple(range(2, 42, 2))
 
@@ -40,11 +40,11 @@ def trial_of(
     response = data() if response is None else response
     diagram = diagram_of(*made, response=response, orders=ORDERS)
     flat: Poles = poles_of(*made, orders=ORDERS)
-    arena: Arena = arena_of(response, **how)
-    found = contest(arena, POLES[list(start)], PARTS[list(start)].astype(complex))
+    selection: SelectionProblem = selection_of(response, **how)
+    found = select_jointly(selection, POLES[list(start)], PARTS[list(start)].astype(complex))
     assert found is not None
     groups = [np.flatnonzero(np.abs(flat.pole - s) < 1e-9) for s in dict.fromkeys(flat.pole)]
-    return Trial(diagram, flat, evidence_of(diagram), arena, found), groups
+    return Trial(diagram, flat, evidence_of(diagram), selection, found), groups
 
 
 def told(*made: Pole, **how: object) -> list[Candidate]:
@@ -82,7 +82,7 @@ def test_orders_give_the_values_of_a_mode_that_they_show_near_enough(coloured: b
 
 def test_the_noise_gain_is_the_bound_in_deviations() -> None:
     trial, _ = trial_of(*ALL)
-    assert trial.bar == pytest.approx(np.sqrt(trial.arena.bar / 2))
+    assert trial.bar == pytest.approx(np.sqrt(trial.selection.bar / 2))
     assert trial.gain == pytest.approx(np.sqrt(trial.found.gain / 2))
 
 
@@ -223,13 +223,13 @@ def shifting(factor: float) -> tuple[Trial, list[np.ndarray]]:
     response = replace(data(), values=H)
     flat = [*ALL, *shown(3, ORDERS[:6], factor=factor)]
     diagram = diagram_of(*flat, response=response, orders=ORDERS)
-    arena = arena_of(response, coloured=True)
+    selection = selection_of(response, coloured=True)
     start = np.append(POLES, shifted)
-    found = contest(arena, start, np.vstack([PARTS, [[PARTS[3, 0], 0.3]]]).astype(complex))
+    found = select_jointly(selection, start, np.vstack([PARTS, [[PARTS[3, 0], 0.3]]]).astype(complex))
     assert found is not None
     poles = poles_of(*flat, orders=ORDERS)
     groups = [np.flatnonzero(np.abs(poles.pole - s) < 1e-9) for s in dict.fromkeys(poles.pole)]
-    return Trial(diagram, poles, evidence_of(diagram), arena, found), groups
+    return Trial(diagram, poles, evidence_of(diagram), selection, found), groups
 
 
 def test_a_mode_with_parts_is_as_sure_as_one_mode_of_both_would_be() -> None:
@@ -277,7 +277,7 @@ def test_of_coloured_data_what_noise_may_explain_is_no_mode_at_however_many_orde
     trial, groups = trial_of(*ALL, coloured=True)
     monkeypatch.setattr(Trial, "recounted", lambda self, which: np.full(len(which), standing))
     gain = trial.found.gain.copy()
-    gain[0] = 0.9 * trial.arena.bar
+    gain[0] = 0.9 * trial.selection.bar
     found = verdicts(replace(trial, found=replace(trial.found, gain=gain)), groups)
     weak = next(c for c in found if abs(c.frequency - 9) < 0.1)
     assert weak.members.size == len(ORDERS)
@@ -306,7 +306,7 @@ def test_what_tells_more_of_a_mode_tells_more_of_where_it_lies(
     monkeypatch.setattr(Trial, "left_open", lambda self, j, host: (0.4, 0.4) if j == at else (0.1, 0.1))
     at = int(np.argmin(trial.settled.imag))
     gain = trial.found.gain.copy()
-    gain[at] = trial.arena.bar
+    gain[at] = trial.selection.bar
     found = verdicts(replace(trial, found=replace(trial.found, gain=gain)), groups)
     mode = next(c for c in found if abs(c.frequency - 9) < 0.1)
     assert mode.gain == pytest.approx(standing * trial.bar)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.likelihood.settling import needed_beside
+from modalscope.likelihood.settling import needed_out_of_band
 from tests.support import FIVE, add_noise, match_poles
 
 
@@ -38,7 +38,7 @@ def test_no_pole_of_noise_takes_part():
     for seed in range(20):
         data = add_noise(clean, 40, seed)
         diagram = ms.stabilize(data, orders=[30])
-        assert needed_beside(data, truth, diagram.poles).size == 0
+        assert needed_out_of_band(data, truth, diagram.poles).size == 0
 
 
 def test_a_mode_that_was_refused_takes_part_all_the_same():
@@ -71,7 +71,7 @@ def test_data_that_were_transformed_keep_their_values_and_say_why():
 def test_an_optimum_far_away_is_not_reported_as_the_mode(monkeypatch):
     """A list that lacks modes, with nothing beside it: the refined values are another mode's."""
     data = add_noise(FIVE["over4"]().frequency_response(np.linspace(0.3, 8, 340)), 40, 5)
-    monkeypatch.setattr("modalscope.workflow.chosen.needed_beside", lambda *_: np.zeros(0, complex))
+    monkeypatch.setattr("modalscope.workflow.chosen.needed_out_of_band", lambda *_: np.zeros(0, complex))
     found = ms.analyze(data).modes
     assert "the optimum lies far from" in told(found, "not refined")
     assert found.unrefined is None

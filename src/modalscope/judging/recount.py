@@ -15,7 +15,7 @@ from scipy.linalg.lapack import dpotrf, dtrtri
 from scipy.special import ndtri
 
 from modalscope.data.poles import frequencies_and_damping, overlap
-from modalscope.judging.arena import Arena
+from modalscope.judging.selection_problem import SelectionProblem
 from modalscope.likelihood.descent import Descent
 from modalscope.likelihood.matched import amplitudes_by_channel, apart, grid_of
 from modalscope.likelihood.reference_model import parts_of_level
@@ -317,12 +317,12 @@ def inverse(B: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Recount:
-    """The errors of all channels at the end of a contest.
+    """The errors of all channels at the end of a joint selection.
 
     `left` (K, q, p): what the poles with free residues leave.
     """
 
-    arena: Arena
+    selection: SelectionProblem
     descent: Descent
     left: RealArray
     errors: ColouredErrors
@@ -335,7 +335,7 @@ class Recount:
     @cached_property
     def fits(self) -> ChannelFits:
         """Fits of the poles with free residues in every channel."""
-        problem = self.arena.problem
+        problem = self.selection.problem
         functions = problem.columns(self.descent.point.poles, slopes=False)[0]
         return ChannelFits(problem.terms, functions, problem.data, self.errors)
 
@@ -357,7 +357,7 @@ class Recount:
         `which` (k,).
         """
         poles = self.descent.point.poles[which]
-        half, lines = self.arena.half_in_lines(poles), self.arena.problem.light.grid
+        half, lines = self.selection.half_in_lines(poles), self.selection.problem.light.grid
         assert lines is not None
         at = np.interp(poles.imag / (2 * np.pi), lines, np.arange(lines.size))
         told = 2 * half >= _NARROWEST
@@ -378,7 +378,7 @@ class Recount:
         `which` (k,).
         """
         s, size = self.descent.point.poles, self.descent.fitted.gain
-        shapes, participation = self.arena.problem.scaled_back(self.descent.point, self.descent.fitted)
+        shapes, participation = self.selection.problem.scaled_back(self.descent.point, self.descent.fitted)
         near = overlap(s[which], s)
         stronger = size[None, :] > size[which, None]
         alike = np.maximum(mac(shapes), mac(participation.T))[which] > _UNLIKE
@@ -392,7 +392,7 @@ class Recount:
 
         `hosts` (b,).
         """
-        problem, poles = self.arena.problem, self.descent.point.poles[hosts]
+        problem, poles = self.selection.problem, self.descent.point.poles[hosts]
         step = -0.05 * poles.real
         first = problem.columns(poles)[1]
         second = (problem.columns(poles + step)[1] - problem.columns(poles - step)[1]) / np.repeat(2 * step, 2)
@@ -414,7 +414,7 @@ class Recount:
 
         `which` (k,).
         """
-        poles, (low, high) = self.descent.point.poles[which], self.arena.band
+        poles, (low, high) = self.descent.point.poles[which], self.selection.band
         f, zeta = frequencies_and_damping(poles)
         may = np.flatnonzero((f >= low) & (f <= high) & (zeta < _DAMPED))
         gains = np.zeros(len(which))
@@ -433,33 +433,33 @@ class Recount:
 
         What overlaps with others shows little of itself before they are refined beside it: a quarter of the bar is enough here.
         """
-        problem, known = self.arena.problem, self.descent.point.poles
+        problem, known = self.selection.problem, self.descent.point.poles
         grid = grid_of(problem.light)
-        grid = grid[(-grid.real < _DAMPED * np.abs(grid)) & (2 * self.arena.half_in_lines(grid) >= _PEAK)]
+        grid = grid[(-grid.real < _DAMPED * np.abs(grid)) & (2 * self.selection.half_in_lines(grid) >= _PEAK)]
         grid = grid[~np.any(np.abs(grid[:, None] - known) < -known.real, axis=1)]
         residues, each = amplitudes_by_channel(problem.light, self.left, 2 / self.errors.variance, problem.rows, grid)
         lines = problem.light.grid
         assert lines is not None
         near = np.searchsorted(lines, grid.imag / (2 * np.pi)).clip(max=lines.size - 1)
-        gain = each.sum(axis=(1, 2)) / lag_factor(self.errors.common(near), self.arena.half_in_lines(grid))
+        gain = each.sum(axis=(1, 2)) / lag_factor(self.errors.common(near), self.selection.half_in_lines(grid))
         first = apart(grid, gain, self.bar / 4, most)
         sides = [np.linalg.svd(residues[k])[2][0] for k in first]
         return grid[first], np.array(sides, dtype=complex).reshape(-1, self.left.shape[2])
 
 
-def recount_of(arena: Arena, descent: Descent) -> Recount:
+def recount_of(selection: SelectionProblem, descent: Descent) -> Recount:
     """Return the errors as what the poles of a descent leave, with free residues, shows them.
 
-    `arena`: of lines whose errors are coloured.
+    `selection`: of lines whose errors are coloured.
     """
-    problem = arena.problem
+    problem = selection.problem
     columns = np.hstack([problem.columns(descent.point.poles, slopes=False)[0], problem.terms])
     Q = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))[0]
     flat = problem.data.reshape(len(problem.data), -1)
     left = (flat - Q @ (Q.T @ flat)).reshape(problem.data.shape)
-    whole = _complex(problem.data if arena.whole is None else arena.whole)
+    whole = _complex(problem.data if selection.whole is None else selection.whole)
     even = _complex(1 / problem.rows[:, None]).real[:, 0] ** 2
-    return Recount(arena, descent, left, errors_of(_complex(left), whole, even, columns.shape[1]))
+    return Recount(selection, descent, left, errors_of(_complex(left), whole, even, columns.shape[1]))
 
 
 def _complex(rows: RealArray) -> ComplexArray:

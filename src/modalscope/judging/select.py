@@ -11,7 +11,12 @@ import numpy as np
 from modalscope.data.modes import ModalModel
 from modalscope.data.results import StabilizationDiagram
 from modalscope.judging.evidence import Candidate, Gathered, counted, evidence_of, oscillations
-from modalscope.judging.no_structure import beside_structure, harmonics_of_diagram, told_of_errors, told_why_none
+from modalscope.judging.no_structure import (
+    beside_structure,
+    harmonics_of_diagram,
+    with_note_on_errors,
+    with_reason_for_none,
+)
 from modalscope.judging.outcome import modes_of, paired_with, told_beside
 from modalscope.judging.tracking import Poles
 from modalscope.judging.verdict import has_likelihood, likely
@@ -134,7 +139,7 @@ def chosen_of(
     modes = modes_of(
         diagram, found.poles, sorted(chosen, key=lambda c: c.frequency), sorted(left, key=lambda c: c.frequency)
     )
-    return told_why_none(told_of_errors(modes, diagram), diagram)
+    return with_reason_for_none(with_note_on_errors(modes, diagram), diagram)
 
 
 def _check_one_way(wanted: list[float] | None, changes: list[float], reference: ModalModel | None) -> None:

@@ -14,14 +14,14 @@ import numpy as np
 from modalscope.data.poles import frequencies_and_damping, overlap, poles_from
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
-from modalscope.judging.arena import Arena
-from modalscope.judging.contest import Outcome, contest, gains_beside
 from modalscope.judging.evidence import LEAST_PERSISTENCE, Candidate, Evidence, Own, judge, peaks
+from modalscope.judging.joint_selection import Outcome, gains_given, select_jointly
+from modalscope.judging.selection_problem import SelectionProblem
 from modalscope.judging.stabilize import usable_orders
 from modalscope.judging.tracking import GAP, Poles, collinear, consensus, merge_splits, tracks
 from modalscope.likelihood.likelihood import whitened
 from modalscope.likelihood.reference_model import Floor, by_line, floor_of
-from modalscope.likelihood.settling import needed_beside, skirts
+from modalscope.likelihood.settling import needed_out_of_band, out_of_band_poles
 from modalscope.likelihood.whitening import search_bound
 from modalscope.modal.contribution import contributions
 from modalscope.modal.indicators import mac
@@ -115,7 +115,7 @@ class Trial:
     diagram: StabilizationDiagram
     poles: Poles
     evidence: Evidence
-    arena: Arena
+    selection: SelectionProblem
     found: Outcome
 
     @property
@@ -126,7 +126,7 @@ class Trial:
     @property
     def bar(self) -> float:
         """What noise may explain, in deviations."""
-        return float(np.sqrt(self.arena.bar / 2))
+        return float(np.sqrt(self.selection.bar / 2))
 
     @property
     def gain(self) -> RealArray:
@@ -147,7 +147,7 @@ class Trial:
         Of coloured data those of one shape do, which a resonance that shifts needs; of any data two that overlap and that are each open.
         """
         host, gain, s = np.arange(len(self.settled)), self.found.gain, self.found.poles
-        if self.arena.coloured:
+        if self.selection.coloured:
             one = collinear(s, *self.found.residues)
         else:
             one = overlap(s, s) & self.open[:, None] & self.open
@@ -175,12 +175,12 @@ class Trial:
 
     def residue(self, candidate: Candidate, family: Array) -> ComplexArray | None:
         """Return the residue of a mode at the values it is listed with, from its poles; None of white data, which the list explains."""
-        if not self.arena.coloured:
+        if not self.selection.coloured:
             return None
         listed = complex(poles_from(candidate.frequency, candidate.damping)) - self.diagram.as_measured.added_damping
         shapes, participation = self.found.residues
         each = np.einsum("ok,ki->koi", shapes[:, family], participation[family])
-        return one_residue(self.arena.problem.light, listed, self.found.poles[family], each)
+        return one_residue(self.selection.problem.light, listed, self.found.poles[family], each)
 
 
 def verdicts(trial: Trial, groups: list[Array]) -> list[Candidate]:
@@ -199,7 +199,7 @@ def verdicts(trial: Trial, groups: list[Array]) -> list[Candidate]:
     least = _SHARE * len(trial.poles.orders)
     few = {j: max((c.members.size for c in each), default=0) < least for j, each in mine.items()}
     weak = (trial.gain < trial.bar) & (trial.found.recount is not None)
-    doubted = [j for j in mine if few[j] or weak[j]] if trial.arena.coloured else []
+    doubted = [j for j in mine if few[j] or weak[j]] if trial.selection.coloured else []
     again = dict(zip(doubted, trial.recounted(np.array(doubted, dtype=int)), strict=True))
     modes = {j: _mode(trial, j, each, fit, host, again.get(j), few[j]) for j, each in mine.items()}
     parts = [_part(trial, int(j), modes[host[j]], fit) for j in np.flatnonzero(host != np.arange(len(host)))]
@@ -227,7 +227,7 @@ def _mode(
 ) -> Candidate:
     """Return a mode with its gain, and what speaks against it: values that the data leave open, or too few orders."""
     several = bool(np.any(np.delete(host, j) == j))
-    reach = _SHIFTED if trial.arena.coloured else _SURE
+    reach = _SHIFTED if trial.selection.coloured else _SURE
     near = groups if several else [c for c in groups if _close(c, complex(trial.settled[j]), reach)]
     best = max(near, key=lambda c: c.members.size) if near else _by_itself(trial, j, fit)
     f, zeta = (float(v) for v in frequencies_and_damping(trial.settled[j]))
@@ -249,7 +249,7 @@ def _mode(
     undecided: dict[str, Any] = (
         {"late": True} if hidden and rare and len(against) == 1 and zeta < _DAMPED and _late(best, trial) else {}
     )
-    if several and not trial.arena.coloured:
+    if several and not trial.selection.coloured:
         undecided = {"cluster": int(np.sum(host == j))}
     residue = trial.residue(best, np.flatnonzero(host == j))
     known = replace(best, against=tuple(against), facts=best.facts | _alone(trial, j) | undecided, residue=residue)
@@ -269,7 +269,7 @@ def _late(group: Candidate, trial: Trial) -> bool:
 def _alone(trial: Trial, j: int) -> dict[str, str]:
     """Return the input that a mode rests on, when without it no more would be left than noise may explain; nothing else."""
     response, (_, participation) = trial.diagram.response, trial.found.residues
-    share = np.abs(participation[j] / trial.arena.problem.sides[1]) ** 2
+    share = np.abs(participation[j] / trial.selection.problem.sides[1]) ** 2
     rest = 1 - share.max() / share.sum()
     if share.size == 1 or trial.gain[j] ** 2 * rest > trial.bar**2:
         return {}
@@ -301,7 +301,7 @@ def _part(trial: Trial, j: int, host: Candidate, fit: float) -> Candidate:
     """Return a pole that acts as one with a stronger one, or that cannot be told from it."""
     shifts = "part of the mode at {:.5g} Hz: a resonance that shifts while it is measured needs several poles"
     close = "one of a cluster with the mode at {:.5g} Hz: the data need both and cannot tell them apart"
-    against = ((shifts if trial.arena.coloured else close).format(host.frequency),)
+    against = ((shifts if trial.selection.coloured else close).format(host.frequency),)
     part = _by_itself(trial, j, fit)
     return _with_gain(trial, replace(part, against=against, residue=trial.residue(part, np.array([j]))), trial.gain[j])
 
@@ -320,7 +320,7 @@ def _left(trial: Trial, groups: list[Candidate]) -> list[Candidate]:
     if not each:
         return []
     poles = poles_from([c.frequency for c in each], [c.damping for c in each])
-    gain = np.sqrt(gains_beside(trial.arena, trial.found, poles - trial.diagram.as_measured.added_damping) / 2)
+    gain = np.sqrt(gains_given(trial.selection, trial.found, poles - trial.diagram.as_measured.added_damping) / 2)
     coloured = trial.found.recount is not None
     return [
         _with_gain(trial, replace(c, against=(too_little(g, trial.bar, coloured=coloured),)), g)
@@ -331,7 +331,7 @@ def _left(trial: Trial, groups: list[Candidate]) -> list[Candidate]:
 # -------------------------------------------------------------------------------------------------------------- likely
 # Modes by likelihood: what the data need, whether many orders show it or few, and nothing that noise may explain.
 #
-# The poles of the diagram contend for the data (`contest`); what stays decides which modes there are (`verdict`).
+# The poles of the diagram contend for the data (`select_jointly`); what stays decides which modes there are (`verdict`).
 
 #: A group of poles has so many orders, where there are as many.
 _LEAST_ORDERS = 3
@@ -352,8 +352,8 @@ def has_likelihood(diagram: StabilizationDiagram) -> bool:
 def likely(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> tuple[Poles, list[Candidate]] | None:
     """Return modes and all other groups of poles that agree over orders, these with what speaks against them.
 
-    A rich model that lacks a mode leaves a coloured residual, too: that of the modes, completed, decides then. So do skirts of modes
-    outside the band: they take part where they make that of the rich model white. None where samples leave a coloured one.
+    A reference model that lacks a mode leaves a coloured residual, too: that of the completed modes decides then. Out-of-band poles
+    take part where they make it white. None where samples leave a coloured residual.
 
     `poles`: not merged: of two poles within one bandwidth each is a candidate.
     """
@@ -362,31 +362,33 @@ def likely(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> t
     starts, steady, added = _starts(poles, groups), rich[rich.imag == 0], response.added_damping
 
     def beside(*candidates: ComplexArray) -> ComplexArray:
-        return needed_beside(response, poles.pole[starts], np.concatenate([steady, *candidates])) - added
+        return needed_out_of_band(response, poles.pole[starts], np.concatenate([steady, *candidates])) - added
 
-    def outcome(arena: Arena, doubted: bool) -> Outcome | None:
-        sides = (poles.shape if arena.problem.turned else poles.participation)[starts] / arena.problem.varying
-        return contest(arena, poles.pole[starts] - added, sides, doubted=doubted)
+    def outcome(selection: SelectionProblem, doubted: bool) -> Outcome | None:
+        sides = (poles.shape if selection.problem.turned else poles.participation)[starts] / selection.problem.varying
+        return select_jointly(selection, poles.pole[starts] - added, sides, doubted=doubted)
 
     floor, held = floor_of(response, rich - added), beside()
     seen, more, doubted = floor, held, floor.colour.coloured
     if doubted:
-        more = beside(skirts(response))
+        more = beside(out_of_band_poles(response))
         seen = floor_of(response, np.concatenate([rich - added, more[more.imag > 0]]))
     skirted = doubted and not seen.colour.coloured
-    arena = replace(_arena(response, seen, more) if skirted else _arena(response, floor, held), brief=doubted)
-    found = outcome(arena, doubted)
+    selection = replace(
+        _problem_of(response, seen, more) if skirted else _problem_of(response, floor, held), brief=doubted
+    )
+    found = outcome(selection, doubted)
     if found is None and response.grid is not None:
-        arena = replace(_arena(response, by_line(floor, response.count), held), brief=True, coloured=True)
+        selection = replace(_problem_of(response, by_line(floor, response.count), held), brief=True, coloured=True)
         # half spectra err as long as their correlations last, by no rule of a + b |H|^2: there orders have to show a mode
-        arena = replace(arena, recounted=not response.of_correlations)
-        arena = replace(arena, whole=_whole(arena, floor))
-        found = outcome(arena, False)
+        selection = replace(selection, recounted=not response.of_correlations)
+        selection = replace(selection, whole=_whole(selection, floor))
+        found = outcome(selection, False)
         # resonances that shift come out as several poles, and merged ones stand for them
         merged = merge_splits(poles)
         groups = [*_groups(merged), *(group + merged.pole.size for group in groups)]
         poles = merged.beside(poles)
-    return None if found is None else (poles, verdicts(Trial(diagram, poles, evidence, arena, found), groups))
+    return None if found is None else (poles, verdicts(Trial(diagram, poles, evidence, selection, found), groups))
 
 
 def _groups(poles: Poles) -> list[Array]:
@@ -395,7 +397,7 @@ def _groups(poles: Poles) -> list[Array]:
     return [group for group in agree if group.size >= min(_LEAST_ORDERS, len(poles.orders))]
 
 
-def _arena(response: Response, floor: Floor, steady: ComplexArray) -> Arena:
+def _problem_of(response: Response, floor: Floor, steady: ComplexArray) -> SelectionProblem:
     """Return the data divided by their noise; poles that do not oscillate are free in every channel."""
     levels = floor.levels
     swift = bool(np.mean(floor.left**2) > _LOUD**2 * np.mean(np.abs(response.values) ** 2))
@@ -403,14 +405,16 @@ def _arena(response: Response, floor: Floor, steady: ComplexArray) -> Arena:
         response, steady, response.outside_powers, floor.rows, levels.outputs, levels.inputs, swift=swift
     )
     bar = search_bound(response.values.shape[1], response.values.shape[2], len(floor.rows))
-    return Arena(problem, floor.variance, bar, response.span, correlation=floor.correlation, window=floor.window)
+    return SelectionProblem(
+        problem, floor.variance, bar, response.span, correlation=floor.correlation, window=floor.window
+    )
 
 
-def _whole(arena: Arena, floor: Floor) -> RealArray:
-    """Return the data as the contest divides them, terms and all."""
-    outputs, inputs = arena.problem.sides
-    whole = floor.data / arena.problem.rows[:, None, None] / outputs[:, None] / inputs
-    return np.asarray(whole.transpose(0, 2, 1) if arena.problem.turned else whole)
+def _whole(selection: SelectionProblem, floor: Floor) -> RealArray:
+    """Return the data as the joint selection divides them, terms and all."""
+    outputs, inputs = selection.problem.sides
+    whole = floor.data / selection.problem.rows[:, None, None] / outputs[:, None] / inputs
+    return np.asarray(whole.transpose(0, 2, 1) if selection.problem.turned else whole)
 
 
 def _starts(poles: Poles, groups: list[Array]) -> IntArray:

@@ -29,11 +29,11 @@ from modalscope.likelihood.whitening import (
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
 
-__all__ = ["Settled", "Task", "least_gain", "needed_beside", "settle", "skirts", "task_of"]
+__all__ = ["Settled", "Task", "least_gain", "needed_out_of_band", "out_of_band_poles", "settle", "task_of"]
 
 
-# -------------------------------------------------------------------------------------------------------------- skirts
-# What modes outside a band leave in it: their skirts, told by poles beside the band that stay where they are.
+# -------------------------------------------------------------------------------------------------------------- out-of-band poles
+# What modes outside a band leave in it: their out-of-band poles, told by poles beside the band that stay where they are.
 #
 # A skirt has its only singularities at the poles of its mode and is smooth in the band, the less so the nearer these lie. With d the
 # distance from an end, functions of this kind are told by fixed poles at distances d, d / 2, d / 4, ... to an error that falls with
@@ -46,7 +46,7 @@ __all__ = ["Settled", "Task", "least_gain", "needed_beside", "settle", "skirts",
 _NEARER, _LINES = 2.0, 8.0
 
 
-def skirts(response: Response) -> ComplexArray:
+def out_of_band_poles(response: Response) -> ComplexArray:
     """Return poles on either side of the band of lines (n,) in rad/s, at 45 degrees off each end; none for samples and few lines."""
     if response.grid is None or len(response.grid) < 2 * _LINES:
         return np.zeros(0, dtype=complex)
@@ -70,7 +70,7 @@ _PART = 3.0
 _FALSE = 1e-3
 
 
-def needed_beside(response: Response, modes: Array, candidates: Array) -> ComplexArray:
+def needed_out_of_band(response: Response, modes: Array, candidates: Array) -> ComplexArray:
     """Return those of the candidates that explain more than noise does beside the modes, all residues free.
 
     The weakest goes first, and the others are judged again. A pole with free residues in l m channels explains of white noise a

@@ -10,11 +10,11 @@ from modalscope.likelihood.likelihood import Whitened
 from modalscope.likelihood.whitening import told_apart, told_under_window
 from modalscope.numerics.checks import ComplexArray, RealArray
 
-__all__ = ["Arena"]
+__all__ = ["SelectionProblem"]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Arena:
+class SelectionProblem:
     """The data, and what a mode has to pass.
 
     `problem`: data divided by the noise of rows and channels. `variance`: of what is left of them by a richer model. `bar`: what noise

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from modalscope.data.poles import frequencies_and_damping, overlap
-from modalscope.judging.arena import Arena
 from modalscope.judging.recount import Recount, recount_of
+from modalscope.judging.selection_problem import SelectionProblem
 from modalscope.judging.tracking import collinear
 from modalscope.likelihood.covariance import deviations_of_poles, pole_blocks
 from modalscope.likelihood.descent import Descent, descend, inverse, normal, residual
@@ -21,7 +21,7 @@ from modalscope.likelihood.matched import amplitudes, strongest_peaks
 from modalscope.likelihood.whitening import colour
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 
-__all__ = ["Outcome", "State", "contest", "gains_beside", "noise_beneath", "standing", "staying"]
+__all__ = ["Outcome", "State", "gains_given", "noise_beneath", "select_jointly", "significant", "staying"]
 
 
 # ---------------------------------------------------------------------------------------------------------- contenders
@@ -51,9 +51,9 @@ class Optimum:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class State(Optimum):
-    """Where a contest stands: the optimum so far, and what it is held against."""
+    """A state of the joint selection: the optimum so far, and the problem that it belongs to."""
 
-    arena: Arena
+    selection: SelectionProblem
 
     @property
     def sides(self) -> ComplexArray:
@@ -63,33 +63,35 @@ class State(Optimum):
     @property
     def gain(self) -> RealArray:
         """What each pole explains, in variances."""
-        return self.descent.fitted.gain / self.variance * self.arena.worth(self.poles)
+        return self.descent.fitted.gain / self.variance * self.selection.worth(self.poles)
 
     def without(self, gone: int) -> tuple[ComplexArray, ComplexArray]:
         """Return poles and sides of the others."""
         return np.delete(self.poles, gone), np.delete(self.sides, gone, axis=0)
 
 
-def settled(arena: Arena, variance: float, poles: ComplexArray, sides: ComplexArray) -> State:
+def settled(selection: SelectionProblem, variance: float, poles: ComplexArray, sides: ComplexArray) -> State:
     """Refine jointly, throw out what is no mode, prune at the bar, and again until nothing goes."""
     while True:
-        tolerance, most = (1e-5, 8) if arena.brief else (1e-7, 25)
-        descent = descend(arena.problem, poles, sides, tolerance=tolerance, most=most)
-        state = State(descent, variance if arena.coloured else min(variance, own_variance(arena, descent)), arena)
-        fit = np.flatnonzero(_possible(arena, state.poles))
+        tolerance, most = (1e-5, 8) if selection.brief else (1e-7, 25)
+        descent = descend(selection.problem, poles, sides, tolerance=tolerance, most=most)
+        state = State(
+            descent, variance if selection.coloured else min(variance, own_variance(selection, descent)), selection
+        )
+        fit = np.flatnonzero(_possible(selection, state.poles))
         poles, sides = state.poles[fit], state.sides[fit]
         if len(fit) == len(state.poles):
-            kept = standing(descent.fitted, arena.bar * state.variance / arena.worth(poles))
+            kept = significant(descent.fitted, selection.bar * state.variance / selection.worth(poles))
             if len(kept) == len(poles):
                 return state
             poles, sides = poles[kept], sides[kept]
         variance = state.variance
 
 
-def own_variance(arena: Arena, descent: Descent) -> float:
+def own_variance(selection: SelectionProblem, descent: Descent) -> float:
     """Return what the model itself leaves of a row: less than the richer model does where that lacked a mode."""
-    q, p = arena.problem.data.shape[1:]
-    return descent.cost / max(arena.problem.freedom - 2 * len(descent.point.poles) * int(q + p), 1)
+    q, p = selection.problem.data.shape[1:]
+    return descent.cost / max(selection.problem.freedom - 2 * len(descent.point.poles) * int(q + p), 1)
 
 
 def noise_beneath(state: State) -> RealArray:
@@ -101,19 +103,21 @@ def noise_beneath(state: State) -> RealArray:
     """
     point, fitted = state.descent.point, state.descent.fitted
     left = point.left_by_channel(fitted)
-    by_channel = (left.T if point.problem.turned else left) * left.size / (state.arena.problem.freedom * state.variance)
+    by_channel = (
+        (left.T if point.problem.turned else left) * left.size / (state.selection.problem.freedom * state.variance)
+    )
     u, v = np.abs(fitted.linear) ** 2, np.abs(point.sides) ** 2
     seen = np.einsum("qn,np,qp->n", u, v, by_channel) / np.maximum(u.sum(axis=0) * v.sum(axis=1), 1e-300)
     return np.asarray(np.maximum(seen, 1.0))
 
 
-def _possible(arena: Arena, poles: ComplexArray) -> Array:
-    low, high = arena.band
+def _possible(selection: SelectionProblem, poles: ComplexArray) -> Array:
+    low, high = selection.band
     f, zeta = frequencies_and_damping(poles)
     return np.asarray((f > low * (1 - _OUTSIDE)) & (f < high * (1 + _OUTSIDE)) & (zeta < _DAMPED))
 
 
-def standing(fitted: Fitted, least: RealArray) -> Array:
+def significant(fitted: Fitted, least: RealArray) -> Array:
     """Return which modes stay when the weakest goes, one after the other, while it explains less than its `least`, (n,).
 
     The rise of the squared misfit without mode j is c_j' S_jj^-1 c_j, with S the covariance of all coefficients c; without it
@@ -138,7 +142,7 @@ def standing(fitted: Fitted, least: RealArray) -> Array:
     return kept
 
 
-# ------------------------------------------------------------------------------------------------------------- contest
+# ----- joint selection
 
 #: In data that may not be white every round leaves at most this part of what exceeds white noise; of so many values, where a round is
 #: dear, that is asked of the peaks before they are refined with the others.
@@ -186,7 +190,9 @@ class Outcome(Optimum):
         return float(f[0]), float(zeta[0])
 
 
-def contest(arena: Arena, poles: ComplexArray, sides: ComplexArray, *, doubted: bool = False) -> Outcome | None:
+def select_jointly(
+    selection: SelectionProblem, poles: ComplexArray, sides: ComplexArray, *, doubted: bool = False
+) -> Outcome | None:
     """Return the poles that hold their own, from candidates on.
 
     `poles` (n,): rad/s, as they are in the data. `sides` (n, p): participation of the side that varies, divided as the data are.
@@ -194,20 +200,20 @@ def contest(arena: Arena, poles: ComplexArray, sides: ComplexArray, *, doubted: 
     round.
     """
     size = np.maximum(np.linalg.norm(sides, axis=1, keepdims=True), 1e-300)
-    point = arena.problem.at(poles, sides / size, slopes=False)
-    kept = standing(point.fitted(), arena.bar / 2 * arena.variance / arena.worth(poles))
-    state = settled(arena, arena.variance, poles[kept], (sides / size)[kept])
-    if not arena.coloured:
+    point = selection.problem.at(poles, sides / size, slopes=False)
+    kept = significant(point.fitted(), selection.bar / 2 * selection.variance / selection.worth(poles))
+    state = settled(selection, selection.variance, poles[kept], (sides / size)[kept])
+    if not selection.coloured:
         completed = _completed(state, _excess(state) if doubted else None)
         if completed is None:
             return None
         state = _parted(completed)
     state = _one_or_two(state)
-    if not arena.coloured:
+    if not selection.coloured:
         state = _above_own_noise(state)
-    if not (arena.coloured and arena.recounted):
+    if not (selection.coloured and selection.recounted):
         return _judged(state)
-    state, recount = _beside_errors(state)
+    state, recount = _with_coloured_errors(state)
     return replace(_judged(state), recount=recount)
 
 
@@ -218,11 +224,11 @@ def _completed(state: State, excess: float | None) -> State | None:
         more, named = _with_peaks(state, tried)
         if not len(named):
             break
-        large = state.arena.problem.freedom > _LARGE
+        large = state.selection.problem.freedom > _LARGE
         if excess is not None and large and _excess(state, named) > max(1.0, _WHITER * excess):
             return None
         before = len(state.poles)
-        state = settled(state.arena, state.variance, *more)
+        state = settled(state.selection, state.variance, *more)
         tried = np.concatenate([tried, named, state.poles])
         if excess is not None:
             left = _excess(state)
@@ -234,20 +240,20 @@ def _completed(state: State, excess: float | None) -> State | None:
     return state if excess is None or excess <= 1 else None
 
 
-def _beside_errors(state: State) -> tuple[State, Recount]:
+def _with_coloured_errors(state: State) -> tuple[State, Recount]:
     """Take up what stands out of coloured errors, round by round, where it stays when it is refined beside the others."""
-    recount = recount_of(state.arena, state.descent)
+    recount = recount_of(state.selection, state.descent)
     for _ in range(_ROUNDS):
         poles, sides = recount.peaks(_PEAKS)
         before = len(state.poles)
         more = np.append(state.poles, poles), np.vstack([state.sides, sides])
         while len(more[0]) > before:
-            descent = descend(state.arena.problem, *more, tolerance=1e-5, most=8)
-            point, again = descent.point, recount_of(state.arena, descent)
+            descent = descend(state.selection.problem, *more, tolerance=1e-5, most=8)
+            point, again = descent.point, recount_of(state.selection, descent)
             new = np.arange(before, len(point.poles))
             stays = staying(point.poles[new], again.standing(new))
             if np.all(stays):
-                state, recount = State(descent, state.variance, state.arena), again
+                state, recount = State(descent, state.variance, state.selection), again
                 break
             kept = np.append(np.arange(before), new[stays])
             more = point.poles[kept], point.sides[kept]
@@ -265,14 +271,14 @@ def _excess(state: State, more: ComplexArray | tuple[()] = ()) -> float:
         flat = left.reshape(len(left), -1)
         left = (flat - Q @ (Q.T @ flat)).reshape(left.shape)
     unknown = point.problem.terms.shape[1] + 2 * (len(state.poles) + len(more))
-    return colour(left, point.problem.light.count, unknown, window=state.arena.window).excess
+    return colour(left, point.problem.light.count, unknown, window=state.selection.window).excess
 
 
-def gains_beside(arena: Arena, found: Outcome, poles: Array) -> RealArray:
+def gains_given(selection: SelectionProblem, found: Outcome, poles: Array) -> RealArray:
     """Return what poles (n,) would explain of the residual, in variances, each alone with its best shape and participation."""
     left = residual(found.descent.point, found.descent.fitted)
-    A = amplitudes(arena.problem.light, left, arena.problem.rows, poles)
-    return np.asarray(np.linalg.norm(A, ord=2, axis=(1, 2)) ** 2 / found.variance * arena.worth(poles))
+    A = amplitudes(selection.problem.light, left, selection.problem.rows, poles)
+    return np.asarray(np.linalg.norm(A, ord=2, axis=(1, 2)) ** 2 / found.variance * selection.worth(poles))
 
 
 def staying(poles: ComplexArray, standing: RealArray) -> Array:
@@ -288,10 +294,10 @@ def staying(poles: ComplexArray, standing: RealArray) -> Array:
 
 def _with_peaks(state: State, tried: ComplexArray) -> tuple[tuple[ComplexArray, ComplexArray], ComplexArray]:
     """Return poles and sides with the strongest peaks of the residual, and these alone."""
-    point, problem = state.descent.point, state.arena.problem
+    point, problem = state.descent.point, state.selection.problem
     known = np.concatenate([state.poles, tried])
     left = residual(point, state.descent.fitted)
-    least = state.arena.bar / 2 * state.variance
+    least = state.selection.bar / 2 * state.variance
     peaks = strongest_peaks(problem.light, left, problem.rows, known, least, _PEAKS)
     named = np.array([peak.pole for peak in peaks], dtype=complex)
     sides = np.array([peak.participation for peak in peaks], dtype=complex).reshape(-1, point.sides.shape[1])
@@ -305,15 +311,15 @@ def _parted(state: State) -> State:
     """
     for pole in state.poles[np.argsort(-state.gain)]:
         j = int(np.argmin(np.abs(state.poles - pole)))
-        least = state.arena.bar * state.variance
+        least = state.selection.bar * state.variance
         poles, sides = _two_for(state, j)
-        point = state.arena.problem.at(poles, sides, slopes=False)
-        if state.gain[j] < state.arena.bar or state.descent.cost - point.cost(point.fitted()) < least / 2:
+        point = state.selection.problem.at(poles, sides, slopes=False)
+        if state.gain[j] < state.selection.bar or state.descent.cost - point.cost(point.fitted()) < least / 2:
             continue
         aim = state.descent.cost - least
-        other = descend(state.arena.problem, poles, sides, tolerance=1e-5, most=12, decisive=aim)
+        other = descend(state.selection.problem, poles, sides, tolerance=1e-5, most=12, decisive=aim)
         if other.cost < aim:
-            state = settled(state.arena, state.variance, other.point.poles, other.point.sides)
+            state = settled(state.selection, state.variance, other.point.poles, other.point.sides)
     return state
 
 
@@ -333,10 +339,12 @@ def _one_or_two(state: State) -> State:
         if not doubtful:
             return state
         j = doubtful[0]
-        least = state.descent.cost + state.arena.bar * state.variance / float(state.arena.worth(state.poles[[j]])[0])
-        other = descend(state.arena.problem, *state.without(j), tolerance=1e-5, most=12, decisive=least)
+        least = state.descent.cost + state.selection.bar * state.variance / float(
+            state.selection.worth(state.poles[[j]])[0]
+        )
+        other = descend(state.selection.problem, *state.without(j), tolerance=1e-5, most=12, decisive=least)
         if other.cost < least:
-            state = settled(state.arena, state.variance, other.point.poles, other.point.sides)
+            state = settled(state.selection, state.variance, other.point.poles, other.point.sides)
         else:
             cleared.add(complex(state.poles[j]))
 
@@ -344,28 +352,28 @@ def _one_or_two(state: State) -> State:
 def _above_own_noise(state: State) -> State:
     """Take out what rests on channels whose noise is louder than the product of their levels, and would be noise there."""
     while True:
-        above = state.gain >= state.arena.bar * noise_beneath(state)
+        above = state.gain >= state.selection.bar * noise_beneath(state)
         if np.all(above):
             return state
-        state = settled(state.arena, state.variance, state.poles[above], state.sides[above])
+        state = settled(state.selection, state.variance, state.poles[above], state.sides[above])
 
 
 def _doubtful(state: State) -> list[int]:
     """Return the weak modes and the weaker one of every pair that overlaps, the weakest first; parts of a mode are in no doubt."""
     w, half, gain = state.poles.imag, -state.poles.real, state.gain
     near = np.abs(w[:, None] - w) < half[:, None] + half
-    if state.arena.coloured:
+    if state.selection.coloured:
         near &= ~collinear(state.poles, *state.residues)
     weaker = np.any(near & (gain[:, None] < gain), axis=1)
-    return [int(j) for j in np.argsort(gain) if weaker[j] or gain[j] < 2 * state.arena.bar]
+    return [int(j) for j in np.argsort(gain) if weaker[j] or gain[j] < 2 * state.selection.bar]
 
 
 def _judged(state: State) -> Outcome:
     """Refine to the end and give every mode its deviations."""
-    descent, coloured = state.descent, state.arena.coloured
+    descent, coloured = state.descent, state.selection.coloured
     if not coloured:
-        descent = descend(state.arena.problem, state.poles, state.sides, tolerance=1e-9, most=40)
-    own = own_variance(state.arena, descent)
+        descent = descend(state.selection.problem, state.poles, state.sides, tolerance=1e-9, most=40)
+    own = own_variance(state.selection, descent)
     state = replace(state, descent=descent, variance=state.variance if coloured else min(state.variance, own))
     point: Point = descent.point
     n, p = point.sides.shape
