@@ -124,12 +124,7 @@ def levels_of(signals: Signals) -> Levels:
 
 
 def levels_in(spectrum: Spectrum) -> Levels:
-    """Return the spectral levels of a record whose transform is known, averaged over runs.
-
-    Parameters
-    ----------
-    spectrum : Spectrum
-    """
+    """Return the spectral levels of a record whose transform is known, averaged over runs."""
     power = sum(lines.real**2 + lines.imag**2 for lines in spectrum.lines) / (spectrum.step * len(spectrum.lines))
     edges = _edges(len(power))
     medians = [_medians(power[None, a:b])[0] for a, b in itertools.pairwise(edges)]
@@ -232,7 +227,6 @@ def own_bands(levels: Levels, rate: float) -> OwnBands:
 
     Parameters
     ----------
-    levels : Levels
     rate : float
         Samples a second.
 
@@ -267,7 +261,6 @@ def taken_down(signals: Record, highest: float, drift: float | None) -> Record:
 
     Parameters
     ----------
-    signals : Signals or StoredSignals
     highest : float
         Hz.
     drift : float, optional

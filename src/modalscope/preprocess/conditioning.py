@@ -98,7 +98,6 @@ def apply_filter(sections: Array, x: RealArray, zero_phase: bool) -> RealArray:
     ----------
     sections : array, (s, 6)
     x : array, (..., samples, channels)
-    zero_phase : bool
     """
     if zero_phase:
         pad = min(3 * (2 * len(sections) + 1), x.shape[-2] - 1)
@@ -116,11 +115,9 @@ def filtered(
 
     Parameters
     ----------
-    record : StoredSignals
     sections : array, (s, 6), or None
     factor : int
         One sample in so many is kept.
-    zero_phase : bool
     note : str
         What is done, in words.
     rate : float

@@ -54,11 +54,6 @@ def spanning_outputs(signals: Signals, most: int = MOST_REFERENCES) -> tuple[int
     Of the correlation coefficients at lag zero, R, one channel j after the other is taken that explains most of what those before it have
     left, sum_i R_ij^2 / R_jj, and what it explains is taken off, R - R_j R_j' / R_jj. A channel of noise explains only itself.
 
-    Parameters
-    ----------
-    signals : Signals
-    most : int
-
     Examples
     --------
     >>> y = np.random.default_rng(0).standard_normal((500, 2))
@@ -375,7 +370,6 @@ def slower_correlation(correlation: ImpulseResponse, highest: float) -> ImpulseR
 
     Parameters
     ----------
-    correlation : ImpulseResponse
     highest : float
         Hz.
     """

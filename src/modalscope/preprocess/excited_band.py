@@ -218,7 +218,6 @@ def left_over(spectra: RecordSpectra, own: slice) -> Left:
 
     Parameters
     ----------
-    spectra : RecordSpectra
     own : slice
         The lines of the run.
     """

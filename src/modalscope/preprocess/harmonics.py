@@ -59,12 +59,7 @@ class Spectrum(NamedTuple):
 
     @classmethod
     def of(cls, signals: Signals) -> Spectrum:
-        """Return that of a record.
-
-        Parameters
-        ----------
-        signals : Signals
-        """
+        """Return that of a record."""
         outputs, _ = signals.by_run()
         y = _without_straight_lines(outputs / binary_size(outputs))
         power = float(np.einsum("rnl,rnl->", y, y)) / (len(y) * y.shape[1])
@@ -83,12 +78,7 @@ def _without_straight_lines(y: RealArray) -> RealArray:
 
 
 def binary_size(x: Array) -> float:
-    """Return a power of two near the largest value, so that squares of x over it are numbers whatever its unit; 1 of zeros.
-
-    Parameters
-    ----------
-    x : array
-    """
+    """Return a power of two near the largest value, so that squares of x over it are numbers whatever its unit; 1 of zeros."""
     largest = max(float(np.max(x, initial=0.0)), -float(np.min(x, initial=0.0)))
     return float(np.ldexp(1.0, int(np.frexp(largest)[1]) - 1)) if largest else 1.0
 
@@ -179,7 +169,6 @@ def narrow_band(spectrum: Spectrum, frequency: float, width: float) -> Narrow | 
 
     Parameters
     ----------
-    spectrum : Spectrum
     frequency, width : float
         Hz.
     """
@@ -196,7 +185,6 @@ def lines_around(spectrum: Spectrum, frequencies: RealArray, widths: ArrayLike) 
 
     Parameters
     ----------
-    spectrum : Spectrum
     frequencies, widths : array, (n,)
         Hz.
     """
@@ -212,10 +200,8 @@ def steady_bands(spectrum: Spectrum, first: IntArray, count: IntArray, chance: f
 
     Parameters
     ----------
-    spectrum : Spectrum
     first, count : array of int, (n,)
         Lines of the bands, at least `FEWEST`.
-    chance : float
     """
     cuts = [spectrum.lines[:, a : a + n] for a, n in zip(first.tolist(), count.tolist(), strict=True)]
     combined = [cut @ _strongest(cut.reshape(-1, cut.shape[2])) for cut in cuts]
@@ -383,7 +369,6 @@ def lines_in(spectrum: Spectrum, band: tuple[float, float] | None = None) -> tup
 
     Parameters
     ----------
-    spectrum : Spectrum
     band : (float, float), optional
         Hz.
     """
@@ -450,12 +435,7 @@ def shaft_orders(frequencies: Array) -> list[int | None]:
 
 
 def harmonic_notes(lines: Sequence[Line]) -> tuple[Note, ...]:
-    """Return a note for every line of a turning machine: frequency, spread, level and order among its numbers.
-
-    Parameters
-    ----------
-    lines : sequence of Line
-    """
+    """Return a note for every line of a turning machine: frequency, spread, level and order among its numbers."""
     orders = shaft_orders(np.array([line.frequency for line in lines]))
     return tuple(_note(line, order) for line, order in zip(lines, orders, strict=True))
 

@@ -85,7 +85,6 @@ def without_lines(signals: Signals, lines: Iterable[tuple[float, float]]) -> Sig
 
     Parameters
     ----------
-    signals : Signals
     lines : iterable of (float, float)
         Frequency and its standard deviation, Hz.
     """

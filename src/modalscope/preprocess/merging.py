@@ -65,7 +65,6 @@ def check_same(parts: Sequence[Any], name: str, words: str, change: str) -> None
 
     Parameters
     ----------
-    parts : sequence
     name : str
         Of the attribute.
     words : str
@@ -183,12 +182,7 @@ def _coherence(parts: Sequence[FrequencyResponse], table: _Table) -> Array | Non
 
 
 def merge_pulses(parts: Sequence[ImpulseResponse]) -> ImpulseResponse:
-    """Put impulse responses together as `merge_frf` does, over the samples that all have.
-
-    Parameters
-    ----------
-    parts : sequence of ImpulseResponse
-    """
+    """Put impulse responses together as `merge_frf` does, over the samples that all have."""
     for name, words in (
         ("kind", "kind"),
         ("sampling_rate", "sampling rate"),

@@ -35,7 +35,6 @@ def correlations(setups: Setups, **options: Any) -> tuple[ImpulseResponse, ...]:
 
     Parameters
     ----------
-    setups : Setups
     **options
         Those of `estimate_correlation`.
     """
@@ -48,10 +47,6 @@ def joined_setups(setups: Setups) -> ImpulseResponse:
 
     R_j(k) = C A^(k-1) G_j in every setup j, with rows for its own outputs alone. M_i of the setup i that has an output gives its row in
     all others, M_i X_j(k) (see `merge_setups`), so that all are columns of one Markov sequence: nothing is averaged that differs.
-
-    Parameters
-    ----------
-    setups : Setups
 
     Returns
     -------
@@ -117,10 +112,6 @@ def heard_lags(parts: Sequence[ImpulseResponse]) -> int:
 
     The energy of all pairs, each by its lag 0, in windows of a twentieth of the lags, is more than three times what it is in the last
     quarter; all lags where it never falls so far.
-
-    Parameters
-    ----------
-    parts : sequence of ImpulseResponse
     """
     count = min(part.samples for part in parts)
     energy = np.zeros(count)

@@ -201,8 +201,6 @@ def cross_spectra(
     ----------
     outputs, inputs : array, (R, N, l) and (R, N, m)
         Real records, or complex ones that were shifted in frequency (see `modalscope.preprocess.zoom`).
-    sampling_rate : float
-    segments : Segments
     transform : Transform, optional
         The lines; by default those of the discrete Fourier transform.
     whole : bool

@@ -197,9 +197,6 @@ def gathered(record: StoredSignals, references: tuple[int, ...], lags: int, edge
 
     Parameters
     ----------
-    record : StoredSignals
-    references : tuple of int
-    lags : int
     edges : tuple of int
         Where the blocks begin, and the end of the last one.
 
@@ -231,11 +228,6 @@ def gathered(record: StoredSignals, references: tuple[int, ...], lags: int, edge
 def stretches(edges: tuple[int, ...], channels: int) -> list[Stretch]:
     """Return the tasks: every block in one piece, or in several where it is long.
 
-    Parameters
-    ----------
-    edges : tuple of int
-    channels : int
-
     Examples
     --------
     >>> [tuple(task) for task in stretches((0, 10, 20), 8)]
@@ -250,12 +242,7 @@ def stretches(edges: tuple[int, ...], channels: int) -> list[Stretch]:
 
 
 def held_samples(channels: int, lags: int) -> int:
-    """Return how many samples are read at a time: few beside the memory that may be taken, and many beside the lags.
-
-    Parameters
-    ----------
-    channels, lags : int
-    """
+    """Return how many samples are read at a time: few beside the memory that may be taken, and many beside the lags."""
     most = min(_HELD, allowed_memory() // (8 * _COPIES * 4))
     return max(int(most) // channels, 2 * lags, 2)
 
