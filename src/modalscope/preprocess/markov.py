@@ -66,7 +66,7 @@ class Regression(NamedTuple):
         return np.asarray(np.mean(np.log(np.maximum(errors / np.where(power > 0, power, 1.0), _EXACT**2)), axis=-1))
 
     def fit(self, unknowns: int, rank: int | None = None) -> tuple[RealArray, int, RealArray]:
-        """Return the minimum-norm least-squares solution (unknowns, l) in the first `rank` directions, the rank, and the residuals' Gram matrix.
+        """Return the minimum-norm solution (unknowns, l) in the first `rank` directions, the rank, and the residuals' Gram matrix (l, l).
 
         By default all directions above rounding are taken.
         """
@@ -86,9 +86,8 @@ class Regression(NamedTuple):
         _, rank, residual = self.fit(unknowns)
         return rank < self.rows and bool(np.all(np.diag(residual) <= limit))
 
-    def cross_validated(self, unknowns: int) -> tuple[int, float]:
-        """Return the rank that predicts the parts best, each from the others, and the mean log share of the errors in the power."""
-        ranks = np.unique(np.geomspace(1, unknowns, _RANKS).astype(int))
+    def errors(self, unknowns: int, ranks: IntArray) -> RealArray:
+        """Return the sums of squared errors (ranks, l) of predicting each part from the others."""
         errors = np.zeros((ranks.size, self.outputs))
         for part, R in zip(self.parts, self.others, strict=True):
             steps, Vt = _directions(R[:, :unknowns], R[:, -self.outputs :])
@@ -97,7 +96,12 @@ class Regression(NamedTuple):
                 residual -= turned[:, last:rank] @ steps[last:rank]
                 errors[i] += np.sum(residual**2, axis=0)
                 last = rank
-        criterion = self.share(errors)
+        return errors
+
+    def cross_validated(self, unknowns: int) -> tuple[int, float]:
+        """Return the rank that predicts the parts best, each from the others, and the mean log share of the errors in the power."""
+        ranks = np.unique(np.geomspace(1, unknowns, _RANKS).astype(int))
+        criterion = self.share(self.errors(unknowns, ranks))
         best = int(np.argmin(criterion))
         return int(ranks[best]), float(criterion[best])
 
