@@ -19,7 +19,7 @@ from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess.correlation import spanning_outputs
 from modalscope.preprocess.excitation import find_excitation
-from modalscope.preprocess.spectra import Segments, cross_spectra, segment_starts, window_samples
+from modalscope.preprocess.spectra import Segments, cross_spectra
 
 __all__ = ["DELAYS", "aligned", "delayed", "exchanged", "late", "seen_delays"]
 
@@ -27,9 +27,11 @@ __all__ = ["DELAYS", "aligned", "delayed", "exchanged", "late", "seen_delays"]
 # ------------------------------------------------------------------------------------------ outputs late after the forces
 # Their impulse responses begin with a jump, and after the same lag.
 
-#: Samples of a run, and runs, that are examined; segments that impulse responses are averaged over, and their least and greatest length.
-_SAMPLES, _RUNS, _SEGMENTS = 1 << 16, 4, 12
-_SHORTEST, _LONGEST = 128, 2048
+#: Samples of a run, and runs, that are examined.
+_SAMPLES, _RUNS = 1 << 16, 4
+
+#: Segments that impulse responses are averaged over, and their least and greatest length.
+_SEGMENTS, _SHORTEST, _LONGEST = 12, 128, 2048
 
 #: Power of the forces on a line below this part of the greatest is raised to it.
 _QUIET = 1e-3
@@ -71,7 +73,7 @@ def lateness(signals: Signals) -> Lateness:
     length = min(signals.samples // (_SEGMENTS // 2 + 1), _LONGEST)
     if inputs is None or length < _SHORTEST:
         return Lateness(False, {})
-    y, u = (x[:_RUNS, :_SAMPLES] - x[:_RUNS, :_SAMPLES].mean(axis=1, keepdims=True) for x in (outputs, inputs))
+    y, u = _examined(outputs), _examined(inputs)
     size = _responses(y, u, length)
     together = np.sqrt(np.mean((size / np.maximum(size.max(axis=0), 1e-300)) ** 2, axis=1))
     lag = _onset(together, _TOGETHER)
@@ -83,11 +85,16 @@ def lateness(signals: Signals) -> Lateness:
     return Lateness(False, {dof: own for dof, own in alone.items() if own >= _LEAST_ALONE})
 
 
+def _examined(x: RealArray) -> RealArray:
+    """Return the first samples of the first runs without their means."""
+    x = x[:_RUNS, :_SAMPLES]
+    return np.asarray(x - x.mean(axis=1, keepdims=True))
+
+
 def _responses(outputs: RealArray, inputs: RealArray, length: int) -> RealArray:
     """Return the size of the impulse response of every output to all forces, (length, l), negative lags last."""
-    w = window_samples("hann", length)
     level = inputs / np.maximum(np.sqrt(np.mean(inputs**2, axis=(0, 1))), 1e-300)
-    S = cross_spectra(outputs, level, 1.0, Segments(segment_starts(outputs.shape[1], length, 0.5), w, w))
+    S = cross_spectra(outputs, level, 1.0, Segments.of(outputs.shape[1], length))
     power = np.einsum("fii->f", S.inputs).real
     regularization = _QUIET * power.max() * np.eye(S.inputs.shape[1])
     H = np.linalg.solve((S.inputs + regularization).transpose(0, 2, 1), S.cross.transpose(0, 2, 1)).transpose(0, 2, 1)
@@ -110,9 +117,6 @@ def _onset(size: RealArray, begun: float) -> int:
 
 
 # --------------------------------------------------------------------------------------------- causality, and delays by phase
-
-#: Samples of a run, and runs, that are examined.
-_CAUSAL_SAMPLES, _CAUSAL_RUNS = 1 << 16, 4
 
 #: The correlation of a cause with its effect has less energy on the wrong side of lag 0 than on the right one, whatever its spectrum. A
 #: ratio above this is significant.
@@ -147,10 +151,7 @@ def exchanged(signals: Signals) -> list[Finding]:
     outputs, inputs = signals.by_run()
     if inputs is None or signals.samples < 4 * _CAUSAL_LEAST:
         return []
-    y, u = (
-        x[:_CAUSAL_RUNS, :_CAUSAL_SAMPLES] - x[:_CAUSAL_RUNS, :_CAUSAL_SAMPLES].mean(axis=1, keepdims=True)
-        for x in (outputs, inputs)
-    )
+    y, u = _examined(outputs), _examined(inputs)
     lags = y.shape[1] // 8
     length = fft.next_fast_len(2 * y.shape[1], real=True)
     Y, U = fft.rfft(y, n=length, axis=1), fft.rfft(u, n=length, axis=1)
@@ -195,7 +196,7 @@ def delayed(signals: Signals) -> list[Finding]:
     length = min(signals.runs * signals.samples // (_CAUSAL_SEGMENTS // 2), signals.samples, 4096)
     if outputs.shape[2] < 3 or length < _CAUSAL_LEAST or len(set(signals.quantities)) > 1:
         return []
-    y = outputs[:, :_CAUSAL_SAMPLES] - outputs[:, :_CAUSAL_SAMPLES].mean(axis=1, keepdims=True)
+    y = outputs[:, :_SAMPLES] - outputs[:, :_SAMPLES].mean(axis=1, keepdims=True)
     halves = (y[:, : y.shape[1] // 2], y[:, y.shape[1] // 2 :])
     length = min(length, halves[0].shape[1])
     candidates = spanning_outputs(signals)
@@ -221,8 +222,8 @@ class _Delays(NamedTuple):
 
 def _delays(y: RealArray, length: int, candidates: Sequence[int]) -> _Delays:
     """Return the delays of records (R, N, l) from segments, against the candidate with the largest coherence with the others."""
-    w, some = window_samples("hann", length), list(candidates)
-    spectra = cross_spectra(y, y[:, :, some], 1.0, Segments(segment_starts(y.shape[1], length, 0.5), w, w))
+    some = list(candidates)
+    spectra = cross_spectra(y, y[:, :, some], 1.0, Segments.of(y.shape[1], length))
     S, power = spectra.cross, np.maximum(spectra.output_powers, 1e-300)
     coherence = np.abs(S) ** 2 / (power[:, :, None] * power[:, None, some])
     best_candidate = int(np.argmax(coherence.sum(axis=(0, 1))))

@@ -22,7 +22,7 @@ from modalscope.numerics.errors import DataError
 from modalscope.preprocess.excitation import find_excitation
 from modalscope.preprocess.excited_band import swept_lines, useful_lines
 from modalscope.preprocess.frf import estimate_frf
-from modalscope.preprocess.spectra import Segments, cross_spectra, window_samples
+from modalscope.preprocess.spectra import Segments, cross_spectra
 
 __all__ = ["events", "examine"]
 
@@ -208,8 +208,7 @@ def _changed_channels(signals: Signals) -> list[Finding]:
     outputs, inputs = signals.by_run()
     assert inputs is not None
     tiny = np.finfo(float).tiny
-    w = window_samples("hann", signals.samples)
-    segments = Segments([0], w, w)
+    segments = Segments.of(signals.samples, signals.samples)
     rows = []
     for y, u in zip(outputs, inputs, strict=True):
         S = cross_spectra(y[None], u[None], signals.sampling_rate, segments)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from modalscope.data.response import Response
 from modalscope.data.setups import Setups
 from modalscope.numerics.checks import Array, RealArray
 
-__all__ = ["KINDS", "Finding", "Side", "dead_channels", "finding", "identical_channels", "sides_of"]
+__all__ = ["KINDS", "Finding", "Side", "channels_of", "dead_channels", "finding", "identical_channels", "sides_of"]
 
 #: One side of the data: "output" or "input", its channels as columns (N, c), and their labels.
 Side = tuple[str, Array, tuple[str, ...]]
@@ -217,7 +217,7 @@ class Finding(NamedTuple):
         return f"{self.kind}: {', '.join(self.channels)}: {self.reason}. {self.change}"
 
 
-def finding(name: str, *channels: str, at: Sequence[float] = (), **measured: object) -> Finding:
+def finding(name: str, *channels: str, at: Iterable[float] = (), **measured: Any) -> Finding:
     """Return the finding of a row of the table, with what was measured in its texts, and its frequencies `at` (Hz).
 
     Examples
@@ -259,6 +259,15 @@ def _sides_of_runs(records: Records) -> list[Side]:
             inputs[starts[r] : starts[r + 1], list(records.inputs_of(r))] = run.inputs
     sides: list[Side] = [("output", outputs, records.output_dofs), ("input", inputs, records.input_dofs)]
     return [side for side in sides if side[1].shape[1]]
+
+
+def channels_of(signals: Signals, *, inputs: bool = True) -> list[tuple[str, list[RealArray]]]:
+    """Return every channel with its label, run by run, those of the inputs last."""
+    outputs, forces = signals.by_run()
+    sides = [(outputs, signals.output_dofs)]
+    if forces is not None and inputs:
+        sides.append((forces, signals.input_dofs))
+    return [(dof, [run[:, i] for run in runs]) for runs, labels in sides for i, dof in enumerate(labels)]
 
 
 def dead_channels(samples: Array, labels: Sequence[str]) -> list[Finding]:

@@ -30,21 +30,11 @@ _ROUNDING = 1e-8
 
 
 class Joint(NamedTuple):
-    """Records of a group of channels, each of variance one, and their correlations.
+    """Records of a group of channels, each of variance one, and their correlations."""
 
-    Attributes
-    ----------
-    runs : array, (R, N, l)
-        Without means.
-    depth : int
-        p, samples of the past and of the future.
-    lags : array, (2 p + FARTHEST + 1, l, l)
-        E y(t + k) y(t)'.
-    """
-
-    runs: RealArray
-    depth: int
-    lags: RealArray
+    runs: RealArray  # (R, N, l), without means
+    depth: int  # p, samples of the past and of the future
+    lags: RealArray  # E y(t + k) y(t)', (2 p + FARTHEST + 1, l, l)
 
     def between(self, distance: int) -> RealArray:
         """Return E f p' (p l, p l) of a future f that begins `distance` samples late after the past p; block i, j is R(d + p + i - j)."""

@@ -7,7 +7,7 @@ import scipy
 from scipy import fft
 
 from modalscope.data.records import Signals
-from modalscope.doctor.findings import Finding, finding
+from modalscope.doctor.findings import Finding, channels_of, finding
 from modalscope.doctor.prediction import unexplained
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.errors import DataError
@@ -15,7 +15,7 @@ from modalscope.preprocess.excited_band import useful_lines
 from modalscope.preprocess.frf import estimate_frf, plan_hits, without_offset
 from modalscope.preprocess.harmonics import find_lines
 from modalscope.preprocess.impacts import Hit, clipped_samples, find_hits
-from modalscope.preprocess.spectra import Segments, cross_spectra, segment_starts, window_samples
+from modalscope.preprocess.spectra import Segments, cross_spectra
 
 __all__ = ["bad_hits", "clipped", "leakage", "noisy_channels", "too_short", "transposed"]
 
@@ -48,18 +48,13 @@ _CYCLES = 10.0
 
 def clipped(signals: Signals, kind: str) -> list[Finding]:
     """Find channels clipped at their extremes; the force of a hammer is checked hit by hit instead."""
-    outputs, inputs = signals.by_run()
-    sides = [(outputs, signals.output_dofs)]
-    if inputs is not None and kind != "impact":
-        sides.append((inputs, signals.input_dofs))
     found = []
-    for records, labels in sides:
-        for i, dof in enumerate(labels):
-            counts = [clipped_samples(run[:, i]) for run in records]
-            if sum(counts):
-                runs = [str(r + 1) for r, count in enumerate(counts) if count]
-                where = f" in run {', '.join(runs)}" if signals.runs > 1 else ""
-                found.append(finding("clipped", dof, count=sum(counts), where=where))
+    for dof, records in channels_of(signals, inputs=kind != "impact"):
+        counts = [clipped_samples(run) for run in records]
+        if any(counts):
+            runs = [str(r + 1) for r, count in enumerate(counts) if count]
+            where = f" in run {', '.join(runs)}" if signals.runs > 1 else ""
+            found.append(finding("clipped", dof, count=sum(counts), where=where))
     return found
 
 
@@ -85,8 +80,9 @@ def bad_hits(signals: Signals) -> list[Finding]:
         others = [h.number for h in hits if h.number != hit.number and not h.unfit]
         effect = _without(signals, hit.number, others)
         kind = "overload" if hit.unfit else "double hit"
-        measured = {"number": hit.number, "reason": hit.reason, "others": others, "effect": effect}
-        found.append(finding(kind, *signals.input_dofs, **measured))
+        found.append(
+            finding(kind, *signals.input_dofs, number=hit.number, reason=hit.reason, others=others, effect=effect)
+        )
     return found
 
 
@@ -170,8 +166,7 @@ def noisy_channels(signals: Signals, kind: str) -> list[Finding]:
     length = min(signals.samples, total // (8 * (others + 1)))
     if l < 3 or length < 32 or kind in ("impact", "sweep", "burst"):
         return []
-    w = window_samples("hann", length)
-    segments = Segments(segment_starts(signals.samples, length, 0.5), w, w)
+    segments = Segments.of(signals.samples, length)
     y = outputs - outputs.mean(axis=1, keepdims=True)
     u = None if inputs is None else inputs - inputs.mean(axis=1, keepdims=True)
     spectra = cross_spectra(y, u, signals.sampling_rate, segments, whole=inputs is None)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import scipy
 
@@ -168,7 +170,7 @@ def odd_phases(response: FrequencyResponse) -> list[Finding]:
     return []
 
 
-def _parts(H: Array) -> dict[str, object] | None:
+def _parts(H: Array) -> dict[str, Any] | None:
     """Whether imaginary parts are angles: they never leave +-180 or +-pi, and jump from the one to the other."""
     for limit, unit in ((180.0, "degrees"), (np.pi, "radians")):
         x = H.imag / limit
@@ -190,7 +192,7 @@ def _parts(H: Array) -> dict[str, object] | None:
     return None
 
 
-def _degrees(H: Array) -> dict[str, object] | None:
+def _degrees(H: Array) -> dict[str, Any] | None:
     """Whether phases cluster where degrees that were taken for radians put the real axis, or jump from line to line."""
     phase = np.angle(H[np.abs(H) > 0])
     if not phase.size:
@@ -215,7 +217,7 @@ def _rough(H: Array) -> bool:
     return bool(change > max(_JUMP, _MORE * float(np.median(np.abs(np.diff(np.log(size), axis=0))))))
 
 
-def _levels(H: Array) -> dict[str, object] | None:
+def _levels(H: Array) -> dict[str, Any] | None:
     """Whether magnitudes are levels: of the size of dB, of little range, and small where the phase falls, at the resonances."""
     size = np.abs(H)
     middle = float(np.median(size))

@@ -14,7 +14,7 @@ import scipy
 from scipy.special import pdtrc
 
 from modalscope.data.records import Signals
-from modalscope.doctor.findings import Finding, finding
+from modalscope.doctor.findings import Finding, channels_of, finding
 from modalscope.doctor.prediction import FARTHEST, Joint, joints
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.statistics import NORMAL
@@ -86,8 +86,7 @@ def _disturbance(run: RealArray, ahead: RealArray, p: int) -> RealArray:
     """Return e' S^-1 e of the prediction from the past at the samples p ..., the largest of three."""
     weighted = sum(run[i : i + len(run) - p] @ ahead[:, i].T for i in range(p + 1))
     size = np.sum(weighted * np.linalg.solve(ahead[:, p], np.asarray(weighted).T).T, axis=1)
-    padded = np.concatenate([[0.0], size, [0.0]])
-    return np.asarray(np.maximum(np.maximum(padded[:-2], padded[2:]), size))
+    return np.asarray(scipy.ndimage.maximum_filter1d(size, 3))
 
 
 def _explains(z: RealArray, k: int, i: int, blow: RealArray, pattern: RealArray, limit: float) -> bool:
@@ -256,7 +255,7 @@ def wrapped(signals: Signals, lone: Sequence[Lone] = ()) -> list[Finding]:
     An isolated sample of an output counts, too, when it is at one end of the range and expected at the other.
     """
     found = []
-    for i, (where, x) in enumerate(_channels(signals)):
+    for i, (where, x) in enumerate(channels_of(signals)):
         places = {(r, int(k) + 1) for r, run in enumerate(x) for k in wraps(run)}
         places |= {(each.run, each.sample) for each in lone if each.channel == i and _across(each, x[each.run])}
         if places:
@@ -306,7 +305,7 @@ def frozen(signals: Signals) -> list[Finding]:
 
     Where equal neighbours are common, as in coarse steps, the stretch must be longer than chance makes one.
     """
-    held = [(where, [(r, a, b) for r, run in enumerate(x) for a, b in holds(run)]) for where, x in _channels(signals)]
+    held = [(where, [(r, a, b) for r, run in enumerate(x) for a, b in holds(run)]) for where, x in channels_of(signals)]
     gaps = set.intersection(*(set(stretches) for _, stretches in held)) if len(held) > 1 else set()
     names = [where for where, stretches in held if stretches]
     found = [finding("gap", *names, stretches=_in_words(sorted(gaps), signals))] if gaps else []
@@ -341,7 +340,7 @@ def spikes(signals: Signals, kind: str, but: Container[str] = (), lone: Sequence
     Of the samples that only all channels together show (`lone`), two of a channel are needed: one changes no estimate measurably.
     """
     found = []
-    for i, (where, x) in enumerate(_channels(signals, inputs=kind != "impact")):
+    for i, (where, x) in enumerate(channels_of(signals, inputs=kind != "impact")):
         weak = {(each.run, each.sample) for each in lone if each.channel == i}
         large = {(r, int(k)) for r, run in enumerate(x) for k in lone_samples(run)}
         places = [] if where in but else sorted(large | weak if len(weak) > 1 else large)
@@ -367,15 +366,6 @@ def lone_samples(x: RealArray) -> Array:
         if alone and abs(r[k]) > limit * np.sqrt(np.mean(near**2)):
             found.append(k + 1)
     return np.array(found, dtype=int)
-
-
-def _channels(signals: Signals, *, inputs: bool = True) -> list[tuple[str, list[RealArray]]]:
-    """Return every channel with its label, run by run."""
-    outputs, forces = signals.by_run()
-    sides = [(outputs, signals.output_dofs)]
-    if forces is not None and inputs:
-        sides.append((forces, signals.input_dofs))
-    return [(dof, [run[:, i] for run in runs]) for runs, labels in sides for i, dof in enumerate(labels)]
 
 
 def _in_words(stretches: list[tuple[int, int, int]], signals: Signals) -> str:

@@ -79,7 +79,7 @@ class Levels:
         heights = np.ones(logs.shape)
         for far in np.unique(reach[reach >= _FEWEST_LINES]):
             some = np.flatnonzero(reach == far)
-            around = _medians(logs[some[:, None] + np.arange(-far, far + 1)])
+            around = np.median(logs[some[:, None] + np.arange(-far, far + 1)], axis=1)
             heights[some] = np.exp(np.minimum(logs[some] - around, 50.0))
         return heights
 
@@ -112,17 +112,10 @@ def levels_in(spectrum: Spectrum) -> Levels:
     """Return the spectral levels of a record from its spectrum, averaged over runs."""
     power = sum(lines.real**2 + lines.imag**2 for lines in spectrum.lines) / (spectrum.step * len(spectrum.lines))
     edges = _edges(len(power))
-    medians = [_medians(power[None, a:b])[0] for a, b in itertools.pairwise(edges)]
+    medians = [np.median(power[a:b], axis=0) for a, b in itertools.pairwise(edges)]
     middles = (edges[:-1] + edges[1:] - 1) / 2 * spectrum.step
     values = np.array(medians).reshape(len(middles), power.shape[1]) / np.log(2)
     return Levels(middles, np.diff(edges).astype(float), values)
-
-
-def _medians(values: RealArray) -> RealArray:
-    """Return the medians of (groups, n, l) over n, (groups, l)."""
-    n = values.shape[1]
-    middle = (n - 1) // 2, n // 2
-    return np.asarray(np.partition(values, middle, axis=1)[:, middle, :].mean(axis=1))
 
 
 def _edges(lines: int) -> RealArray:
@@ -162,27 +155,13 @@ Band = tuple[float, float]
 
 
 class OwnBands(NamedTuple):
-    """The automatic band of a record, its parts, and how they were found.
+    """The automatic band of a record, its parts, and how they were found; frequencies in Hz."""
 
-    Attributes
-    ----------
-    whole : (float, float) or None
-        Hz; None where the record is used unchanged.
-    parts : tuple of (float, float)
-        One if the band is not wide, none without a peak.
-    drift : float or None
-        Hz: below is drift, to be removed; None where there is little of it.
-    span : (float, float) or None
-        Hz: the lowest and the highest peak.
-    below : float
-        Part of all power below the band.
-    """
-
-    whole: Band | None = None
-    parts: tuple[Band, ...] = ()
-    drift: float | None = None
-    span: Band | None = None
-    below: float = 0.0
+    whole: Band | None = None  # None where the record is used unchanged
+    parts: tuple[Band, ...] = ()  # one if the band is not wide, none without a peak
+    drift: float | None = None  # below is drift, to be removed; None where there is little of it
+    span: Band | None = None  # the lowest and the highest peak
+    below: float = 0.0  # part of all power below the band
 
     def note(self, parts: tuple[Band, ...]) -> Note:
         """Return the note on the bands used, the whole or its parts."""

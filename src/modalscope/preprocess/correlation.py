@@ -21,7 +21,7 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, RealArray, check_count, check_kind
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import allowed_memory, one_thread
-from modalscope.preprocess.spectra import check_window, segment_starts, window_samples
+from modalscope.preprocess.spectra import Segments, check_window
 from modalscope.preprocess.stored_correlation import LagSum, lag_sums
 
 __all__ = [
@@ -326,7 +326,7 @@ def _windowed(
             f"a run has {signals.samples} samples",
             f"Choose segment above {lags} and up to {signals.samples}, or lower lags.",
         )
-    w = window_samples(window, length)
+    starts, w, _ = Segments.of(signals.samples, length, overlap, window)
     # at large lags the correlation of the window vanishes, and the quotient would be noise
     weight = scipy.signal.correlate(w, w)[length - 1 : length + lags]
     if weight[-1] < 1e-3 * weight[0]:
@@ -335,7 +335,6 @@ def _windowed(
             "the window's ends leave nothing at the largest lag",
             f"Raise segment to {2 * lags} or more, or lower lags.",
         )
-    starts = segment_starts(signals.samples, length, overlap)
     total = np.zeros((lags + 1, len(signals.output_dofs), len(references)))
     for y in _centred(signals):
         for start in starts:

@@ -22,18 +22,7 @@ from modalscope.numerics.checks import Array, BoolArray, ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess.spectra import CrossSpectra, silent_lines
 
-__all__ = [
-    "ESTIMATORS",
-    "Estimate",
-    "NoisePowers",
-    "check_inputs",
-    "coherence_of",
-    "noise_powers",
-    "solve",
-    "solve_h1",
-    "synchronous",
-]
-
+__all__ = ["ESTIMATORS", "Estimate", "check_inputs", "coherence_of", "noise_powers", "solve", "synchronous"]
 
 ESTIMATORS = ("h1", "h2", "hv")
 

@@ -7,21 +7,16 @@ from scipy import fft
 
 from modalscope.data.record_transform import half_transform
 from modalscope.data.records import Signals
+from modalscope.data.sizes import check_size
 from modalscope.numerics.checks import Array, RealArray, check_count
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.resources import scratch
 from modalscope.preprocess.impacts import is_impact
 
-__all__ = ["EXCITATIONS", "find_excitation", "find_period"]
+__all__ = ["EXCITATIONS", "driven_records", "find_excitation", "find_period"]
 
-#: Kinds of excitation, and how they are averaged.
-EXCITATIONS = {
-    "random": "overlapping segments under a window",
-    "burst": "whole runs, that start and end at rest, no window",
-    "sweep": "whole runs, no window: the whole-run ratio",
-    "periodic": "the synchronous average over periods, no window",
-    "impact": "segments that start at the hits, no window or force and exponential ones",
-}
+#: Kinds of excitation; `estimate_frf` says how each is averaged.
+EXCITATIONS = ("random", "burst", "sweep", "periodic", "impact")
 
 #: The force is off when its RMS over the last part of a run is below this fraction of the run's.
 _LAST, _OFF = 0.05, 0.02
@@ -40,6 +35,19 @@ _AT_A_TIME = 1 << 16
 
 #: Least correlation coefficient of a periodic force with itself a period later.
 _PERIODIC = 0.99
+
+
+def driven_records(signals: Signals, asked: str) -> tuple[RealArray, RealArray]:
+    """Return outputs (R, N, l) and inputs (R, N, m) of records; raise DataError without inputs, with what was `asked`."""
+    check_size(signals)
+    outputs, inputs = signals.by_run()
+    if inputs is None:
+        raise DataError(
+            f"{asked} were asked",
+            "the record has no inputs",
+            "Give the forces as inputs, or use estimate_correlation for a record of responses alone.",
+        )
+    return outputs, inputs
 
 
 def find_excitation(signals: Signals, asked: str = "auto") -> str:

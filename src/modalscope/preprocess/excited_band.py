@@ -122,22 +122,12 @@ _DIGITS = 3
 
 
 class Residuals(NamedTuple):
-    """Residuals of polynomials of the outputs of a run, in bins.
+    """Residuals of polynomials of the outputs of a run, in b bins: mean squares (b, l), of white noise its power."""
 
-    Attributes
-    ----------
-    highest : array, (b,)
-        The last line of each bin, Hz.
-    free : array, (b,)
-        Degrees of freedom of each.
-    narrow, wide : array, (b, l)
-        Mean squares of the residuals of every output from the bin alone and from its surroundings; of white noise its power.
-    """
-
-    highest: RealArray
-    free: RealArray
-    narrow: RealArray
-    wide: RealArray
+    highest: RealArray  # the last line of each bin, Hz
+    free: RealArray  # degrees of freedom of each
+    narrow: RealArray  # of every output from the bin alone
+    wide: RealArray  # from its surroundings
 
     @property
     def stands_out(self) -> BoolArray:
@@ -202,7 +192,7 @@ def polynomial_residuals(spectra: RecordSpectra, run: slice) -> Residuals:
         x = 2 * (np.arange(a, b) - low) / max(high - low - 1, 1) - 1
         channels = np.hstack([np.ones((b - a, 1)), drive[a:b, used] / size])
         powers = np.polynomial.legendre.legvander(x, degree)
-        columns = (powers[:, :, None] * channels[:, None, :]).reshape(b - a, -1)
+        columns = np.asarray((powers[:, :, None] * channels[:, None, :]).reshape(b - a, -1), dtype=complex)
         return columns, spectra.values[run.start + a : run.start + b, :, 0]
 
     bins, outputs = max(len(edges) - 1, 0), spectra.values.shape[1]

@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from modalscope.data.records import Signals
-from modalscope.data.sizes import check_size
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import ComplexArray, RealArray, check_kind
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
+from modalscope.preprocess.excitation import driven_records
 from modalscope.preprocess.frf import plan_runs
 from modalscope.preprocess.spectra import CrossSpectra, cross_spectra, silent_lines
 
@@ -123,9 +123,7 @@ def partial_coherence(signals: Signals, *, segment: int | None = None) -> tuple[
 
 def _spectra(signals: Signals, segment: int | None) -> CrossSpectra:
     check_kind("signals", signals, Signals)
-    check_size(signals)
-    if signals.inputs is None:
-        raise DataError("spectra of forces were asked", "the record has no inputs", "Give the forces as inputs.")
+    driven_records(signals, "spectra of forces")
     plan = plan_runs(signals, "random", segment, None, None)
     spectra = cross_spectra(plan.outputs, plan.inputs, plan.sampling_rate, plan.segments)
     if spectra.averages < len(signals.input_dofs) + 1:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -14,7 +14,6 @@ from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse
-from modalscope.data.sizes import check_size
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, RealArray, check_count, check_kind, check_positive
 from modalscope.numerics.errors import DataError, check_choice
@@ -28,18 +27,15 @@ from modalscope.preprocess.estimators import (
     solve,
     synchronous,
 )
-from modalscope.preprocess.excitation import find_excitation, find_period
+from modalscope.preprocess.excitation import driven_records, find_excitation, find_period
 from modalscope.preprocess.impacts import Hit, cut_hits, exponential_decay, find_hits, room_of, whole_series
 from modalscope.preprocess.local_models import LOCAL, local_models
 from modalscope.preprocess.spectra import (
-    CrossSpectra,
     Segments,
     Transform,
     check_window,
     cross_spectra,
-    segment_starts,
     silent_lines,
-    window_samples,
 )
 from modalscope.preprocess.zoom import ZOOMS, chirp_z, heterodyne, zoom_lines
 
@@ -141,14 +137,12 @@ def plan_runs(signals: Signals, kind: str, segment: int | None, overlap: float |
     if segment is None:
         segment = _segment_length(signals, outputs) if random else signals.samples
     share = (0.5 if random and name != "none" else 0.0) if overlap is None else overlap
-    starts = segment_starts(signals.samples, segment, share)
-    w = window_samples(name, segment)
     notes = [
         f"segments of {segment} samples",
         "no window" if name == "none" else f"{name} window, {100 * share:g} % overlap",
         "median removed" if kind == "burst" else "mean removed",
     ]
-    segments = Segments(starts, w, w)
+    segments = Segments.of(signals.samples, segment, share, name)
     return Plan(outputs=outputs, inputs=inputs, segments=segments, sampling_rate=signals.sampling_rate, notes=notes)
 
 
@@ -159,8 +153,7 @@ def _segment_length(signals: Signals, outputs: RealArray) -> int:
     if most == least or most < _LEAST:
         return least
     level = np.sqrt(np.mean(outputs**2, axis=(0, 1)))
-    w = window_samples("hann", most)
-    segments = Segments(segment_starts(signals.samples, most, 0.5), w, w)
+    segments = Segments.of(signals.samples, most)
     spectra = cross_spectra(outputs / np.where(level > 0, level, 1.0), None, signals.sampling_rate, segments)
     width = narrowest_peak(spectra.frequencies, spectra.output_powers.sum(axis=1))
     return least if width is None else int(np.clip(8 * signals.sampling_rate / width, least, most))
@@ -361,47 +354,75 @@ def estimate_frf(
     (15, True)
     """
     check_kind("estimate_frf", signals, Signals)
-    check_size(signals)
     check_choice("estimator", estimator, (*ESTIMATORS, *LOCAL))
     check_choice("zoom_by", zoom_by, ZOOMS)
     _check_forces(signals)
+    kind = find_excitation(signals, excitation)
     if estimator in LOCAL:
         averaging = (segment, overlap, window, noise, force_window, exponential, period, zoom)
-        return _local(signals, estimator, degree, half_width, excitation, averaging, held)
-    kind = find_excitation(signals, excitation)
-    _check_options(kind, estimator, period, force_window, exponential)
-    if kind == "periodic":
-        return _periodic(signals, period, check_count("settle", settle, least=0), zoom, held)
-    if kind == "impact":
-        plan = plan_hits(signals, segment, hits, check_count("before", before, least=0), window)
+        averaged = any(option is not None for option in averaging)
+        found = _local(signals, estimator, degree, half_width, kind, averaged)
+    elif kind == "periodic":
+        _check_options(kind, estimator, period, force_window, exponential)
+        found = _periodic(signals, period, check_count("settle", settle, least=0), zoom)
     else:
-        plan = plan_runs(signals, kind, segment, overlap, window)
-    apply_windows(plan, force_window, exponential, before)
-    if zoom is not None:
-        zoom_plan(plan, zoom, zoom_lines, zoom_by)
-    spectra = cross_spectra(plan.outputs, plan.inputs, plan.sampling_rate, plan.segments, transform=plan.transform)
-    spectra = _excited(spectra, plan.notes)
-    check_inputs(spectra, signals.input_dofs)
-    estimate = solve(spectra, estimator, noise_powers(spectra, estimator, noise))
-    averages = f"{spectra.averages} average" + ("s" if spectra.averages > 1 else "")
-    note = f"{estimator.upper()} of {averages}, {kind} excitation: {'; '.join(plan.notes)}"
-    return _response(
-        signals, spectra.frequencies, estimate, coherence_of(spectra), spectra.averages, note, plan.added_damping, held
+        _check_options(kind, estimator, period, force_window, exponential)
+        if kind == "impact":
+            plan = plan_hits(signals, segment, hits, check_count("before", before, least=0), window)
+        else:
+            plan = plan_runs(signals, kind, segment, overlap, window)
+        apply_windows(plan, force_window, exponential, before)
+        if zoom is not None:
+            zoom_plan(plan, zoom, zoom_lines, zoom_by)
+        found = _averaged(plan, signals.input_dofs, kind, estimator, noise)
+    return FrequencyResponse(
+        values=found.estimate.values,
+        frequencies=found.frequencies,
+        quantity=signals.quantity,
+        sampling_rate=signals.sampling_rate if held else None,
+        coherence=found.coherence,
+        variance=found.estimate.variance,
+        averages=found.averages,
+        added_damping=found.added_damping,
+        **signals.processed(found.note).labelled(),
     )
 
 
+class _Found(NamedTuple):
+    """Estimates on lines (Hz), and what `processing` notes of them."""
+
+    frequencies: RealArray
+    estimate: Estimate
+    coherence: RealArray | None
+    averages: int | None
+    note: str
+    added_damping: float = 0.0
+
+
+def _averaged(
+    plan: Plan, inputs: tuple[str, ...], kind: str, estimator: str, noise: tuple[ArrayLike, ArrayLike] | None
+) -> _Found:
+    """Estimate from averaged spectra, without the lines on which an input has no power."""
+    spectra = cross_spectra(plan.outputs, plan.inputs, plan.sampling_rate, plan.segments, transform=plan.transform)
+    silent = silent_lines(spectra)
+    count = int(np.sum(silent))
+    if count:
+        where = "0 Hz" if count == 1 and silent[0] and spectra.frequencies[0] == 0 else f"{count} lines"
+        plan.notes.append(f"{where} left out, without force")
+        spectra = spectra.at_lines(~silent)
+    check_inputs(spectra, inputs)
+    estimate = solve(spectra, estimator, noise_powers(spectra, estimator, noise))
+    averages = f"{spectra.averages} average" + ("s" if spectra.averages > 1 else "")
+    note = f"{estimator.upper()} of {averages}, {kind} excitation: {'; '.join(plan.notes)}"
+    return _Found(spectra.frequencies, estimate, coherence_of(spectra), spectra.averages, note, plan.added_damping)
+
+
 def _local(
-    signals: Signals,
-    estimator: str,
-    degree: int | None,
-    half_width: int | None,
-    excitation: str,
-    averaging: tuple[object, ...],
-    held: bool,
-) -> FrequencyResponse:
-    kind = find_excitation(signals, excitation)
+    signals: Signals, estimator: str, degree: int | None, half_width: int | None, kind: str, averaged: bool
+) -> _Found:
+    """Estimate by local models; DataError where the excitation or an option asks for averages."""
     cut = kind in ("periodic", "impact")
-    if cut or any(option is not None for option in averaging):
+    if cut or averaged:
         raise DataError(
             f"estimator={estimator!r} was asked",
             f"the excitation is {kind}" if cut else "an option of averaged segments was given",
@@ -410,18 +431,11 @@ def _local(
     found = local_models(signals, estimator, 2 if degree is None else degree, half_width)
     words = {"lpm": "local polynomial", "lrm": "local rational"}[estimator]
     note = f"{words} models on {2 * found.half_width + 1} lines of whole runs, no window, no average"
-    estimate = Estimate(found.values, found.variance)
-    return replace(_response(signals, found.frequencies, estimate, found.coherence, 1, note, 0.0, held), averages=None)
+    return _Found(found.frequencies, Estimate(found.values, found.variance), found.coherence, None, note)
 
 
 def _check_forces(signals: Signals) -> None:
-    if signals.inputs is None:
-        raise DataError(
-            "frequency responses were asked",
-            "the record has no inputs",
-            "Give the forces as inputs, or use estimate_correlation for a record of responses alone.",
-        )
-    inputs = signals.inputs.reshape(-1, signals.inputs.shape[-1])
+    inputs = np.concatenate(driven_records(signals, "frequency responses")[1])
     dead = [dof for dof, force in zip(signals.input_dofs, inputs.T, strict=True) if np.all(force == force[0])]
     if dead:
         raise DataError(
@@ -434,39 +448,25 @@ def _check_forces(signals: Signals) -> None:
 def _check_options(
     kind: str, estimator: str, period: int | None, force_window: float | None, exponential: float | None
 ) -> None:
-    refused = (
-        (kind != "periodic" and period is not None, "period", 'excitation="periodic"'),
-        (kind != "impact" and force_window is not None, "force_window", 'excitation="impact"'),
-        (
-            kind in ("periodic", "random") and exponential is not None,
-            "exponential",
-            'excitation="impact", "burst" or "sweep"',
-        ),
-        (
-            kind == "periodic" and estimator != "h1",
-            f"estimator={estimator!r}",
-            'estimator="h1": averaging over periods removes noise on both sides',
-        ),
+    options = (
+        ("period", period, ("periodic",)),
+        ("force_window", force_window, ("impact",)),
+        ("exponential", exponential, ("impact", "burst", "sweep")),
     )
-    for wrong, name, needed in refused:
-        if wrong:
-            raise DataError(f"{name} was asked", f"the excitation is {kind}", f"Leave it out, or give {needed}.")
+    wrong = [
+        (name, f"excitation={' or '.join(map(repr, kinds))}")
+        for name, value, kinds in options
+        if value is not None and kind not in kinds
+    ]
+    if kind == "periodic" and estimator != "h1":
+        wrong.append((f"estimator={estimator!r}", "estimator='h1': averaging over periods removes noise on both sides"))
+    if wrong:
+        name, needed = wrong[0]
+        raise DataError(f"{name} was asked", f"the excitation is {kind}", f"Leave it out, or give {needed}.")
 
 
-def _excited(spectra: CrossSpectra, notes: list[str]) -> CrossSpectra:
-    """Exclude the lines on which an input has no power at all."""
-    silent = silent_lines(spectra)
-    count = int(np.sum(silent))
-    if count == 0:
-        return spectra
-    where = "0 Hz" if count == 1 and silent[0] and spectra.frequencies[0] == 0 else f"{count} lines"
-    notes.append(f"{where} left out, without force")
-    return spectra.at_lines(~silent)
-
-
-def _periodic(
-    signals: Signals, period: int | None, settle: int, zoom: tuple[float, float] | None, held: bool
-) -> FrequencyResponse:
+def _periodic(signals: Signals, period: int | None, settle: int, zoom: tuple[float, float] | None) -> _Found:
+    """Estimate by the synchronous average over periods."""
     if zoom is not None:
         raise DataError(
             "a zoom with periodic excitation was asked",
@@ -480,29 +480,5 @@ def _periodic(
         f"synchronous average of {result.periods} periods of {length} samples in {signals.runs} "
         f"run{'s' if signals.runs > 1 else ''}, no window, mean removed; {result.silent} lines left out, without force"
     )
-    return _response(
-        signals, result.frequencies, result.estimate, result.coherence, result.periods * signals.runs, note, 0.0, held
-    )
-
-
-def _response(
-    signals: Signals,
-    frequencies: RealArray,
-    estimate: Estimate,
-    coherence: RealArray | None,
-    averages: int,
-    note: str,
-    added_damping: float,
-    held: bool,
-) -> FrequencyResponse:
-    return FrequencyResponse(
-        values=estimate.values,
-        frequencies=frequencies,
-        quantity=signals.quantity,
-        sampling_rate=signals.sampling_rate if held else None,
-        coherence=coherence,
-        variance=estimate.variance,
-        averages=averages,
-        added_damping=added_damping,
-        **signals.processed(note).labelled(),
-    )
+    averages = result.periods * signals.runs
+    return _Found(result.frequencies, result.estimate, result.coherence, averages, note)

@@ -17,17 +17,7 @@ from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 
-__all__ = [
-    "HARMONIC",
-    "Line",
-    "Spectrum",
-    "find_lines",
-    "harmonic_notes",
-    "lines_around",
-    "lines_in",
-    "narrow_band",
-    "steady_bands",
-]
+__all__ = ["HARMONIC", "Line", "Spectrum", "find_lines", "harmonic_notes", "lines_in", "narrow_band"]
 
 
 # ------------------------------------------------------------------------------------------------------ whole spectrum
@@ -85,25 +75,14 @@ FEWEST, _ENDS = 12, 0.15
 
 
 class Narrow(NamedTuple):
-    """A narrow band of a record, shifted to zero frequency, in the combination of outputs that holds most of its power.
+    """A narrow band of a record, shifted to zero frequency, in the combination of outputs that holds most of its power."""
 
-    Attributes
-    ----------
-    values : array of complex, (n,)
-        z(t), as many values as the band has.
-    independent : float
-        How many of them are independent in random vibration of this spectrum.
-    centre, spread : float
-        Mean and standard deviation of the frequency, Hz, weighted by power.
-    power : float
-        Mean square of the outputs in the band, the sum of all.
-    """
-
-    values: ComplexArray
-    independent: float
-    centre: float
-    spread: float
-    power: float
+    first: int  # its first line
+    values: ComplexArray  # z(t)
+    independent: float  # number of independent values in random vibration of this spectrum
+    centre: float  # mean of the frequency, weighted by power, Hz
+    spread: float  # its standard deviation, Hz
+    power: float  # mean square in the band, the sum of all outputs
 
     @property
     def chance(self) -> float:
@@ -111,23 +90,20 @@ class Narrow(NamedTuple):
         return _chance(float(_unsteadiness(self.values)), self.independent)
 
 
-class Envelope(NamedTuple):
-    """A narrow band: its first line, all lines (runs, n, l), the combination (runs, n) of outputs with most power, and its z(t)."""
+def _band(spectrum: Spectrum, first: int, lines: ComplexArray, combined: ComplexArray, values: ComplexArray) -> Narrow:
+    """Return a band from its lines (runs, n, l), their combination (runs, n) with most power, and its z(t)."""
+    power = np.sum(np.abs(combined) ** 2, axis=0)
+    f = (first + np.arange(power.size)) * spectrum.step
+    weight = power / power.sum()
+    centre = float(f @ weight)
+    spread = float(np.sqrt(max((f - centre) ** 2 @ weight, 0.0)))
+    independent = _independent(power, spectrum.step, centre, _seconds(spectrum))
+    return Narrow(first, values, independent, centre, spread, float(np.sum(np.abs(lines) ** 2)))
 
-    first: int
-    lines: ComplexArray
-    combined: ComplexArray
-    values: ComplexArray
 
-    def band(self, step: float) -> Narrow:
-        """Return centre, spread, power and independent values of the band; lines are `step` Hz apart."""
-        power = np.sum(np.abs(self.combined) ** 2, axis=0)
-        f = (self.first + np.arange(power.size)) * step
-        weight = power / power.sum()
-        centre = float(f @ weight)
-        spread = float(np.sqrt(max((f - centre) ** 2 @ weight, 0.0)))
-        independent = _independent(power, step, centre, (1 - 2 * _ENDS) * len(self.lines) / step)
-        return Narrow(self.values, independent, centre, spread, float(np.sum(np.abs(self.lines) ** 2)))
+def _seconds(spectrum: Spectrum) -> float:
+    """Return the length of all runs without their ends."""
+    return float((1 - 2 * _ENDS) * len(spectrum.lines) / spectrum.step)
 
 
 def narrow_band(spectrum: Spectrum, frequency: float, width: float) -> Narrow | None:
@@ -137,7 +113,7 @@ def narrow_band(spectrum: Spectrum, frequency: float, width: float) -> Narrow | 
         return None
     cut = spectrum.lines[:, first : first + count]
     combined = cut @ _strongest(cut.reshape(-1, cut.shape[2]))
-    return Envelope(int(first), cut, combined, _values(combined).ravel()).band(spectrum.step)
+    return _band(spectrum, int(first), cut, combined, _values(combined).ravel())
 
 
 def lines_around(spectrum: Spectrum, frequencies: RealArray, widths: ArrayLike) -> tuple[IntArray, IntArray]:
@@ -149,7 +125,7 @@ def lines_around(spectrum: Spectrum, frequencies: RealArray, widths: ArrayLike) 
     return first, np.where((count < FEWEST) | (last >= spectrum.lines.shape[1]), 0, count)
 
 
-def steady_bands(spectrum: Spectrum, first: IntArray, count: IntArray, chance: float) -> list[Envelope]:
+def steady_bands(spectrum: Spectrum, first: IntArray, count: IntArray, chance: float) -> list[Narrow]:
     """Return the bands whose probability may be below a given one, a thousandth or less; `count` is at least `FEWEST`."""
     cuts = [spectrum.lines[:, a : a + n] for a, n in zip(first.tolist(), count.tolist(), strict=True)]
     combined = [cut @ _strongest(cut.reshape(-1, cut.shape[2])) for cut in cuts]
@@ -159,7 +135,7 @@ def steady_bands(spectrum: Spectrum, first: IntArray, count: IntArray, chance: f
         values = _values(np.stack([combined[i] for i in alike])).reshape(alike.size, -1)
         for j in np.flatnonzero(_unsteadiness(values) < limits[alike]):
             i = int(alike[j])
-            found[i] = Envelope(int(first[i]), cuts[i], combined[i], values[j])
+            found[i] = _band(spectrum, int(first[i]), cuts[i], combined[i], values[j])
     return [found[i] for i in sorted(found)]
 
 
@@ -172,8 +148,7 @@ def _values(combined: ComplexArray) -> ComplexArray:
 def _steadiest(spectrum: Spectrum, first: IntArray, count: IntArray, chance: float) -> RealArray:
     """Return the g from which on the probability of bands is no smaller than a given one: a bound without another transform."""
     half = np.maximum(_LEAST_DAMPING * (first + count), 0.5)
-    seconds = (1 - 2 * _ENDS) * spectrum.lines.shape[0] / spectrum.step
-    n = _most_independent(count, spectrum.step, half, seconds)
+    n = _most_independent(count, spectrum.step, half, _seconds(spectrum))
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(n < 2, 0.0, special.gammaincinv((n - 1) / 2, chance) * (1 + (n + 1) / (6 * n)) / n)
 
@@ -263,22 +238,12 @@ _MAINS, _OF_MAINS = (50.0, 60.0), 0.002
 
 
 class Line(NamedTuple):
-    """A harmonic of a rotating machine.
+    """A harmonic of a rotating machine."""
 
-    Attributes
-    ----------
-    frequency, spread : float
-        Mean and standard deviation of the frequency, Hz.
-    level : float
-        Its root mean square over that of all outputs together.
-    chance : float
-        The probability of such a band in random vibration.
-    """
-
-    frequency: float
-    spread: float
-    level: float
-    chance: float
+    frequency: float  # mean, Hz
+    spread: float  # standard deviation of the frequency, Hz
+    level: float  # RMS over that of all outputs together
+    chance: float  # probability of such a band in random vibration
 
 
 def find_lines(signals: Signals, band: tuple[float, float] | None = None) -> tuple[Line, ...]:
@@ -308,7 +273,7 @@ def lines_in(spectrum: Spectrum, band: tuple[float, float] | None = None) -> tup
     first, count = lines_around(spectrum, f[inside], widths[inside])
     first, count = first[count > 0], count[count > 0]
     limit = _CHANCE / max(first.size, 1)
-    bands = [part.band(spectrum.step) for part in steady_bands(spectrum, first, count, limit)]
+    bands = steady_bands(spectrum, first, count, limit)
     found = _apart([(band.chance, band) for band in bands if band.chance < limit])
     found = _apart([*found, *_of_the_same_shaft(spectrum, [band for _, band in found])])
     lines = [

@@ -53,29 +53,14 @@ _ENERGY, _PART = 0.95, 0.05
 
 
 class Hit(NamedTuple):
-    """One hit of a record.
+    """One hit of a record: an unfit one was recorded wrongly, a double one only puts less force into some lines."""
 
-    Attributes
-    ----------
-    number : int
-        Counted from 1 over all runs.
-    run, start, stop : int
-        The run (from 0), the first sample above the trigger and the one after the first pulse.
-    peak : float
-        Largest force of the first pulse, with its sign.
-    reason : str
-        The fault of the hit, in words; empty for a good one.
-    unfit : bool
-        Whether the hit cannot be used: its force was recorded wrongly, or too little of its vibration. A double hit that was recorded
-        completely can: it only puts less force into some lines.
-    """
-
-    number: int
-    run: int
-    start: int
-    stop: int
-    peak: float
-    reason: str = ""
+    number: int  # from 1 over all runs
+    run: int  # from 0
+    start: int  # the first sample above the trigger
+    stop: int  # the one after the first pulse
+    peak: float  # largest force of the first pulse, with its sign
+    reason: str = ""  # its fault in words
     unfit: bool = False
 
 

@@ -18,10 +18,10 @@ import numpy as np
 from scipy import fft
 
 from modalscope.data.records import Signals
-from modalscope.data.sizes import check_size
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import ComplexArray, RealArray, check_count
 from modalscope.numerics.errors import DataError, check_choice
+from modalscope.preprocess.excitation import driven_records
 
 __all__ = ["LOCAL", "LocalEstimate", "local_models"]
 
@@ -101,7 +101,9 @@ def local_models(signals: Signals, kind: str = "lrm", degree: int = 2, half_widt
     """
     check_choice("kind", kind, LOCAL)
     degree = check_count("degree", degree, least=1)
-    Y, U = _lines(signals)
+    records = driven_records(signals, "frequency responses")
+    inside = slice(1, (signals.samples + 1) // 2)  # without 0 Hz and half the sampling rate
+    Y, U = (np.asarray(fft.rfft(x, axis=1)[:, inside]) for x in records)
     runs, lines, m = U.shape
     unknowns = (degree + 1) * (m + runs) + (degree if kind == "lrm" else 0)
     least = -(-(unknowns + 1 - runs) // (2 * runs))
@@ -127,20 +129,6 @@ def local_models(signals: Signals, kind: str = "lrm", degree: int = 2, half_widt
     density = 2 / (fs * N)
     coherence = np.clip(1 - np.divide(noise, power, out=np.ones_like(power), where=power > 0), 0, 1)
     return LocalEstimate(np.arange(1, lines + 1) * fs / N, values, variance, noise * density, coherence, n)
-
-
-def _lines(signals: Signals) -> tuple[ComplexArray, ComplexArray]:
-    """Return the transforms (R, F, channels) of whole runs, without 0 Hz and half the sampling rate."""
-    check_size(signals)
-    outputs, inputs = signals.by_run()
-    if inputs is None:
-        raise DataError(
-            "frequency responses were asked",
-            "the record has no inputs",
-            "Give the forces as inputs, or use estimate_correlation.",
-        )
-    Y, U = (np.asarray(fft.rfft(x, axis=1)[:, 1 : (signals.samples + 1) // 2]) for x in (outputs, inputs))
-    return Y, U
 
 
 def _regressors(U: ComplexArray, r: RealArray, degree: int) -> ComplexArray:

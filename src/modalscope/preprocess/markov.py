@@ -11,13 +11,13 @@ import scipy.linalg as sla
 
 from modalscope.data.records import Signals
 from modalscope.data.responses import ImpulseResponse
-from modalscope.data.sizes import check_size
 from modalscope.data.statespace import StateSpace
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import IntArray, RealArray, check_count, check_kind
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.resources import one_thread
 from modalscope.numerics.sums import TriangleSum
+from modalscope.preprocess.excitation import driven_records
 
 __all__ = ["Observer", "estimate_markov", "estimate_observer", "regression"]
 
@@ -320,7 +320,7 @@ def estimate_observer(
     DataError
         No inputs, too short a record, or a response that grows with every observer.
     """
-    outputs, inputs = driven_records(signals)
+    outputs, inputs = driven_records(signals, "Markov parameters")
     given = None if observer_order is None else check_count("observer_order", observer_order)
     asked = None if samples is None else check_count("samples", samples, least=2)
     scales = _level(outputs), _level(inputs)
@@ -356,19 +356,6 @@ def _level(records: RealArray) -> RealArray:
     """Return the root mean square of every channel, 1 for one that is zero."""
     size = np.sqrt(np.mean(records**2, axis=(0, 1)))
     return np.asarray(np.where(size > 0, size, 1.0))
-
-
-def driven_records(signals: Signals) -> tuple[RealArray, RealArray]:
-    """Return outputs (R, N, l) and inputs (R, N, m) of records, or raise when nothing was driven."""
-    check_size(signals)
-    outputs, inputs = signals.by_run()
-    if inputs is None:
-        raise DataError(
-            "Markov parameters were asked",
-            "the record has no inputs",
-            "Give the forces as inputs, or use estimate_correlation for a record of responses alone.",
-        )
-    return outputs, inputs
 
 
 def _coefficients(found: Regression, p: int, rank: int) -> tuple[RealArray, RealArray, RealArray, RealArray]:
@@ -481,7 +468,7 @@ def estimate_markov(
 
 
 def _least_squares(signals: Signals, samples: int | None) -> ImpulseResponse:
-    outputs, inputs = driven_records(signals)
+    outputs, inputs = driven_records(signals, "Markov parameters")
     m, length = inputs.shape[2], outputs.shape[1]
     count = max(2, outputs.shape[0] * length // (4 * m) - 1) if samples is None else check_count("samples", samples, 2)
     count = min(count, length // 2) if samples is None else count

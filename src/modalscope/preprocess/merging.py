@@ -253,11 +253,12 @@ def merge(parts: Iterable[Part | Test], **options: Any) -> Part | Test:
         return given[0]
     if isinstance(given[0], Signals):
         return _merge_records([part for part in given if isinstance(part, Signals)], options)
+    responses: list[Any] = list(given)
     if isinstance(given[0], FrequencyResponse):
-        return merge_frf(given)
-    if all(part.kind == "correlation" for part in given):
-        return merge_setups(given)
-    return merge_pulses(given)
+        return merge_frf(responses)
+    if all(part.kind == "correlation" for part in responses):
+        return merge_setups(responses)
+    return merge_pulses(responses)
 
 
 def _merge_records(parts: list[Signals], options: dict[str, Any]) -> Part | Test:

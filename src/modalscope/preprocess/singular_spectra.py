@@ -11,7 +11,7 @@ from modalscope.data.records import Signals
 from modalscope.data.sizes import check_size
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray, check_count, check_kind
-from modalscope.preprocess.spectra import Segments, check_window, cross_spectra, segment_starts, window_samples
+from modalscope.preprocess.spectra import Segments, cross_spectra
 
 __all__ = ["DampedPeaks", "Decomposition", "decomposition"]
 
@@ -158,8 +158,7 @@ def decomposition(
     outputs, _ = signals.by_run()
     y = outputs - outputs.mean(axis=1, keepdims=True)
     length = max(2, min(signals.samples * signals.runs // 20, signals.samples)) if segment is None else segment
-    starts = segment_starts(signals.samples, length, overlap)
-    w = window_samples(check_window(window), length)
-    spectra = cross_spectra(y, None, signals.sampling_rate, Segments(starts, w, w), whole=True)
+    segments = Segments.of(signals.samples, length, overlap, window)
+    spectra = cross_spectra(y, None, signals.sampling_rate, segments, whole=True)
     vectors, values, _ = np.linalg.svd(spectra.outputs, hermitian=True)
-    return Decomposition(spectra.frequencies, values, vectors, spectra.averages, w)
+    return Decomposition(spectra.frequencies, values, vectors, spectra.averages, segments.output_window)

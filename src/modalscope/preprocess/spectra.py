@@ -16,30 +16,10 @@ from scipy import fft
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_count
 from modalscope.numerics.errors import DataError, check_choice
 
-__all__ = [
-    "WINDOWS",
-    "CrossSpectra",
-    "Segments",
-    "Transform",
-    "check_window",
-    "cross_spectra",
-    "effective_averages",
-    "plain_transform",
-    "segment_starts",
-    "silent_lines",
-    "window_samples",
-]
+__all__ = ["CrossSpectra", "Segments", "Transform", "check_window", "cross_spectra", "silent_lines"]
 
-#: Windows by name; "none" is the rectangle.
-WINDOWS = {
-    "none": "boxcar",
-    "hann": "hann",
-    "hamming": "hamming",
-    "flattop": "flattop",
-    "blackman": "blackman",
-    "blackmanharris": "blackmanharris",
-    "tukey": "tukey",
-}
+#: Windows, by their names in SciPy; "none" is the rectangle.
+WINDOWS = ("none", "hann", "hamming", "flattop", "blackman", "blackmanharris", "tukey")
 
 #: Lines with less than this part of an input's largest power have no force, only rounding.
 _SILENT = 1e-20
@@ -57,7 +37,8 @@ def check_window(window: str | None) -> str:
 
 def window_samples(window: str, length: int) -> RealArray:
     """Return the samples of a window by name, periodic as a spectrum needs it."""
-    return np.asarray(scipy.signal.get_window(WINDOWS[check_window(window)], length, fftbins=True))
+    name = check_window(window)
+    return np.asarray(scipy.signal.get_window("boxcar" if name == "none" else name, length))
 
 
 def segment_starts(samples: int, segment: int, overlap: float) -> list[int]:
@@ -91,6 +72,12 @@ class Segments(NamedTuple):
     def length(self) -> int:
         """Samples of a segment."""
         return int(self.output_window.size)
+
+    @classmethod
+    def of(cls, samples: int, length: int, overlap: float = 0.5, window: str = "hann") -> Segments:
+        """Return the whole segments of a run under a window by name; each shares a part `overlap` with the next."""
+        w = window_samples(window, length)
+        return cls(segment_starts(samples, length, overlap), w, w)
 
 
 class Transform(NamedTuple):
