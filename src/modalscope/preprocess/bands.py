@@ -170,7 +170,7 @@ class OwnBands(NamedTuple):
         bands = ", ".join(f"{low:g} to {high:g} Hz" for low, high in parts)
         what = "the band {} was" if len(parts) == 1 else "bands of {} were"
         text = (
-            f"{what.format(bands)} chosen: resonances stand out from {self.span[0]:.3g} to {self.span[1]:.3g} Hz{drift}"
+            f"{what.format(bands)} chosen: spectral peaks lie from {self.span[0]:.3g} to {self.span[1]:.3g} Hz{drift}"
         )
         numbers = {"lowest_hz": parts[0][0], "highest_hz": parts[-1][1], "parts": float(len(parts))}
         return Note(CHOSEN if len(parts) == 1 else SPLIT, {**numbers, "share_below": self.below}, text)
@@ -264,9 +264,9 @@ def noise_notes(levels: Levels, band: tuple[float, float] | None = None) -> tupl
     numbers = {"lowest_hz": float(ends[0]), "highest_hz": float(ends[1])}
     where = f"{ends[0]:.3g} to {ends[1]:.3g} Hz"
     if _scatter(levels, inside) < _CHANCE:
-        text = f"nothing but noise in {where}: the level is the same at all frequencies, and nothing stands out"
+        text = f"nothing but noise in {where}: the spectral level is the same at all frequencies, without a peak"
         return (Note(NOISE, numbers, text),)
-    text = f"nothing stands out in {where}: only what the record leaves little open can be a mode"
+    text = f"no spectral peak in {where}: only modes with small standard deviations are reported"
     return (Note(UNSEEN, numbers, text),)
 
 

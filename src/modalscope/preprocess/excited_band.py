@@ -59,9 +59,9 @@ def struck_band(
     if highest >= _WHOLE * half or (asked is not None and not asked[0] < high < _WHOLE * asked[1]):
         return None
     little = "the hits put in less than a hundredth of their largest power"
-    other = f"modes above want a band of their own, such as --band {high:g} {min(2 * high, half):g} (band=...)"
+    other = f"modes above need another band, such as --band {high:g} {min(2 * high, half):g} (band=...)"
     if asked is not None:
-        hides = "what is noise there may hide the modes below"
+        hides = "noise there may hide the modes below"
         text = f"above {high:g} Hz {little}: {hides}; without a band that end is chosen, and {other}"
         return asked, Note("band past the hits", {"highest_hz": high}, text)
     text = f"the band up to {high:g} Hz was chosen: above, {little}; {other}"
@@ -173,7 +173,7 @@ def resonant_band(spectra: RecordSpectra) -> tuple[tuple[float, float], Note] | 
     if not 0 < _FAR * high < spectra.sampling_rate / 2:
         return None
     text = (
-        f"the band up to {high:g} Hz was chosen: resonances stand out of the noise up to {highest:.3g} Hz, and lines far above them, "
+        f"the band up to {high:g} Hz was chosen: resonances exceed the noise up to {highest:.3g} Hz, and lines far above them, "
         f"up to {spectra.sampling_rate / 2:g} Hz, would take most of the degree"
     )
     return (0.0, high), Note(CHOSEN, {"lowest_hz": 0.0, "highest_hz": high, "parts": 1.0}, text)

@@ -340,8 +340,8 @@ def harmonic_notes(lines: Sequence[Line]) -> tuple[Note, ...]:
             numbers["order"] = float(order)
         mains = any(abs(f / own - round(f / own)) < _OF_MAINS and f > own / 2 for own in _MAINS)
         text = (
-            f"at {f:.5g} Hz{' (a multiple of the mains)' if mains else ''} the envelope is as steady as a machine's and no random "
-            f"vibration's (by chance in {line.chance:.1g} of records), the frequency within {100 * line.spread / f:.2g} %"
+            f"at {f:.5g} Hz{' (a multiple of the mains)' if mains else ''} the envelope is constant, as of a rotating machine "
+            f"(random vibration has it in {line.chance:.1g} of records), the frequency within {100 * line.spread / f:.2g} %"
         )
         notes.append(Note(HARMONIC, numbers, text))
     return tuple(notes)

@@ -73,7 +73,7 @@ def level_lines(spectra: RecordSpectra) -> tuple[RecordSpectra, tuple[Note, ...]
     scale = np.sqrt(variance / np.exp(np.mean(np.log(variance))))
     text = (
         f"the noise of the outputs rises by {decibels:.0f} dB towards 0 Hz, as drift does: every line of outputs and inputs was divided by "
-        "the deviation of its noise"
+        "the standard deviation of its noise"
     )
     values, drive = spectra.values / scale[:, None, None], spectra.drive / scale[:, None]
     for array in (values, drive, scale):

@@ -168,7 +168,7 @@ def _decomposed(K: ComplexArray) -> _Known:
     if not np.all(independent):
         raise DataError(
             "a local model of the responses was asked",
-            f"forces and transients cannot be told apart on {int(np.sum(~independent))} of {len(d)} lines: "
+            f"forces and transients are dependent on {int(np.sum(~independent))} of {len(d)} lines: "
             "forces are multiples of each other, or vanish",
             "Leave one out with select(), cut the band with filter_band(), or use estimator='h1'.",
         )
