@@ -7,7 +7,7 @@ import pytest
 
 from modalscope.data import DataError, FrequencyResponse, Signals
 from modalscope.doctor import examine
-from modalscope.doctor.responses import no_phase, isolated_lines
+from modalscope.doctor.responses import isolated_lines, no_phase
 from modalscope.doctor.samples import holds, lone_samples, wraps
 from modalscope.numerics.checks import Array
 from modalscope.systems import chain5

@@ -35,10 +35,7 @@ ROWS = {
         "{channels[1]} is {factor:.6g} times {channels[0]}, to rounding",
         "Leave one out if a channel was recorded twice; of a symmetric structure without noise it is to be expected.",
     ),
-    "swapped: run": (
-        "in run {run} they have changed places",
-        "Exchange them in that run, or leave the run out.",
-    ),
+    "swapped: run": ("in run {run} they have changed places", "Exchange them in that run, or leave the run out."),
     "swapped: driving point": (
         "its response to its own force has resonances of both signs, which a driving point cannot have",
         "Check which channel was at the force, the directions, and the quantity.",

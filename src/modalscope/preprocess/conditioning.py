@@ -123,9 +123,8 @@ def detrend(signals: Signals, *, kind: str = "linear") -> Signals:
     """
     check_kind("detrend", signals, Signals)
     check_choice("kind", kind, ("constant", "linear"))
-    if kind == "constant":
-        return _on_all(signals, lambda x: np.asarray(x - x.mean(axis=-2, keepdims=True)), "mean removed")
-    return _on_all(signals, lambda x: np.asarray(scipy.signal.detrend(x, axis=-2)), "straight-line trend removed")
+    note = "mean removed" if kind == "constant" else "straight-line trend removed"
+    return _on_all(signals, lambda x: np.asarray(scipy.signal.detrend(x, axis=-2, type=kind)), note)
 
 
 def _filtered(signals: Record, sections: Array | None, factor: int, zero_phase: bool, note: str) -> Record:
@@ -144,8 +143,7 @@ def _filtered(signals: Record, sections: Array | None, factor: int, zero_phase: 
 
 
 def _low_pass(edge: float, rate: float) -> Array:
-    order, ripple = _LOW_PASS
-    return np.asarray(scipy.signal.cheby1(order, ripple, edge, fs=rate, output="sos"))
+    return np.asarray(scipy.signal.cheby1(*_LOW_PASS, edge, fs=rate, output="sos"))
 
 
 @named()

@@ -137,12 +137,8 @@ def _pulses(force: RealArray, peak: float) -> list[tuple[int, int]]:
     size = np.abs(force - rest)
     noise = NORMAL * float(np.median(size))  # the deviation of Gaussian noise, untouched by a few pulses
     above = np.flatnonzero(size > max(_TRIGGER * peak, _ABOVE_NOISE * noise))
-    if above.size == 0:
-        return []
-    breaks = np.flatnonzero(np.diff(above) > 3)
-    starts = above[np.concatenate([[0], breaks + 1])]
-    stops = above[np.concatenate([breaks, [above.size - 1]])] + 1
-    return [(int(a), int(b)) for a, b in zip(starts, stops, strict=True)]
+    stretches = np.split(above, np.flatnonzero(np.diff(above) > 3) + 1)
+    return [(int(stretch[0]), int(stretch[-1]) + 1) for stretch in stretches if stretch.size]
 
 
 def _grouped(pulses: list[tuple[int, int]], force: RealArray) -> list[list[tuple[int, int]]]:
