@@ -13,7 +13,7 @@ from scipy import special
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.stored import Record
-from modalscope.numerics.checks import BoolArray, RealArray
+from modalscope.numerics.checks import BoolArray, IntArray, RealArray
 from modalscope.preprocess.conditioning import decimate, filter_band
 from modalscope.preprocess.harmonics import Spectrum
 
@@ -23,10 +23,12 @@ __all__ = [
     "UNSEEN",
     "Levels",
     "OwnBands",
+    "bin_edges",
     "levels_in",
     "levels_of",
     "noise_notes",
     "own_bands",
+    "rounded",
     "taken_down",
 ]
 
@@ -111,18 +113,18 @@ def levels_of(signals: Signals) -> Levels:
 def levels_in(spectrum: Spectrum) -> Levels:
     """Return the spectral levels of a record from its spectrum, averaged over runs."""
     power = sum(lines.real**2 + lines.imag**2 for lines in spectrum.lines) / (spectrum.step * len(spectrum.lines))
-    edges = _edges(len(power))
+    edges = bin_edges(2, len(power) - 1, _LINES)  # the first lines hold the remainder of the straight line
     medians = [np.median(power[a:b], axis=0) for a, b in itertools.pairwise(edges)]
     middles = (edges[:-1] + edges[1:] - 1) / 2 * spectrum.step
     values = np.array(medians).reshape(len(middles), power.shape[1]) / np.log(2)
     return Levels(middles, np.diff(edges).astype(float), values)
 
 
-def _edges(lines: int) -> RealArray:
-    """Return the first lines of bins, and the end of the last: eight lines each, and a hundredth of the frequency from 800 on."""
-    edges = [2]  # the first lines hold the remainder of the straight line
-    while edges[-1] + (width := max(_LINES, round(_WIDTH * edges[-1]))) < lines:
-        edges.append(edges[-1] + width)
+def bin_edges(first: int, end: int, least: int) -> IntArray:
+    """Return the first lines of the bins that fit before `end`, and the end of the last: a hundredth of the frequency each, or `least`."""
+    edges = [first]
+    while (edge := edges[-1] + max(least, round(_WIDTH * edges[-1]))) <= end:
+        edges.append(edge)
     return np.array(edges)
 
 
@@ -194,7 +196,7 @@ def own_bands(levels: Levels, rate: float) -> OwnBands:
     shown = levels.frequencies[levels.stands_out]
     if not shown.size:
         return OwnBands()
-    low, high = _rounded(_BELOW * shown[0]), _rounded(min(_ABOVE * shown[-1], 0.49 * rate))
+    low, high = rounded(_BELOW * shown[0]), rounded(min(_ABOVE * shown[-1], 0.49 * rate))
     power: RealArray = levels.levels * levels.widths[:, None]
     total = np.maximum(power.sum(axis=0), np.finfo(float).tiny)
     share = float(np.mean(power[levels.frequencies < low].sum(axis=0) / total))
@@ -230,11 +232,12 @@ def _parts(band: Band, shown: RealArray) -> tuple[Band, ...]:
     widest = int(np.argmax(ratios))
     if ratios[widest] < _GAP:
         return (band,)
-    cut = _rounded(float(np.sqrt(inside[widest] * inside[widest + 1])))
+    cut = rounded(float(np.sqrt(inside[widest] * inside[widest + 1])))
     return (*_parts((low, cut), shown), *_parts((cut, high), shown))
 
 
-def _rounded(frequency: float) -> float:
+def rounded(frequency: float) -> float:
+    """Return the end of a band with three significant digits."""
     return float(f"{frequency:.{_DIGITS}g}")
 
 

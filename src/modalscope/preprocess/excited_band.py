@@ -23,7 +23,7 @@ from modalscope.data.notes import Note
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.records import Signals
 from modalscope.numerics.checks import Array, BoolArray, ComplexArray, IntArray, RealArray
-from modalscope.preprocess.bands import CHOSEN
+from modalscope.preprocess.bands import CHOSEN, bin_edges, rounded
 from modalscope.preprocess.excitation import find_excitation
 from modalscope.preprocess.impacts import find_hits
 
@@ -55,7 +55,7 @@ def struck_band(
     half = parts[0].sampling_rate / 2
     lines = np.linspace(0.0, half, _DRIVEN_LINES)
     highest = max(float(lines[useful_lines(part, lines)][-1]) for part in parts)
-    high = float(f"{highest:.{_DIGITS}g}")
+    high = rounded(highest)
     if highest >= _WHOLE * half or (asked is not None and not asked[0] < high < _WHOLE * asked[1]):
         return None
     little = "the hits put in less than a hundredth of their largest power"
@@ -96,8 +96,8 @@ def swept_lines(signals: Signals, frequencies: RealArray) -> Array:
 #: Degrees over a narrow range and over a wide one.
 _NARROW, _WIDE = 2, 4
 
-#: A narrow range (a bin) is this part of its frequency, and has so many lines for every unknown at least.
-_WIDTH, _LINES = 0.01, 4
+#: Least lines of a narrow range (a bin) for every unknown.
+_LINES = 4
 
 #: A wide range extends so far on either side of its middle, which is as wide, as a part of the frequency, and over a bin at least.
 _REACH = 0.1
@@ -116,9 +116,6 @@ _ABOVE, _FAR = 1.25, 2.0
 
 #: Directions of inputs below this part of the largest are rounding.
 _RANK = 1e-10
-
-#: Significant digits of a band's end.
-_DIGITS = 3
 
 
 class Residuals(NamedTuple):
@@ -169,7 +166,7 @@ def resonant_band(spectra: RecordSpectra) -> tuple[tuple[float, float], Note] | 
     runs = [polynomial_residuals(spectra, lines) for lines in spectra.spans_of_runs]
     shown = [run.highest[run.stands_out] for run in runs]
     highest = max((float(each[-1]) for each in shown if each.size), default=0.0)
-    high = float(f"{_ABOVE * highest:.{_DIGITS}g}")
+    high = rounded(_ABOVE * highest)
     if not 0 < _FAR * high < spectra.sampling_rate / 2:
         return None
     text = (
@@ -185,7 +182,7 @@ def polynomial_residuals(spectra: RecordSpectra, run: slice) -> Residuals:
     power = _power(drive)
     used = np.flatnonzero(power > 0)
     size = np.sqrt(power[used] / max(len(drive), 1))
-    edges = _edges(len(drive), _LINES * (_NARROW + 1) * (1 + used.size))
+    edges = bin_edges(0, len(drive), _LINES * (_NARROW + 1) * (1 + used.size))
 
     def lines(a: int, b: int, low: int, high: int, degree: int) -> tuple[ComplexArray, ComplexArray]:
         """Return x^d [1, U] and the outputs on lines a to b, x from -1 to 1 between the lines low and high."""
@@ -212,14 +209,6 @@ def polynomial_residuals(spectra: RecordSpectra, run: slice) -> Residuals:
             wide[k] = _power(values - columns @ solution) / max(b - a - taken, 1.0)
     highest = spectra.frequencies[run][edges[1:] - 1] if bins else np.zeros(0)
     return Residuals(highest, free, narrow, wide)
-
-
-def _edges(count: int, least: int) -> IntArray:
-    """Return the first lines of bins and the end of the last."""
-    edges = [0]
-    while (end := edges[-1] + max(least, round(_WIDTH * edges[-1]))) <= count:
-        edges.append(end)
-    return np.array(edges)
 
 
 def _ranges(edges: IntArray) -> Iterator[tuple[slice, slice]]:
