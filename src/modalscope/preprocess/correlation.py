@@ -332,7 +332,7 @@ def _windowed(
     if weight[-1] < 1e-3 * weight[0]:
         raise DataError(
             f"{lags} lags of segments of {length} samples under a {window} window were asked",
-            "the window's ends leave nothing at the largest lag",
+            "the correlation of the window vanishes at the largest lag",
             f"Raise segment to {2 * lags} or more, or lower lags.",
         )
     total = np.zeros((lags + 1, len(signals.output_dofs), len(references)))

@@ -266,10 +266,15 @@ def _merge_records(parts: list[Signals], options: dict[str, Any]) -> Part | Test
     check_same(parts, "sampling_rate", "sampling rates", "Decimate the faster records.")
     if all(p.output_dofs == first.output_dofs for p in parts):
         alike = all(p.input_dofs == first.input_dofs for p in parts)
+        if alike and options:
+            raise DataError(
+                f"{next(iter(options))} was asked",
+                "records of the same channels are stacked as runs, nothing is estimated",
+                "Give it to estimate_frf or estimate_correlation of the result.",
+            )
         if alike and len({p.samples for p in parts}) == 1:
-            return _runs(parts, options)
-        if alike or not options:
-            _check_stacked(options)
+            return _runs(parts)
+        if not options:
             return Records(runs=tuple(parts))
         parts = list(Records(runs=tuple(parts)).stacked())
     measured = [part.inputs is not None for part in parts]
@@ -285,26 +290,16 @@ def _merge_records(parts: list[Signals], options: dict[str, Any]) -> Part | Test
     return merge_setups(correlations(setups, **options)) if options else setups
 
 
-def _runs(parts: list[Signals], options: dict[str, Any]) -> Signals:
-    first = parts[0]
-    _check_stacked(options)
+def _runs(parts: list[Signals]) -> Signals:
+    """Stack records of the same channels and length as runs."""
     check_same(parts, "quantities", "quantities", "Convert the records to one.")
     check_same(parts, "units", "units", "Convert the records to one.")
     records = [part.by_run() for part in parts]
     inputs = [u for _, u in records if u is not None]
     return replace(
-        first,
+        parts[0],
         outputs=np.concatenate([y for y, _ in records]),
         inputs=np.concatenate(inputs) if inputs else None,
         groups=Records(runs=tuple(parts)).groups,
         source_path=source_of(parts),
     ).processed(f"merged from {len(parts)} records, {sum(part.runs for part in parts)} runs in all")
-
-
-def _check_stacked(options: dict[str, Any]) -> None:
-    if options:
-        raise DataError(
-            f"{next(iter(options))} was asked",
-            "records of the same channels are stacked as runs, nothing is estimated",
-            "Give it to estimate_frf or estimate_correlation of the result.",
-        )
