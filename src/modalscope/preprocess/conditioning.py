@@ -123,8 +123,9 @@ def detrend(signals: Signals, *, kind: str = "linear") -> Signals:
     """
     check_kind("detrend", signals, Signals)
     check_choice("kind", kind, ("constant", "linear"))
-    note = "mean removed" if kind == "constant" else "straight-line trend removed"
-    return _on_all(signals, lambda x: np.asarray(scipy.signal.detrend(x, axis=-2, type=kind)), note)
+    if kind == "constant":
+        return _on_all(signals, lambda x: np.asarray(x - x.mean(axis=-2, keepdims=True)), "mean removed")
+    return _on_all(signals, lambda x: np.asarray(scipy.signal.detrend(x, axis=-2)), "straight-line trend removed")
 
 
 def _filtered(signals: Record, sections: Array | None, factor: int, zero_phase: bool, note: str) -> Record:
