@@ -103,15 +103,15 @@ def _sizes(H: Array) -> tuple[RealArray, Array]:
     factors = level - np.log(given)
     away = np.abs(here - mode)
     noise = _UNUSUAL * _usual(away)
-    tells = given.min(axis=0) > noise
-    one_side = np.all((factors > 0) | ~tells, axis=(0, 2)) | np.all((factors < 0) | ~tells, axis=(0, 2))
+    significant = given.min(axis=0) > noise
+    one_side = np.all((factors > 0) | ~significant, axis=(0, 2)) | np.all((factors < 0) | ~significant, axis=(0, 2))
     least = np.abs(factors).min(axis=0)
-    size = np.where(tells, least, np.inf).min(axis=1)
+    size = np.where(significant, least, np.inf).min(axis=1)
     # noise of one size, and noise as large as the lines are
-    far = np.all((away > noise) | ~tells, axis=1) & (
+    far = np.all((away > noise) | ~significant, axis=1) & (
         size > _UNUSUAL * _usual(np.median(least, axis=1, keepdims=True))[:, 0]
     )
-    count = tells.sum(axis=1)
+    count = significant.sum(axis=1)
     enough = (count >= min(_PAIRS, H.shape[1])) & (size > np.log(_ALONE) * np.where(count >= _PAIRS, 1, 2))
     return np.where(one_side & far & enough, size, 0.0), mode
 
@@ -119,15 +119,15 @@ def _sizes(H: Array) -> tuple[RealArray, Array]:
 def _expected(H: Array) -> tuple[Array, Array]:
     """Return the values of the inner lines expected from a mode on a constant level, and from a cubic, (F - 4, c) each."""
     x = np.array([-2.0, -1.0, 1.0, 2.0])
-    beside = np.stack([H[:-4], H[1:-3], H[3:-1], H[4:]])
-    turned = beside * x[:, None, None]
+    neighbours = np.stack([H[:-4], H[1:-3], H[3:-1], H[4:]])
+    turned = neighbours * x[:, None, None]
     # orthogonal to straight lines in x
     free = np.eye(4) - 1 / 4 - np.outer(x, x) / 10
-    own, other = np.tensordot(free, beside, 1), np.tensordot(free, turned, 1)
+    own, other = np.tensordot(free, neighbours, 1), np.tensordot(free, turned, 1)
     size = np.maximum(np.sum(np.abs(other) ** 2, axis=(0, 2)), np.finfo(float).tiny)
     g = -np.sum(np.conj(other) * own, axis=(0, 2)) / size
-    mode = beside.mean(axis=0) + g[:, None] * turned.mean(axis=0)
-    return mode, np.tensordot(np.array([-1.0, 4.0, 4.0, -1.0]) / 6, beside, 1)
+    mode = neighbours.mean(axis=0) + g[:, None] * turned.mean(axis=0)
+    return mode, np.tensordot(np.array([-1.0, 4.0, 4.0, -1.0]) / 6, neighbours, 1)
 
 
 def _usual(x: RealArray) -> RealArray:

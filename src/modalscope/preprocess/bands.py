@@ -85,7 +85,7 @@ class Levels:
             heights[some] = np.exp(np.minimum(logs[some] - around, 50.0))
         return heights
 
-    def bars(self, trials: int) -> RealArray:
+    def limits(self, trials: int) -> RealArray:
         """Return the limit of chance for the height of each bin, (b,), where so many heights are tested in each.
 
         The mean of k lines is a gamma variable of shape k over k.
@@ -94,13 +94,13 @@ class Levels:
         return np.maximum(special.gammainccinv(n, _FALSE_ALARM / (len(n) * trials)) / n, _LEAST)
 
     @cached_property
-    def stands_out(self) -> BoolArray:
+    def in_peak(self) -> BoolArray:
         """Which bins belong to a peak, (b,): the mean of three exceeds chance, in one output or in the mean of all."""
         heights = self.heights
         if len(heights) < _ADJACENT:
             return np.zeros(len(heights), dtype=bool)
         wide = np.lib.stride_tricks.sliding_window_view(heights, _ADJACENT, axis=0).mean(axis=2)
-        single, mean = self.bars(heights.shape[1])[1:-1], self.bars(1)[1:-1]
+        single, mean = self.limits(heights.shape[1])[1:-1], self.limits(1)[1:-1]
         high = np.any(wide > single[:, None], axis=1) | (wide.mean(axis=1) > mean)
         return np.asarray(np.r_[False, high, False])
 
@@ -193,7 +193,7 @@ def own_bands(levels: Levels, rate: float) -> OwnBands:
     >>> bool(low < chain5().modes().frequencies.min() and chain5().modes().frequencies.max() < high)
     True
     """
-    shown = levels.frequencies[levels.stands_out]
+    shown = levels.frequencies[levels.in_peak]
     if not shown.size:
         return OwnBands()
     low, high = rounded(_BELOW * shown[0]), rounded(min(_ABOVE * shown[-1], 0.49 * rate))
@@ -261,7 +261,7 @@ def noise_notes(levels: Levels, band: tuple[float, float] | None = None) -> tupl
     """
     low, high = (0.0, np.inf) if band is None else band
     inside = (levels.frequencies >= low) & (levels.frequencies <= high)
-    if inside.sum() < _FEWEST or np.any(levels.stands_out & inside):
+    if inside.sum() < _FEWEST or np.any(levels.in_peak & inside):
         return ()
     ends = levels.frequencies[inside][[0, -1]]
     numbers = {"lowest_hz": float(ends[0]), "highest_hz": float(ends[1])}

@@ -127,7 +127,7 @@ class Residuals(NamedTuple):
     wide: RealArray  # from its surroundings
 
     @property
-    def stands_out(self) -> BoolArray:
+    def in_peak(self) -> BoolArray:
         """In which bins the residual over a wide range exceeds the noise, (b,): in one output, or in the mean of all."""
         tiny = np.finfo(float).tiny
         around = np.median(_windows(np.log(np.maximum(self.narrow, tiny)), _AROUND), axis=2)
@@ -164,7 +164,7 @@ def resonant_band(spectra: RecordSpectra) -> tuple[tuple[float, float], Note] | 
     if spectra.sampling_rate is None:
         return None
     runs = [polynomial_residuals(spectra, lines) for lines in spectra.spans_of_runs]
-    shown = [run.highest[run.stands_out] for run in runs]
+    shown = [run.highest[run.in_peak] for run in runs]
     highest = max((float(each[-1]) for each in shown if each.size), default=0.0)
     high = rounded(_ABOVE * highest)
     if not 0 < _FAR * high < spectra.sampling_rate / 2:
