@@ -30,7 +30,14 @@ ROWS = {
         "Measure again with a wider range, or leave these runs or this channel out.",
     ),
     "dead": ("it never changes", "Check cable and sensor, or leave it out: exclude=[{channels[0]!r}]."),
-    "noisy": ("{reason}", "Check sensor and cable, or leave it out: exclude=[{channels[0]!r}]."),
+    "noisy: coherence": (
+        "{percent:.0f} % of its power follows from {source}, of the usual channel's {usual:.0f} %",
+        "Check sensor and cable, or leave it out: exclude=[{channels[0]!r}].",
+    ),
+    "noisy: unexplained": (
+        "{percent:.0f} % of its power follows from no other sample of any channel, of the usual channel's {usual:.2g} %",
+        "Check sensor and cable, or leave it out: exclude=[{channels[0]!r}].",
+    ),
     "duplicate": (
         "{channels[1]} is {factor:.6g} times {channels[0]}, to rounding",
         "Leave one out if a channel was recorded twice; of a symmetric structure without noise it is to be expected.",
@@ -145,7 +152,14 @@ ROWS = {
         "imaginary parts lie within +-{limit:.6g} and jump {jumps} times from end to end: they are phases in {unit}, and real parts {kind}",
         "Give {magnitude} exp(j {angle}).",
     ),
-    "no complex values: degrees": ("{reason}", "Give magnitude exp(j radians(phase))."),
+    "no complex values: turned": (
+        "{percent:.0f} % of the phases are near +-{limit:.0f} degrees, where 180 lies when degrees are taken for radians",
+        "Give magnitude exp(j radians(phase)).",
+    ),
+    "no complex values: rough": (
+        "phases jump from line to line where magnitudes are smooth: degrees were taken for radians",
+        "Give magnitude exp(j radians(phase)).",
+    ),
     "no complex values: levels": (
         "magnitudes lie between {low:.3g} and {high:.3g} and are small where the phase falls: they are levels in dB",
         "Give 10^(dB / 20) exp(j phase).",

@@ -182,8 +182,8 @@ def noisy_channels(signals: Signals, kind: str) -> list[Finding]:
     limit = _NOISY_ALONE if inputs is None else _NOISY
     usual = float(np.median(part))
     source = "the other outputs" if inputs is None else "the inputs"
-    reasons = {
-        dof: f"{100 * own:.0f} % of its power follows from {source}, of the usual channel's {100 * usual:.0f} %"
+    found = {
+        dof: finding("noisy: coherence", dof, percent=100 * own, source=source, usual=100 * usual)
         for dof, own in zip(signals.output_dofs, part, strict=True)
         if own < limit and own < usual - _BELOW
     }
@@ -191,9 +191,8 @@ def noisy_channels(signals: Signals, kind: str) -> list[Finding]:
     usual = float(np.median(alone))
     for dof, own in zip(signals.output_dofs, alone, strict=True):
         if own > max(_ALONE, _HIGHER * usual):
-            words = f"{100 * own:.0f} % of its power follows from no other sample of any channel"
-            reasons.setdefault(dof, f"{words}, of the usual channel's {100 * usual:.2g} %")
-    return [finding("noisy", dof, reason=reason) for dof, reason in reasons.items()]
+            found.setdefault(dof, finding("noisy: unexplained", dof, percent=100 * own, usual=100 * usual))
+    return list(found.values())
 
 
 def _from_others(S: Array) -> RealArray:

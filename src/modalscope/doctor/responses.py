@@ -164,13 +164,14 @@ def odd_phases(response: FrequencyResponse) -> list[Finding]:
     H = response.values
     if response.lines < _LEAST or not np.any(H.imag):
         return []
-    for name, check in (("parts", _parts), ("degrees", _degrees), ("levels", _levels)):
-        if measured := check(H):
+    for check in (_parts, _degrees, _levels):
+        if found := check(H):
+            name, measured = found
             return [finding(f"no complex values: {name}", *response.output_dofs, **measured)]
     return []
 
 
-def _parts(H: Array) -> dict[str, Any] | None:
+def _parts(H: Array) -> tuple[str, dict[str, Any]] | None:
     """Whether imaginary parts are angles: they never leave +-180 or +-pi, and jump from the one to the other."""
     for limit, unit in ((180.0, "degrees"), (np.pi, "radians")):
         x = H.imag / limit
@@ -181,7 +182,7 @@ def _parts(H: Array) -> dict[str, Any] | None:
         if jumps < 2 or np.abs(x).max() < 0.95:
             continue
         decibels = bool(np.any(H.real < 0))
-        return {
+        return "parts", {
             "limit": limit,
             "jumps": jumps,
             "unit": unit,
@@ -192,7 +193,7 @@ def _parts(H: Array) -> dict[str, Any] | None:
     return None
 
 
-def _degrees(H: Array) -> dict[str, Any] | None:
+def _degrees(H: Array) -> tuple[str, dict[str, Any]] | None:
     """Whether phases cluster where degrees that were taken for radians put the real axis, or jump from line to line."""
     phase = np.angle(H[np.abs(H) > 0])
     if not phase.size:
@@ -200,11 +201,8 @@ def _degrees(H: Array) -> dict[str, Any] | None:
     limit = 2 * np.pi - _TURNED
     share = float(np.mean(np.abs(np.abs(phase) - limit) < _NEAR))
     if share > _MANY and np.mean(np.abs(np.abs(phase) - np.pi) < _NEAR) < _FEW:
-        where = f"near +-{np.degrees(limit):.0f} degrees, where 180 lies when degrees are taken for radians"
-        return {"reason": f"{100 * share:.0f} % of the phases are {where}"}
-    if _rough(H):
-        return {"reason": "phases jump from line to line where magnitudes are smooth: degrees were taken for radians"}
-    return None
+        return "turned", {"percent": 100 * share, "limit": np.degrees(limit)}
+    return ("rough", {}) if _rough(H) else None
 
 
 def _rough(H: Array) -> bool:
@@ -217,7 +215,7 @@ def _rough(H: Array) -> bool:
     return bool(change > max(_JUMP, _MORE * float(np.median(np.abs(np.diff(np.log(size), axis=0))))))
 
 
-def _levels(H: Array) -> dict[str, Any] | None:
+def _levels(H: Array) -> tuple[str, dict[str, Any]] | None:
     """Whether magnitudes are levels: of the size of dB, of little range, and small where the phase falls, at the resonances."""
     size = np.abs(H)
     middle = float(np.median(size))
@@ -228,7 +226,7 @@ def _levels(H: Array) -> dict[str, Any] | None:
     mean, weighted = float(np.mean(fall)), float(np.sum(fall * local**2) / max(float(np.sum(local**2)), 1e-300))
     if mean <= 0 or weighted >= mean:
         return None
-    return {"low": size.min(), "high": size.max()}
+    return "levels", {"low": size.min(), "high": size.max()}
 
 
 # ----------------------------------------------------------------------------------------------------- response checks
