@@ -7,7 +7,7 @@ import pytest
 
 from modalscope.data import DataError, FrequencyResponse, Signals
 from modalscope.doctor import examine
-from modalscope.doctor.responses import no_phase, stands_alone
+from modalscope.doctor.responses import isolated_lines, no_phase
 from modalscope.doctor.samples import holds, lone_samples, wraps
 from modalscope.numerics.checks import Array
 from modalscope.systems import chain5
@@ -88,7 +88,7 @@ def test_a_value_holds_only_between_motion_and_for_longer_than_chance() -> None:
     assert holds(np.zeros(100)) == []
 
 
-def test_only_a_sample_that_stands_alone_is_a_spike() -> None:
+def test_only_a_sample_that_isolated_lines_is_a_spike() -> None:
     rng = np.random.default_rng(0)
     x = rng.standard_normal(5000)
     assert lone_samples(x).size == 0
@@ -127,40 +127,40 @@ def test_decibels_have_no_phase_and_magnitudes_are_refused() -> None:
         FrequencyResponse(values=size + 0j, frequencies=LINES)
 
 
-def test_a_line_that_stands_alone_in_every_pair_is_named_and_a_resonance_is_not() -> None:
+def test_a_line_that_isolated_lines_in_every_pair_is_named_and_a_resonance_is_not() -> None:
     response = CHAIN.frequency_response(LINES, noise=0.01, seed=0)
     values = response.values.copy()
     values[60] *= 20
     found = [f for f in examine(FrequencyResponse(values=values, frequencies=LINES)) if f.kind == "lone lines"]
     assert f"{LINES[60]:.6g} Hz" in found[0].reason
     narrow = np.abs(1 / (1j * (np.arange(41) - 20.3) + 0.05))  # a half bandwidth of a twentieth of a line
-    assert stands_alone(narrow[:, None] + 0j).size == 0
+    assert isolated_lines(narrow[:, None] + 0j).size == 0
 
 
-def test_what_one_mode_and_a_level_give_between_lines_is_exact_and_three_times_that_stands_alone() -> None:
+def test_what_one_mode_and_a_level_give_between_lines_is_exact_and_three_times_that_isolated_lines() -> None:
     rng = np.random.default_rng(2)
     x = np.arange(60.0)
     shapes, levels = rng.standard_normal((2, 2, 4)) + 1j * rng.standard_normal((2, 2, 4))
     H = shapes[0] / (1j * (x[:, None] - 31.4) + 0.02) + levels[0]
-    assert stands_alone(H).size == 0
+    assert isolated_lines(H).size == 0
     for k in (12, 26, 45):
         for factor in (3, 1 / 3, 3j):
             spoilt = H.copy()
             spoilt[k] *= factor
-            assert stands_alone(spoilt).tolist() == [k]
+            assert isolated_lines(spoilt).tolist() == [k]
     # of noise alone no line is named
     noise = rng.standard_normal((2000, 3)) + 1j * rng.standard_normal((2000, 3))
-    assert stands_alone(noise).size == 0
+    assert isolated_lines(noise).size == 0
 
 
-def test_lines_two_apart_and_a_pair_within_its_noise_do_not_hide_a_line_that_stands_alone() -> None:
+def test_lines_two_apart_and_a_pair_within_its_noise_do_not_hide_a_line_that_isolated_lines() -> None:
     rng = np.random.default_rng(3)
     x = np.arange(80.0)
     H = np.ones(5) + 3.0 / (1j * (x[:, None] - 40.3) + 2.0)
     H[:, 4] *= 1e-4  # all of it noise
     H = H + 1e-3 * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape))
-    assert stands_alone(H).size == 0
+    assert isolated_lines(H).size == 0
     H[[20, 22, 60]] *= np.array([3.0, 4.0, 3.0])[:, None]
     H[:, 4] = 1e-3 * (rng.standard_normal(80) + 1j * rng.standard_normal(80))
-    assert stands_alone(H).tolist() == [20, 22, 60]
+    assert isolated_lines(H).tolist() == [20, 22, 60]
     assert H[22, 0] == pytest.approx(4 * H[21, 0], rel=0.2)  # what was given is left as it is

@@ -37,7 +37,7 @@ def test_no_band_that_is_unlikely_is_passed_over(hum: float) -> None:
     first, count = lines_around(spectrum, f, 0.02 * f)
     bands = [narrow_band(spectrum, each, 0.02 * each) for each in f]
     for chance in (1e-3, 1e-5):
-        seen = {part.first: part.band(spectrum.step) for part in steady_bands(spectrum, first, count, chance)}
+        seen = {band.first: band for band in steady_bands(spectrum, first, count, chance)}
         for start, band in zip(first, bands, strict=True):
             assert band is not None
             assert band.chance >= chance or seen[start].chance == pytest.approx(band.chance, rel=1e-9)

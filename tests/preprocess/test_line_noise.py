@@ -75,7 +75,7 @@ def test_what_a_group_of_lines_around_a_resonance_leaves_is_its_noise() -> None:
         y = y / y.std(axis=0) + noise * rng.standard_normal(y.shape)
         found = record_spectra(Records(runs=(ms.Signals(outputs=y, inputs=u, sampling_rate=RATE),)))
         at = int(np.argmin(np.abs(found.frequencies - 2.2)))
-        left.append(lines._left(found, slice(at - 12, at + 12)))
+        left.append(lines._residual_power(found, slice(at - 12, at + 12)))
     # some 36 squares an output: the mean of 24 outputs is known to 5 %; a denominator that is fitted to them, too, takes more
     assert 0.5 < np.mean(left) / noise**2 < 1.1
 

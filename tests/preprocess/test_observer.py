@@ -42,13 +42,13 @@ def test_only_the_directions_that_signal_excites_are_kept(noise):
     level = data.outputs / data.outputs.std(axis=0), data.inputs / data.inputs.std(axis=0)
     for p in (2, 5, 10):
         found = regression(level[0][None], level[1][None], p)
-        rank, _ = found.held_out(found.unknowns(p))
+        rank, _ = found.cross_validated(found.unknowns(p))
         # the state p samples ago and the inputs since: what there is; the grid of ranks is 10 % coarse, and noise adds a few
         true = model.order + 2 * (p + 1)
         assert 0.7 * true <= rank <= 1.6 * true < found.unknowns(p)
 
 
-def test_the_held_out_error_is_that_of_predicting_every_quarter_from_the_others():
+def test_the_error_of_cross_validation_is_that_of_predicting_every_quarter_from_the_others():
     """Plain definition: regressors written out, one least squares a quarter, all directions."""
     rng = np.random.default_rng(1)
     y, u = rng.standard_normal((203, 2)), rng.standard_normal((203, 1))
@@ -60,8 +60,8 @@ def test_the_held_out_error_is_that_of_predicting_every_quarter_from_the_others(
         theta = np.linalg.lstsq(X[rest], y[p:][rest], rcond=None)[0]
         error += np.sum((y[p:][part] - X[part] @ theta) ** 2, axis=0)
     found = regression(y[None], u[None], p)
-    assert found._errors(0, 10, np.array([10])).shape == (1, 2)
-    total = sum(found._errors(k, 10, np.array([10]))[0] for k in range(4))
+    total = found.errors(10, np.array([10]))[0]
+    assert total.shape == (2,)
     assert np.allclose(total, error, rtol=1e-10)
     assert np.isclose(found.share(total), np.mean(np.log(error / np.sum(y[p:] ** 2, axis=0))))
 

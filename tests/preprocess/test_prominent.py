@@ -17,7 +17,7 @@ def record(seed: int, samples: int = 20_000, outputs: int = 3) -> Signals:
 
 def prominent_span(levels: Levels) -> tuple[float, float] | None:
     """Return the lowest and the highest frequency (Hz) at which something stands out; None where nothing does."""
-    shown = levels.frequencies[levels.stands_out]
+    shown = levels.frequencies[levels.in_peak]
     return (float(shown[0]), float(shown[-1])) if shown.size else None
 
 
@@ -44,7 +44,7 @@ def test_the_more_heights_are_looked_at_the_higher_chance_may_reach(trials: int)
     # the mean of three bins of 2 n lines, n = 10 (ln 2)^2 / 1.5 worth each: a gamma variable of shape 3 n over 3 n, and all
     # heights of 20 bins together exceed their bars in one record of a thousand
     shape = 3 * 10 * np.log(2) ** 2 / 1.5
-    bars = Levels(np.arange(1.0, 21), np.full(20, 10.0), np.ones((20, 1))).bars(trials)
+    bars = Levels(np.arange(1.0, 21), np.full(20, 10.0), np.ones((20, 1))).limits(trials)
     assert scipy.stats.gamma.sf(bars * shape, shape) * 20 * trials == pytest.approx(np.full(20, 1e-3))
 
 

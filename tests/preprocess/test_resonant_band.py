@@ -12,7 +12,7 @@ from modalscope.data.poles import poles_from
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.identification.prepare import measure
 from modalscope.preprocess.bands import CHOSEN
-from modalscope.preprocess.excited_band import left_over, resonant_band
+from modalscope.preprocess.excited_band import polynomial_residuals, resonant_band
 
 LINES, RATE = 2000, 100.0
 
@@ -50,7 +50,7 @@ def resonance(at: float, size: float = 1.0, zeta: float = 0.01):
 
 
 def test_a_smooth_response_and_the_ends_leave_nothing():
-    found = left_over(spectra(smooth, 0.0), slice(0, LINES))
+    found = polynomial_residuals(spectra(smooth, 0.0), slice(0, LINES))
     assert max(found.narrow.max(), found.wide.max()) < 1e-24
 
 
@@ -58,7 +58,7 @@ def test_a_smooth_response_and_the_ends_leave_nothing():
 @pytest.mark.parametrize("side", ["narrow", "wide"])
 def test_of_noise_its_power_is_left(side):
     """The mean of n lines of power s^2, k of them taken by unknowns, is s^2 (n - k) / n: divided by what is free it is s^2."""
-    parts = [left_over(spectra(smooth, 0.1, seed), slice(0, LINES)) for seed in range(10)]
+    parts = [polynomial_residuals(spectra(smooth, 0.1, seed), slice(0, LINES)) for seed in range(10)]
     power = np.mean([np.average(getattr(p, side), axis=0, weights=p.free) for p in parts], axis=0)
     assert power == pytest.approx(0.01, rel=4 / np.sqrt(10 * parts[0].free.sum()))
 

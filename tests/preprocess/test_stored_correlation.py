@@ -59,7 +59,7 @@ def stored(record: ms.Signals) -> StoredSignals:
 @pytest.fixture
 def small_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stored_correlation, "_TASK", 3000)
-    monkeypatch.setattr(stored_correlation, "_HELD", 2000)
+    monkeypatch.setattr(stored_correlation, "_IN_MEMORY", 2000)
 
 
 def relative(a: Any, b: Any) -> float:

@@ -11,7 +11,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.cli import main
-from modalscope.preprocess.setups import heard_lags, joined_setups
+from modalscope.preprocess.setups import joined_setups, significant_lags
 from tests.studies import Study
 from tests.support import measured
 from tests.towers import Tower, tower
@@ -89,7 +89,7 @@ def test_own_rows_stay_as_they_were_measured_and_late_noise_is_left() -> None:
     setups = ms.merge(built.setups)
     joined = joined_setups(setups)
     parts = [ms.estimate_correlation(part) for part in built.setups]
-    assert joined.samples < heard_lags(parts) < parts[0].samples
+    assert joined.samples < significant_lags(parts) < parts[0].samples
     assert joined.groups == ("setup 1",) * 4 + ("setup 2",) * 4
     assert joined.input_dofs[4] == "16:+X in setup 2"
     own = parts[0].values[: joined.samples]

@@ -1,10 +1,10 @@
-"""What an examination of data finds, in words: which channels, why, and what to do."""
+"""The table of findings: every fault of measured data with its text and its remedy; checks of dead and of identical channels."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,52 +13,182 @@ from modalscope.data.response import Response
 from modalscope.data.setups import Setups
 from modalscope.numerics.checks import Array, RealArray
 
-__all__ = ["KINDS", "Finding", "Side", "dead_channels", "identical_channels", "sides_of"]
+__all__ = ["KINDS", "Finding", "Side", "channels_of", "dead_channels", "finding", "identical_channels", "sides_of"]
 
 #: One side of the data: "output" or "input", its channels as columns (N, c), and their labels.
 Side = tuple[str, Array, tuple[str, ...]]
 
-#: All kinds of findings.
-KINDS = (
-    "overload",
-    "double hit",
-    "clipped",
-    "dead",
-    "noisy",
-    "duplicate",
-    "swapped",
-    "polarity",
-    "leakage",
-    "low coherence",
-    "reciprocity",
-    "wrong quantity",
-    "short record",
-    "overflow",
-    "frozen",
-    "gap",
-    "spikes",
-    "transposed",
-    "conjugated",
-    "no phase",
-    "lone lines",
-    "exchanged",
-    "delay",
-    "missing samples",
-    "no complex values",
-    "places",
-    "event",
-)
+#: What was found and what to do about it, by kind; rows of one kind differ in what follows the colon.
+ROWS = {
+    "overload": ("hit {number}: {reason}", "estimate_frf leaves it out by itself{effect}"),
+    "double hit": (
+        "hit {number}: {reason}",
+        "It was kept, the force being recorded; hits={others} leaves it out{effect}",
+    ),
+    "clipped": (
+        "{count} samples stand at its largest or smallest value{where}",
+        "Measure again with a wider range, or leave these runs or this channel out.",
+    ),
+    "dead": ("it never changes", "Check cable and sensor, or leave it out: exclude=[{channels[0]!r}]."),
+    "noisy: coherence": (
+        "{percent:.0f} % of its power follows from {source}, of the usual channel's {usual:.0f} %",
+        "Check sensor and cable, or leave it out: exclude=[{channels[0]!r}].",
+    ),
+    "noisy: unexplained": (
+        "{percent:.0f} % of its power follows from no other sample of any channel, of the usual channel's {usual:.2g} %",
+        "Check sensor and cable, or leave it out: exclude=[{channels[0]!r}].",
+    ),
+    "duplicate": (
+        "{channels[1]} is {factor:.6g} times {channels[0]}, to rounding",
+        "Leave one out if a channel was recorded twice; of a symmetric structure without noise it is to be expected.",
+    ),
+    "swapped: run": ("in run {run} they have changed places", "Exchange them in that run, or leave the run out."),
+    "swapped: driving point": (
+        "its response to its own force has resonances of both signs, which a driving point cannot have",
+        "Check which channel was at the force, the directions, and the quantity.",
+    ),
+    "swapped: reciprocity": (
+        "the responses between them are the same both ways only when the two outputs are exchanged",
+        "Exchange the labels of these two outputs.",
+    ),
+    "polarity: run": (
+        "in run {run} it has the opposite sign of the other runs",
+        "Turn its sign in that run, or leave the run out.",
+    ),
+    "polarity: driving point": (
+        "the force takes energy out of the structure at its own point",
+        "Turn the sign of {channels[0]} or of its force; or correct the quantity, {quantity}.",
+    ),
+    "polarity: reciprocity": (
+        "the negative of the way back: {pairs}",
+        "Turn the sign of {channels[0]} or of its force.",
+    ),
+    "polarity: one of several": (
+        "the negative of the way back: {pairs}",
+        "Turn the sign of one of these sensors (or of its force), after comparing it with the others.",
+    ),
+    "leakage": (
+        "{percent:.0f} % of its largest vibration is left at the end of the {what}",
+        "{longer}, or give exponential=0.01: its damping is taken off again.",
+    ),
+    "low coherence": (
+        "{explained:.2f} around its resonances: so much of its power follows from the inputs",
+        "Look for overloaded hits, forces that were not measured, noise, or too short segments.",
+    ),
+    "reciprocity": (
+        "the responses between them differ by {percent:.0f} % from one way to the other",
+        "Check labels, directions and calibration of these points; a structure that changes with level does it, too.",
+    ),
+    "wrong quantity": (
+        "called {given}, they look like {better}: {why}",
+        'Give quantity="{better}" if that is what was measured.',
+    ),
+    "short record: decay": (
+        "{seconds:.4g} s are {count:.1f} times the decay time of the resonance at {frequency:.4g} Hz (damping near {damping:.2g} %)",
+        "Damping will scatter by some {scatter:.0f} %: measure {needed:.4g} s or more.",
+    ),
+    "short record: lines": (
+        "the resonances at {where} Hz are narrower than {resolved:.1f} lines of {step:.3g} Hz: within one over the line spacing "
+        "their vibration does not decay to one per cent",
+        "Measure longer, use longer segments, or an exponential window for hits.",
+    ),
+    "overflow": (
+        "at {count} samples it jumps from one end of its range to the other, as a number that overflowed",
+        "Measure again with a wider range, or leave the channel out.",
+    ),
+    "frozen": (
+        "it holds one value over {stretches}, while there is motion before and after",
+        "Cut the record there: give the parts before and after as runs, merge([...]).",
+    ),
+    "gap": (
+        "all channels hold their values over {stretches}, while there is motion before and after",
+        "Cut the record there: give the parts before and after as runs, merge([...]).",
+    ),
+    "spikes": (
+        "{count} single samples stand far out, at {times}",
+        "Look for a loose contact; replace these samples by the mean of their neighbours, or leave the channel out.",
+    ),
+    "transposed": (
+        "there are {count} channels of {samples} samples",
+        "Exchange rows and columns: samples come first, outputs=y.T.",
+    ),
+    "conjugated": (
+        "phases rise along the resonances: energy would arrive before the impulse",
+        "Take the complex conjugate of the values, or change the sign of the phases; for the time convention exp(-j w t).",
+    ),
+    "no phase: magnitudes": (
+        "all values are real: magnitudes without a phase",
+        "Give complex values, magnitude times exp(j phase).",
+    ),
+    "no phase: decibels": (
+        "values look like decibels without a phase",
+        "Give complex values, 10^(dB / 20) exp(j phase).",
+    ),
+    "lone lines": (
+        "{count} lines stand far out of their neighbours in every pair, at {where} Hz",
+        "Look for mains or an edited line; leave these lines out: response.at_lines(...).",
+    ),
+    "exchanged": (
+        "the output {outputs} comes before the input {inputs}: a cause does not follow its effect",
+        "Exchange them: the force belongs to the inputs, columns='in=...,out=...'.",
+    ),
+    "delay: all": (
+        "all outputs come about {samples} samples, {seconds:.4g} s, after the forces",
+        "Modes are identified with that taken out, which moves neither poles nor shapes; delays={{}} (--delays none) leaves it in.",
+    ),
+    "delay: one": (
+        "it comes about {samples} samples, {seconds:.4g} s, after the forces, others do not",
+        "Modes are identified with that taken out, which moves neither poles nor shapes; delays={{}} (--delays none) leaves it in.",
+    ),
+    "delay: phase": (
+        "it comes {size:.4g} s, {samples:.3g} samples, {side} than most other outputs",
+        "Look for another filter or recorder; shift it back by {seconds:.4g} s, or leave it out: exclude=[{channels[0]!r}].",
+    ),
+    "missing samples": (
+        "at {count} times all channels go on as if some {lost} samples were missing: at {where}",
+        "Look for lost blocks or a clock that jumped; give the parts before and after as runs, merge([...]).",
+    ),
+    "no complex values: parts": (
+        "imaginary parts lie within +-{limit:.6g} and jump {jumps} times from end to end: they are phases in {unit}, and real parts {kind}",
+        "Give {magnitude} exp(j {angle}).",
+    ),
+    "no complex values: turned": (
+        "{percent:.0f} % of the phases are near +-{limit:.0f} degrees, where 180 lies when degrees are taken for radians",
+        "Give magnitude exp(j radians(phase)).",
+    ),
+    "no complex values: rough": (
+        "phases jump from line to line where magnitudes are smooth: degrees were taken for radians",
+        "Give magnitude exp(j radians(phase)).",
+    ),
+    "no complex values: levels": (
+        "magnitudes lie between {low:.3g} and {high:.3g} and are small where the phase falls: they are levels in dB",
+        "Give 10^(dB / 20) exp(j phase).",
+    ),
+    "places": (
+        "runs {runs} are as if driven at {count} places: alike line by line, as wholes not",
+        "Give every place a file, or its own label: input_dofs, --input-dofs.",
+    ),
+    "event": (
+        "{share:.0f} % of the power lies between {start:.4g} and {stop:.4g} s: averages over the record are worth no more than "
+        "{worth:.3g} s of steady vibration",
+        "Cut the event out, and give the parts before and after it as runs, merge([...]); or identify it by itself. A free decay is "
+        "one from its release on: --rows FIRST- --columns \"time=1,decay=2-\", or ImpulseResponse(..., kind='free decay').",
+    ),
+}
 
-#: Channels whose RMS about their mean is so many times the rounding of their largest value are dead; how large others are says nothing:
-#: their unit may be another.
+#: All kinds of findings.
+KINDS = tuple(dict.fromkeys(name.partition(":")[0] for name in ROWS))
+
+#: Channels whose RMS about their mean is at most so many times the rounding of their largest value are dead. The size of other channels
+#: does not matter: their unit may be another.
 _DEAD = 32 * float(np.finfo(float).eps)
 
-#: Channels are the same when what one has beside a multiple of the other is below this part of it.
+#: Channels are the same when the difference of one from a multiple of the other is below this part of it.
 _SAME = 1e-6
 
 
 class Finding(NamedTuple):
-    """One thing that is wrong, or may be, with data.
+    """One fault, or possible fault, of data.
 
     Attributes
     ----------
@@ -67,7 +197,7 @@ class Finding(NamedTuple):
     channels : tuple of str
         Labels of the channels concerned.
     reason : str
-        What was seen.
+        What was found.
     change : str
         What to do about it.
     frequencies : tuple of float
@@ -81,11 +211,12 @@ class Finding(NamedTuple):
     frequencies: tuple[float, ...] = ()
 
     def beside(self, bands: Sequence[tuple[float, float]]) -> Finding:
-        """Return the same finding, which says so where it concerns no line of the bands (Hz).
+        """Return the same finding; its reason says so where it concerns no line of the bands.
 
         Parameters
         ----------
         bands : sequence of (float, float)
+            Hz.
         """
         inside = any(low <= f <= high for f in self.frequencies for low, high in bands)
         if not bands or not self.frequencies or inside:
@@ -97,8 +228,20 @@ class Finding(NamedTuple):
         return f"{self.kind}: {', '.join(self.channels)}: {self.reason}. {self.change}"
 
 
+def finding(name: str, *channels: str, at: Iterable[float] = (), **measured: Any) -> Finding:
+    """Return the finding of a row of the table, with what was measured in its texts, and its frequencies `at` (Hz).
+
+    Examples
+    --------
+    >>> print(finding("dead", "y2"))
+    dead: y2: it never changes. Check cable and sensor, or leave it out: exclude=['y2'].
+    """
+    reason, change = (text.format(channels=channels, **measured) for text in ROWS[name])
+    return Finding(name.partition(":")[0], channels, reason, change, tuple(map(float, at)))
+
+
 def sides_of(data: Signals | Records | Setups | Response) -> list[Side]:
-    """Return outputs and, where there are any, inputs as columns: samples or lines, runs and channels of the other side below each other.
+    """Return outputs and inputs, if any, as columns (N, c): samples or lines, runs and channels of the other side stacked.
 
     Examples
     --------
@@ -118,7 +261,7 @@ def sides_of(data: Signals | Records | Setups | Response) -> list[Side]:
 
 
 def _sides_of_runs(records: Records) -> list[Side]:
-    """Return the same of runs below each other; an input that a run has not is zero in it."""
+    """Return the sides of stacked runs; an input that a run does not have is zero in it."""
     outputs = np.concatenate([run.outputs for run in records.runs])
     inputs = np.zeros((len(outputs), len(records.input_dofs)))
     starts = np.cumsum([0, *records.samples])
@@ -129,42 +272,41 @@ def _sides_of_runs(records: Records) -> list[Side]:
     return [side for side in sides if side[1].shape[1]]
 
 
+def channels_of(signals: Signals, *, inputs: bool = True) -> list[tuple[str, list[RealArray]]]:
+    """Return every channel with its label, run by run, those of the inputs last."""
+    outputs, forces = signals.by_run()
+    sides = [(outputs, signals.output_dofs)]
+    if forces is not None and inputs:
+        sides.append((forces, signals.input_dofs))
+    return [(dof, [run[:, i] for run in runs]) for runs, labels in sides for i, dof in enumerate(labels)]
+
+
 def dead_channels(samples: Array, labels: Sequence[str]) -> list[Finding]:
     """Find channels (N, c) that are constant, but for the rounding of their values."""
     found = []
     for label, x in zip(labels, samples.T, strict=True):
         largest = float(np.max(np.abs(x), initial=0.0))
-        # from the first on, so that a sum of many rounds nothing, and over the largest, so that squares of any size are numbers
+        # the difference from the first sample has no rounding of a mean; over the largest, its square is finite at any scale
         if largest == 0 or float(np.std((x - x[0]) / largest)) < _DEAD:
-            change = f"Check cable and sensor, or leave it out: exclude={[label]!r}."
-            found.append(Finding("dead", (label,), "it never changes", change))
+            found.append(finding("dead", label))
     return found
 
 
 def identical_channels(samples: Array, labels: Sequence[str]) -> list[Finding]:
-    """Find channels (N, c) that are multiples of an earlier one to 1e-6, each beside the first; channels at rest are passed over."""
+    """Find channels (N, c) that are multiples of an earlier one to 1e-6; constant channels are skipped."""
     x = np.concatenate([samples.real, samples.imag]) if np.iscomplexobj(samples) else np.array(samples, dtype=float)
     x -= x.mean(axis=0)
     size = np.linalg.norm(x, axis=0)
     x /= np.where(size > 0, size, 1)
-    found = []
-    for group in _alike(x, np.flatnonzero(size > 0)):
-        i = group[0]
-        for j in group[1:]:
-            a, b, factor = labels[i], labels[j], float(x[:, i] @ x[:, j]) * size[j] / size[i]
-            found.append(
-                Finding(
-                    "duplicate",
-                    (a, b),
-                    f"{b} is {factor:.6g} times {a}, to rounding",
-                    "Leave one out if a channel was recorded twice; of a symmetric structure without noise it is to be expected.",
-                )
-            )
-    return found
+    return [
+        finding("duplicate", labels[i], labels[j], factor=float(x[:, i] @ x[:, j]) * size[j] / size[i])
+        for i, *copies in _copies(x, np.flatnonzero(size > 0))
+        for j in copies
+    ]
 
 
-def _alike(unit: RealArray, alive: Array) -> list[list[int]]:
-    """Return groups of columns of unit length that are multiples of each other to 1e-6, each by rising number.
+def _copies(unit: RealArray, moving: Array) -> list[list[int]]:
+    """Return groups of columns of unit length that are multiples of each other to 1e-6, each in ascending order.
 
     Where u_j -+ u_i is small, |g u_i| and |g u_j| differ by no more for any row g of unit length: in their order only neighbours are
     compared, not all pairs.
@@ -173,18 +315,16 @@ def _alike(unit: RealArray, alive: Array) -> list[list[int]]:
     place = np.abs(g @ unit) / np.linalg.norm(g)
     groups: list[list[int]] = []
     near = deque[list[int]]()
-    for j in sorted(alive.tolist(), key=lambda k: float(place[k])):
+    for j in sorted(moving.tolist(), key=lambda k: float(place[k])):
         while near and place[near[0][0]] < place[j] - 2 * _SAME:
             near.popleft()
-        own = next((group for group in near if _multiple(unit[:, group[0]], unit[:, j])), None)
-        if own is None:
+        u = unit[:, j]
+        # the norm of the difference: 1 - (u_i u_j)^2 would lose half of the digits
+        same = (own for own in near if np.linalg.norm(u - (unit[:, own[0]] @ u) * unit[:, own[0]]) < _SAME)
+        group = next(same, None)
+        if group is None:
             near.append([j])
             groups.append(near[-1])
         else:
-            own.append(j)
+            group.append(j)
     return sorted(sorted(group) for group in groups if len(group) > 1)
-
-
-def _multiple(one: RealArray, other: RealArray) -> bool:
-    # the difference itself: 1 - likeness^2 would lose half of the digits
-    return bool(np.linalg.norm(other - (one @ other) * one) < _SAME)

@@ -1,13 +1,13 @@
-"""Where a structure was driven, told from its responses: runs of one place agree as wholes, runs of several only line by line.
+"""Find which runs were driven at the same place, from their responses: those of one place agree in total, of several only line by line.
 
-Near a resonance the response to a force anywhere is the shape of that mode, times a number: one that differs from mode to mode where
-the places differ. With rows a, b of two runs and the products p_n = <a, b> over short blocks n of neighbouring lines and all outputs,
+Near a resonance the response to a force anywhere is the mode shape times a factor: it differs from mode to mode where the places
+differ. With rows a, b of two runs and the products p_n = <a, b> over short blocks n of neighbouring lines and all outputs,
 
-    G = sum |p_n| / sum |a_n| |b_n|          how alike they are block by block (noise lowers it)
-    W = |sum p_n| / sqrt(sum |a_n|^2 sum |b_n|^2)   how alike as wholes
+    G = sum |p_n| / sum |a_n| |b_n|                 likeness block by block (noise lowers it)
+    W = |sum p_n| / sqrt(sum |a_n|^2 sum |b_n|^2)   likeness in total
 
-W is about G for one place whatever the noise, and below it for two. Channels that were turned or exchanged in a run lower W, too: what
-the best of these explains is not taken for another place.
+W is about G for one place whatever the noise, and below it for two. Channels that were turned or exchanged in a run lower W, too: the
+largest W over such changes counts.
 """
 
 from __future__ import annotations
@@ -41,23 +41,14 @@ _CHANCE = 1e-3
 #: modes, 1 to 6 outputs, 5 to 60 dB, hits and random forces) none does; of 400 at two places 86 % of the hits do, 74 % of the others.
 _APART, _NOISE = 0.05, 2.0
 
-#: Samples of a run that are looked at: enough lines for its resonances.
+#: Samples of a run that are examined: enough lines for its resonances.
 _SAMPLES = 1 << 16
 
 
 def named_by_place(parts: Sequence[Any], names: Sequence[str]) -> tuple[list[Any], tuple[Note, ...]]:
-    """Return parts of a test whose one input has one label in all, with a label for each place where they were driven at several.
+    """Return parts of a test with one input, labelled by place (after `names`, those of their files) where they were driven at several.
 
-    Parameters
-    ----------
-    parts : sequence of data objects
-    names : sequence of str
-        What to call the places: those of their files.
-
-    Returns
-    -------
-    parts, notes
-        The parts as they are where that is not so: other data, other labels, one place, or several within one part.
+    They are unchanged, without a note, for other data, other labels, one place, or several places within one part.
     """
     if not _one_input(parts):
         return list(parts), ()
@@ -71,12 +62,12 @@ def named_by_place(parts: Sequence[Any], names: Sequence[str]) -> tuple[list[Any
         f"place {k + 1} ({', '.join(name for name, own in zip(names, place, strict=True) if own == k)})"
         for k in sorted(set(place))
     )
-    told = (
+    text = (
         f"the files answer forces at several places, alike line by line, as wholes not, and all call them {parts[0].input_dofs[0]}. "
         f"The inputs are named {who}: --input-dofs gives each file's own"
     )
     named = [replace(part, input_dofs=[f"place {k + 1}"], groups=AUTO) for part, k in zip(parts, place, strict=True)]
-    return named, (Note("places", {"places": float(len(set(place)))}, told),)
+    return named, (Note("places", {"places": float(len(set(place)))}, text),)
 
 
 def _one_input(parts: Sequence[Any]) -> bool:
@@ -94,22 +85,15 @@ def _one_input(parts: Sequence[Any]) -> bool:
 
 
 def same_places(parts: Sequence[Any]) -> list[int | None]:
-    """Return a number for every run of every part, in order: the same for those that one place explains, from 0 in order of coming.
+    """Return the number of the place for every run of every part, from 0 in order of appearance; None for one with an overloaded hit.
 
-    Parameters
-    ----------
-    parts : sequence of Signals or of FrequencyResponse
-        Of the same outputs and lines, each with one input.
-
-    Returns
-    -------
-    list
-        None for a run with an overloaded hit: its force is not what was measured.
+    All parts have the same outputs and lines, and one input each.
     """
     if isinstance(parts[0], FrequencyResponse):
-        return list(_clusters(_beside_noise(parts)))
+        return list(_clusters(_over_noise(parts)))
     good = [k for part in parts for k in _well_hit(part)]
-    spectra = [[np.fft.rfft(x[:, : _samples(parts)], axis=1)[:, 1:-1] for x in part.by_run()] for part in parts]
+    count = min(*(part.samples for part in parts), _SAMPLES)
+    spectra = [[np.fft.rfft(x[:, :count], axis=1)[:, 1:-1] for x in part.by_run()] for part in parts]
     outputs, u = (np.concatenate(side)[good] for side in zip(*spectra, strict=True))
     size = np.maximum(np.abs(u), np.finfo(float).tiny)
     usual = np.exp(np.mean(np.log(size), axis=0))  # of the forces, so that lines without one do not count
@@ -117,27 +101,23 @@ def same_places(parts: Sequence[Any]) -> list[int | None]:
     return [next(found) if kept else None for kept in good]
 
 
-def _samples(parts: Sequence[Signals]) -> int:
-    return min(*(part.samples for part in parts), _SAMPLES)
-
-
 def _well_hit(part: Signals) -> list[bool]:
-    """Say of every run whether its force can be used: hits that were overloaded cannot."""
+    """Return for every run whether its force can be used: overloaded hits cannot."""
     forces = part.by_run()[1]
     assert forces is not None
     spoilt = {hit.run for hit in find_hits(forces[:, :, 0]) if hit.unfit} if find_excitation(part) == "impact" else ()
     return [run not in spoilt for run in range(part.runs)]
 
 
-def _beside_noise(parts: Sequence[FrequencyResponse]) -> ComplexArray:
-    """Return responses in units of their noise where that is known: lines without force have much of it."""
+def _over_noise(parts: Sequence[FrequencyResponse]) -> ComplexArray:
+    """Return responses in units of their noise where that is known."""
     rows = np.stack([part.values[:, :, 0] for part in parts])
     noise = [np.sum(part.variance, axis=(1, 2)) for part in parts if part.variance is not None]
     return rows / np.sqrt(np.sum(noise, axis=0))[:, None] if len(noise) == len(parts) else rows
 
 
 def _clusters(rows: ComplexArray) -> list[int]:
-    """Return the number of the place of every run; those that agree with one of a place belong to it."""
+    """Return the number of the place of every run; a run belongs to the place of any run with which it agrees."""
     count = len(rows)
     agree = np.eye(count, dtype=bool)
     for i in range(count):
@@ -158,17 +138,17 @@ def _apart(a: ComplexArray, b: ComplexArray) -> bool:
     products = np.einsum("nfi,nfi->n", a.conj(), b)
     first, second = (np.sum(x.real**2 + x.imag**2, axis=(1, 2)) for x in (a, b))
     sizes = np.sqrt(first * second)
-    heard = np.abs(products) ** 2 > (1 - _CHANCE ** (1 / (a[0].size - 1))) * sizes**2
-    if not heard.any():
+    significant = np.abs(products) ** 2 > (1 - _CHANCE ** (1 / (a[0].size - 1))) * sizes**2
+    if not significant.any():
         return False
-    alike = float(np.sum(np.abs(products[heard])) / np.sum(sizes[heard]))
-    cross = np.einsum("nfi,nfj->ij", a[heard].conj(), b[heard])
-    whole = _explained(cross) / np.sqrt(np.sum(first[heard]) * np.sum(second[heard]))
+    alike = float(np.sum(np.abs(products[significant])) / np.sum(sizes[significant]))
+    cross = np.einsum("nfi,nfj->ij", a[significant].conj(), b[significant])
+    whole = _explained(cross) / np.sqrt(np.sum(first[significant]) * np.sum(second[significant]))
     return bool(1 - whole / alike > _APART + _NOISE * (1 - alike))
 
 
 def _explained(cross: ComplexArray) -> float:
-    """Return the largest sum of products that channels as they are, turned, or two of them exchanged can give."""
+    """Return the largest sum of products over channels as they are, turned, or two of them exchanged."""
     own = np.diag(cross)
     straight = abs(complex(np.sum(own)))
     turned = float(np.sum(np.abs(own.real)))

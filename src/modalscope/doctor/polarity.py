@@ -1,10 +1,10 @@
-"""Turned and exchanged channels, seen at driving points and from reciprocity: the one rule for records, responses and comparisons.
+"""Check signs: turned and exchanged channels by driving points and reciprocity, wrong quantities by the slope below the first resonance.
 
 driving point
     A force does work on the structure where it acts: Re(velocity / force) >= 0 at every frequency (and, of samples, on the line
     s = alpha + j w of an exponential window, where a mobility is positive real, too).
 reciprocity
-    H_ij = H_ji. What a driving point has shown is taken into account first; a channel that is then turned against most others is it.
+    H_ij = H_ji, once the channels found at driving points are turned; a channel turned against most others is named.
 """
 
 from __future__ import annotations
@@ -18,14 +18,13 @@ from modalscope.data.channels import QUANTITIES
 from modalscope.data.geometry import parse_dof
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
-from modalscope.doctor.findings import Finding
+from modalscope.doctor.findings import Finding, finding
 from modalscope.numerics.checks import Array, BoolArray, ComplexArray, RealArray
 
 __all__ = ["check_polarity", "check_slope", "level"]
 
 
-# ----------------------------------------------------------------------------------------------------- quantity checks
-# Whether the quantity of responses can be right: the slope of |H| below the first resonance.
+# ------------------------------------------------------------------------------------------------------------ quantity
 
 #: Slopes of log |H| over log f below the first resonance, for fixed and for free structures.
 _SLOPES = {"displacement": (0.0, -2.0), "velocity": (1.0, -1.0), "acceleration": (2.0, 0.0)}
@@ -44,7 +43,7 @@ def check_slope(response: FrequencyResponse) -> list[Finding]:
     if near[response.quantity] < _FAR or near[best] > _NEAR:
         return []
     why = f"below the first resonance |H| goes with the power {slope:.1f} of the frequency"
-    return [wrong_quantity(response.quantity, best, response.output_dofs, why)]
+    return [finding("wrong quantity", *response.output_dofs, given=response.quantity, better=best, why=why)]
 
 
 def fits_slope(response: Response, quantity: str) -> bool:
@@ -53,18 +52,8 @@ def fits_slope(response: Response, quantity: str) -> bool:
     return slope is not None and min(abs(slope - s) for s in _SLOPES[quantity]) < _NEAR
 
 
-def wrong_quantity(given: str, better: str, dofs: tuple[str, ...], why: str) -> Finding:
-    """Return the finding that a quantity looks like another one."""
-    return Finding(
-        "wrong quantity",
-        dofs,
-        f"called {given}, they look like {better}: {why}",
-        f'Give quantity="{better}" if that is what was measured.',
-    )
-
-
 def level(response: FrequencyResponse) -> RealArray:
-    """Return log |H| of all channels together, (F,), each channel scaled to its own mean square."""
+    """Return log |H| of all channels together, (F,), each channel scaled to mean square one."""
     power = np.abs(response.values) ** 2
     mean = power.mean(axis=0, keepdims=True)
     scaled = np.divide(power, mean, out=np.zeros_like(power), where=mean > 0)
@@ -72,10 +61,10 @@ def level(response: FrequencyResponse) -> RealArray:
 
 
 def _low_slope(response: FrequencyResponse) -> float | None:
-    """Return the slope of log |H| over log f from a sixth to half of the first resonance, of what a spring or a mass alone does.
+    """Return the slope of log |H| over log f from a sixth to half of the first resonance, without the rise of the resonance.
 
-    None with fewer than six lines there, or where H is neither: a static response is real for an even slope, imaginary for
-    an odd one, and what leaks from a resonance is not.
+    None with fewer than six lines there, or where H is neither a stiffness nor a mass line: these are real for an even slope and
+    imaginary for an odd one, and leakage of a resonance is not.
     """
     f, log_size = response.frequencies, level(response)
     peaks = scipy.signal.find_peaks(log_size, prominence=np.log(5))[0]
@@ -85,7 +74,7 @@ def _low_slope(response: FrequencyResponse) -> float | None:
     low = (f > first / 6) & (f < first / 2) & (f > 0)
     if int(low.sum()) < 6 or f[low][-1] < 1.5 * f[low][0]:
         return None
-    x, y = np.log(f[low]), log_size[low] + np.log(1 - (f[low] / first) ** 2)  # without the resonance's own rise
+    x, y = np.log(f[low]), log_size[low] + np.log(1 - (f[low] / first) ** 2)
     if response.variance is not None:
         scatter = response.variance[low].sum(axis=(1, 2)) / np.sum(np.abs(response.values[low]) ** 2, axis=(1, 2))
         if float(scatter.max()) > 0.1:
@@ -100,27 +89,26 @@ def _low_slope(response: FrequencyResponse) -> float | None:
 
 # ------------------------------------------------------------------------------------------------------------ polarity
 
-#: Lines stand out of their scatter, and differences are believed, when their power is this many times what the estimates' own variance
-#: makes of it.
+#: Lines and differences are significant when their power is this many times the variance of the estimates.
 _CERTAIN = 4.0
 
 #: Reciprocal responses differ by less than this part of their size, in measurements, too.
 _RECIPROCAL = 0.5
 
-#: A repair (an exchange, a change of sign) is believed when it takes the difference below this part of what it was.
+#: An exchange or a change of sign is accepted when it reduces the difference below this part of what it was.
 _REPAIRED = 0.3
 
-#: Mean sign of the work at a driving point from which it is turned as a whole, or right as a whole.
+#: Mean sign of the work at a driving point from which it is turned, or right, as a whole.
 _CLEAR = 0.9
 
-#: Decay of the window over the samples, in nepers: the end of the record is left out of their transform.
+#: Decay of the exponential window over the samples, in nepers.
 _WINDOW = 5.0
 
 
 def check_polarity(response: Response) -> list[Finding]:
     """Return channels that are turned or exchanged, responses that are not reciprocal, and a quantity that cannot be right.
 
-    Correlations show none of it: a turned channel turns its row and its column.
+    Correlations show none of them: a turned channel turns its row and its column.
     """
     if isinstance(response, ImpulseResponse) and response.kind == "correlation":
         return []
@@ -146,7 +134,7 @@ def _pairs(response: Response) -> list[tuple[int, int, float]]:
 def _driving_points(
     response: Response, pairs: list[tuple[int, int, float]]
 ) -> tuple[list[Finding], set[tuple[int, int]]]:
-    """Check the work done at driving points; return also which (output, input) are turned as a whole."""
+    """Check the work done at driving points; return also the (output, input) that are turned as a whole."""
     found: list[Finding] = []
     turned: set[tuple[int, int]] = set()
     if response.quantity is None or not pairs or _lacks_impulse(response):
@@ -161,36 +149,23 @@ def _driving_points(
         dof = response.output_dofs[i]
         best = max(scores, key=lambda q: scores[q])
         if best != response.quantity and scores[best] > _CLEAR and own > -_CLEAR and fits_slope(response, best):
-            found.append(wrong_quantity(response.quantity, best, (dof,), f"the force at {dof} does work only then"))
+            why = f"the force at {dof} does work only then"
+            found.append(finding("wrong quantity", dof, given=response.quantity, better=best, why=why))
         elif own < -_CLEAR:
             turned.add((i, j))
-            found.append(
-                Finding(
-                    "polarity",
-                    (dof,),
-                    "the force takes energy out of the structure at its own point",
-                    f"Turn the sign of {dof} or of its force; or correct the quantity, {response.quantity}.",
-                )
-            )
+            found.append(finding("polarity: driving point", dof, quantity=response.quantity))
         else:
-            found.append(
-                Finding(
-                    "swapped",
-                    (dof,),
-                    "its response to its own force has resonances of both signs, which a driving point cannot have",
-                    "Check which channel was at the force, the directions, and the quantity.",
-                )
-            )
+            found.append(finding("swapped: driving point", dof))
     return found, turned
 
 
 def _lacks_impulse(response: Response) -> bool:
-    """Whether the samples are an acceleration without the impulse at time zero itself, which is no number and carries the sign."""
+    """Whether the samples are an acceleration without the impulse at time zero, which carries the sign."""
     return isinstance(response, ImpulseResponse) and response.kind != "pulse" and response.quantity == "acceleration"
 
 
 def _transforms(response: Response, pairs: list[tuple[int, int, float]]) -> tuple[ComplexArray, ComplexArray]:
-    """Return s (F,) and the driving points' transfer functions there, (F, pairs); a held input acts in the middle of its step."""
+    """Return s (F,) and the driving points' transfer functions there, (F, pairs); a zero-order hold acts in the middle of its step."""
     driving = np.stack([response.values[:, i, j] for i, j, _ in pairs], axis=1)
     rate = response.sampling_rate
     if isinstance(response, FrequencyResponse):
@@ -206,7 +181,7 @@ def _transforms(response: Response, pairs: list[tuple[int, int, float]]) -> tupl
 
 
 def _clear(response: Response, i: int, j: int, s: ComplexArray) -> BoolArray:
-    """Return the lines beyond zero on which a response stands out of its own scatter, all where that is not known: noise has no sign."""
+    """Return the lines above 0 Hz on which a response is significant, all where its variance is unknown."""
     inside = s.imag > 0
     if not isinstance(response, FrequencyResponse) or response.variance is None:
         return inside
@@ -217,8 +192,8 @@ def _clear(response: Response, i: int, j: int, s: ComplexArray) -> BoolArray:
 def _work(H: ComplexArray, s: ComplexArray, quantity: str) -> float:
     """Return the mean sign of cos(phase of velocity / force), -1 to 1, weighted with it and with |H|^2: 1 for a driving point.
 
-    The power measured is the weight, whatever the quantity: |mobility| in its place would raise the noise of displacements far
-    above the resonances and that of accelerations below them.
+    The weight is the measured power of any quantity: |mobility| would raise the noise of displacements far above the resonances
+    and that of accelerations below them.
     """
     turn = s ** (1 - QUANTITIES[quantity])
     work = np.abs(H) * (H * turn / np.abs(turn)).real
@@ -227,7 +202,7 @@ def _work(H: ComplexArray, s: ComplexArray, quantity: str) -> float:
 
 
 def _reciprocity(response: Response, pairs: list[tuple[int, int, float]]) -> list[Finding]:
-    """Compare H_ij with H_ji where both sides have the same dofs; try a change of sign and exchanged outputs as the reason."""
+    """Compare H_ij with H_ji where both sides have the same dofs; test a change of sign and exchanged outputs as the cause."""
     H, found, negative = response.values, [], []
     for (i, a, sa), (j, b, sb) in combinations(pairs, 2):
         if i == j or a == b:
@@ -241,31 +216,21 @@ def _reciprocity(response: Response, pairs: list[tuple[int, int, float]]) -> lis
             continue
         names = (response.output_dofs[i], response.output_dofs[j])
         if _difference(sb * H[:, j, b], sa * H[:, i, a]) < _REPAIRED * off:
-            kind, change = "swapped", "Exchange the labels of these two outputs."
-            reason = "the responses between them are the same both ways only when the two outputs are exchanged"
+            found.append(finding("swapped: reciprocity", *names))
         else:
-            kind, reason = (
-                "reciprocity",
-                f"the responses between them differ by {100 * off:.0f} % from one way to the other",
-            )
-            change = "Check labels, directions and calibration of these points; a structure that changes with level does it, too."
-        found.append(Finding(kind, names, reason, change))
+            found.append(finding("reciprocity", *names, percent=100 * off))
     return _turned(response, negative) + found
 
 
 def _turned(response: Response, negative: list[tuple[int, int]]) -> list[Finding]:
-    """Name the output that is turned against most others; where several are, any of them may be it."""
+    """Name the output that is turned against most others, or the several that are so alike."""
     if not negative:
         return []
     times: Array = np.bincount(np.ravel(negative))
     names = tuple(response.output_dofs[i] for i in np.flatnonzero(times == times.max()))
     pairs = ", ".join(f"{response.output_dofs[i]} to {response.output_dofs[j]}" for i, j in negative)
-    change = (
-        f"Turn the sign of {names[0]} or of its force."
-        if len(names) == 1
-        else "Turn the sign of one of these sensors (or of its force), after comparing it with the others."
-    )
-    return [Finding("polarity", names, f"the negative of the way back: {pairs}", change)]
+    which = "reciprocity" if len(names) == 1 else "one of several"
+    return [finding(f"polarity: {which}", *names, pairs=pairs)]
 
 
 def _difference(a: Array, b: Array) -> float:
@@ -274,10 +239,10 @@ def _difference(a: Array, b: Array) -> float:
 
 
 def _certain(difference: Array, response: Response, *pairs: tuple[int, int]) -> bool:
-    """Whether two estimates differ by more than their scatter, in all and on most lines that stand out of it.
+    """Whether two estimates differ significantly, in the sum over the lines and on most significant lines.
 
-    The sum over the lines alone is that of one or two: at a resonance that the segments are too short for the estimates leak, and scatter
-    more than their variance tells. Of equal estimates |difference|^2 over the sum of both variances has the median .7.
+    One or two lines dominate the sum: at a resonance for which the segments are too short the estimates leak, and scatter
+    more than their variance. Of equal estimates |difference|^2 over the sum of both variances has the median .7.
     """
     if not isinstance(response, FrequencyResponse) or response.variance is None:
         return True

@@ -1,4 +1,4 @@
-"""What all channels together say of every sample: their correlations as one block matrix, the ground of the checks of samples and times."""
+"""Predict samples from their neighbours in time and in other channels, by the block Toeplitz covariance of groups of channels."""
 
 from __future__ import annotations
 
@@ -13,41 +13,31 @@ from modalscope.preprocess.stored_correlation import LagSum
 
 __all__ = ["FARTHEST", "Joint", "joint", "joints", "side_by_side", "unexplained"]
 
-#: Channels that are looked at together, and rows of one side of their matrix: samples of the past times channels.
+#: Channels of a group, and rows of one side of its matrix: samples of the past times channels.
 _TOGETHER, _ROWS = 6, 120
 
 #: Samples of the past, the fewest and the most.
 _FEWEST, _DEPTH = 6, 40
 
-#: Lags beyond the past and the future that are gathered: how many samples may be missing.
+#: Lags beyond the past and the future: how many samples may be missing.
 FARTHEST = 60
 
-#: Samples for every number that is estimated: each prediction then errs by a fortieth of its variance at most.
+#: Samples for every coefficient that is estimated: its error adds a fortieth of the prediction's variance at most.
 _SAMPLES = 40
 
-#: Of a channel's variance, added to all: filtered records are predicted to their rounding, which says nothing.
+#: Part of a channel's variance that is added to it: filtered records would be predicted to rounding.
 _ROUNDING = 1e-8
 
 
 class Joint(NamedTuple):
-    """Records of a few channels, each of variance one, and their correlations.
+    """Records of a group of channels, each of variance one, and their correlations."""
 
-    Attributes
-    ----------
-    runs : array, (R, N, l)
-        Without means.
-    depth : int
-        p, samples of the past and of the future that are looked at.
-    lags : array, (2 p + FARTHEST + 1, l, l)
-        E y(t + k) y(t)'.
-    """
-
-    runs: RealArray
-    depth: int
-    lags: RealArray
+    runs: RealArray  # (R, N, l), without means
+    depth: int  # p, samples of the past and of the future
+    lags: RealArray  # E y(t + k) y(t)', (2 p + FARTHEST + 1, l, l)
 
     def between(self, distance: int) -> RealArray:
-        """Return E f p' (p l, p l): p ends `distance` samples before f would begin if none were missing; block i, j is R(d + p + i - j)."""
+        """Return E f p' (p l, p l) of a future f that begins `distance` samples late after the past p; block i, j is R(d + p + i - j)."""
         p, l = self.depth, self.lags.shape[1]
         number = distance + p + np.arange(p)[:, None] - np.arange(p)
         return np.asarray(self.lags[number].transpose(0, 2, 1, 3).reshape(p * l, p * l))
@@ -61,7 +51,7 @@ class Joint(NamedTuple):
 
 
 def side_by_side(channels: int) -> list[list[int]]:
-    """Return groups of up to six channels, in turn.
+    """Return groups of up to six channels, each taking every so many.
 
     Examples
     --------
@@ -73,12 +63,7 @@ def side_by_side(channels: int) -> list[list[int]]:
 
 
 def joint(runs: RealArray) -> Joint | None:
-    """Return what runs (R, N, l) of a few channels say together; None where they are too short, or nothing in them is left to chance.
-
-    Parameters
-    ----------
-    runs : array, (R, N, l)
-    """
+    """Return the correlations of runs (R, N, l) of a group of channels; None where they are too short, or singular."""
     count, l = runs.shape[0] * runs.shape[1], runs.shape[2]
     depth = min(_DEPTH, _ROWS // l, count // (2 * _SAMPLES * l))
     y = runs - runs.mean(axis=1, keepdims=True)
@@ -89,26 +74,21 @@ def joint(runs: RealArray) -> Joint | None:
     y = y / size
     total = LagSum(l, range(l), far)
     for run in y:
-        own = LagSum(l, range(l), far)
-        own.add(run)
-        total.merge(own)
+        of_run = LagSum(l, range(l), far)
+        of_run.add(run)
+        total.merge(of_run)
     lags = total.finish() / count
     lags[0] += _ROUNDING * np.eye(l)
     found = Joint(np.asarray(y), depth, lags)
     try:
         scipy.linalg.cholesky(found.within(2 * depth + 1), lower=True)
-    except np.linalg.LinAlgError:  # fewer motions than channels, to rounding
+    except np.linalg.LinAlgError:  # channels that depend on each other, to rounding
         return None
     return found
 
 
 def joints(runs: RealArray) -> Iterator[tuple[list[int], Joint]]:
-    """Yield channels that are looked at together, and what they say, for all that ever change and tell enough.
-
-    Parameters
-    ----------
-    runs : array, (R, N, l)
-    """
+    """Yield groups of the channels of runs (R, N, l) that are not constant, and their correlations where they can be estimated."""
     alive = np.flatnonzero(np.ptp(runs, axis=(0, 1)) > 0)
     for group in side_by_side(alive.size):
         known = joint(runs[:, :, alive[group]])
@@ -117,19 +97,10 @@ def joints(runs: RealArray) -> Iterator[tuple[list[int], Joint]]:
 
 
 def unexplained(runs: RealArray) -> RealArray:
-    """Return which part of every channel's power none of its other samples, nor those of the channels beside it, explain.
+    """Return the part of every channel's variance (l,) that no other sample of its group explains; zero where it cannot be estimated.
 
     1 / (W_kk)_ii of the inverse covariance W of p samples on either side of k: the variance of the best linear estimate of a sample from
-    all others. Noise of the channel alone cannot be below it wherever it is white; of forces on its own mass the later motion tells.
-
-    Parameters
-    ----------
-    runs : array, (R, N, l)
-
-    Returns
-    -------
-    array, (l,)
-        Zero where the record does not tell.
+    all others. White noise of the channel alone cannot exceed it; forces on its own mass show in the later motion.
     """
     part = np.zeros(runs.shape[2])
     for channels, known in joints(runs):

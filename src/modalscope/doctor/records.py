@@ -1,4 +1,4 @@
-"""Examination of records: clipped and noisy channels, bad hits, leakage, records too short for their damping."""
+"""Check records: clipped and noisy channels, overloaded and double hits, leakage, records too short for their damping."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import scipy
 from scipy import fft
 
 from modalscope.data.records import Signals
-from modalscope.doctor.findings import Finding
+from modalscope.doctor.findings import Finding, channels_of, finding
 from modalscope.doctor.prediction import unexplained
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.errors import DataError
@@ -15,78 +15,59 @@ from modalscope.preprocess.excited_band import useful_lines
 from modalscope.preprocess.frf import estimate_frf, plan_hits, without_offset
 from modalscope.preprocess.harmonics import find_lines
 from modalscope.preprocess.impacts import Hit, clipped_samples, find_hits
-from modalscope.preprocess.spectra import Segments, cross_spectra, segment_starts, window_samples
+from modalscope.preprocess.spectra import Segments, cross_spectra
 
 __all__ = ["bad_hits", "clipped", "leakage", "noisy_channels", "too_short", "transposed"]
 
 #: A channel is noisy when less than this part of its power follows from the inputs, and this much less than the median's.
 _NOISY, _BELOW = 0.5, 0.25
 
-#: The same when only other outputs are there to compare with: what its own force does to a damped mass follows from none.
+#: The same when only other outputs are there to compare with: the response of a damped mass to its own force follows from none.
 _NOISY_ALONE = 0.08
 
-#: A hit whose outputs are this much larger for its force than those of the others, and by so many times as much as these differ among
-#: themselves, has lost the top of its force.
+#: The force of a hit was cut when its outputs are this much larger than the other hits predict from it, and by so many standard
+#: deviations of the other hits.
 _CUT, _UNLIKE = 0.01, 20.0
 
-#: Noise of a half of a channel's vibration has a fifth of its power, and nothing else tells it. Of channels of one structure the forces on
-#: their own masses make such parts that differ by a factor of three at most, so far seen.
+#: Noise of half the amplitude of a channel has a fifth of its power. Among the channels of one structure the forces on their own masses
+#: make parts that differ by a factor of three at most, so far.
 _ALONE, _HIGHER = 0.15, 5.0
 
-#: A line of a machine and what a window makes of it lie within this part of its frequency.
+#: A harmonic and its leakage under a window lie within this part of its frequency.
 _HUM = 0.01
 
-#: Vibration left at the end of a run, as a part of the largest, that an untapered transform turns into leakage.
+#: Vibration remaining at the end of a run, as a part of the largest, that an untapered transform turns into leakage.
 _LEFT = 0.05
 
-#: A random record shorter than this many times 1 / (zeta omega) tells little of the damping.
+#: A random record shorter than this many times 1 / (zeta omega) determines the damping poorly.
 _TIME_CONSTANTS = 4.0
 
-#: What turns fewer times in a record is drift: a resonance of 2 % has then decayed once.
+#: Fewer periods in a record than this are drift: a resonance of 2 % has then decayed once.
 _CYCLES = 10.0
 
 
 def clipped(signals: Signals, kind: str) -> list[Finding]:
-    """Find channels that stand at their extremes; a hammer's force is looked at hit by hit instead."""
-    outputs, inputs = signals.by_run()
-    sides = [(outputs, signals.output_dofs)]
-    if inputs is not None and kind != "impact":  # a hammer's force is looked at hit by hit
-        sides.append((inputs, signals.input_dofs))
+    """Find channels clipped at their extremes; the force of a hammer is checked hit by hit instead."""
     found = []
-    for records, labels in sides:
-        for i, dof in enumerate(labels):
-            counts = [clipped_samples(run[:, i]) for run in records]
-            if sum(counts):
-                runs = [str(r + 1) for r, count in enumerate(counts) if count]
-                where = f" in run {', '.join(runs)}" if signals.runs > 1 else ""
-                found.append(
-                    Finding(
-                        "clipped",
-                        (dof,),
-                        f"{sum(counts)} samples stand at its largest or smallest value{where}",
-                        "Measure again with a wider range, or leave these runs or this channel out.",
-                    )
-                )
+    for dof, records in channels_of(signals, inputs=kind != "impact"):
+        counts = [clipped_samples(run) for run in records]
+        if any(counts):
+            runs = [str(r + 1) for r, count in enumerate(counts) if count]
+            where = f" in run {', '.join(runs)}" if signals.runs > 1 else ""
+            found.append(finding("clipped", dof, count=sum(counts), where=where))
     return found
 
 
 def transposed(signals: Signals) -> list[Finding]:
-    """Find records of more channels than samples: nobody measures so many for so short a time, and rows are easily taken for columns."""
-    channels = len(signals.output_dofs) + len(signals.input_dofs)
-    if channels <= signals.samples:
+    """Find records of more channels than samples: rows taken for columns."""
+    count = len(signals.output_dofs) + len(signals.input_dofs)
+    if count <= signals.samples:
         return []
-    return [
-        Finding(
-            "transposed",
-            (signals.output_dofs[0],),
-            f"there are {channels} channels of {signals.samples} samples",
-            "Exchange rows and columns: samples come first, outputs=y.T.",
-        )
-    ]
+    return [finding("transposed", signals.output_dofs[0], count=count, samples=signals.samples)]
 
 
 def bad_hits(signals: Signals) -> list[Finding]:
-    """Find overloaded and double hits, and say what the coherence is without them."""
+    """Find overloaded and double hits, with the coherence without them."""
     _, inputs = signals.by_run()
     assert inputs is not None
     if inputs.shape[2] != 1:
@@ -98,19 +79,18 @@ def bad_hits(signals: Signals) -> list[Finding]:
             continue
         others = [h.number for h in hits if h.number != hit.number and not h.unfit]
         effect = _without(signals, hit.number, others)
-        if hit.unfit:
-            kind, change = "overload", f"estimate_frf leaves it out by itself{effect}"
-        else:
-            kind, change = "double hit", f"It was kept, the force being recorded; hits={others} leaves it out{effect}"
-        found.append(Finding(kind, signals.input_dofs, f"hit {hit.number}: {hit.reason}", change))
+        kind = "overload" if hit.unfit else "double hit"
+        found.append(
+            finding(kind, *signals.input_dofs, number=hit.number, reason=hit.reason, others=others, effect=effect)
+        )
     return found
 
 
 def _cut_hits(signals: Signals, hits: list[Hit]) -> list[Hit]:
-    """Name the hit whose outputs are larger for its force than those of all others.
+    """Mark the hit whose outputs are larger than the other hits predict from its force.
 
-    s_k = sum Re(conj(G_k) Y_k) / sum |G_k|^2 is one, with Y_k the outputs' spectra in the run of hit k, and G_k what the response of the
-    other runs makes of its force. Runs of one hit each, four at least; a hit at another place, or slanted, shows so, too.
+    s_k = sum Re(conj(G_k) Y_k) / sum |G_k|^2 is one, with Y_k the outputs' spectra in the run of hit k, and G_k the response of the
+    other runs times its force. Runs of one hit each, four at least; a hit at another place, or a slanted one, has s_k > 1 too.
     """
     outputs, inputs = signals.by_run()
     assert inputs is not None
@@ -126,7 +106,7 @@ def _cut_hits(signals: Signals, hits: list[Hit]) -> list[Hit]:
     k = int(np.argmax(size))
     others = np.delete(size, k)
     more = float(size[k] / others.mean() - 1)
-    # the hit itself is in the mean that the others are compared with, alike for all
+    # hit k is in the mean from which the others are predicted, alike for all
     if more < max(_CUT, _UNLIKE * float(np.std(others, ddof=1))):
         return hits
     reason = f"outputs are {100 * more:.2g} % larger for its force than in the other hits: its top was cut, or it fell elsewhere"
@@ -149,25 +129,20 @@ def _without(signals: Signals, number: int, others: list[int]) -> str:
 
 
 def leakage(signals: Signals, kind: str) -> list[Finding]:
-    """Look at what is left of the vibration at the end of what is transformed whole: runs, or hits as they are cut."""
+    """Find outputs that still vibrate at the end of what is transformed as a whole: runs, or hits as they are cut."""
     x = _transformed(signals, kind)
     samples = x.shape[1]
     length = max(2, samples // 20)
     blocks = x[:, : samples // length * length].reshape(x.shape[0], -1, length, x.shape[2])
     rms = np.sqrt(np.mean(blocks**2, axis=2)).max(axis=0)  # (blocks, l), the worst run
-    left = rms[-1] / np.maximum(rms.max(axis=0), np.finfo(float).tiny)
-    # a decay that has ended in noise stays at one level; one that goes on is lower from block to block
+    remaining = rms[-1] / np.maximum(rms.max(axis=0), np.finfo(float).tiny)
+    # a decay that has ended in noise stays at one level; one that goes on falls from block to block
     falling = rms[-1] < 0.9 * rms[len(rms) // 2]
     cut = kind == "impact" and samples < signals.samples
     what, longer = ("hit", "Wait longer for the next hit") if cut else ("run", "Measure longer runs")
     return [
-        Finding(
-            "leakage",
-            (dof,),
-            f"{100 * part:.0f} % of its largest vibration is left at the end of the {what}",
-            f"{longer}, or give exponential=0.01: its damping is taken off again.",
-        )
-        for dof, part, going in zip(signals.output_dofs, left, falling, strict=True)
+        finding("leakage", dof, percent=100 * part, what=what, longer=longer)
+        for dof, part, going in zip(signals.output_dofs, remaining, falling, strict=True)
         if part > _LEFT and going
     ]
 
@@ -177,7 +152,7 @@ def _transformed(signals: Signals, kind: str) -> RealArray:
     if kind == "impact" and len(signals.input_dofs) == 1:
         try:
             return plan_hits(signals, None, "good", 0, None).outputs
-        except DataError:  # no usable hit: an error of its own where responses are asked for
+        except DataError:  # no usable hit: an error where responses are asked for
             pass
     return without_offset(signals, "impact")[0]
 
@@ -191,8 +166,7 @@ def noisy_channels(signals: Signals, kind: str) -> list[Finding]:
     length = min(signals.samples, total // (8 * (others + 1)))
     if l < 3 or length < 32 or kind in ("impact", "sweep", "burst"):
         return []
-    w = window_samples("hann", length)
-    segments = Segments(segment_starts(signals.samples, length, 0.5), w, w)
+    segments = Segments.of(signals.samples, length)
     y = outputs - outputs.mean(axis=1, keepdims=True)
     u = None if inputs is None else inputs - inputs.mean(axis=1, keepdims=True)
     spectra = cross_spectra(y, u, signals.sampling_rate, segments, whole=inputs is None)
@@ -203,41 +177,36 @@ def noisy_channels(signals: Signals, kind: str) -> list[Finding]:
         rows = spectra.cross @ np.linalg.pinv(spectra.inputs, rcond=1e-12, hermitian=True)  # inputs may be alike
         explained = np.sum(rows * np.conj(spectra.cross), axis=2).real
     part = explained.sum(axis=0) / power.sum(axis=0)
-    # so much of nothing is "explained" by so many channels from so few averages
+    # the coherence of independent channels from a finite number of averages is taken off
     part = 1 - (1 - part) * spectra.effective / (spectra.effective - others)
     limit = _NOISY_ALONE if inputs is None else _NOISY
     usual = float(np.median(part))
     source = "the other outputs" if inputs is None else "the inputs"
-    told = {
-        dof: f"{100 * own:.0f} % of its power follows from {source}, of the usual channel's {100 * usual:.0f} %"
+    found = {
+        dof: finding("noisy: coherence", dof, percent=100 * own, source=source, usual=100 * usual)
         for dof, own in zip(signals.output_dofs, part, strict=True)
         if own < limit and own < usual - _BELOW
     }
     alone = unexplained(outputs) if inputs is None else np.zeros(l)
+    usual = float(np.median(alone))
     for dof, own in zip(signals.output_dofs, alone, strict=True):
-        if own > max(_ALONE, _HIGHER * float(np.median(alone))):
-            usual = 100 * float(np.median(alone))
-            words = f"{100 * own:.0f} % of its power follows from no other sample of any channel, of the usual channel's {usual:.2g} %"
-            told.setdefault(dof, words)
-    change = "Check sensor and cable, or leave it out: exclude={!r}."
-    return [Finding("noisy", (dof,), reason, change.format([dof])) for dof, reason in told.items()]
+        if own > max(_ALONE, _HIGHER * usual):
+            found.setdefault(dof, finding("noisy: unexplained", dof, percent=100 * own, usual=100 * usual))
+    return list(found.values())
 
 
 def _from_others(S: Array) -> RealArray:
     """Return the power of every output that all others explain, (F, l): S_ii - 1 / (S^-1)_ii."""
     root = np.sqrt(np.maximum(np.einsum("fii->fi", S).real, np.finfo(float).tiny))
     scaled = S / (root[:, :, None] * root[:, None, :])
-    # identical channels explain each other wholly: the small term only keeps the inverse finite
+    # identical channels explain each other fully: the small term keeps the inverse finite
     inverse = np.linalg.inv(scaled + 1e-12 * np.eye(S.shape[1]))
     rest = 1 / np.maximum(np.einsum("fii->fi", inverse).real, 1.0)
     return np.asarray((1 - rest) * root**2)
 
 
 def too_short(signals: Signals) -> list[Finding]:
-    """Estimate the decay of the strongest resonance from its correlation, and compare it with the length of the record.
-
-    What a machine or the mains hum at is no resonance.
-    """
+    """Find a record too short for the decay of its strongest resonance, estimated from its correlation; harmonics are excluded."""
     outputs, _ = signals.by_run()
     y = outputs - outputs.mean(axis=1, keepdims=True)
     i = int(np.argmax(np.mean(y**2, axis=(0, 1)) / np.maximum(np.median(y**2, axis=(0, 1)), np.finfo(float).tiny)))
@@ -245,22 +214,26 @@ def too_short(signals: Signals) -> list[Finding]:
     power = np.mean(np.abs(fft.rfft(y[:, :, i], n=length, axis=1)) ** 2, axis=0)
     lines = fft.rfftfreq(length, 1 / signals.sampling_rate)
     found = _slowest(signals, power, lines)
-    if found is not None:  # looked for only here: it takes longer than all the rest
-        for hum in find_lines(signals.select(outputs=[i])):
-            power[np.abs(lines - hum.frequency) < _HUM * hum.frequency] = 0
+    if found is not None:  # only here, as it takes longer than all the rest
+        for line in find_lines(signals.select(outputs=[i])):
+            power[np.abs(lines - line.frequency) < _HUM * line.frequency] = 0
         found = _slowest(signals, power, lines)
     if found is None:
         return []
     f0, constant = found
-    count, damping = signals.runs * signals.duration / constant, 1 / (2 * np.pi * f0 * constant)
+    seconds = signals.runs * signals.duration
+    count = seconds / constant
     return [
-        Finding(
-            "short record",
-            (signals.output_dofs[i],),
-            f"{signals.runs * signals.duration:.4g} s are {count:.1f} times the decay time of the resonance at {f0:.4g} Hz "
-            f"(damping near {100 * damping:.2g} %)",
-            f"Damping will scatter by some {100 / np.sqrt(count):.0f} %: measure {100 * constant:.4g} s or more.",
-            (f0,),
+        finding(
+            "short record: decay",
+            signals.output_dofs[i],
+            at=(f0,),
+            seconds=seconds,
+            count=count,
+            frequency=f0,
+            damping=100 / (2 * np.pi * f0 * constant),
+            scatter=100 / np.sqrt(count),
+            needed=100 * constant,
         )
     ]
 
@@ -269,23 +242,23 @@ def _slowest(signals: Signals, power: RealArray, lines: RealArray) -> tuple[floa
     """Return frequency (Hz) and decay time (s) of the strongest resonance where the record is short for it."""
     smooth = scipy.signal.oaconvolve(power, np.ones(17) / 17, mode="same")
     first = int(np.searchsorted(lines, _CYCLES / signals.duration))
-    if first >= smooth.size:  # fewer samples than any cycle takes
+    if first >= smooth.size:  # the record is shorter than _CYCLES samples
         return None
     top = first + int(np.argmax(smooth[first:]))
     f0 = float(lines[top])
-    if top == first or smooth[top] < 20 * float(np.median(smooth)):  # at the end: what is left of drift
+    if top == first or smooth[top] < 20 * float(np.median(smooth)):  # at the first line: drift
         return None
     constant = _decay_time(signals, power, lines, f0)
     return (f0, constant) if signals.runs * signals.duration < _TIME_CONSTANTS * constant else None
 
 
 def _decay_time(signals: Signals, power: RealArray, lines: RealArray, f0: float) -> float:
-    """Return in how many seconds the correlation of the resonance at f0 Hz falls by e, from the power on lines."""
-    # a band around the peak, wide against any light damping, leaves the correlation of that resonance alone
+    """Return the time in s in which the correlation of the resonance at f0 Hz falls by e, from the power on lines."""
+    # a Gaussian band around the peak, wide against any light damping, isolates the correlation of that resonance
     band = np.exp(-0.5 * ((lines - f0) / (0.05 * f0 + 4 / signals.duration)) ** 2)
     spectrum = np.zeros(fft.next_fast_len(2 * signals.samples, real=True), dtype=complex)
     spectrum[: lines.size] = power * band
     envelope = np.abs(fft.ifft(spectrum))[: signals.samples // 2]
-    # half an e-fold: further down a short record's correlation is scatter
+    # half an e-fold: further down the correlation of a short record is scatter
     below = np.flatnonzero(envelope < envelope[0] * np.exp(-0.5))
     return 2 * float(below[0] if below.size else envelope.size) / signals.sampling_rate

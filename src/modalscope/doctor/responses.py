@@ -1,6 +1,8 @@
-"""Examination of responses: what their channels, coherence, signs, slopes and resolution say."""
+"""Check responses: single lines, phases, complex values, coherence, resolution; signs and slopes are in `polarity`."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import scipy
@@ -8,7 +10,7 @@ import scipy
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse
 from modalscope.data.window import line_step
-from modalscope.doctor.findings import Finding, dead_channels, identical_channels, sides_of
+from modalscope.doctor.findings import Finding, dead_channels, finding, identical_channels, sides_of
 from modalscope.doctor.polarity import check_polarity, check_slope, level
 from modalscope.numerics.checks import Array, RealArray
 
@@ -16,16 +18,16 @@ __all__ = ["bandwidths", "examine_response", "no_phase", "odd_phases"]
 
 
 # --------------------------------------------------------------------------------------------------------- line checks
-# Faults of frequency responses line by line: lines that stand alone, phases that run backwards, phases that are no phases.
+# Faults of frequency responses line by line: isolated lines, phases that rise along resonances, missing phases.
 
-#: A line that stands alone is so many times larger than what the lines beside it give there, or smaller, in every pair, and the square of
-#: that where there are fewer than three pairs: two narrow modes side by side look like it in one pair, hardly in all ...
+#: An isolated line differs from the value interpolated from its neighbours by this factor in every pair, and by its square where there
+#: are fewer than three pairs: two narrow modes side by side do so in one pair, hardly in all ...
 _ALONE, _PAIRS = 2.0, 3
 
-#: ... and so many times further away from that than so many lines on either side usually are.
+#: ... and so many times further than the lines of this neighbourhood, on either side, usually do.
 _UNUSUAL, _AROUND = 6.0, 10
 
-#: The sum of products of neighbouring lines exceeds what noise makes of it by so many deviations (one of 700 sets of noise alone).
+#: The sum of products of neighbouring lines exceeds so many standard deviations of noise alone (one of 700 sets of noise does).
 _SURE = 3.0
 
 #: Less than this part of the energy in imaginary parts is none.
@@ -49,14 +51,7 @@ def conjugated(response: FrequencyResponse) -> list[Finding]:
     total = float(np.sum(products.imag / np.sqrt(np.maximum(size, np.finfo(float).tiny))))
     if total <= _SURE * float(np.sqrt(np.sum(size) / 2)):
         return []
-    return [
-        Finding(
-            "conjugated",
-            response.output_dofs,
-            "phases rise along the resonances: energy would arrive before the impulse",
-            "Take the complex conjugate of the values, or change the sign of the phases; for the time convention exp(-j w t).",
-        )
-    ]
+    return [finding("conjugated", *response.output_dofs)]
 
 
 def no_phase(response: FrequencyResponse) -> list[Finding]:
@@ -65,49 +60,34 @@ def no_phase(response: FrequencyResponse) -> list[Finding]:
     if response.lines < 3 or np.sum(H.imag**2) > _REAL * np.sum(np.abs(H) ** 2):
         return []
     decibels = bool(np.any(H.real < 0)) and float(np.ptp(H.real)) > 10
-    what = (
-        "values look like decibels without a phase" if decibels else "all values are real: magnitudes without a phase"
-    )
-    change = "Give complex values" + (", 10^(dB / 20) exp(j phase)." if decibels else ", magnitude times exp(j phase).")
-    return [Finding("no phase", response.output_dofs, what, change)]
+    return [finding(f"no phase: {'decibels' if decibels else 'magnitudes'}", *response.output_dofs)]
 
 
 def lone_lines(response: FrequencyResponse) -> list[Finding]:
-    """Find lines that stand alone in every pair: mains, an overload, a line that was edited. See `stands_alone`."""
+    """Find lines that are isolated in every pair: mains, an overload, an edited line. See `isolated_lines`."""
     if response.lines < 2 * _AROUND:
         return []
-    found = stands_alone(response.values.reshape(response.lines, -1))
+    found = isolated_lines(response.values.reshape(response.lines, -1))
     if not found.size:
         return []
     where = ", ".join(f"{response.frequencies[k]:.6g}" for k in found[:5]) + (", ..." if found.size > 5 else "")
-    return [
-        Finding(
-            "lone lines",
-            response.output_dofs,
-            f"{found.size} lines stand far out of their neighbours in every pair, at {where} Hz",
-            "Look for mains or an edited line; leave these lines out: response.at_lines(...).",
-            tuple(float(f) for f in response.frequencies[found]),
-        )
-    ]
+    frequencies = response.frequencies[found]
+    return [finding("lone lines", *response.output_dofs, at=frequencies, count=found.size, where=where)]
 
 
-def stands_alone(H: Array) -> Array:
-    """Return the lines that differ in all channels from what two lines on either side of them give, whether a resonance is there or not.
+def isolated_lines(H: Array) -> Array:
+    """Return the lines of H (F, c) that differ in all channels from the values interpolated from two lines on either side.
 
-    One mode beside a level is H_c(x) = (a_c + b_c x) / (1 + g x), with x in lines and g the same in all channels, however narrow it is. The
-    lines at x = -2, -1, 1, 2 determine g, by least squares over all channels, and a_c, which line 0 should be. So does a cubic, H_c(0) =
-    (-H_c(-2) + 4 H_c(-1) + 4 H_c(1) - H_c(2)) / 6. Both must be away by a factor, to the same side, and further than noise puts them, in
-    every channel where they stand out of the noise: near an antiresonance a factor is one of noise. A line that is found spoils what is
-    expected of its neighbours: what it should be takes its place, and all are looked at again.
-
-    Parameters
-    ----------
-    H : array of complex, (F, c)
+    A mode on a constant level is H_c(x) = (a_c + b_c x) / (1 + g x), with x in lines and g common to all channels, however narrow it is.
+    The lines at x = -2, -1, 1, 2 determine g, by least squares over all channels, and a_c, the expected value of line 0. So does a cubic,
+    H_c(0) = (-H_c(-2) + 4 H_c(-1) + 4 H_c(1) - H_c(2)) / 6. The line must differ from both by a factor, in the same direction, and by
+    more than the noise, in every channel where they exceed it: near an antiresonance a factor is one of noise. A line that is found is
+    replaced by its expected value, and the search is repeated, as it spoils the values expected of its neighbours.
     """
     H, found = H.copy(), np.zeros(len(H), dtype=bool)
     while True:
         size, mode = _sizes(H)
-        # a line spoils what is expected of those beside it
+        # a line spoils the values expected of its neighbours
         top = [k for k in np.flatnonzero(size) if size[k] == size[max(k - 2, 0) : k + 3].max() and not found[k + 2]]
         if not top:
             return np.flatnonzero(found)
@@ -116,38 +96,38 @@ def stands_alone(H: Array) -> Array:
 
 
 def _sizes(H: Array) -> tuple[RealArray, Array]:
-    """Return the logarithm of the least factor by which each inner line stands alone, 0 of others, and what it should be."""
+    """Return the logarithm of the least factor by which each inner line is isolated, 0 if it is not, and its expected value."""
     mode, cubic = _expected(H)
     here, tiny = H[2:-2], np.finfo(float).tiny
     level, given = np.log(np.maximum(np.abs(here), tiny)), np.maximum(np.abs(np.stack([mode, cubic])), tiny)
     factors = level - np.log(given)
     away = np.abs(here - mode)
     noise = _UNUSUAL * _usual(away)
-    tells = given.min(axis=0) > noise
-    one_side = np.all((factors > 0) | ~tells, axis=(0, 2)) | np.all((factors < 0) | ~tells, axis=(0, 2))
+    significant = given.min(axis=0) > noise
+    one_side = np.all((factors > 0) | ~significant, axis=(0, 2)) | np.all((factors < 0) | ~significant, axis=(0, 2))
     least = np.abs(factors).min(axis=0)
-    size = np.where(tells, least, np.inf).min(axis=1)
+    size = np.where(significant, least, np.inf).min(axis=1)
     # noise of one size, and noise as large as the lines are
-    far = np.all((away > noise) | ~tells, axis=1) & (
+    far = np.all((away > noise) | ~significant, axis=1) & (
         size > _UNUSUAL * _usual(np.median(least, axis=1, keepdims=True))[:, 0]
     )
-    count = tells.sum(axis=1)
+    count = significant.sum(axis=1)
     enough = (count >= min(_PAIRS, H.shape[1])) & (size > np.log(_ALONE) * np.where(count >= _PAIRS, 1, 2))
     return np.where(one_side & far & enough, size, 0.0), mode
 
 
 def _expected(H: Array) -> tuple[Array, Array]:
-    """Return what each line should be by one mode beside a level, and by a cubic, (F - 4, c) each."""
+    """Return the values of the inner lines expected from a mode on a constant level, and from a cubic, (F - 4, c) each."""
     x = np.array([-2.0, -1.0, 1.0, 2.0])
-    beside = np.stack([H[:-4], H[1:-3], H[3:-1], H[4:]])
-    turned = beside * x[:, None, None]
+    neighbours = np.stack([H[:-4], H[1:-3], H[3:-1], H[4:]])
+    turned = neighbours * x[:, None, None]
     # orthogonal to straight lines in x
     free = np.eye(4) - 1 / 4 - np.outer(x, x) / 10
-    own, other = np.tensordot(free, beside, 1), np.tensordot(free, turned, 1)
+    own, other = np.tensordot(free, neighbours, 1), np.tensordot(free, turned, 1)
     size = np.maximum(np.sum(np.abs(other) ** 2, axis=(0, 2)), np.finfo(float).tiny)
     g = -np.sum(np.conj(other) * own, axis=(0, 2)) / size
-    mode = beside.mean(axis=0) + g[:, None] * turned.mean(axis=0)
-    return mode, np.tensordot(np.array([-1.0, 4.0, 4.0, -1.0]) / 6, beside, 1)
+    mode = neighbours.mean(axis=0) + g[:, None] * turned.mean(axis=0)
+    return mode, np.tensordot(np.array([-1.0, 4.0, 4.0, -1.0]) / 6, neighbours, 1)
 
 
 def _usual(x: RealArray) -> RealArray:
@@ -158,21 +138,21 @@ def _usual(x: RealArray) -> RealArray:
 
 
 # -------------------------------------------------------------------------------------------------------- phase checks
-# Levels and angles given where complex values belong: decibels, degrees, magnitude beside phase.
+# Levels and angles in place of complex values: decibels, degrees, magnitude and phase.
 
-#: Fewer lines say too little.
+#: Fewest lines that are checked.
 _LEAST = 16
 
 #: An angle that wraps jumps by nearly a turn, from above this part of its limit to below minus that.
 _WRAPS = 0.8
 
-#: Angles in degrees taken for radians: the real axis comes out at 0 and +-233 degrees. So many lines lie within 8 degrees of the one, and
-#: so few within 8 of 180, where no structure has them so.
+#: Angles in degrees taken for radians put the real axis at 0 and +-233 degrees. At least this part of the phases lies within 8 degrees
+#: of the latter, and at most this part within 8 degrees of 180, which no structure does.
 _TURNED, _NEAR, _MANY, _FEW = np.radians(np.degrees(180.0) % 360), np.radians(8), 0.25, 0.05
 
-#: From line to line ln |H| and the phase (rad) change by as much: noise moves both alike, and between resonances the phase rests.
-#: Degrees that were taken for radians change 57 times as much. So many times more is neither noise nor a structure, where phases move
-#: by so many radians at all.
+#: From line to line ln |H| and the phase (rad) change by as much: noise changes both alike, and between resonances the phase is constant.
+#: Degrees taken for radians change 57 times as much. So many times more is neither noise nor a structure, where phases change by so many
+#: radians at all.
 _MORE, _JUMP = 8.0, 0.1
 
 #: Levels in dB lie between these, and seldom far from their median; no response has so small a range around its resonances.
@@ -184,11 +164,14 @@ def odd_phases(response: FrequencyResponse) -> list[Finding]:
     H = response.values
     if response.lines < _LEAST or not np.any(H.imag):
         return []
-    found = _parts(H) or _degrees(H) or _levels(H)
-    return [] if not found else [Finding("no complex values", response.output_dofs, *found)]
+    for check in (_parts, _degrees, _levels):
+        if found := check(H):
+            name, measured = found
+            return [finding(f"no complex values: {name}", *response.output_dofs, **measured)]
+    return []
 
 
-def _parts(H: Array) -> tuple[str, str] | None:
+def _parts(H: Array) -> tuple[str, dict[str, Any]] | None:
     """Whether imaginary parts are angles: they never leave +-180 or +-pi, and jump from the one to the other."""
     for limit, unit in ((180.0, "degrees"), (np.pi, "radians")):
         x = H.imag / limit
@@ -198,33 +181,28 @@ def _parts(H: Array) -> tuple[str, str] | None:
         jumps = int(np.sum((high[:-1] & low[1:]) | (low[:-1] & high[1:])))
         if jumps < 2 or np.abs(x).max() < 0.95:
             continue
-        level = bool(np.any(H.real < 0))
-        angle = "phase" if unit == "radians" else "radians(phase)"
-        return (
-            f"imaginary parts lie within +-{limit:.6g} and jump {jumps} times from end to end: they are phases in {unit}"
-            + (", and real parts levels in dB" if level else ", and real parts magnitudes"),
-            f"Give {'10^(dB / 20)' if level else 'magnitude'} exp(j {angle}).",
-        )
+        decibels = bool(np.any(H.real < 0))
+        return "parts", {
+            "limit": limit,
+            "jumps": jumps,
+            "unit": unit,
+            "kind": "levels in dB" if decibels else "magnitudes",
+            "magnitude": "10^(dB / 20)" if decibels else "magnitude",
+            "angle": "phase" if unit == "radians" else "radians(phase)",
+        }
     return None
 
 
-def _degrees(H: Array) -> tuple[str, str] | None:
-    """Whether phases cluster where degrees that were taken for radians put the real axis."""
+def _degrees(H: Array) -> tuple[str, dict[str, Any]] | None:
+    """Whether phases cluster where degrees that were taken for radians put the real axis, or jump from line to line."""
     phase = np.angle(H[np.abs(H) > 0])
     if not phase.size:
         return None
-    turned = np.abs(np.abs(phase) - (2 * np.pi - _TURNED)) < _NEAR
-    change = "Give magnitude exp(j radians(phase))."
-    if np.mean(turned) > _MANY and np.mean(np.abs(np.abs(phase) - np.pi) < _NEAR) < _FEW:
-        where = (
-            f"near +-{np.degrees(2 * np.pi - _TURNED):.0f} degrees, where 180 lies when degrees are taken for radians"
-        )
-        return f"{100 * np.mean(turned):.0f} % of the phases are {where}", change
-    return (
-        ("phases jump from line to line where magnitudes are smooth: degrees were taken for radians", change)
-        if _rough(H)
-        else None
-    )
+    limit = 2 * np.pi - _TURNED
+    share = float(np.mean(np.abs(np.abs(phase) - limit) < _NEAR))
+    if share > _MANY and np.mean(np.abs(np.abs(phase) - np.pi) < _NEAR) < _FEW:
+        return "turned", {"percent": 100 * share, "limit": np.degrees(limit)}
+    return ("rough", {}) if _rough(H) else None
 
 
 def _rough(H: Array) -> bool:
@@ -232,12 +210,12 @@ def _rough(H: Array) -> bool:
     size = np.maximum(np.abs(H), np.finfo(float).tiny)
     steps = np.conj(H[:-1]) * H[1:]
     steps = steps / np.maximum(np.abs(steps), np.finfo(float).tiny)
-    # a delay turns all of a pair alike
-    left = np.median(np.abs(np.angle(steps * np.conj(steps.sum(axis=0)))))
-    return bool(left > max(_JUMP, _MORE * float(np.median(np.abs(np.diff(np.log(size), axis=0))))))
+    # a delay turns all lines of a pair alike
+    change = np.median(np.abs(np.angle(steps * np.conj(steps.sum(axis=0)))))
+    return bool(change > max(_JUMP, _MORE * float(np.median(np.abs(np.diff(np.log(size), axis=0))))))
 
 
-def _levels(H: Array) -> tuple[str, str] | None:
+def _levels(H: Array) -> tuple[str, dict[str, Any]] | None:
     """Whether magnitudes are levels: of the size of dB, of little range, and small where the phase falls, at the resonances."""
     size = np.abs(H)
     middle = float(np.median(size))
@@ -245,17 +223,10 @@ def _levels(H: Array) -> tuple[str, str] | None:
         return None
     fall = -np.angle(H[1:] * np.conj(H[:-1]))
     local = (size[1:] + size[:-1]) / 2
-    weighted, plain = _mean(fall, local**2), _mean(fall, np.ones_like(local))
-    if plain <= 0 or weighted >= plain:
+    mean, weighted = float(np.mean(fall)), float(np.sum(fall * local**2) / max(float(np.sum(local**2)), 1e-300))
+    if mean <= 0 or weighted >= mean:
         return None
-    return (
-        f"magnitudes lie between {size.min():.3g} and {size.max():.3g} and are small where the phase falls: they are levels in dB",
-        "Give 10^(dB / 20) exp(j phase).",
-    )
-
-
-def _mean(x: RealArray, weight: RealArray) -> float:
-    return float(np.sum(x * weight) / max(float(np.sum(weight)), 1e-300))
+    return "levels", {"low": size.min(), "high": size.max()}
 
 
 # ----------------------------------------------------------------------------------------------------- response checks
@@ -268,17 +239,22 @@ _RESOLVED = np.log(100) / np.pi
 
 
 def examine_response(response: Response) -> list[Finding]:
-    """Return what is wrong, or may be, with responses; coherence, slopes and resolution are those of lines."""
-    found = [finding for _, flat, labels in sides_of(response) for finding in dead_channels(flat, labels)]
-    _, flat, labels = sides_of(response)[0]
-    found += identical_channels(flat, labels)
-    found += check_polarity(response)
+    """Return the findings on a response; coherence, slopes and resolution are those of lines."""
+    sides = sides_of(response)
+    found = [each for _, columns, labels in sides for each in dead_channels(columns, labels)]
+    _, columns, labels = sides[0]
+    found += identical_channels(columns, labels) + check_polarity(response)
     if isinstance(response, FrequencyResponse):
-        unlike = odd_phases(response) or no_phase(response)
-        if unlike:  # the others would speak of what are no complex values
-            return found + unlike
-        found += conjugated(response)
-        found += _coherence(response) + check_slope(response) + _resolution(response) + lone_lines(response)
+        no_values = odd_phases(response) or no_phase(response)
+        if no_values:  # the other checks need complex values
+            return found + no_values
+        found += (
+            conjugated(response)
+            + _coherence(response)
+            + check_slope(response)
+            + _resolution(response)
+            + lone_lines(response)
+        )
     return found
 
 
@@ -292,14 +268,7 @@ def _coherence(response: FrequencyResponse) -> list[Finding]:
         total = float(power[:, i].sum())
         explained = float(c[:, i] @ power[:, i]) / total if total > 0 else 1.0
         if explained < _COHERENT:
-            found.append(
-                Finding(
-                    "low coherence",
-                    (dof,),
-                    f"{explained:.2f} around its resonances: so much of its power follows from the inputs",
-                    "Look for overloaded hits, forces that were not measured, noise, or too short segments.",
-                )
-            )
+            found.append(finding("low coherence", dof, explained=explained))
     return found
 
 
@@ -314,7 +283,7 @@ def bandwidths(response: FrequencyResponse) -> tuple[Array, RealArray]:
 
 
 def _resolution(response: FrequencyResponse) -> list[Finding]:
-    """Look for resonances narrower than the lines resolve; only in estimates, which exact responses are not."""
+    """Find resonances narrower than the lines resolve, in estimates only: exact responses have no averages."""
     if response.averages is None and response.coherence is None:
         return []
     peaks, widths = bandwidths(response)
@@ -324,14 +293,6 @@ def _resolution(response: FrequencyResponse) -> list[Finding]:
     narrow = widths < _RESOLVED * step
     if not np.any(narrow):
         return []
-    where = ", ".join(f"{response.frequencies[k]:.4g}" for k in peaks[narrow][:5])
-    return [
-        Finding(
-            "short record",
-            response.output_dofs,
-            f"the resonances at {where} Hz are narrower than {_RESOLVED:.1f} lines of {step:.3g} Hz: within one over the line "
-            "spacing their vibration does not decay to one per cent",
-            "Measure longer, use longer segments, or an exponential window for hits.",
-            tuple(float(f) for f in response.frequencies[peaks[narrow]]),
-        )
-    ]
+    at = response.frequencies[peaks[narrow]]
+    where = ", ".join(f"{f:.4g}" for f in at[:5])
+    return [finding("short record: lines", *response.output_dofs, at=at, where=where, resolved=_RESOLVED, step=step)]

@@ -1,7 +1,4 @@
-"""Conditioning of records: trends, filters, decimation, integration and differentiation.
-
-Every function returns new `Signals` and writes what it did into `processing`; the caller's record is untouched.
-"""
+"""Condition records: remove trends, filter, decimate, integrate and differentiate; each step is noted in `processing`."""
 
 from __future__ import annotations
 
@@ -23,27 +20,15 @@ __all__ = ["decimate", "detrend", "differentiate", "filter_band", "integrate", "
 
 
 # ------------------------------------------------------------------------------------------------------- filtered rows
-# Filters and decimation of records that stay in their file: every stretch is filtered with what comes before it, as the whole would be.
+# Filters and decimation of records in files: every stretch is filtered with the samples before it, as the whole record would be.
 
-#: What is left of a filter's transient at the start of a stretch: below rounding, and below what its poles make of each other.
-_LEFT = 1e-20
+#: Remainder of a filter's transient at the start of a stretch: below rounding, also for several poles.
+_TRANSIENT = 1e-20
 
 
 @dataclass(frozen=True)
 class FilteredRows:
-    """Rows behind a filter, one in q kept.
-
-    Parameters
-    ----------
-    rows : Rows
-        Before the filter.
-    sections : tuple of tuple of float
-        Of second order, as `scipy.signal` has them; none: nothing is filtered.
-    factor : int
-        q.
-    zero_phase : bool
-        Forwards and backwards.
-    """
+    """Rows filtered by second-order sections as in `scipy.signal`, forwards and backwards for zero phase, one in `factor` kept."""
 
     rows: Rows
     sections: tuple[tuple[float, ...], ...]
@@ -52,17 +37,17 @@ class FilteredRows:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Samples that are kept, and channels."""
+        """Remaining samples, and channels."""
         samples, channels = self.rows.shape
         return -(-samples // self.factor), channels
 
     @property
     def identity(self) -> str:
-        """The rows' own, and the filter."""
+        """Identity of the rows and of the filter."""
         return f"{self.rows.identity} filtered {self.sections} {self.factor} {self.zero_phase}"
 
     def read(self, start: int, stop: int) -> Array:
-        """Return filtered rows: from so far before them that the start is forgotten, filtered backwards from so far behind them."""
+        """Return filtered rows, with the samples before them (and behind them, for zero phase) in which the filter settles."""
         samples, q = self.rows.shape[0], self.factor
         first, last = start * q, min((stop - 1) * q + 1, samples)
         if not self.sections:
@@ -76,11 +61,7 @@ class FilteredRows:
 
 
 def settling(sections: Array) -> int:
-    """Return in how many samples a filter forgets its start: its slowest pole decays to 1e-20, one of several by some samples more.
-
-    Parameters
-    ----------
-    sections : array, (s, 6)
+    """Return the samples in which the slowest pole of a filter, sections (s, 6), decays to 1e-20.
 
     Examples
     --------
@@ -88,47 +69,18 @@ def settling(sections: Array) -> int:
     67
     """
     size = max(float(np.abs(np.roots(section[3:])).max(initial=0.0)) for section in np.atleast_2d(sections))
-    return int(np.ceil(np.log(_LEFT) / np.log(size))) if size > 0 else 2 * len(sections)
+    return int(np.ceil(np.log(_TRANSIENT) / np.log(size))) if size > 0 else 2 * len(sections)
 
 
 def apply_filter(sections: Array, x: RealArray, zero_phase: bool) -> RealArray:
-    """Return x filtered along its samples.
-
-    Parameters
-    ----------
-    sections : array, (s, 6)
-    x : array, (..., samples, channels)
-    zero_phase : bool
-    """
+    """Return x (..., samples, channels) filtered along its samples."""
     if zero_phase:
         pad = min(3 * (2 * len(sections) + 1), x.shape[-2] - 1)
         return np.asarray(scipy.signal.sosfiltfilt(sections, x, axis=-2, padlen=pad))
-    # the filter starts as if the first sample had been there for ever: no step at the start of the record
+    # in the steady state of the first sample: no step at the start of the record
     state = scipy.signal.sosfilt_zi(sections)
     start = np.moveaxis(np.multiply.outer(state, x[..., 0, :]), 1, -2)  # (sections, ..., 2, channels)
     return np.asarray(scipy.signal.sosfilt(sections, x, axis=-2, zi=start)[0])
-
-
-def filtered(
-    record: StoredSignals, sections: Array | None, factor: int, zero_phase: bool, note: str, rate: float
-) -> StoredSignals:
-    """Return a stored record behind a filter: nothing is read before somebody asks.
-
-    Parameters
-    ----------
-    record : StoredSignals
-    sections : array, (s, 6), or None
-    factor : int
-        One sample in so many is kept.
-    zero_phase : bool
-    note : str
-        What is done, in words.
-    rate : float
-        The new sampling rate.
-    """
-    own = () if sections is None else tuple(tuple(map(float, section)) for section in sections)
-    rows = FilteredRows(record.rows, own, factor, zero_phase)
-    return replace(record, rows=rows, sampling_rate=rate).processed(note)
 
 
 # -------------------------------------------------------------------------------------------------------- conditioning
@@ -139,7 +91,7 @@ _LOW_PASS = (8, 0.05)
 #: Order of the high-pass filter of a band.
 _HIGH_PASS = 4
 
-#: Filter edges lie outside the band by these factors, so that the filters' own poles do, too: an identification finds them.
+#: Filter edges lie outside the band by these factors, and so do the poles of the filters, which an identification finds.
 _BELOW, _ABOVE = 0.8, 1.05
 
 #: A decimated record keeps at least this many samples a period of the highest frequency of its band.
@@ -177,10 +129,12 @@ def detrend(signals: Signals, *, kind: str = "linear") -> Signals:
 
 
 def _filtered(signals: Record, sections: Array | None, factor: int, zero_phase: bool, note: str) -> Record:
-    """Return a record behind a filter, one sample in `factor` kept; a stored one is filtered when it is read."""
+    """Return a filtered record, one sample in `factor` kept; a stored one is filtered while it is read."""
     rate = signals.sampling_rate / factor
     if isinstance(signals, StoredSignals):
-        return filtered(signals, sections, factor, zero_phase, note, rate)
+        of_filter = () if sections is None else tuple(tuple(map(float, section)) for section in sections)
+        rows = FilteredRows(signals.rows, of_filter, factor, zero_phase)
+        return replace(signals, rows=rows, sampling_rate=rate).processed(note)
 
     def change(x: RealArray) -> RealArray:
         y = x if sections is None else apply_filter(sections, x, zero_phase)
@@ -190,8 +144,7 @@ def _filtered(signals: Record, sections: Array | None, factor: int, zero_phase: 
 
 
 def _low_pass(edge: float, rate: float) -> Array:
-    order, ripple = _LOW_PASS
-    return np.asarray(scipy.signal.cheby1(order, ripple, edge, fs=rate, output="sos"))
+    return np.asarray(scipy.signal.cheby1(*_LOW_PASS, edge, fs=rate, output="sos"))
 
 
 @named()
@@ -200,7 +153,7 @@ def filter_band(
 ) -> Record:
     """Return the record filtered to a band, at the lowest sampling rate that still carries it.
 
-    Outputs and inputs pass the same filters, so that what relates them stays as it was: a Butterworth high-pass of order 4
+    Outputs and inputs pass the same filters, which leaves their response unchanged: a Butterworth high-pass of order 4
     at 0.8 `lowest` and a Chebyshev low-pass of order 8 (0.05 dB) at 1.05 `highest`. Their poles lie outside the band: an
     identification may find them there. Then one sample in q is kept, q the largest with at least 2.5 samples a period of
     `highest`.
@@ -208,7 +161,7 @@ def filter_band(
     Parameters
     ----------
     signals : Signals or StoredSignals
-        A stored record stays where it is: it is filtered while it is read.
+        A stored record stays in its file and is filtered while it is read.
     lowest, highest : float
         Band in Hz; `lowest` may be 0: no high-pass.
     zero_phase : bool
@@ -238,7 +191,7 @@ def filter_band(
     filters = []
     if lowest > 0:
         filters.append(scipy.signal.butter(_HIGH_PASS, _BELOW * lowest, "highpass", fs=rate, output="sos"))
-    # no low-pass when the band reaches (nearly) half the sampling rate: nothing above it to take out
+    # no low-pass when the band reaches nearly half the sampling rate
     if _ABOVE * highest < 0.95 * rate / 2:
         filters.append(_low_pass(_ABOVE * highest, rate))
     factor = max(int(rate / (_SAMPLES_PER_PERIOD * highest)), 1) if decimate else 1
@@ -249,7 +202,6 @@ def filter_band(
             "Measure a longer record, or give decimate=False.",
         )
     sections = np.concatenate(filters) if filters else None
-
     note = f"filtered to {lowest:g}-{highest:g} Hz" + (f", one sample in {factor} kept" if factor > 1 else "")
     return _filtered(signals, sections, factor, zero_phase, note)
 
@@ -301,7 +253,7 @@ def _raised(signals: Signals, power: int) -> tuple[str | None, ...]:
 
 
 def _in_lines(x: RealArray, factor: Array) -> RealArray:
-    """Return x with its spectrum multiplied by `factor`; the record is continued by its own odd mirror image, so that it closes."""
+    """Return x with its spectrum multiplied by `factor`, the record being continued by its odd mirror image."""
     closed = np.concatenate([x, -x[..., -2:0:-1, :]], axis=-2)
     spectrum = fft.rfft(closed, axis=-2) * factor[:, None]
     return np.asarray(fft.irfft(spectrum, n=closed.shape[-2], axis=-2)[..., : x.shape[-2], :])
@@ -319,7 +271,7 @@ def _mirror_lines(signals: Signals) -> RealArray:
 def differentiate(signals: Signals, *, times: int = 1) -> Signals:
     """Return the record with its outputs differentiated `times` times, by (j 2 pi f)^times in the frequency domain.
 
-    The inputs stay as they are. The line through the first and the last sample is taken apart first and its slope added
+    The inputs stay as they are. The line through the first and the last sample is subtracted first and its slope added
     again. A few samples at both ends are less accurate than the others.
 
     Parameters
@@ -348,7 +300,7 @@ def differentiate(signals: Signals, *, times: int = 1) -> Signals:
 def integrate(signals: Signals, *, times: int = 1, lowest: float | None = None) -> Signals:
     """Return the record with its outputs integrated `times` times, by division by (j 2 pi f)^times above `lowest` Hz.
 
-    What lies below `lowest` is left out: there, an integral of a measured record is drift. The straight-line trend is removed
+    Frequencies below `lowest` are removed: there, an integral of a measured record is drift. The straight-line trend is removed
     first. Near the ends, within a period of the lowest frequencies, the result is less accurate.
 
     Parameters

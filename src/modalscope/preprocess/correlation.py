@@ -1,4 +1,4 @@
-"""Correlations of ambient records: the impulse responses of structures whose forces nobody measured."""
+"""Estimate correlations of records without measured forces, which decay as impulse responses, and their half spectra."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, RealArray, check_count, check_kind
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import allowed_memory, one_thread
-from modalscope.preprocess.spectra import check_window, segment_starts, window_samples
-from modalscope.preprocess.stored_correlation import LagSum, gathered
+from modalscope.preprocess.spectra import Segments, check_window
+from modalscope.preprocess.stored_correlation import LagSum, lag_sums
 
 __all__ = [
     "BLOCKS",
@@ -36,28 +36,22 @@ __all__ = [
 
 
 # ---------------------------------------------------------------------------------------------------------- references
-# Outputs that serve as references of correlations where there are too many for all.
 
-#: References that are taken where none are asked: enough for any group of modes that lie within one resonance of each other.
+#: Default limit of references: enough for any group of modes within one resonance of each other.
 MOST_REFERENCES = 30
 
-#: A channel of which others leave less than this part says nothing that they do not.
-_LEFT = 1e-12
+#: A channel depends on the chosen ones when its residual is below this part of it.
+_DEPENDENT = 1e-12
 
-#: Of channels that explain the same to this part the first is taken.
+#: Of channels that explain the same to this part the first is chosen.
 _EQUAL = 1e-9
 
 
 def spanning_outputs(signals: Signals, most: int = MOST_REFERENCES) -> tuple[int, ...]:
-    """Return the outputs that together explain most of all, in their own order: all of few.
+    """Return the outputs that together explain most of all, in ascending order; all where there are no more than `most`.
 
-    Of the correlation coefficients at lag zero, R, one channel j after the other is taken that explains most of what those before it have
-    left, sum_i R_ij^2 / R_jj, and what it explains is taken off, R - R_j R_j' / R_jj. A channel of noise explains only itself.
-
-    Parameters
-    ----------
-    signals : Signals
-    most : int
+    Pivoted Cholesky factorization of the correlation coefficients R at lag zero: the next channel j has the largest sum_i R_ij^2 / R_jj,
+    and R becomes R - R_j R_j' / R_jj. A channel of noise explains only itself.
 
     Examples
     --------
@@ -69,26 +63,21 @@ def spanning_outputs(signals: Signals, most: int = MOST_REFERENCES) -> tuple[int
     count = outputs.shape[2]
     if count <= most:
         return tuple(range(count))
-    R = _coefficients(outputs)
-    chosen: list[int] = []
-    for _ in range(most):
-        own = np.diag(R)
-        explained = np.where(own > _LEFT, np.sum(R**2, axis=0) / np.maximum(own, _LEFT), 0.0)
-        if explained.max() <= 0:
-            break
-        j = int(np.argmax(explained >= (1 - _EQUAL) * explained.max()))
-        chosen.append(j)
-        R = R - np.outer(R[:, j], R[j]) / own[j]
-    return tuple(sorted(chosen)) or tuple(range(most))
-
-
-def _coefficients(outputs: RealArray) -> RealArray:
-    """Return correlation coefficients of runs (R, N, l) at lag zero; zero for channels at rest."""
     y = outputs - outputs.mean(axis=1, keepdims=True)
     covariance = np.einsum("rti,rtj->ij", y, y, optimize=True)
     size = np.sqrt(np.diag(covariance))
     size = np.where(size > 0, size, np.inf)
-    return np.asarray(covariance / np.outer(size, size))
+    R = covariance / np.outer(size, size)
+    chosen: list[int] = []
+    for _ in range(most):
+        power = np.diag(R)
+        explained = np.where(power > _DEPENDENT, np.sum(R**2, axis=0) / np.maximum(power, _DEPENDENT), 0.0)
+        if explained.max() <= 0:
+            break
+        j = int(np.argmax(explained >= (1 - _EQUAL) * explained.max()))
+        chosen.append(j)
+        R = R - np.outer(R[:, j], R[j]) / power[j]
+    return tuple(sorted(chosen)) or tuple(range(most))
 
 
 # --------------------------------------------------------------------------------------------------------- correlation
@@ -96,7 +85,7 @@ def _coefficients(outputs: RealArray) -> RealArray:
 #: By default a tenth of the samples of all runs, and no more than this many lags.
 _MOST_LAGS = 2000
 
-#: Parts of a record from whose scatter deviations are taken.
+#: Blocks of a record from whose scatter standard deviations are computed.
 BLOCKS = 20
 
 
@@ -159,7 +148,7 @@ def _centred(signals: Signals) -> RealArray:
 
 
 def _products(y: RealArray, later: RealArray, references: list[int], lags: int) -> RealArray:
-    """Return sum_t later(t + k) y(t)' for k = 0 ... lags and t over the rows of y; `later` goes on beyond y by up to `lags`."""
+    """Return sum_t later(t + k) y(t)' for k = 0 ... lags and t over the rows of y, with up to `lags` more rows in `later`."""
     total = LagSum(later.shape[1], references, lags)
     total.add(later, len(y))
     return total.finish()
@@ -176,10 +165,8 @@ def correlation_blocks(
 ) -> CorrelationBlocks:
     """Correlate a record block by block, so that the uncertainty of its correlations can be computed from their scatter.
 
-    The sums of products y(t + k) y_ref(t)' of every block.
-
-    The record is cut into `blocks` blocks of times t; t + k reaches into the next one, so that nothing is lost: `mean` is the
-    unbiased estimate of the whole record. Several runs are cut each into its share of the blocks, at least one a run.
+    Sums the products y(t + k) y_ref(t)' of `blocks` blocks of times t; t + k reaches into the next one, so that `mean` is the unbiased
+    estimate of the whole record. Each of several runs has its share of the blocks, at least one.
 
     Parameters
     ----------
@@ -215,7 +202,7 @@ def correlation_blocks(
             "Lower blocks or lags.",
         )
     if isinstance(signals, StoredSignals):
-        return CorrelationBlocks(gathered(signals, tuple(chosen), count, tuple(map(int, edges))).sums, counts)
+        return CorrelationBlocks(lag_sums(signals, tuple(chosen), count, tuple(map(int, edges))), counts)
     sums = [
         _products(y[start:stop], y[start : stop + count], chosen, count)
         for y in _centred(signals)
@@ -239,7 +226,7 @@ def estimate_correlation(
 
     R(k) = E[y(t + k) y_ref(t)'] of the outputs with some of them, the natural excitation technique. Under white forces
     R(k) = C A^(k-1) G for k >= 1: a Markov sequence with the structure's own poles. It starts at lag 1; R(0) does not belong to it
-    and is kept apart, as `feedthrough`.
+    and is kept as `feedthrough`.
 
     Parameters
     ----------
@@ -313,25 +300,25 @@ def estimate_correlation(
 
 
 def _unbiased(signals: Signals | StoredSignals, references: list[int], lags: int) -> RealArray:
-    """Return R(0 ... lags), all products of the record over their number; of a stored record by the blocks that deviations need."""
+    """Return R(0 ... lags), all products of the record over their number; of a stored record by blocks, which are computed once."""
     if isinstance(signals, StoredSignals):
         most = signals.samples // (lags + 2)
-        one = 8.0 * (lags + 1) * (len(signals.output_dofs) + 1) * (len(references) + 1)
-        blocks = min(BLOCKS, max(most, 1)) if BLOCKS * one < allowed_memory() / 4 else 1
+        size = 8.0 * (lags + 1) * (len(signals.output_dofs) + 1) * (len(references) + 1)
+        blocks = min(BLOCKS, max(most, 1)) if BLOCKS * size < allowed_memory() / 4 else 1
         return correlation_blocks(signals, references=references, lags=lags, blocks=blocks).mean
     check_size(signals)
     sums = LagSum(len(signals.output_dofs), references, lags)
     for y in signals.by_run()[0]:
-        own = LagSum(sums.channels, references, lags, y.mean(axis=0))
-        own.add(y)
-        sums.merge(own)
+        of_run = LagSum(sums.channels, references, lags, y.mean(axis=0))
+        of_run.add(y)
+        sums.merge(of_run)
     return sums.finish() / (signals.runs * (signals.samples - np.arange(lags + 1)))[:, None, None]
 
 
 def _windowed(
     signals: Signals, references: list[int], lags: int, window: str, segment: int | None, overlap: float
 ) -> tuple[RealArray, str]:
-    """Return R(0 ... lags) averaged over windowed segments, each divided by the window's own correlation."""
+    """Return R(0 ... lags) averaged over windowed segments, divided by the correlation of the window."""
     length = min(4 * lags, signals.samples) if segment is None else check_count("segment", segment, least=2)
     if not lags < length <= signals.samples:
         raise DataError(
@@ -339,51 +326,45 @@ def _windowed(
             f"a run has {signals.samples} samples",
             f"Choose segment above {lags} and up to {signals.samples}, or lower lags.",
         )
-    w = window_samples(window, length)
-    # at large lags a window's own correlation vanishes, and the quotient would be noise
-    own = scipy.signal.correlate(w, w)[length - 1 : length + lags]
-    if own[-1] < 1e-3 * own[0]:
+    starts, w, _ = Segments.of(signals.samples, length, overlap, window)
+    # at large lags the correlation of the window vanishes, and the quotient would be noise
+    weight = scipy.signal.correlate(w, w)[length - 1 : length + lags]
+    if weight[-1] < 1e-3 * weight[0]:
         raise DataError(
             f"{lags} lags of segments of {length} samples under a {window} window were asked",
-            "the window's ends leave nothing at the largest lag",
+            "the correlation of the window vanishes at the largest lag",
             f"Raise segment to {2 * lags} or more, or lower lags.",
         )
-    starts = segment_starts(signals.samples, length, overlap)
     total = np.zeros((lags + 1, len(signals.output_dofs), len(references)))
     for y in _centred(signals):
         for start in starts:
             cut = y[start : start + length] * w[:, None]
             total += _products(cut, cut, references, lags)
-    R = total / (signals.runs * len(starts) * own)[:, None, None]
+    R = total / (signals.runs * len(starts) * weight)[:, None, None]
     return R, f"{signals.runs * len(starts)} segments of {length} samples, {window} window"
 
 
 # -------------------------------------------------------------------------------------------------- slower correlation
-# Correlations at the rate that suits a band.
 
-#: Samples that are kept a period of the band's upper end, at least; order and ripple (dB) of the low-pass at 0.8 of half the new rate.
+#: Least samples a period of the band's upper end; order and ripple (dB) of the low-pass at 0.8 of half the new rate.
 _SAMPLES_PER_PERIOD, _ORDER, _RIPPLE = 4.0, 8, 0.05
 
 
 def slower_correlation(correlation: ImpulseResponse, highest: float) -> ImpulseResponse:
     """Return a correlation low-pass filtered, one sample in q kept, q the largest with 4 samples a period of `highest`.
 
-    Other impulse responses stay as they are.
-
-    R(k), k >= 1, is a Markov sequence, and so is what a causal filter makes of it: with the same poles and the filter's, which lie at the
-    band's end. R(0), which holds the noise of the channels, is no part of it and is left.
+    `highest` is in Hz; other impulse responses are returned unchanged. R(k), k >= 1, is a Markov sequence, and so is its causally filtered
+    version: with the same poles and those of the filter, which lie at the end of the band. R(0), with the noise of the channels, is no
+    part of it and is dropped.
 
     Parameters
     ----------
-    correlation : ImpulseResponse
     highest : float
         Hz.
     """
     check_kind("slower_correlation", correlation, ImpulseResponse)
     rate = correlation.sampling_rate
-    factor = (
-        1 if not correlation.ambient else min(int(rate / (_SAMPLES_PER_PERIOD * highest)), correlation.samples // 4)
-    )
+    factor = min(int(rate / (_SAMPLES_PER_PERIOD * highest)), correlation.samples // 4) if correlation.ambient else 1
     if factor < 2:
         return correlation
     sections = scipy.signal.cheby1(_ORDER, _RIPPLE, 0.8 * rate / factor / 2, fs=rate, output="sos")
@@ -396,8 +377,7 @@ def slower_correlation(correlation: ImpulseResponse, highest: float) -> ImpulseR
     ).processed(f"low-pass filtered, one lag in {factor} kept")
 
 
-# ----------------------------------------------------------------------------------------------------------- one sided
-# Half spectra of correlations: one-sided transforms, which are rational with the poles of a frequency response.
+# -------------------------------------------------------------------------------------------------------- half spectra
 
 
 @named()
@@ -407,7 +387,7 @@ def half_spectra(correlation: ImpulseResponse, *, lines: int | None = None) -> F
     S+(z) = R(0) / 2 + sum_k R(k) z^-k, k >= 1: rational with the poles of a frequency response.
 
     For correlations C A^(k-1) G they are R(0) / 2 + C (z I - A)^-1 G, and S+ + S+* (for all channels as references) is the
-    cross spectral matrix. What lies beyond the last lag is taken as zero.
+    cross spectral matrix. Beyond the last lag R is taken as zero.
 
     Parameters
     ----------
@@ -437,7 +417,7 @@ def half_spectra(correlation: ImpulseResponse, *, lines: int | None = None) -> F
     R: Array = np.concatenate([correlation.feedthrough[None] / 2, correlation.values])
     count = correlation.samples // 2 + 1 if lines is None else check_count("lines", lines, least=2)
     length = 2 * (count - 1)
-    # lines closer than the lags need zeros behind them, wider ones a sequence folded on itself
+    # lines closer than those of the lags need zero padding, wider ones a sequence folded on itself
     folded = np.zeros((-(-R.shape[0] // length) * length, *R.shape[1:]))
     folded[: R.shape[0]] = R
     values = fft.rfft(folded.reshape(-1, length, *R.shape[1:]).sum(axis=0), axis=0)

@@ -1,6 +1,6 @@
-"""From cross spectra to frequency responses: one errors-in-variables problem, three estimators.
+"""Compute frequency responses from cross spectra: H1, H2 and Hv as one errors-in-variables problem; synchronous averages.
 
-Every output is y = h u + noise, with u measured under noise, too. For x = [y; u] with spectral matrix S and noise of known
+Every output is y = h u + noise, with noise on u, too. For x = [y; u] with spectral matrix S and noise of known
 relative powers Lambda = diag(lambda_y, lambda_u), the row g = [1, -h] minimises (g S g*) / (g Lambda g*):
 
     H1    lambda_u = 0     h = S_yu S_uu^-1, all noise on the output
@@ -18,22 +18,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import fft
 
-from modalscope.numerics.checks import Array, ComplexArray, RealArray
+from modalscope.numerics.checks import Array, BoolArray, ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess.spectra import CrossSpectra, silent_lines
 
-__all__ = [
-    "ESTIMATORS",
-    "Estimate",
-    "NoisePowers",
-    "check_inputs",
-    "coherence_of",
-    "noise_powers",
-    "solve",
-    "solve_h1",
-    "synchronous",
-]
-
+__all__ = ["ESTIMATORS", "Estimate", "check_inputs", "coherence_of", "noise_powers", "solve", "synchronous"]
 
 ESTIMATORS = ("h1", "h2", "hv")
 
@@ -42,7 +31,7 @@ _DEPENDENT = 1e-10
 
 
 class Estimate(NamedTuple):
-    """Frequency responses (F, l, m) and the variances E|h - E h|^2 of their elements; None where nothing is left to see scatter."""
+    """Frequency responses (F, l, m) and the variances E|h - E h|^2 of their elements; None without degrees of freedom."""
 
     values: ComplexArray
     variance: RealArray | None
@@ -56,7 +45,7 @@ class NoisePowers(NamedTuple):
 
 
 def noise_powers(spectra: CrossSpectra, estimator: str, noise: tuple[ArrayLike, ArrayLike] | None) -> NoisePowers:
-    """Return the noise powers an estimator assumes: given ones, or the same fraction of every channel's own power."""
+    """Return the noise powers of an estimator: given ones, or the same fraction of the power of every channel."""
     l, m = spectra.cross.shape[1:]
     if noise is None:
         outputs = spectra.output_powers.mean(axis=0)
@@ -84,7 +73,7 @@ def noise_powers(spectra: CrossSpectra, estimator: str, noise: tuple[ArrayLike, 
 
 
 def check_inputs(spectra: CrossSpectra, labels: tuple[str, ...]) -> None:
-    """Raise when the inputs cannot be told apart: fewer averages than inputs, or one that is a multiple of the others."""
+    """Raise DataError for dependent inputs: fewer averages than inputs, or one that is a multiple of the others."""
     m = len(labels)
     if spectra.averages < m:
         raise DataError(
@@ -110,16 +99,14 @@ def check_inputs(spectra: CrossSpectra, labels: tuple[str, ...]) -> None:
 def solve(spectra: CrossSpectra, estimator: str, noise: NoisePowers) -> Estimate:
     """Return the estimate and its variance on all lines (see the module's head for the formulas)."""
     l, m = spectra.cross.shape[1:]
+    free = spectra.effective - m
     if estimator == "h1":
         values = solve_h1(spectra)
-    else:
-        row = _all_on_inputs if estimator == "h2" else _on_both
-        values = np.stack([row(spectra, i, noise) for i in range(l)], axis=1)
-    free = spectra.effective - m
+        return Estimate(values, _variance_h1(spectra, values, free) if free > 0 else None)
+    row = _all_on_inputs if estimator == "h2" else _on_both
+    values = np.stack([row(spectra, i, noise) for i in range(l)], axis=1)
     if free <= 0:
         return Estimate(values, None)
-    if estimator == "h1":
-        return Estimate(values, _variance_h1(spectra, values, free))
     return Estimate(values, np.stack([_variance(spectra, values, i, noise, free) for i in range(l)], axis=1))
 
 
@@ -133,20 +120,15 @@ def _right_divide(a: ComplexArray, b: ComplexArray) -> ComplexArray:
     return np.asarray(np.linalg.solve(b.transpose(0, 2, 1), a.transpose(0, 2, 1)).transpose(0, 2, 1))
 
 
-def _output_power(spectra: CrossSpectra, i: int) -> RealArray:
-    power = spectra.output_powers[:, i]
-    return np.asarray(np.where(power > 0, power, 1.0))  # a dead output has zero cross spectra, and so a zero response
-
-
 def _all_on_inputs(spectra: CrossSpectra, i: int, noise: NoisePowers) -> ComplexArray:
-    """H2: the output is exact, so it is eliminated first; then the smallest eigenvector of what is left of S_uu."""
-    Syy, Syu = _output_power(spectra, i), spectra.cross[:, i, :]
+    """H2: eliminate the exact output, then take the smallest eigenvector of the remaining S_uu."""
+    power, Syu = spectra.output_powers[:, i], spectra.cross[:, i, :]
+    Syy = np.where(power > 0, power, 1.0)  # a dead output has zero cross spectra, and so a zero response
     scale = np.sqrt(noise.inputs)
-    left = spectra.inputs - np.conj(Syu)[:, :, None] * Syu[:, None, :] / Syy[:, None, None]
-    vectors = np.linalg.eigh(left / np.outer(scale, scale))[1]
+    conditional = spectra.inputs - np.conj(Syu)[:, :, None] * Syu[:, None, :] / Syy[:, None, None]
+    vectors = np.linalg.eigh(conditional / np.outer(scale, scale))[1]
     g = np.conj(vectors[:, :, 0]) / scale
-    on_output = -np.sum(g * np.conj(Syu), axis=1) / Syy
-    return _row(g, on_output)
+    return _row(g, -np.sum(g * np.conj(Syu), axis=1) / Syy)
 
 
 def _on_both(spectra: CrossSpectra, i: int, noise: NoisePowers) -> ComplexArray:
@@ -159,9 +141,9 @@ def _on_both(spectra: CrossSpectra, i: int, noise: NoisePowers) -> ComplexArray:
 
 
 def _row(on_inputs: ComplexArray, on_output: ComplexArray) -> ComplexArray:
-    """Return h = -g_u / g_y; 0 for an output that does not take part (a dead channel)."""
-    away = np.abs(on_output) < np.finfo(float).tiny
-    return np.asarray(np.where(away[:, None], 0, -on_inputs / np.where(away, 1, on_output)[:, None]))
+    """Return h = -g_u / g_y; 0 for an output without part in it (a dead channel)."""
+    zero = np.abs(on_output) < np.finfo(float).tiny
+    return np.asarray(np.where(zero[:, None], 0, -on_inputs / np.where(zero, 1, on_output)[:, None]))
 
 
 def _joint(spectra: CrossSpectra, i: int) -> ComplexArray:
@@ -174,17 +156,13 @@ def _joint(spectra: CrossSpectra, i: int) -> ComplexArray:
     return S
 
 
-def residual_power(spectra: CrossSpectra, values: ComplexArray) -> RealArray:
-    """Return the mean power of y - h u, (F, l): g S g* of every output."""
+def _variance_h1(spectra: CrossSpectra, values: ComplexArray, free: float) -> RealArray:
+    """Return the power of y - h u, g S g*, over n - m times the diagonal of S_uu^-1."""
     explained = 2 * np.sum(np.conj(values) * spectra.cross, axis=2).real
     model = np.einsum("fli,fij,flj->fl", values, spectra.inputs, np.conj(values), optimize=True).real
-    return np.asarray(np.clip(spectra.output_powers - explained + model, 0, None))
-
-
-def _variance_h1(spectra: CrossSpectra, values: ComplexArray, free: float) -> RealArray:
-    """Return residual power / (n - m) times the diagonal of S_uu^-1."""
+    residual = np.clip(spectra.output_powers - explained + model, 0, None)
     inverse = np.einsum("fii->fi", np.linalg.inv(spectra.inputs)).real
-    return np.asarray(residual_power(spectra, values)[:, :, None] / free * inverse[:, None, :])
+    return np.asarray(residual[:, :, None] / free * inverse[:, None, :])
 
 
 def _variance(spectra: CrossSpectra, values: ComplexArray, i: int, noise: NoisePowers, free: float) -> RealArray:
@@ -218,11 +196,10 @@ def coherence_of(spectra: CrossSpectra) -> RealArray | None:
 
 
 # ------------------------------------------------------------------------------------------------------------ periodic
-# Periodic excitation: synchronous averages, whose noise is seen in the scatter from period to period.
 
 
 class Synchronous(NamedTuple):
-    """What the average over periods gives: lines (Hz), responses with variance, coherence, periods a run, lines without force."""
+    """Synchronous average: lines (Hz), responses with variance, coherence, periods a run, number of lines without force."""
 
     frequencies: RealArray
     estimate: Estimate
@@ -236,14 +213,11 @@ def synchronous(
 ) -> Synchronous:
     """Average records (R, N, l) and (R, N, m) over their periods and solve Y = H U over the runs.
 
-    With the periods' mean transforms Y_r, U_r of every run, H = sum_r Y_r U_r* (sum_r U_r U_r*)^-1: noise on both sides is
-    averaged out, and no window is needed. The residuals e_p = Y_p - H U_p of single periods scatter with power s^2, their
-    mean over P periods with s^2 / P: the variance of H is s^2 / P times the diagonal of (sum_r U_r U_r*)^-1.
+    With the mean transforms Y_r, U_r of every run, H = sum_r Y_r U_r* (sum_r U_r U_r*)^-1, without a window. The residuals
+    e_p = Y_p - H U_p of single periods scatter with power s^2, their mean over P periods with s^2 / P: the variance of H is s^2 / P times
+    the diagonal of (sum_r U_r U_r*)^-1.
 
-    Raises
-    ------
-    DataError
-        No period left after `settle`, fewer runs than inputs, or inputs that are multiples of each other.
+    Raises DataError when no period remains after `settle`, for fewer runs than inputs, and for dependent inputs.
 
     References
     ----------
@@ -270,7 +244,7 @@ def synchronous(
         averages=runs,
         effective=float(runs),
     )
-    # between the lines of a multisine the forces hold noise only, far above rounding: a line is driven when it stands out
+    # between the lines of a multisine the forces are noise, far above rounding: a driven line exceeds it
     silent = silent_lines(spectra) | _only_noise(U, Um)
     if np.all(silent):
         raise DataError(
@@ -281,14 +255,13 @@ def synchronous(
     spectra = spectra.at_lines(~silent)
     check_inputs(spectra, labels)
     H = solve_h1(spectra)
-    variance, coherence = None, None
-    if periods > 1:
-        variance, coherence = _scatter(Y[:, :, ~silent], U[:, :, ~silent], H, spectra.inputs)
+    Y, U = Y[:, :, ~silent], U[:, :, ~silent]
+    variance, coherence = _scatter(Y, U, H, spectra.inputs) if periods > 1 else (None, None)
     return Synchronous(spectra.frequencies, Estimate(H, variance), coherence, periods, int(np.sum(silent)))
 
 
 def _scatter(Y: ComplexArray, U: ComplexArray, H: ComplexArray, inputs: ComplexArray) -> tuple[RealArray, RealArray]:
-    """Return the variance of H (F, l, m) and the coherence (F, l) from what single periods (R, P, F, ...) leave."""
+    """Return the variance of H (F, l, m) and the coherence (F, l) from the residuals of single periods (R, P, F, ...)."""
     runs, periods = Y.shape[:2]
     e = Y - np.einsum("fij,rpfj->rpfi", H, U, optimize=True)
     scatter = np.sum(np.abs(e - e.mean(axis=1, keepdims=True)) ** 2, axis=(0, 1)) / (runs * (periods - 1))
@@ -298,8 +271,8 @@ def _scatter(Y: ComplexArray, U: ComplexArray, H: ComplexArray, inputs: ComplexA
     return np.asarray(scatter[:, :, None] / periods * inverse[:, None, :]), coherence
 
 
-def _only_noise(U: np.ndarray, Um: np.ndarray) -> np.ndarray:
-    """Return (F,) whether the mean over periods of some input is no larger than three times its own deviation."""
+def _only_noise(U: ComplexArray, Um: ComplexArray) -> BoolArray:
+    """Return (F,) whether the mean over periods of some input is below three times its standard deviation."""
     runs, periods = U.shape[:2]
     power = np.mean(np.abs(Um) ** 2, axis=0)  # (F, m)
     if periods == 1:

@@ -1,4 +1,4 @@
-"""Kinds of excitation, told from the recorded forces: each is averaged in its own way."""
+"""Detect the kind of excitation from the recorded forces, and the period of periodic ones."""
 
 from __future__ import annotations
 
@@ -7,46 +7,54 @@ from scipy import fft
 
 from modalscope.data.record_transform import half_transform
 from modalscope.data.records import Signals
+from modalscope.data.sizes import check_size
 from modalscope.numerics.checks import Array, RealArray, check_count
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.resources import scratch
 from modalscope.preprocess.impacts import is_impact
 
-__all__ = ["EXCITATIONS", "find_excitation", "find_period"]
+__all__ = ["EXCITATIONS", "driven_records", "find_excitation", "find_period"]
 
-#: What the forces are, and how they are averaged.
-EXCITATIONS = {
-    "random": "overlapping segments under a window",
-    "burst": "whole runs, that start and end at rest, no window",
-    "sweep": "whole runs, no window: the whole-run ratio",
-    "periodic": "the synchronous average over periods, no window",
-    "impact": "segments that start at the hits, no window or force and exponential ones",
-}
+#: Kinds of excitation; `estimate_frf` says how each is averaged.
+EXCITATIONS = ("random", "burst", "sweep", "periodic", "impact")
 
 #: The force is off when its RMS over the last part of a run is below this fraction of the run's.
 _LAST, _OFF = 0.05, 0.02
 
-#: A swept sine holds this part of a short stretch's energy in this part of the lines.
+#: A swept sine has this part of the energy of a short stretch in this part of the lines.
 _SWEPT, _LINES = 0.9, 0.1
 
 #: Pairs of stretches in order less those that are not, over all: 0 for random forces, 1 for a clean sweep.
 _IN_ORDER = 0.7
 
-#: Stretches that a run is cut into to see a sweep.
+#: Stretches of a run that are compared for a sweep.
 _STRETCHES = 16
 
-#: Lags that are looked at together.
+#: Lags computed at a time.
 _AT_A_TIME = 1 << 16
 
-#: A periodic force is like itself a period on, to this part of its power.
+#: Least correlation coefficient of a periodic force with itself a period later.
 _PERIODIC = 0.99
 
 
-def find_excitation(signals: Signals, asked: str = "auto") -> str:
-    """Return the kind of excitation: as asked, or told from all forces of all runs.
+def driven_records(signals: Signals, asked: str) -> tuple[RealArray, RealArray]:
+    """Return outputs (R, N, l) and inputs (R, N, m) of records; raise DataError without inputs, with what was `asked`."""
+    check_size(signals)
+    outputs, inputs = signals.by_run()
+    if inputs is None:
+        raise DataError(
+            f"{asked} were asked",
+            "the record has no inputs",
+            "Give the forces as inputs, or use estimate_correlation for a record of responses alone.",
+        )
+    return outputs, inputs
 
-    Impacts have nearly all energy in a few samples; the force of a burst is off at the end of a run; a sweep holds few lines
-    at a time and moves on; everything else, periodic forces included, is treated as random.
+
+def find_excitation(signals: Signals, asked: str = "auto") -> str:
+    """Return the kind of excitation: as asked, or detected from all forces of all runs.
+
+    Impacts have nearly all energy in a few samples; the force of a burst is off at the end of a run; a sweep has few lines
+    at a time, which move in one direction; everything else, periodic forces included, is treated as random.
     """
     check_choice("excitation", asked, ("auto", *EXCITATIONS))
     if asked != "auto":
@@ -68,7 +76,7 @@ def _is_off(force: Array) -> bool:
 
 
 def _is_sweep(force: Array) -> bool:
-    """Whether every stretch holds few lines, and the strongest moves one way over the run."""
+    """Return whether every stretch has few lines, and the strongest moves in one direction over the run."""
     length = force.size // _STRETCHES
     if length < 32:
         return False
@@ -76,19 +84,16 @@ def _is_sweep(force: Array) -> bool:
     power = np.abs(fft.rfft(stretches, axis=1)) ** 2
     strongest = np.argmax(power, axis=1)
     count = max(3, int(_LINES * power.shape[1]))
-    held = np.sort(power, axis=1)[:, -count:].sum(axis=1) / np.maximum(power.sum(axis=1), np.finfo(float).tiny)
-    # where a resonance takes the force away, a harmonic may be stronger: most pairs of stretches, not all, are in order
+    share = np.sort(power, axis=1)[:, -count:].sum(axis=1) / np.maximum(power.sum(axis=1), np.finfo(float).tiny)
+    # where the force drops out at a resonance, a harmonic may be stronger: most pairs of stretches, not all, are in order
     order = np.sign(np.subtract.outer(strongest, strongest))[np.tril_indices(_STRETCHES, -1)]
-    return bool(abs(np.mean(order)) > _IN_ORDER and np.median(held) > _SWEPT)
+    return bool(abs(np.mean(order)) > _IN_ORDER and np.median(share) > _SWEPT)
 
 
 def find_period(forces: RealArray, period: int | None) -> int:
-    """Return the period of forces (R, N, m) in samples: as given, or the shortest lag at which all are like themselves again.
+    """Return the period of forces (R, N, m) in samples: as given, or the shortest lag at which all repeat.
 
-    Raises
-    ------
-    DataError
-        Forces that do not repeat, or fewer than two periods in a run.
+    Raises DataError for forces that do not repeat, and for fewer than two periods in a run.
     """
     samples = forces.shape[1]
     if period is None:
@@ -110,18 +115,18 @@ def find_period(forces: RealArray, period: int | None) -> int:
 
 
 def _repeat(forces: RealArray) -> int | None:
-    likeness = _likeness(forces)
-    peaks = 1 + np.flatnonzero((likeness[1:-1] >= likeness[:-2]) & (likeness[1:-1] >= likeness[2:]))
+    correlation = _autocorrelation(forces)
+    peaks = 1 + np.flatnonzero((correlation[1:-1] >= correlation[:-2]) & (correlation[1:-1] >= correlation[2:]))
     peaks = peaks[peaks >= 2]
-    if peaks.size == 0 or likeness[peaks].max() < _PERIODIC:
+    if peaks.size == 0 or correlation[peaks].max() < _PERIODIC:
         return None
-    best = likeness[peaks].max()
+    best = correlation[peaks].max()
     # of lags nearly as good as the best, the shortest: the others are its multiples
-    return int(peaks[np.flatnonzero(likeness[peaks] > best - 0.1 * (1 - _PERIODIC))[0]])
+    return int(peaks[np.flatnonzero(correlation[peaks] > best - 0.1 * (1 - _PERIODIC))[0]])
 
 
-def _likeness(forces: RealArray) -> RealArray:
-    """Return how much all forces (R, N, m) are like themselves at lags 0 ... N / 2: 1 where they repeat."""
+def _autocorrelation(forces: RealArray) -> RealArray:
+    """Return the correlation coefficient of all forces (R, N, m) with themselves at lags 0 ... N / 2: 1 where they repeat."""
     samples = forces.shape[1]
     half = 2 * fft.next_fast_len(-(-samples // 2), real=True)  # at least 2 N in all, and it splits in four
     power, place, energy, x = scratch(half + 1), scratch(half + 1, complex), scratch(samples), scratch(2 * half)

@@ -1,7 +1,4 @@
-"""Several forces at once: how alike they are, how many independent ones there are, and which output follows from which.
-
-With the spectral matrices S_uu, S_yu and S_yy of averaged segments.
-"""
+"""Analyse several simultaneous forces by averaged spectral matrices S_uu, S_yu, S_yy: correlation, principal forces, partial coherence."""
 
 from __future__ import annotations
 
@@ -10,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from modalscope.data.records import Signals
-from modalscope.data.sizes import check_size
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import ComplexArray, RealArray, check_kind
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
+from modalscope.preprocess.excitation import driven_records
 from modalscope.preprocess.frf import plan_runs
 from modalscope.preprocess.spectra import CrossSpectra, cross_spectra, silent_lines
 
@@ -29,9 +26,9 @@ class PrincipalForces(NamedTuple):
     frequencies : array, (F,)
         Hz.
     powers : array, (F, m)
-        Eigenvalues of S_uu, decreasing: power spectral densities of forces that are not correlated.
+        Eigenvalues of S_uu, decreasing: power spectral densities of uncorrelated forces.
     vectors : array of complex, (F, m, m)
-        Columns: what each of them is made of.
+        Their eigenvectors, in columns.
     """
 
     frequencies: RealArray
@@ -44,8 +41,7 @@ class PrincipalForces(NamedTuple):
 def force_correlation(signals: Signals, *, segment: int | None = None) -> tuple[RealArray, RealArray]:
     """Return lines (F,) in Hz and |S_ij|^2 / (S_ii S_jj) of all pairs of forces (F, m, m): 1 where two forces are one.
 
-    Forces that are alike cannot be told apart: where an entry comes near to 1, responses to single forces scatter by
-    1 / (1 - coherence) more.
+    Responses to coherent forces cannot be separated: near 1, those to single forces scatter by 1 / (1 - coherence) more.
 
     Parameters
     ----------
@@ -89,10 +85,10 @@ def principal_forces(signals: Signals, *, segment: int | None = None) -> Princip
 @named()
 @one_thread
 def partial_coherence(signals: Signals, *, segment: int | None = None) -> tuple[RealArray, RealArray]:
-    """Return lines (F,) in Hz and, of every output and force (F, l, m), the coherence that is left when all other forces are taken out.
+    """Return lines (F,) in Hz and the coherence of every output and force given all other forces, (F, l, m).
 
     With S conditioned on the other forces o, S_ab.o = S_ab - S_ao S_oo^-1 S_ob, it is |S_yu.o|^2 / (S_yy.o S_uu.o): the ordinary
-    coherence of one force alone, and near 0 where what an output shares with a force comes by way of the others.
+    coherence of one force alone, and near 0 where an output follows from a force through the others only.
 
     Parameters
     ----------
@@ -115,31 +111,19 @@ def partial_coherence(signals: Signals, *, segment: int | None = None) -> tuple[
     found = np.zeros((F, l, m))
     for j in range(m):
         o = [i for i in range(m) if i != j]
-        weights = (
-            np.linalg.solve(spectra.inputs[:, o][:, :, o], spectra.inputs[:, o, j, None]) if o else np.zeros((F, 0, 1))
-        )
+        S_oo, S_yo = spectra.inputs[:, o][:, :, o], spectra.cross[:, :, o]
+        weights = np.linalg.solve(S_oo, spectra.inputs[:, o, j, None])
         own = spectra.inputs[:, j, j] - (spectra.inputs[:, None, j, o] @ weights)[:, 0, 0]
-        cross = spectra.cross[:, :, j] - (spectra.cross[:, :, o] @ weights)[:, :, 0]
-        rest = spectra.output_powers - _explained(spectra, o)
-        size = rest * own.real[:, None]
+        cross = spectra.cross[:, :, j] - (S_yo @ weights)[:, :, 0]
+        explained = np.einsum("fli,fil->fl", S_yo, np.linalg.solve(S_oo, S_yo.conj().transpose(0, 2, 1))).real
+        size = (spectra.output_powers - explained) * own.real[:, None]
         found[:, :, j] = np.divide(np.abs(cross) ** 2, size, out=np.zeros((F, l)), where=size > 0)
     return spectra.frequencies, np.clip(found, 0, 1)
 
 
-def _explained(spectra: CrossSpectra, chosen: list[int]) -> RealArray:
-    """Return the power of every output that some forces explain, (F, l)."""
-    if not chosen:
-        return np.zeros(spectra.cross.shape[:2])
-    S = spectra.cross[:, :, chosen]
-    solved = np.linalg.solve(spectra.inputs[:, chosen][:, :, chosen], S.conj().transpose(0, 2, 1))
-    return np.asarray(np.einsum("fli,fil->fl", S, solved).real)
-
-
 def _spectra(signals: Signals, segment: int | None) -> CrossSpectra:
     check_kind("signals", signals, Signals)
-    check_size(signals)
-    if signals.inputs is None:
-        raise DataError("spectra of forces were asked", "the record has no inputs", "Give the forces as inputs.")
+    driven_records(signals, "spectra of forces")
     plan = plan_runs(signals, "random", segment, None, None)
     spectra = cross_spectra(plan.outputs, plan.inputs, plan.sampling_rate, plan.segments)
     if spectra.averages < len(signals.input_dofs) + 1:

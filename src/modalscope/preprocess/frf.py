@@ -1,10 +1,10 @@
-"""Frequency responses from records: the excitation decides how segments are cut, the estimator where the noise is taken to be."""
+"""Estimate frequency responses from records: the excitation sets how segments are cut, the estimator where the noise is assumed."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -14,7 +14,6 @@ from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse
-from modalscope.data.sizes import check_size
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, RealArray, check_count, check_kind, check_positive
 from modalscope.numerics.errors import DataError, check_choice
@@ -28,48 +27,30 @@ from modalscope.preprocess.estimators import (
     solve,
     synchronous,
 )
-from modalscope.preprocess.excitation import find_excitation, find_period
+from modalscope.preprocess.excitation import driven_records, find_excitation, find_period
 from modalscope.preprocess.impacts import Hit, cut_hits, exponential_decay, find_hits, room_of, whole_series
 from modalscope.preprocess.local_models import LOCAL, local_models
-from modalscope.preprocess.spectra import (
-    CrossSpectra,
-    Segments,
-    Transform,
-    check_window,
-    cross_spectra,
-    segment_starts,
-    silent_lines,
-    window_samples,
-)
+from modalscope.preprocess.spectra import Segments, Transform, check_window, cross_spectra, silent_lines
 from modalscope.preprocess.zoom import ZOOMS, chirp_z, heterodyne, zoom_lines
 
 __all__ = ["LEAKING", "estimate_frf", "leakage_note", "narrowest_peak", "plan_hits", "plan_runs", "without_offset"]
 
 
 # ---------------------------------------------------------------------------------------------------------- resolution
-# Whether lines lie close enough for the modes that were read off them: averaged segments leak, and leakage looks like damping.
+# Whether the lines are close enough for the identified modes: averaged segments leak, and leakage increases the damping.
 
 #: Lines in a half bandwidth that a Hann window's leakage needs to stay below a few per cent of the damping.
 _LINES = 4.0
 
-#: A peak stands out of the averaged spectrum when it is this far above its feet (10 dB).
+#: Prominence of a peak of the averaged spectrum, dB.
 _PEAK = 10.0
 
 
 def leakage_note(data: Any, response: Response, frequencies: Array, damping_ratios: Array) -> Note | None:
     """Return a warning where 1/T is not four times below the half bandwidth zeta f of a mode; None where all are wide enough.
 
-    A window of T seconds widens a resonance by about 1/T: the damping that is read off averaged segments is too high. Records whose
-    vibration begins and ends within a run do not leak.
-
-    Parameters
-    ----------
-    data : object
-        What was given; only records under random forces are averaged over segments.
-    response : Response
-        What the modes were identified from.
-    frequencies, damping_ratios : array, (n,)
-        Hz, and as ratios.
+    A window of T seconds widens a resonance by about 1/T, so that averaged segments of records under random forces overestimate the
+    damping. Records whose vibration begins and ends within a run do not leak. Frequencies are in Hz.
     """
     if not (isinstance(response, FrequencyResponse) and response.averages and response.lines > 1 and _is_random(data)):
         return None
@@ -94,14 +75,9 @@ def _is_random(data: Any) -> bool:
 
 
 def narrowest_peak(frequencies: RealArray, power: RealArray) -> float | None:
-    """Return the width in Hz at half power of the narrowest peak that stands out of a power spectrum; None where there is none.
+    """Return the width in Hz at half power of the narrowest peak of a power spectrum on equally spaced lines; None without a peak.
 
     A resonance is three times as wide at a tenth of its power, where the scatter of few averages does not cut its top off.
-
-    Parameters
-    ----------
-    frequencies, power : array, (F,)
-        Equally spaced.
     """
     level = 10 * np.log10(np.maximum(power, np.finfo(float).tiny))
     peaks, _ = scipy.signal.find_peaks(level, prominence=_PEAK)
@@ -117,16 +93,16 @@ def narrowest_peak(frequencies: RealArray, power: RealArray) -> float | None:
 #: Random records are cut into segments of this part of a run (more runs, longer segments), which overlap by half.
 _SEGMENTS_A_RUN = 8
 
-#: ... and where a resonance is narrow of this part: seven averages are left.
+#: ... and where a resonance is narrow of this part, which gives seven averages.
 _FEWEST_SEGMENTS = 4
 
-#: Shorter segments have too few lines to see a width on.
+#: Shorter segments have too few lines to measure a width.
 _LEAST = 256
 
 
 @dataclass(kw_only=True, slots=True)
 class Plan:
-    """How the records are averaged, filled in step by step."""
+    """How the records are averaged: outputs and inputs as they are cut, segments and windows, transform."""
 
     outputs: Array  # complex after a zoom by decimation
     inputs: Array
@@ -141,47 +117,37 @@ def without_offset(signals: Signals, kind: str) -> tuple[RealArray, RealArray]:
     """Return outputs (R, N, l) and inputs (R, N, m) without the mean of every run, or the median of pulses and bursts."""
     outputs, inputs = signals.by_run()
     assert inputs is not None
-    # a pulse has a mean of its own; what a sensor shows at rest is the median
+    # the mean of a pulse is not zero; the level of a sensor at rest is the median
     offset = np.median if kind in ("impact", "burst") else np.mean
-    return (
-        np.asarray(outputs - offset(outputs, axis=1, keepdims=True)),
-        np.asarray(inputs - offset(inputs, axis=1, keepdims=True)),
-    )
+    y, u = (np.asarray(x - offset(x, axis=1, keepdims=True)) for x in (outputs, inputs))
+    return y, u
 
 
 def plan_runs(signals: Signals, kind: str, segment: int | None, overlap: float | None, window: str | None) -> Plan:
-    """Cut runs into segments under a window; random forces get a Hann window and half overlap unless told otherwise."""
+    """Cut runs into segments under a window; the defaults of random forces are a Hann window and half overlap."""
     outputs, inputs = without_offset(signals, kind)
     random = kind == "random"
     name = check_window(("hann" if random else "none") if window is None else window)
     if segment is None:
-        segment = _for_the_narrowest(signals, outputs) if random else signals.samples
+        segment = _segment_length(signals, outputs) if random else signals.samples
     share = (0.5 if random and name != "none" else 0.0) if overlap is None else overlap
-    starts = segment_starts(signals.samples, segment, share)
-    w = window_samples(name, segment)
     notes = [
         f"segments of {segment} samples",
         "no window" if name == "none" else f"{name} window, {100 * share:g} % overlap",
         "median removed" if kind == "burst" else "mean removed",
     ]
-    return Plan(
-        outputs=outputs,
-        inputs=inputs,
-        segments=Segments(starts, w, w),
-        sampling_rate=signals.sampling_rate,
-        notes=notes,
-    )
+    segments = Segments.of(signals.samples, segment, share, name)
+    return Plan(outputs=outputs, inputs=inputs, segments=segments, sampling_rate=signals.sampling_rate, notes=notes)
 
 
-def _for_the_narrowest(signals: Signals, outputs: RealArray) -> int:
-    """Return an eighth of all samples, or up to a quarter where the narrowest resonance wants segments of eight over its width."""
+def _segment_length(signals: Signals, outputs: RealArray) -> int:
+    """Return an eighth of all samples, or up to a quarter where the narrowest resonance needs segments of eight over its width."""
     total = signals.samples * signals.runs
     least, most = (max(2, min(total // parts, signals.samples)) for parts in (_SEGMENTS_A_RUN, _FEWEST_SEGMENTS))
     if most == least or most < _LEAST:
         return least
     level = np.sqrt(np.mean(outputs**2, axis=(0, 1)))
-    w = window_samples("hann", most)
-    segments = Segments(segment_starts(signals.samples, most, 0.5), w, w)
+    segments = Segments.of(signals.samples, most)
     spectra = cross_spectra(outputs / np.where(level > 0, level, 1.0), None, signals.sampling_rate, segments)
     width = narrowest_peak(spectra.frequencies, spectra.output_powers.sum(axis=1))
     return least if width is None else int(np.clip(8 * signals.sampling_rate / width, least, most))
@@ -190,7 +156,7 @@ def _for_the_narrowest(signals: Signals, outputs: RealArray) -> int:
 def plan_hits(
     signals: Signals, segment: int | None, hits: str | Iterable[int], before: int, window: str | None
 ) -> Plan:
-    """Cut the usable hits out of the record, one segment each."""
+    """Cut the chosen hits out of the record, one segment each."""
     if len(signals.input_dofs) != 1:
         raise DataError(
             "hammer hits were asked",
@@ -219,23 +185,22 @@ def _chosen(found: list[Hit], hits: str | Iterable[int]) -> tuple[list[Hit], str
         used = [hit for hit in found if hits == "all" or not hit.unfit]
     else:
         numbers = set(hits)
-        unknown = sorted(numbers - {hit.number for hit in found})
-        if unknown:
+        if unknown := sorted(numbers - {hit.number for hit in found}):
             raise DataError(
                 f"hit {unknown[0]} was asked",
                 f"the record has hits 1 to {len(found)}",
                 "Number them from 1 over all runs.",
             )
         used = [hit for hit in found if hit.number in numbers]
-    left = [hit for hit in found if hit not in used]
+    excluded = [f"{hit.number}, {hit.reason or 'not chosen'}" for hit in found if hit not in used]
     note = f"hits {', '.join(str(hit.number) for hit in used)}"
-    if left:
-        note += " (left out: " + ", ".join(f"{hit.number}, {hit.reason or 'not chosen'}" for hit in left) + ")"
+    if excluded:
+        note += f" (left out: {', '.join(excluded)})"
     return used, note
 
 
-def shape_windows(plan: Plan, force_window: float | None, exponential: float | None, before: int) -> None:
-    """Put force and exponential windows on the plan, and the damping that the latter adds."""
+def apply_windows(plan: Plan, force_window: float | None, exponential: float | None, before: int) -> None:
+    """Multiply the windows of the plan by force and exponential windows, and set the damping that the latter adds."""
     length, rate = plan.segments.length, plan.sampling_rate
     y, u = plan.segments.output_window, plan.segments.input_window
     if force_window is not None:
@@ -252,8 +217,8 @@ def shape_windows(plan: Plan, force_window: float | None, exponential: float | N
     plan.segments = plan.segments._replace(output_window=y, input_window=u)
 
 
-def put_zoom(plan: Plan, band: tuple[float, float], count: int | None, by: str) -> None:
-    """Replace the plan's lines by those of a band; a zoom by decimation replaces its records, too."""
+def zoom_plan(plan: Plan, band: tuple[float, float], count: int | None, by: str) -> None:
+    """Replace the lines of the plan by those of a band; a zoom by decimation also replaces its records."""
     length, rate = plan.segments.length, plan.sampling_rate
     lines = zoom_lines(band, length, rate, count)
     plan.notes.append(f"zoom into {band[0]:g}-{band[1]:g} Hz by {by}")
@@ -270,16 +235,13 @@ def put_zoom(plan: Plan, band: tuple[float, float], count: int | None, by: str) 
     q = shifted.factor
     plan.transform = shifted.transform(length // q, lines)
     plan.outputs, plan.inputs, plan.sampling_rate = shifted.outputs, shifted.inputs, shifted.sampling_rate
-    plan.segments = Segments(
-        [start // q for start in plan.segments.starts],
-        plan.segments.output_window[::q],
-        plan.segments.input_window[::q],
-    )
+    starts, y, u = plan.segments
+    plan.segments = Segments([start // q for start in starts], y[::q], u[::q])
 
 
 # ----------------------------------------------------------------------------------------------------------------- frf
 
-#: What `processing` says of an estimate whose lines leak into each other: windows cut through the decays.
+#: Mark in `processing` of an estimate with leakage: windows cut through the decays.
 LEAKING = "random excitation"
 
 
@@ -318,7 +280,7 @@ def estimate_frf(
         Correlated inputs are solved for together. "lpm" and "lrm" fit local polynomials or rational functions to the lines of whole
         runs, without window, average or leakage (`modalscope.preprocess.local_models`); noise is on the outputs.
     excitation : {"auto", "random", "burst", "sweep", "periodic", "impact"}
-        What the forces are; by default told from them, periodic ones excepted. Random forces are averaged over overlapping
+        Kind of the forces; by default detected, except for periodic ones. Random forces are averaged over overlapping
         segments; runs of bursts and sweeps, which begin and end within the run, are transformed whole; periodic forces are averaged
         over periods; impacts are cut at the hits.
     segment : int, optional
@@ -341,9 +303,9 @@ def estimate_frf(
     before : int
         Samples kept ahead of a hit.
     period : int, optional
-        Period of a periodic excitation in samples; found by itself by default.
+        Period of a periodic excitation in samples; detected by default.
     settle : int
-        Periods left out at the start of a run, until the structure has settled.
+        Periods excluded at the start of a run, until the vibration is stationary.
     zoom : (f1, f2), optional
         Band in Hz on which alone the lines are computed.
     zoom_lines : int, optional
@@ -363,7 +325,7 @@ def estimate_frf(
     FrequencyResponse
         With coherence (ordinary for one input, multiple for several), variance of the complex estimates and the number of
         averages; without the first two when there are no more averages than inputs. Lines on which an input has no power,
-        such as 0 Hz of a record whose mean was removed, are left out. `processing` says what was done.
+        such as 0 Hz of a record whose mean was removed, are excluded. `processing` lists the steps.
 
     Raises
     ------
@@ -386,70 +348,88 @@ def estimate_frf(
     (15, True)
     """
     check_kind("estimate_frf", signals, Signals)
-    check_size(signals)
     check_choice("estimator", estimator, (*ESTIMATORS, *LOCAL))
     check_choice("zoom_by", zoom_by, ZOOMS)
     _check_forces(signals)
+    kind = find_excitation(signals, excitation)
     if estimator in LOCAL:
         averaging = (segment, overlap, window, noise, force_window, exponential, period, zoom)
-        return _local(signals, estimator, degree, half_width, excitation, averaging, held)
-    kind = find_excitation(signals, excitation)
-    _check_options(
-        kind, period=period, force_window=force_window, exponential=exponential, zoom=zoom, estimator=estimator
-    )
-    if kind == "periodic":
-        return _periodic(signals, period, check_count("settle", settle, least=0), zoom, held)
-    if kind == "impact":
-        plan = plan_hits(signals, segment, hits, check_count("before", before, least=0), window)
+        averaged = any(option is not None for option in averaging)
+        found = _local(signals, estimator, degree, half_width, kind, averaged)
+    elif kind == "periodic":
+        _check_options(kind, estimator, period, force_window, exponential)
+        found = _periodic(signals, period, check_count("settle", settle, least=0), zoom)
     else:
-        plan = plan_runs(signals, kind, segment, overlap, window)
-    shape_windows(plan, force_window, exponential, before)
-    if zoom is not None:
-        put_zoom(plan, zoom, zoom_lines, zoom_by)
+        _check_options(kind, estimator, period, force_window, exponential)
+        if kind == "impact":
+            plan = plan_hits(signals, segment, hits, check_count("before", before, least=0), window)
+        else:
+            plan = plan_runs(signals, kind, segment, overlap, window)
+        apply_windows(plan, force_window, exponential, before)
+        if zoom is not None:
+            zoom_plan(plan, zoom, zoom_lines, zoom_by)
+        found = _averaged(plan, signals.input_dofs, kind, estimator, noise)
+    return FrequencyResponse(
+        values=found.estimate.values,
+        frequencies=found.frequencies,
+        quantity=signals.quantity,
+        sampling_rate=signals.sampling_rate if held else None,
+        coherence=found.coherence,
+        variance=found.estimate.variance,
+        averages=found.averages,
+        added_damping=found.added_damping,
+        **signals.processed(found.note).labelled(),
+    )
+
+
+class _Found(NamedTuple):
+    """Estimates on lines (Hz), and what `processing` notes of them."""
+
+    frequencies: RealArray
+    estimate: Estimate
+    coherence: RealArray | None
+    averages: int | None
+    note: str
+    added_damping: float = 0.0
+
+
+def _averaged(
+    plan: Plan, inputs: tuple[str, ...], kind: str, estimator: str, noise: tuple[ArrayLike, ArrayLike] | None
+) -> _Found:
+    """Estimate from averaged spectra, without the lines on which an input has no power."""
     spectra = cross_spectra(plan.outputs, plan.inputs, plan.sampling_rate, plan.segments, transform=plan.transform)
-    spectra = _excited(spectra, plan.notes)
-    check_inputs(spectra, signals.input_dofs)
+    silent = silent_lines(spectra)
+    count = int(np.sum(silent))
+    if count:
+        where = "0 Hz" if count == 1 and silent[0] and spectra.frequencies[0] == 0 else f"{count} lines"
+        plan.notes.append(f"{where} left out, without force")
+        spectra = spectra.at_lines(~silent)
+    check_inputs(spectra, inputs)
     estimate = solve(spectra, estimator, noise_powers(spectra, estimator, noise))
     averages = f"{spectra.averages} average" + ("s" if spectra.averages > 1 else "")
     note = f"{estimator.upper()} of {averages}, {kind} excitation: {'; '.join(plan.notes)}"
-    return _response(
-        signals, spectra.frequencies, estimate, coherence_of(spectra), spectra.averages, note, plan.added_damping, held
-    )
+    return _Found(spectra.frequencies, estimate, coherence_of(spectra), spectra.averages, note, plan.added_damping)
 
 
 def _local(
-    signals: Signals,
-    estimator: str,
-    degree: int | None,
-    half_width: int | None,
-    excitation: str,
-    averaging: tuple[object, ...],
-    held: bool,
-) -> FrequencyResponse:
-    kind = find_excitation(signals, excitation)
-    if kind in ("periodic", "impact") or any(option is not None for option in averaging):
+    signals: Signals, estimator: str, degree: int | None, half_width: int | None, kind: str, averaged: bool
+) -> _Found:
+    """Estimate by local models; DataError where the excitation or an option asks for averages."""
+    cut = kind in ("periodic", "impact")
+    if cut or averaged:
         raise DataError(
             f"estimator={estimator!r} was asked",
-            f"the excitation is {kind}"
-            if kind in ("periodic", "impact")
-            else "an option of averaged segments was given",
+            f"the excitation is {kind}" if cut else "an option of averaged segments was given",
             "Use estimator='h1' for these; local models take whole runs of random forces, sweeps and bursts.",
         )
     found = local_models(signals, estimator, 2 if degree is None else degree, half_width)
     words = {"lpm": "local polynomial", "lrm": "local rational"}[estimator]
     note = f"{words} models on {2 * found.half_width + 1} lines of whole runs, no window, no average"
-    estimate = Estimate(found.values, found.variance)
-    return replace(_response(signals, found.frequencies, estimate, found.coherence, 1, note, 0.0, held), averages=None)
+    return _Found(found.frequencies, Estimate(found.values, found.variance), found.coherence, None, note)
 
 
 def _check_forces(signals: Signals) -> None:
-    if signals.inputs is None:
-        raise DataError(
-            "frequency responses were asked",
-            "the record has no inputs",
-            "Give the forces as inputs, or use estimate_correlation for a record of responses alone.",
-        )
-    inputs = signals.inputs.reshape(-1, signals.inputs.shape[-1])
+    inputs = np.concatenate(driven_records(signals, "frequency responses")[1])
     dead = [dof for dof, force in zip(signals.input_dofs, inputs.T, strict=True) if np.all(force == force[0])]
     if dead:
         raise DataError(
@@ -459,40 +439,28 @@ def _check_forces(signals: Signals) -> None:
         )
 
 
-def _check_options(kind: str, **options: object) -> None:
-    wrong = []
-    if kind != "periodic" and options["period"] is not None:
-        wrong.append(("period", 'excitation="periodic"'))
-    if kind != "impact" and options["force_window"] is not None:
-        wrong.append(("force_window", 'excitation="impact"'))
-    if kind in ("periodic", "random") and options["exponential"] is not None:
-        wrong.append(("exponential", 'excitation="impact", "burst" or "sweep"'))
-    if kind == "periodic" and options["estimator"] != "h1":
-        wrong.append(
-            (
-                f"estimator={options['estimator']!r}",
-                'estimator="h1": averaging over periods removes noise on both sides',
-            )
-        )
+def _check_options(
+    kind: str, estimator: str, period: int | None, force_window: float | None, exponential: float | None
+) -> None:
+    options = (
+        ("period", period, ("periodic",)),
+        ("force_window", force_window, ("impact",)),
+        ("exponential", exponential, ("impact", "burst", "sweep")),
+    )
+    wrong = [
+        (name, f"excitation={' or '.join(map(repr, kinds))}")
+        for name, value, kinds in options
+        if value is not None and kind not in kinds
+    ]
+    if kind == "periodic" and estimator != "h1":
+        wrong.append((f"estimator={estimator!r}", "estimator='h1': averaging over periods removes noise on both sides"))
     if wrong:
         name, needed = wrong[0]
         raise DataError(f"{name} was asked", f"the excitation is {kind}", f"Leave it out, or give {needed}.")
 
 
-def _excited(spectra: CrossSpectra, notes: list[str]) -> CrossSpectra:
-    """Leave out the lines on which an input has no power at all."""
-    silent = silent_lines(spectra)
-    count = int(np.sum(silent))
-    if count == 0:
-        return spectra
-    where = "0 Hz" if count == 1 and silent[0] and spectra.frequencies[0] == 0 else f"{count} lines"
-    notes.append(f"{where} left out, without force")
-    return spectra.at_lines(~silent)
-
-
-def _periodic(
-    signals: Signals, period: int | None, settle: int, zoom: tuple[float, float] | None, held: bool
-) -> FrequencyResponse:
+def _periodic(signals: Signals, period: int | None, settle: int, zoom: tuple[float, float] | None) -> _Found:
+    """Estimate by the synchronous average over periods."""
     if zoom is not None:
         raise DataError(
             "a zoom with periodic excitation was asked",
@@ -506,29 +474,5 @@ def _periodic(
         f"synchronous average of {result.periods} periods of {length} samples in {signals.runs} "
         f"run{'s' if signals.runs > 1 else ''}, no window, mean removed; {result.silent} lines left out, without force"
     )
-    return _response(
-        signals, result.frequencies, result.estimate, result.coherence, result.periods * signals.runs, note, 0.0, held
-    )
-
-
-def _response(
-    signals: Signals,
-    frequencies: RealArray,
-    estimate: Estimate,
-    coherence: RealArray | None,
-    averages: int,
-    note: str,
-    added_damping: float,
-    held: bool,
-) -> FrequencyResponse:
-    return FrequencyResponse(
-        values=estimate.values,
-        frequencies=frequencies,
-        quantity=signals.quantity,
-        sampling_rate=signals.sampling_rate if held else None,
-        coherence=coherence,
-        variance=estimate.variance,
-        averages=averages,
-        added_damping=added_damping,
-        **signals.processed(note).labelled(),
-    )
+    averages = result.periods * signals.runs
+    return _Found(result.frequencies, result.estimate, result.coherence, averages, note)

@@ -1,7 +1,4 @@
-"""Lines of turning machines in a record: told from resonances by an envelope that does not fluctuate as random vibration does.
-
-`modalscope.preprocess.harmonics` says how often random vibration has an envelope as steady as that of a band.
-"""
+"""Find harmonics of rotating machines in a record: narrow bands whose envelope is steadier than that of random vibration."""
 
 from __future__ import annotations
 
@@ -20,36 +17,17 @@ from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 
-__all__ = [
-    "HARMONIC",
-    "Line",
-    "Spectrum",
-    "find_lines",
-    "harmonic_notes",
-    "lines_around",
-    "lines_in",
-    "narrow_band",
-    "steady_bands",
-]
+__all__ = ["HARMONIC", "Line", "Spectrum", "find_lines", "harmonic_notes", "lines_in", "narrow_band"]
 
 
 # ------------------------------------------------------------------------------------------------------ whole spectrum
-# The transform of a whole record: made once, for its levels and for the lines of machines in it.
 
 
 class Spectrum(NamedTuple):
-    """Transforms of the outputs of all runs, without straight lines and under a Hann window.
+    """Transforms (R, lines, l) of the outputs of all runs, without straight lines and under a Hann window.
 
-    Attributes
-    ----------
-    lines : array of complex, (R, lines, l)
-        Whose squares are the power of a line, all outputs over one number.
-    step : float
-        Distance of lines, Hz.
-    power : float
-        Of all outputs.
-    rate : float
-        Samples a second.
+    The squares of `lines` are powers, relative to a power of two; `step` is their distance in Hz, `power` that of all outputs, `rate` the
+    sampling rate.
     """
 
     lines: ComplexArray
@@ -59,147 +37,87 @@ class Spectrum(NamedTuple):
 
     @classmethod
     def of(cls, signals: Signals) -> Spectrum:
-        """Return that of a record.
-
-        Parameters
-        ----------
-        signals : Signals
-        """
+        """Compute the spectrum of a record."""
         outputs, _ = signals.by_run()
-        y = _without_straight_lines(outputs / binary_size(outputs))
+        y = outputs / binary_size(outputs)
+        t = np.arange(y.shape[1]) - (y.shape[1] - 1) / 2
+        slope = (t @ y) / max(float(t @ t), 1.0)
+        y -= y.mean(axis=1, keepdims=True)
+        y -= t[:, None] * slope[:, None, :]
         power = float(np.einsum("rnl,rnl->", y, y)) / (len(y) * y.shape[1])
         window = scipy.signal.get_window("hann", y.shape[1])
         y *= (window * np.sqrt(2 / (y.shape[1] * float(window @ window))))[:, None]
         return cls(np.asarray(fft.rfft(y, axis=1)), signals.sampling_rate / y.shape[1], power, signals.sampling_rate)
 
 
-def _without_straight_lines(y: RealArray) -> RealArray:
-    """Return runs (R, n, l) without the straight line that fits each channel best, in their place."""
-    t = np.arange(y.shape[1]) - (y.shape[1] - 1) / 2
-    slope = (t @ y) / max(float(t @ t), 1.0)
-    y -= y.mean(axis=1, keepdims=True)
-    y -= t[:, None] * slope[:, None, :]
-    return y
-
-
 def binary_size(x: Array) -> float:
-    """Return a power of two near the largest value, so that squares of x over it are numbers whatever its unit; 1 of zeros.
-
-    Parameters
-    ----------
-    x : array
-    """
+    """Return a power of two near the largest value, so that squares of x over it do not overflow; 1 for zeros."""
     largest = max(float(np.max(x, initial=0.0)), -float(np.min(x, initial=0.0)))
     return float(np.ldexp(1.0, int(np.frexp(largest)[1]) - 1)) if largest else 1.0
 
 
 # ----------------------------------------------------------------------------------------------------------- envelopes
-# Narrow bands of a record: their envelope, how steady it is, and how often random vibration has one as steady.
-#
 # Around a frequency the outputs are z(t) exp(j 2 pi f t). Random vibration, however narrow its band, has |z|^2 that is exponential; a
-# machine's line has a constant |z|, at constant speed and at one that wanders. For n independent values the ratio of arithmetic to
-# geometric mean,
+# harmonic has a constant |z|, at constant speed and at one that wanders. For n independent values the ratio of arithmetic to geometric
+# mean,
 #
-#     g = ln mean |z|^2 - mean ln |z|^2        (.577 for random vibration, 0 for a line; Bartlett's and Moran's statistic)
+#     g = ln mean |z|^2 - mean ln |z|^2        (.577 for random vibration, 0 for a harmonic; Bartlett's and Moran's statistic)
 #
-# tells them apart: 2 n g is nearly chi-square with n - 1 degrees of freedom for random vibration.
+# separates them: 2 n g is nearly chi-square with n - 1 degrees of freedom for random vibration.
 
-#: No structure is taken to be less damped than this: a narrower resonance could not be told from a line.
+#: Least damping ratio of a structure: a narrower resonance could not be distinguished from a harmonic.
 _LEAST_DAMPING = 0.001
 
 _TINY = float(np.finfo(float).tiny)
 
-#: Values of |z|^2 that a band has at least, and the part of a run at either end that is not looked at.
+#: Values of |z|^2 that a band has at least, and the part of a run that is excluded at either end.
 FEWEST, _ENDS = 12, 0.15
 
 
 class Narrow(NamedTuple):
-    """A narrow band of a record, shifted to zero frequency, in the combination of outputs that holds most of its power.
+    """A narrow band of a record, shifted to zero frequency, in the combination of outputs that holds most of its power."""
 
-    Attributes
-    ----------
-    values : array of complex, (n,)
-        z(t), as many values as the band has.
-    worth : float
-        How many of them are independent in random vibration of this spectrum.
-    centre, spread : float
-        Mean and standard deviation of the frequency, Hz, weighted by power.
-    power : float
-        Mean square of the outputs in the band, the sum of all.
-    """
-
-    values: ComplexArray
-    worth: float
-    centre: float
-    spread: float
-    power: float
+    first: int  # its first line
+    values: ComplexArray  # z(t)
+    independent: float  # number of independent values in random vibration of this spectrum
+    centre: float  # mean of the frequency, weighted by power, Hz
+    spread: float  # its standard deviation, Hz
+    power: float  # mean square in the band, the sum of all outputs
 
     @property
     def chance(self) -> float:
-        """How often random vibration has an envelope as steady as this."""
-        return _chance(float(_unsteadiness(self.values)), self.worth)
+        """The probability of an envelope as steady as this in random vibration."""
+        return _chance(float(_unsteadiness(self.values)), self.independent)
 
 
-class Envelope(NamedTuple):
-    """A narrow band before anything is told of it.
+def _band(spectrum: Spectrum, first: int, lines: ComplexArray, combined: ComplexArray, values: ComplexArray) -> Narrow:
+    """Return a band from its lines (runs, n, l), their combination (runs, n) with most power, and its z(t)."""
+    power = np.sum(np.abs(combined) ** 2, axis=0)
+    f = (first + np.arange(power.size)) * spectrum.step
+    weight = power / power.sum()
+    centre = float(f @ weight)
+    spread = float(np.sqrt(max((f - centre) ** 2 @ weight, 0.0)))
+    independent = _independent(power, spectrum.step, centre, _seconds(spectrum))
+    return Narrow(first, values, independent, centre, spread, float(np.sum(np.abs(lines) ** 2)))
 
-    Attributes
-    ----------
-    first : int
-        The first line.
-    lines : array of complex, (runs, n, l)
-        All of its lines.
-    combined : array of complex, (runs, n)
-        The combination of outputs with most power.
-    values : array of complex
-        z(t).
-    """
 
-    first: int
-    lines: ComplexArray
-    combined: ComplexArray
-    values: ComplexArray
-
-    def band(self, step: float) -> Narrow:
-        """Return what is told of the band; lines are `step` Hz apart."""
-        power = np.sum(np.abs(self.combined) ** 2, axis=0)
-        f = (self.first + np.arange(power.size)) * step
-        weight = power / power.sum()
-        centre = float(f @ weight)
-        spread = float(np.sqrt(max((f - centre) ** 2 @ weight, 0.0)))
-        worth = _independent(power, step, centre, self._seconds(step))
-        return Narrow(self.values, worth, centre, spread, float(np.sum(np.abs(self.lines) ** 2)))
-
-    def _seconds(self, step: float) -> float:
-        return float((1 - 2 * _ENDS) * self.lines.shape[0] / step)
+def _seconds(spectrum: Spectrum) -> float:
+    """Return the length of all runs without their ends."""
+    return float((1 - 2 * _ENDS) * len(spectrum.lines) / spectrum.step)
 
 
 def narrow_band(spectrum: Spectrum, frequency: float, width: float) -> Narrow | None:
-    """Return a band of a record around a frequency; None where it has too few lines.
-
-    Parameters
-    ----------
-    spectrum : Spectrum
-    frequency, width : float
-        Hz.
-    """
+    """Return a band of a record around a frequency (Hz); None where it has too few lines."""
     (first,), (count,) = lines_around(spectrum, np.array([frequency]), width)
     if not count:
         return None
     cut = spectrum.lines[:, first : first + count]
     combined = cut @ _strongest(cut.reshape(-1, cut.shape[2]))
-    return Envelope(int(first), cut, combined, _values(combined).ravel()).band(spectrum.step)
+    return _band(spectrum, int(first), cut, combined, _values(combined).ravel())
 
 
 def lines_around(spectrum: Spectrum, frequencies: RealArray, widths: ArrayLike) -> tuple[IntArray, IntArray]:
-    """Return the first lines of bands and how many each has; 0 of those that have too few, or reach beyond the last line.
-
-    Parameters
-    ----------
-    spectrum : Spectrum
-    frequencies, widths : array, (n,)
-        Hz.
-    """
+    """Return the first lines of bands (Hz) and how many each has; 0 of those that have too few, or reach beyond the last line."""
     half = np.asarray(widths) / 2
     first = np.maximum(np.ceil((frequencies - half) / spectrum.step), 1).astype(int)
     last = ((frequencies + half) / spectrum.step).astype(int)
@@ -207,25 +125,17 @@ def lines_around(spectrum: Spectrum, frequencies: RealArray, widths: ArrayLike) 
     return first, np.where((count < FEWEST) | (last >= spectrum.lines.shape[1]), 0, count)
 
 
-def steady_bands(spectrum: Spectrum, first: IntArray, count: IntArray, chance: float) -> list[Envelope]:
-    """Return the bands whose chance may be below a given one, a thousandth or less: those of as many lines are looked at together.
-
-    Parameters
-    ----------
-    spectrum : Spectrum
-    first, count : array of int, (n,)
-        Lines of the bands, at least `FEWEST`.
-    chance : float
-    """
+def steady_bands(spectrum: Spectrum, first: IntArray, count: IntArray, chance: float) -> list[Narrow]:
+    """Return the bands whose probability may be below a given one, a thousandth or less; `count` is at least `FEWEST`."""
     cuts = [spectrum.lines[:, a : a + n] for a, n in zip(first.tolist(), count.tolist(), strict=True)]
     combined = [cut @ _strongest(cut.reshape(-1, cut.shape[2])) for cut in cuts]
     limits, found = _steadiest(spectrum, first, count, chance), {}
-    for n in np.unique(count):
+    for n in np.unique(count):  # one transform for bands of as many lines
         alike = np.flatnonzero(count == n)
         values = _values(np.stack([combined[i] for i in alike])).reshape(alike.size, -1)
         for j in np.flatnonzero(_unsteadiness(values) < limits[alike]):
             i = int(alike[j])
-            found[i] = Envelope(int(first[i]), cuts[i], combined[i], values[j])
+            found[i] = _band(spectrum, int(first[i]), cuts[i], combined[i], values[j])
     return [found[i] for i in sorted(found)]
 
 
@@ -236,32 +146,31 @@ def _values(combined: ComplexArray) -> ComplexArray:
 
 
 def _steadiest(spectrum: Spectrum, first: IntArray, count: IntArray, chance: float) -> RealArray:
-    """Return g of bands from which on their chance is no smaller than a given one: a bound without another transform."""
+    """Return the g from which on the probability of bands is no smaller than a given one: a bound without another transform."""
     half = np.maximum(_LEAST_DAMPING * (first + count), 0.5)
-    seconds = (1 - 2 * _ENDS) * spectrum.lines.shape[0] / spectrum.step
-    n = _most_independent(count, spectrum.step, half, seconds)
+    n = _most_independent(count, spectrum.step, half, _seconds(spectrum))
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(n < 2, 0.0, special.gammaincinv((n - 1) / 2, chance) * (1 + (n + 1) / (6 * n)) / n)
 
 
 @lru_cache(maxsize=4)
 def _middle(count: int) -> tuple[slice, RealArray]:
-    """Return the middle of a run, and the window there: a Hann window fades at both ends, and so does the envelope."""
+    """Return the middle of a run, and the Hann window there, by which the envelope is divided."""
     end = math.floor(_ENDS * count + 0.5)  # (k + 1/2) / count lies above
     window = np.sin(np.pi / count * (np.arange(end, count - end) + 0.5))
     return slice(end, count - end), window * window / count
 
 
 def _strongest(lines: ComplexArray) -> ComplexArray:
-    """Return the combination of channels that has most power on lines (n, l): from the smaller of both Gram matrices."""
+    """Return the combination of channels with most power on lines (n, l), from the smaller of both Gram matrices."""
     if lines.shape[0] < lines.shape[1]:
-        own = _last_vector(lines @ lines.conj().T) @ lines.conj()
-        return np.asarray(own / max(float(np.linalg.norm(own)), _TINY))
+        vector = _last_vector(lines @ lines.conj().T) @ lines.conj()
+        return np.asarray(vector / max(float(np.linalg.norm(vector)), _TINY))
     return _last_vector(sla.blas.zherk(1.0, lines.T, lower=1)).conj()  # of the conjugate matrix: no copy is made
 
 
 def _last_vector(gram: ComplexArray) -> ComplexArray:
-    """Return the eigenvector of the largest eigenvalue alone, which takes half of the time of all."""
+    """Return the eigenvector of the largest eigenvalue alone, in half of the time of all."""
     _, vectors, _, _, info = sla.lapack.zheevr(gram, lower=1, range="I", il=len(gram), iu=len(gram))
     if info != 0:
         raise np.linalg.LinAlgError(f"zheevr ended with {info}")
@@ -275,36 +184,31 @@ def _unsteadiness(values: ComplexArray) -> RealArray:
 
 
 def _chance(g: float, n: float) -> float:
-    """Return how often n independent values of random vibration have so small a g: the more values, the less often, where that is small."""
+    """Return the probability that n independent values of random vibration have so small a g; small ones fall with n."""
     if n < 2:
         return 1.0
     corrected = 2 * n * g / (1 + (n + 1) / (6 * n))
     return float(special.gammainc((n - 1) / 2, corrected / 2))
 
 
-def _half_width(centre: float, step: float) -> float:
-    """Return half of the least width of a resonance, in lines."""
-    return max(_LEAST_DAMPING * centre / step, 0.5)
-
-
 def _most_independent(count: Array, step: float, half: Array, seconds: float) -> RealArray:
-    """Return what `_independent` never exceeds with so many lines.
+    """Return an upper bound of `_independent` for so many lines.
 
     A transform of `count` powers that sum to P is no smaller than P cos(w (count - 1) / 2) up to w = pi / (count - 1). Its square times
-    exp(-2 h w) has an integral in closed form, and a sum at `4 count` places in all, or more, stays above that by less than one term.
+    exp(-2 h w) has an integral in closed form, which a sum at `4 count` places or more exceeds by less than one term.
     """
     a, b = 2 * np.asarray(half), np.asarray(count) - 1
-    fades = np.exp(-a * np.pi / b)
-    both = ((1 - fades) / a + a * (1 + fades) / (a**2 + b**2)) / (2 * np.pi) - 1 / (4 * count)
+    decay = np.exp(-a * np.pi / b)
+    both = ((1 - decay) / a + a * (1 + decay) / (a**2 + b**2)) / (2 * np.pi) - 1 / (4 * count)
     return np.asarray(np.divide(seconds * step, both, out=np.full(np.shape(both), np.inf), where=both > 0))
 
 
 def _independent(power: RealArray, step: float, centre: float, seconds: float) -> float:
-    """Return T (int S)^2 / int S^2 of a spectrum that is nowhere narrower than the least damping allows.
+    """Return T (int S)^2 / int S^2 of a spectrum no narrower than the least damping allows.
 
-    S is the power smoothed by h / pi / (h^2 + k^2), whose transform is exp(-h |w|): the squares are summed there (Parseval).
+    S is the power smoothed by h / pi / (h^2 + k^2), whose transform is exp(-h |w|); the squares are summed by Parseval's theorem.
     """
-    half = _half_width(centre, step)
+    half = max(_LEAST_DAMPING * centre / step, 0.5)  # of the least width of a resonance, lines
     count = int(fft.next_fast_len(4 * len(power), real=True))
     w = 2 * np.pi * np.arange(count // 2 + 1) / count
     squares = np.abs(fft.rfft(power, count)) ** 2 * np.exp(-2 * half * w)
@@ -317,53 +221,36 @@ def _independent(power: RealArray, step: float, centre: float, seconds: float) -
 #: The kind of the notes that name harmonics.
 HARMONIC = "harmonic"
 
-#: Widths of the bands looked at, as parts of their frequency: lines at constant speed, and at one that wanders.
+#: Widths of the bands examined, as parts of their frequency: harmonics at constant speed, and at one that wanders.
 _WIDTHS = (0.01, 0.025)
 
-#: One record of random vibration in so many has a line by chance.
+#: Probability of a harmonic in a record of random vibration.
 _CHANCE = 1e-3
 
-#: A line this near to a multiple of the lowest (part of its frequency) is that multiple.
+#: A harmonic this near to a multiple of the lowest (part of its frequency) is that multiple.
 _NEAR = 0.003
 
-#: Multiples of a shaft that are tried beside lines that are known, and the chance that is left for what wanders no more than they do.
+#: Multiples and divisors of known harmonics that are tried; the probability limit for them, and their spread over that of the known.
 _ORDERS, _PARTS, _CHANCE_OF_ORDER, _AS_NARROW = 8, 3, 0.01, 1.5
 
-#: Frequencies of mains, Hz, which hold to this.
+#: Mains frequencies in Hz, and their relative deviation.
 _MAINS, _OF_MAINS = (50.0, 60.0), 0.002
 
 
 class Line(NamedTuple):
-    """A line of a machine.
+    """A harmonic of a rotating machine."""
 
-    Attributes
-    ----------
-    frequency, spread : float
-        Hz: mean, and how far it wanders (standard deviation).
-    level : float
-        Its root mean square over that of all outputs together.
-    chance : float
-        How often random vibration looks like it.
-    """
-
-    frequency: float
-    spread: float
-    level: float
-    chance: float
+    frequency: float  # mean, Hz
+    spread: float  # standard deviation of the frequency, Hz
+    level: float  # RMS over that of all outputs together
+    chance: float  # probability of such a band in random vibration
 
 
 def find_lines(signals: Signals, band: tuple[float, float] | None = None) -> tuple[Line, ...]:
-    """Return the lines of turning machines in a record, by rising frequency.
+    """Return the harmonics of rotating machines in the outputs of a record, in a band (Hz), by ascending frequency.
 
-    Every band of 1 and of 2.5 % of its frequency is looked at, from where it holds a dozen lines; beside two multiples of a shaft its other
-    multiples need less evidence, when they wander no more.
-
-    Parameters
-    ----------
-    signals : Signals
-        Its outputs.
-    band : (float, float), optional
-        Hz: lines there alone.
+    Every band of 1 and of 2.5 % of its frequency is examined, from where it holds a dozen lines. Multiples of a shaft with two known
+    harmonics need less evidence, when they wander no more.
 
     Examples
     --------
@@ -379,22 +266,15 @@ def find_lines(signals: Signals, band: tuple[float, float] | None = None) -> tup
 
 
 def lines_in(spectrum: Spectrum, band: tuple[float, float] | None = None) -> tuple[Line, ...]:
-    """Return what `find_lines` does of a record whose transform is known.
-
-    Parameters
-    ----------
-    spectrum : Spectrum
-    band : (float, float), optional
-        Hz.
-    """
+    """Return the harmonics of `find_lines` from the spectrum of a record."""
     low, high = (0.0, np.inf) if band is None else band
     f, widths = (np.concatenate(both) for both in zip(*(_ladder(spectrum, width) for width in _WIDTHS), strict=True))
     inside = (low <= f) & (f <= high)
     first, count = lines_around(spectrum, f[inside], widths[inside])
     first, count = first[count > 0], count[count > 0]
-    bar = _CHANCE / max(first.size, 1)
-    bands = [part.band(spectrum.step) for part in steady_bands(spectrum, first, count, bar)]
-    found = _apart([(band.chance, band) for band in bands if band.chance < bar])
+    limit = _CHANCE / max(first.size, 1)
+    bands = steady_bands(spectrum, first, count, limit)
+    found = _apart([(band.chance, band) for band in bands if band.chance < limit])
     found = _apart([*found, *_of_the_same_shaft(spectrum, [band for _, band in found])])
     lines = [
         Line(b.centre, b.spread, float(np.sqrt(b.power / spectrum.power)), chance)
@@ -405,7 +285,7 @@ def lines_in(spectrum: Spectrum, band: tuple[float, float] | None = None) -> tup
 
 
 def _ladder(spectrum: Spectrum, width: float) -> tuple[Array, Array]:
-    """Return the middles of bands of one relative width, a quarter of it apart, and their widths, Hz."""
+    """Return the centres of bands of one relative width, a quarter of it apart, and their widths, Hz."""
     lowest, highest = FEWEST * spectrum.step / width * 1.2, spectrum.rate / 2 / (1 + width)
     steps = max(int(np.log(highest / lowest) / np.log1p(width / 4)) + 2, 1)
     f = np.multiply.accumulate(np.concatenate([[lowest], np.full(steps, 1 + width / 4)]))
@@ -414,7 +294,7 @@ def _ladder(spectrum: Spectrum, width: float) -> tuple[Array, Array]:
 
 
 def _apart(pairs: list[tuple[float, Narrow]]) -> list[tuple[float, Narrow]]:
-    """Return one of all bands that hold the same line, the least likely first."""
+    """Return one of all bands that hold the same harmonic, the least likely first."""
     kept: list[tuple[float, Narrow]] = []
     for chance, band in sorted(pairs, key=lambda pair: pair[0]):
         if all(abs(band.centre / other.centre - 1) > max(_WIDTHS) / 2 for _, other in kept):
@@ -423,7 +303,7 @@ def _apart(pairs: list[tuple[float, Narrow]]) -> list[tuple[float, Narrow]]:
 
 
 def _of_the_same_shaft(spectrum: Spectrum, known: list[Narrow]) -> list[tuple[float, Narrow]]:
-    """Return bands at multiples and divisors of lines that two of these agree on, as steady and as narrow as a line of that shaft is."""
+    """Return bands at multiples and divisors common to two known harmonics, as steady and as narrow as these."""
     found: list[tuple[float, Narrow]] = []
     if len(known) < 2:
         return found
@@ -441,7 +321,7 @@ def _of_the_same_shaft(spectrum: Spectrum, known: list[Narrow]) -> list[tuple[fl
 
 
 def shaft_orders(frequencies: Array) -> list[int | None]:
-    """Return which multiple of the lowest line each line is; None where it is none, and for a line alone."""
+    """Return which multiple of the lowest harmonic each one is; None where it is none, and for a single one."""
     if len(frequencies) < 2:
         return [None] * len(frequencies)
     orders = [round(f / frequencies[0]) for f in frequencies]
@@ -450,26 +330,18 @@ def shaft_orders(frequencies: Array) -> list[int | None]:
 
 
 def harmonic_notes(lines: Sequence[Line]) -> tuple[Note, ...]:
-    """Return a note for every line of a turning machine: frequency, spread, level and order among its numbers.
-
-    Parameters
-    ----------
-    lines : sequence of Line
-    """
+    """Return a note for every harmonic: frequency, spread, level and order among its numbers."""
     orders = shaft_orders(np.array([line.frequency for line in lines]))
-    return tuple(_note(line, order) for line, order in zip(lines, orders, strict=True))
-
-
-def _note(line: Line, order: int | None) -> Note:
-    numbers = {"frequency_hz": line.frequency, "spread_hz": line.spread, "level": line.level}
-    if order is not None:
-        numbers["order"] = float(order)
-    mains = any(
-        abs(line.frequency / f - round(line.frequency / f)) < _OF_MAINS and line.frequency > f / 2 for f in _MAINS
-    )
-    named = " (a multiple of the mains)" if mains else ""
-    text = (
-        f"at {line.frequency:.5g} Hz{named} the envelope is as steady as a machine's and no random vibration's (by chance in "
-        f"{line.chance:.1g} of records), the frequency within {100 * line.spread / line.frequency:.2g} %"
-    )
-    return Note(HARMONIC, numbers, text)
+    notes = []
+    for line, order in zip(lines, orders, strict=True):
+        f = line.frequency
+        numbers = {"frequency_hz": f, "spread_hz": line.spread, "level": line.level}
+        if order is not None:
+            numbers["order"] = float(order)
+        mains = any(abs(f / own - round(f / own)) < _OF_MAINS and f > own / 2 for own in _MAINS)
+        text = (
+            f"at {f:.5g} Hz{' (a multiple of the mains)' if mains else ''} the envelope is constant, as of a rotating machine "
+            f"(random vibration has it in {line.chance:.1g} of records), the frequency within {100 * line.spread / f:.2g} %"
+        )
+        notes.append(Note(HARMONIC, numbers, text))
+    return tuple(notes)

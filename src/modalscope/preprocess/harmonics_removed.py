@@ -1,4 +1,4 @@
-"""Lines of turning machines taken off a record, also when the speed wanders."""
+"""Remove harmonics of rotating machines from a record, also when the speed wanders."""
 
 from __future__ import annotations
 
@@ -17,40 +17,41 @@ from modalscope.preprocess.harmonics import find_lines
 
 __all__ = ["remove_harmonics", "without_lines"]
 
-#: A line's phase is read in a band of so many of its spreads on either side, of this many lines of a run at least.
+#: The phase is measured in a band of so many standard deviations of the frequency on either side, of this many lines of a run at least.
 _SPREADS, _LINES = 6.0, 24
 
-#: Values of the shifted band for each of its lines; how often a phase is corrected by what it left, and the last correction, rad.
-_FINER, _ROUNDS, _SETTLED = 4, 3, 0.003
+#: Values of the shifted band for each of its lines; corrections of the phase by its residual, and the last correction, rad.
+_FINER, _ROUNDS, _CONVERGED = 4, 3, 0.003
 
-#: A band in which noise reaches the line's size more often than this, which is expected of the whole run, is too wide.
+#: A band in which noise is expected to reach the amplitude of the harmonic more often than this in a run is too wide.
 _SLIPS = 0.01
 
 #: A band this wide, as a part of its lowest frequency, may hold other orders of the shaft.
 _WIDEST = 0.5
 
-#: Powers of the frequency's deviation by which a line changes its size.
+#: Powers of the frequency's deviation in the amplitude of a harmonic.
 _POWERS = 3
 
-#: How far a line wanders (standard deviation, a part of its frequency) where only its frequency is given.
+#: Relative standard deviation of the frequency where only its mean is given.
 _WANDERS = 0.001
 
 
 @named()
 def remove_harmonics(signals: Signals, frequencies: Iterable[float] | None = None) -> Signals:
-    """Return the record without the lines of turning machines.
+    """Return the record without the harmonics of rotating machines.
 
-    The phase of a line is followed in a narrow band, in the combination of outputs that shows it best; of every channel
-    Re((a + b d(t) + c d(t)^2) exp(j phase(t))) is taken off, with d the deviation of the frequency from its mean and complex a, b, c by
-    least squares: a line that passes over a resonance changes its size with its frequency. Of random vibration goes what turns the
-    phase no faster than the machine does: half of one combination of outputs, in a band as wide as the line; nothing at constant speed.
+    The phase of a harmonic is tracked in a narrow band, in the combination of outputs with the best signal-to-noise ratio. From every
+    channel Re((a + b d(t) + c d(t)^2) exp(j phase(t))) is subtracted, with d the deviation of the frequency from its mean and complex
+    a, b, c by least squares: a harmonic that passes a resonance changes its amplitude with its frequency. Random vibration loses what turns
+    the phase no faster than the machine does: half of one combination of outputs, in a band as wide as the harmonic; nothing at constant
+    speed.
 
     Parameters
     ----------
     signals : Signals
         Its outputs are changed; inputs stay.
     frequencies : sequence of float, optional
-        Hz, to 0.5 %: by default all lines that are found.
+        Hz, to 0.5 %; by default all harmonics that are found.
 
     Raises
     ------
@@ -74,53 +75,42 @@ def remove_harmonics(signals: Signals, frequencies: Iterable[float] | None = Non
         if _edges(signals, f, _WANDERS * f) is None:
             raise DataError(
                 f"a harmonic at {f:g} Hz was to be removed",
-                f"a run holds {1 / _seconds(signals):.3g} to {signals.sampling_rate / 2:g} Hz, and a band around it is needed",
+                f"a run holds {1 / signals.duration:.3g} to {signals.sampling_rate / 2:g} Hz, and a band around it is needed",
                 "Leave it out.",
             )
     return without_lines(signals, ((f, _WANDERS * f) for f in given))
 
 
 def without_lines(signals: Signals, lines: Iterable[tuple[float, float]]) -> Signals:
-    """Return the record without lines that are known; those that a run does not hold stay.
-
-    Parameters
-    ----------
-    signals : Signals
-    lines : iterable of (float, float)
-        Frequency and its standard deviation, Hz.
-    """
+    """Return the record without harmonics of given frequencies and standard deviations (Hz); those too near to 0 or Nyquist stay."""
     outputs, _ = signals.by_run()
-    y, gone = np.array(outputs), []
+    y, removed = np.array(outputs), []
     for frequency, spread in lines:
         edges = _edges(signals, frequency, spread)
         if edges is not None:
-            gone.append(f"{frequency:.5g}")
+            removed.append(f"{frequency:.5g}")
             for run in y:
                 run -= _line(run, *edges)
-    if not gone:
+    if not removed:
         return signals
     return replace(signals, outputs=y.reshape(signals.outputs.shape)).processed(
-        f"harmonics at {', '.join(gone)} Hz removed"
+        f"harmonics at {', '.join(removed)} Hz removed"
     )
 
 
-def _seconds(signals: Signals) -> float:
-    return float(signals.samples / signals.sampling_rate)
-
-
 def _edges(signals: Signals, frequency: float, spread: float) -> tuple[int, int] | None:
-    """Return the first and the last line of the band of a harmonic; None where a run does not hold it."""
-    seconds = _seconds(signals)
+    """Return the first and the last line of the band of a harmonic; None where it leaves 0 to half the sampling rate."""
+    seconds = signals.duration
     reach = max(_SPREADS * spread, _LINES / seconds)
     first, last = int(np.ceil((frequency - reach) * seconds)), int((frequency + reach) * seconds)
     return (first, last) if first >= 1 and last < signals.samples // 2 else None
 
 
 class _Track(NamedTuple):
-    """A line over a run, t from 0 to 1: its phase a + b t and what wanders around it at even times, and noise in step with it.
+    """A harmonic over a run, t from 0 to 1: its phase a + b t (`straight`) plus `wander` at even times, and the noise in phase with it.
 
-    The noise is that of the line's logarithm, as slow as the wandering: both have so many terms of a cosine series. Slips are how
-    often noise is expected to reach the line's size, where the phase is lost.
+    The noise is that of the logarithm of its envelope, as slow as the wandering: both have `terms` terms of a cosine series. `slips` is the
+    expected number of times that noise reaches its amplitude, where the phase is lost.
     """
 
     straight: RealArray
@@ -130,22 +120,22 @@ class _Track(NamedTuple):
     slips: float = 0.0
 
     def sizes(self, times: RealArray) -> ComplexArray:
-        """Return exp(j phase) times the powers of the frequency's deviation from its mean, (n, powers)."""
+        """Return exp(j phase) times the powers of the frequency's deviation, (n, powers)."""
         turned = self.straight[0] + self.straight[1] * times + self._at(times, self.wander)
         powers = self._at(times, self.drift)[:, None] ** np.arange(self.powers)
         return np.asarray(powers * np.exp(1j * turned)[:, None])
 
     def share(self, times: RealArray) -> RealArray:
-        """Return which part of the line is taken off, (n,): so much is put back that noise has the power it had.
+        """Return the part of the harmonic that is subtracted, (n,): the rest restores the power of the noise.
 
-        With e the noise in step, 1 + e of the line are there, and sqrt(2) e stay: 1 - (sqrt(2) - 1) e are taken off. An envelope is not
-        negative, e >= -1, though the logarithm that stands for e is not bounded; and no line is added: 0 to sqrt(2).
+        With e the noise in phase, 1 + e of the harmonic are measured, and sqrt(2) e should remain: 1 - (sqrt(2) - 1) e are subtracted. It
+        is clipped, as an envelope has e >= -1, and nothing is added.
         """
         return np.asarray(np.clip(1 - (np.sqrt(2) - 1) * self._at(times, self.noise), 0.0, np.sqrt(2)))
 
     @property
     def drift(self) -> RealArray:
-        """The frequency's deviation from its mean, of standard deviation one; zeros at constant speed."""
+        """The frequency's deviation from its mean, over its standard deviation; zeros at constant speed."""
         drift = np.gradient(self.wander)
         return np.asarray((drift - drift.mean()) / drift.std()) if self.wander.any() else drift
 
@@ -158,9 +148,9 @@ class _Track(NamedTuple):
 
 
 def _line(y: RealArray, first: int, last: int) -> RealArray:
-    """Return what a line adds to one run, (N, l).
+    """Return a harmonic in one run, (N, l).
 
-    Its band is widened while the speed changes faster than half of the band tells, and noise there does not reach the line's size.
+    Its band is widened while the speed changes with more terms than half of the band resolves, and noise stays below its amplitude.
     """
     transform = fft.rfft(y, axis=0)
     if not np.any(transform[first : last + 1]):  # a run of zeros
@@ -179,9 +169,9 @@ def _line(y: RealArray, first: int, last: int) -> RealArray:
 
 
 def _in_band(y: RealArray, band: ComplexArray, first: int) -> tuple[RealArray, _Track]:
-    """Return a line and its track, by a band of the transform that begins at line `first`.
+    """Return a harmonic and its track from a band of the transform that begins at line `first`.
 
-    It is looked at in the combination of outputs that has most power, then in the one that shows it best beside what is left.
+    It is tracked in the combination of outputs with most power, then in that with the best signal-to-noise ratio.
     """
     times = np.arange(len(y)) / len(y)
     down = np.exp(-2j * np.pi * first * times)
@@ -191,26 +181,25 @@ def _in_band(y: RealArray, band: ComplexArray, first: int) -> tuple[RealArray, _
     nothing = np.zeros(z.size)
     start = _straightened(_Track(np.zeros(2), np.unwrap(np.angle(z)), nothing))
     track = _tracked(x, len(band), start._replace(wander=nothing))
-    line, sizes = _taken(y, track, times, down)
-    left = fft.rfft(y - line, axis=0)[first : first + len(band)]
-    track = _tracked((y @ _best_combination(sizes, left)) * down, len(band), track)
-    return _taken(y, track, times, down)[0], track
+    line, sizes = _fitted(y, track, times, down)
+    residual = fft.rfft(y - line, axis=0)[first : first + len(band)]
+    track = _tracked((y @ _best_combination(sizes, residual)) * down, len(band), track)
+    return _fitted(y, track, times, down)[0], track
 
 
-def _best_combination(sizes: ComplexArray, left: ComplexArray) -> ComplexArray:
-    """Return the weights s of outputs, (l,), for which (s a)^2 over the power of s n is largest, n what is left on lines (k, l).
+def _best_combination(sizes: ComplexArray, residual: ComplexArray) -> ComplexArray:
+    """Return the weights s of outputs, (l,), that maximize |s a|^2 over the power of s n, n the residual on lines (k, l).
 
-    s = conj(S^-1 a) with the covariance S of n: what s does not see of n is then uncorrelated with what it sees. Few lines tell little of
-    S, which therefore is loaded by its mean times outputs over lines.
+    s = conj(S^-1 a) with the covariance S of n, loaded by its mean times outputs over lines, as few lines determine it poorly.
     """
-    lines, outputs = left.shape
-    S = left.T @ left.conj() / lines
+    lines, outputs = residual.shape
+    S = residual.T @ residual.conj() / lines
     S = S + np.eye(outputs) * (np.trace(S).real / lines + np.finfo(float).tiny)
     return np.asarray(np.linalg.solve(S, sizes).conj())
 
 
-def _taken(y: RealArray, track: _Track, times: RealArray, down: ComplexArray) -> tuple[RealArray, ComplexArray]:
-    """Return the line in every channel, (N, l), and its complex sizes at the mean frequency, (l,)."""
+def _fitted(y: RealArray, track: _Track, times: RealArray, down: ComplexArray) -> tuple[RealArray, ComplexArray]:
+    """Return the harmonic in every channel, (N, l), and its complex amplitudes at the mean frequency, (l,)."""
     sizes = track.sizes(times) * down.conj()[:, None]
     columns = np.concatenate([sizes.real, sizes.imag], axis=1)
     found = _least_squares(columns, y)
@@ -218,7 +207,7 @@ def _taken(y: RealArray, track: _Track, times: RealArray, down: ComplexArray) ->
 
 
 def _tracked(x: ComplexArray, lines: int, track: _Track) -> _Track:
-    """Return a track corrected again and again by what its line leaves of a combination, whose ends disturb less the less is left.
+    """Return a track corrected repeatedly by the residual of its harmonic in a combination of outputs.
 
     ln(a exp(j phase) + n) = ln a + j phase + n / a exp(-j phase): noise is as strong in the logarithm of the envelope as in the phase.
     """
@@ -227,26 +216,26 @@ def _tracked(x: ComplexArray, lines: int, track: _Track) -> _Track:
         fast, slow = track.sizes(times), track.sizes(own)
         size = _least_squares(fast, x)
         model = slow @ size
-        beside = 1 + _slow(x - fast @ size, lines) / model
-        level = np.log(np.abs(beside * model))
+        ratio = 1 + _slow(x - fast @ size, lines) / model
+        level = np.log(np.abs(ratio * model))
         powers = track.drift[:, None] ** np.arange(track.powers)
         noise = level - powers @ _least_squares(powers, level)
-        moved = _straightened(track._replace(wander=track.wander + np.unwrap(np.angle(beside))))
+        moved = _straightened(track._replace(wander=track.wander + np.unwrap(np.angle(ratio))))
         before, track = track.wander, _as_slow(moved, noise)
-        if np.std(track.wander - before) < _SETTLED:
+        if np.std(track.wander - before) < _CONVERGED:
             break
     return track
 
 
 def _as_slow(track: _Track, noise: RealArray) -> _Track:
-    """Return a track with the part of its wandering that the machine turns, and noise as slow as it.
+    """Return a track with the wandering of the machine alone, and noise of as many terms.
 
-    Of the cosine transforms w of the phase and r of the noise the first k terms are kept that lower the expected error most: w^2 - r^2 is
-    what the machine turns, r^2 the noise that comes along (an unbiased estimate of the risk).
+    Of the cosine transforms w of the phase and r of the noise the first k terms are kept that reduce the expected error most: w^2 - r^2 is
+    due to the machine, r^2 is noise (an unbiased estimate of the risk).
     """
     w, r = fft.dct(track.wander, norm="ortho"), fft.dct(noise, norm="ortho")
-    won = np.cumsum((w**2 - 2 * r**2)[1:])
-    terms = int(np.argmax(won)) + 2 if won.max() > 0 else 0
+    reduction = np.cumsum((w**2 - 2 * r**2)[1:])
+    terms = int(np.argmax(reduction)) + 2 if reduction.max() > 0 else 0
     w[terms:], r[terms:] = 0, 0
     # of complex noise |n / a|^2 is exponential, and half of it is in the logarithm of the envelope
     slips = noise.size / _FINER * float(np.exp(-0.5 / np.mean(noise**2)))
@@ -254,19 +243,19 @@ def _as_slow(track: _Track, noise: RealArray) -> _Track:
 
 
 def _slow(x: ComplexArray, lines: int) -> ComplexArray:
-    """Return a series at so many of its lowest lines, sampled for them."""
+    """Return a series limited to its lowest lines, at a rate for them."""
     n = _FINER * lines
     return np.asarray(fft.ifft(fft.fft(x)[:lines], n=n) * (n / len(x)))
 
 
 def _least_squares(columns: Any, x: Any) -> Any:
-    """Return the coefficients of few columns, powers of a drift of one: products of them are safe."""
-    own = columns.conj().T
-    return np.linalg.lstsq(own @ columns, own @ x, rcond=None)[0]
+    """Return the coefficients of few well-scaled columns, by the normal equations."""
+    adjoint = columns.conj().T
+    return np.linalg.lstsq(adjoint @ columns, adjoint @ x, rcond=None)[0]
 
 
 def _straightened(track: _Track) -> _Track:
-    """Return a track with the straight part of its wandering taken out, by the middle of the run: ends of a band disturb those of a run."""
+    """Return a track with the linear part of its wandering moved to `straight`; the ends of the run are excluded from the fit."""
     phase, margin = track.wander, track.wander.size // 50
     t, inside = np.arange(phase.size) / phase.size, slice(margin, phase.size - margin)
     more = np.polynomial.Polynomial.fit(t[inside], phase[inside], 1).convert()

@@ -1,4 +1,4 @@
-"""Hammer hits: where they are in a record, which of them are good, and cutting them out."""
+"""Find hammer hits in a record, check them for overloads and double hits, and cut them out."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ __all__ = [
     "whole_series",
 ]
 
-#: A pulse stands out of the record by this part of the highest peak, and by this many deviations of the noise.
+#: A pulse exceeds this part of the highest peak, and this many standard deviations of the noise.
 _TRIGGER, _ABOVE_NOISE = 0.03, 15.0
 
-#: A second pulse of this part of the first is a double hit; of this part it may be a hit of its own.
+#: A second pulse of this part of the first is a double hit; of this part it may be another hit.
 _SECOND, _EQUAL = 0.1, 0.5
 
-#: Pauses of this part of the longest part hits; where the pulse after it is a hit's equal, of this part: someone talked once.
+#: Pauses of this part of the longest one separate hits; shorter ones, of this part, do before a pulse that is large enough to be a hit.
 _PAUSE, _QUICK = 1 / 4, 1 / 20
 
-#: A hit is free of the one before it when this part of its own length has passed since.
+#: A hit is free of the one before it when this part of its length has passed since.
 _SINCE = 1 / 4
 
 #: A hit this many times stronger than the median of all is not one of the same series.
@@ -42,10 +42,10 @@ _OUTLIER = 5.0
 #: Equal consecutive samples at the peak of a hit that are no chance.
 _PLATEAU = 3
 
-#: A converter's limit is reached this often at least, and this many times as often as the level before it.
+#: The limit of a converter is reached this often at least, and this many times as often as the level before it.
 _OFTEN, _MORE = 3, 3
 
-#: Steps of a converter below the last level that tell what is usual, and how often more may be chance.
+#: Steps of a converter below the last level from which its count is expected, and the probability of a larger one.
 _STEPS, _BY_CHANCE = 10, 1e-4
 
 #: An impact puts this part of its energy into this part of the record.
@@ -53,29 +53,14 @@ _ENERGY, _PART = 0.95, 0.05
 
 
 class Hit(NamedTuple):
-    """One hit of a record.
+    """One hit of a record: an unfit one was recorded wrongly, a double one only puts less force into some lines."""
 
-    Attributes
-    ----------
-    number : int
-        Counted from 1 over all runs, as a person at the test would.
-    run, start, stop : int
-        The run (from 0), the first sample above the trigger and the one after the first pulse.
-    peak : float
-        Largest force of the first pulse, with its sign.
-    reason : str
-        What is wrong with the hit, in words; empty for a good one.
-    unfit : bool
-        Whether the hit is of no use: its force was recorded wrongly, or too little of its vibration. A double hit, recorded
-        whole, still is: it only puts less force into some lines.
-    """
-
-    number: int
-    run: int
-    start: int
-    stop: int
-    peak: float
-    reason: str = ""
+    number: int  # from 1 over all runs
+    run: int  # from 0
+    start: int  # the first sample above the trigger
+    stop: int  # the one after the first pulse
+    peak: float  # largest force of the first pulse, with its sign
+    reason: str = ""  # its fault in words
     unfit: bool = False
 
 
@@ -83,8 +68,8 @@ class Hit(NamedTuple):
 def exponential_decay(end: float, duration: float) -> float:
     """Return the decay rate in 1/s of an exponential window that falls from 1 to `end` in `duration` seconds.
 
-    It is what the window adds to the decay of every mode: `FrequencyResponse(added_damping=...)` takes it, so that poles
-    identified from windowed responses, of other programs too, are shifted back.
+    The window adds it to the decay of every mode. `FrequencyResponse(added_damping=...)` takes it, so that poles identified from
+    windowed responses, of other programs too, are shifted back.
 
     Parameters
     ----------
@@ -121,11 +106,11 @@ def is_impact(force: Array) -> bool:
 
 
 def clipped_samples(x: Array) -> int:
-    """Return how many samples of x (N,) stand at a limit: its largest or smallest value, reached three times or more and all of a sudden.
+    """Return the number of clipped samples of x (N,): at its largest or smallest value, reached three times or more.
 
-    Levels of a signal that is not clipped are rarer the further out they are, repeated and binary ones alike at most. Of independent values
-    on the steps of a converter so many at the last level, after the mean of those before, have a chance of 1e-4 at most (Poisson's law).
-    The level at which a channel rests is no limit.
+    Outer levels of a signal that is not clipped are rarer than inner ones. The count of the last level must have a probability of 1e-4 at
+    most for independent values on the steps of a converter, given the mean of the steps before (Poisson's law). The level of a channel at
+    rest is no limit.
     """
     levels, counts = np.unique(x, return_counts=True)
     if levels.size < 3:
@@ -136,7 +121,7 @@ def clipped_samples(x: Array) -> int:
 
 
 def _is_limit(levels: Array, counts: Array) -> bool:
-    """Whether the last of rising levels has more samples than the steps before it lead one to expect."""
+    """Return whether the last of rising levels has more samples than expected from the steps before it."""
     last, before = int(counts[-1]), int(counts[-3:-1].max())
     if last < _OFTEN or last < _MORE * before:
         return False
@@ -147,24 +132,19 @@ def _is_limit(levels: Array, counts: Array) -> bool:
 
 
 def _pulses(force: RealArray, peak: float) -> list[tuple[int, int]]:
-    """Return (start, stop) of all stretches above the trigger level; short dips below it do not part them."""
+    """Return (start, stop) of all stretches above the trigger level; short dips below it do not separate them."""
     rest = np.median(force)
     size = np.abs(force - rest)
     noise = NORMAL * float(np.median(size))  # the deviation of Gaussian noise, untouched by a few pulses
     above = np.flatnonzero(size > max(_TRIGGER * peak, _ABOVE_NOISE * noise))
-    if above.size == 0:
-        return []
-    breaks = np.flatnonzero(np.diff(above) > 3)
-    starts = above[np.concatenate([[0], breaks + 1])]
-    stops = above[np.concatenate([breaks, [above.size - 1]])] + 1
-    return [(int(a), int(b)) for a, b in zip(starts, stops, strict=True)]
+    stretches = np.split(above, np.flatnonzero(np.diff(above) > 3) + 1)
+    return [(int(stretch[0]), int(stretch[-1]) + 1) for stretch in stretches if stretch.size]
 
 
 def _grouped(pulses: list[tuple[int, int]], force: RealArray) -> list[list[tuple[int, int]]]:
-    """Join pulses into hits: a pulse starts a new hit when the pause before it is a quarter of the longest pause or more.
+    """Group pulses into hits: a pulse starts a new hit when the pause before it is a quarter of the longest pause or more.
 
-    After shorter pauses, of a twentieth at least, it does so when it has half the height of the hit before: a hammer that bounces
-    strikes more weakly.
+    After shorter pauses, of a twentieth at least, it does so with half the height of the hit before: a bounce is weaker.
     """
     pauses = [b[0] - a[1] for a, b in itertools.pairwise(pulses)]
     longest = max([*pauses, force.size - pulses[-1][1]])
@@ -180,7 +160,7 @@ def _grouped(pulses: list[tuple[int, int]], force: RealArray) -> list[list[tuple
 
 
 def find_hits(forces: RealArray) -> list[Hit]:
-    """Return all hits in forces (R, N) of one hammer, each with what is wrong with it, if anything is.
+    """Return all hits in forces (R, N) of one hammer, with their faults.
 
     Overloaded: at least three equal samples at the peak, or a peak five times the median of three hits or more. Double: a
     second pulse of a tenth of the first or more before the next hit.
@@ -205,29 +185,30 @@ def find_hits(forces: RealArray) -> list[Hit]:
                 second = group[1 + int(np.argmax(later))][0] - start
                 reason = f"double hit: a second pulse of {100 * max(later) / abs(peak):.0f} %, {second} samples later"
             found.append(Hit(len(found) + 1, run, start, stop, peak, reason, unfit))
-    return [_beside_others(hit, found) for hit in found]
-
-
-def _beside_others(hit: Hit, hits: list[Hit]) -> Hit:
-    usual = float(np.median([abs(h.peak) for h in hits]))
-    if len(hits) < 3 or hit.unfit or abs(hit.peak) <= _OUTLIER * usual:
-        return hit
-    reason = f"overloaded: a peak of {hit.peak:.4g} where the others have {usual:.4g}"
-    return hit._replace(reason=reason, unfit=True)
+    if len(found) < 3:
+        return found
+    usual = float(np.median([abs(hit.peak) for hit in found]))
+    reason = f"overloaded: a peak of {{:.4g}} where the others have {usual:.4g}"
+    return [
+        hit._replace(reason=reason.format(hit.peak), unfit=True)
+        if not hit.unfit and abs(hit.peak) > _OUTLIER * usual
+        else hit
+        for hit in found
+    ]
 
 
 def room_of(hits: list[Hit], samples: int, before: int) -> dict[int, int]:
-    """Return for every hit, by its number, the samples from `before` ahead of it to the next hit or the end of its run."""
+    """Return the samples of every hit, by its number, from `before` ahead of it to the next hit or the end of its run."""
     starts = {hit.number: max(hit.start - before, 0) for hit in hits}
     ends = {a.number: starts[b.number] for a, b in itertools.pairwise(hits) if a.run == b.run}
     return {number: ends.get(number, samples) - start for number, start in starts.items()}
 
 
 def whole_series(hits: list[Hit], room: dict[int, int]) -> list[Hit]:
-    """Give a reason to hits that would shorten all others: the last before the record ends, and those soon after another.
+    """Mark hits that would shorten all others: the last before the record ends, and those soon after another.
 
-    Kept are the k hits with room for n samples each that have the largest k n, the time that is used; of series of the same
-    time the one of more hits. They begin a quarter of n after the hit before them at least.
+    The rest are the k hits with at least n samples each that have the largest k n; of equal ones the series of more hits. They begin at
+    least a quarter of n after the hit before them.
     """
     since = {b.number: b.start - a.start for a, b in itertools.pairwise(hits) if a.run == b.run}
     good = [hit for hit in hits if not hit.unfit]
@@ -238,12 +219,11 @@ def whole_series(hits: list[Hit], room: dict[int, int]) -> list[Hit]:
     lengths = sorted({room[hit.number] for hit in good})
     best = max(lengths, key=lambda n: n * len(kept(n)), default=0)
     usable = kept(best)
-    return [hit if hit in usable or hit.unfit else _too_near(hit, room[hit.number], best) for hit in hits]
-
-
-def _too_near(hit: Hit, room: int, length: int) -> Hit:
-    what = f"{room} samples long, where {length} are cut" if room < length else "soon after the hit before it"
-    return hit._replace(reason=what, unfit=True)
+    soon = "soon after the hit before it"
+    reasons = {
+        n: soon if length >= best else f"{length} samples long, where {best} are cut" for n, length in room.items()
+    }
+    return [h if h in usable or h.unfit else h._replace(reason=reasons[h.number], unfit=True) for h in hits]
 
 
 def cut_hits(
@@ -251,12 +231,8 @@ def cut_hits(
 ) -> tuple[RealArray, RealArray]:
     """Return outputs (hits, n, l) and inputs (hits, n, m), each hit from `before` samples ahead of its trigger.
 
-    `segment` is n; by default it is the least `room` of the hits.
-
-    Raises
-    ------
-    DataError
-        No hits, or a segment that reaches into the next hit or beyond the run.
+    n is the segment, by default the least `room` of the hits. Raises DataError without hits, and for a segment that reaches into the next
+    hit or beyond the run.
     """
     if not hits:
         raise DataError(
@@ -273,6 +249,5 @@ def cut_hits(
             f"hit {least} has {room[least]} before the next one or the end",
             f"Lower segment to at most {room[least]}, or leave that hit out.",
         )
-    y = np.stack([outputs[h.run, s : s + length] for h, s in zip(hits, starts, strict=True)])
-    u = np.stack([inputs[h.run, s : s + length] for h, s in zip(hits, starts, strict=True)])
+    y, u = (np.stack([x[h.run, s : s + length] for h, s in zip(hits, starts, strict=True)]) for x in (outputs, inputs))
     return y, u

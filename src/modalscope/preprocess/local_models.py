@@ -1,4 +1,4 @@
-"""Frequency responses without leakage: on a few neighbouring lines of a whole run the response and the transient are smooth.
+"""Estimate frequency responses without leakage by local polynomial or rational models on a few adjacent lines of whole runs.
 
 The transform of a whole run obeys Y = G U + T + V exactly, T from the states at both ends. On the lines k + r, r = -n ... n, both are
 polynomials of r, or ratios of polynomials with one denominator:
@@ -6,8 +6,8 @@ polynomials of r, or ratios of polynomials with one denominator:
     local polynomial    Y(k + r) = (g_0 + g_1 r + ...) U(k + r) + t_0 + t_1 r + ... + V
     local rational      (1 + d_1 r + ...) Y(k + r) = (b_0 + b_1 r + ...) U(k + r) + i_0 + i_1 r + ... + V
 
-linear least squares line by line; G = g_0 or b_0. What is left is the noise, and gives the variance. No window, no average, no leakage;
-the polynomial is biased where a resonance is narrower than the lines it takes, the rational one is not.
+by linear least squares line by line; G = g_0 or b_0. The residual is the noise, and gives the variance. There is no window, average or
+leakage; the polynomial is biased where a resonance is narrower than its lines, the rational model is not.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ import numpy as np
 from scipy import fft
 
 from modalscope.data.records import Signals
-from modalscope.data.sizes import check_size
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import ComplexArray, RealArray, check_count
 from modalscope.numerics.errors import DataError, check_choice
+from modalscope.preprocess.excitation import driven_records
 
 __all__ = ["LOCAL", "LocalEstimate", "local_models"]
 
 #: Local models by name.
 LOCAL = ("lpm", "lrm")
 
-#: Equations a line has more than unknowns: its noise power is then known to a third.
+#: Degrees of freedom of a line: its noise power is then known to a third.
 _FREEDOM = 9
 
-#: Directions of the forces below this part of the largest are none: a response to them cannot be told.
+#: Reciprocal condition of the regressors below which forces are dependent.
 _DEPENDENT = 1e-10
 
 #: Complex numbers in the equations solved at a time.
@@ -39,7 +39,7 @@ _AT_ONCE = 2_000_000
 
 
 class LocalEstimate(NamedTuple):
-    """What local models give on the lines of a whole run.
+    """Estimate by local models on the lines of a whole run.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class LocalEstimate(NamedTuple):
     coherence : array, (F, l)
         The part of every output's power near the line that is not noise.
     half_width : int
-        Lines on either side that an estimate is made of.
+        Lines on either side of an estimate.
     """
 
     frequencies: RealArray
@@ -79,7 +79,7 @@ def local_models(signals: Signals, kind: str = "lrm", degree: int = 2, half_widt
     degree : int
         Of all polynomials.
     half_width : int, optional
-        Lines on either side; by default as few as leave nine equations more than unknowns.
+        Lines on either side; by default the fewest with nine equations more than unknowns.
 
     Raises
     ------
@@ -101,54 +101,38 @@ def local_models(signals: Signals, kind: str = "lrm", degree: int = 2, half_widt
     """
     check_choice("kind", kind, LOCAL)
     degree = check_count("degree", degree, least=1)
-    Y, U = _lines(signals)
+    records = driven_records(signals, "frequency responses")
+    inside = slice(1, (signals.samples + 1) // 2)  # without 0 Hz and half the sampling rate
+    Y, U = (np.asarray(fft.rfft(x, axis=1)[:, inside]) for x in records)
     runs, lines, m = U.shape
     unknowns = (degree + 1) * (m + runs) + (degree if kind == "lrm" else 0)
     least = -(-(unknowns + 1 - runs) // (2 * runs))
-    n = (
-        max(-(-(unknowns + _FREEDOM - runs) // (2 * runs)), 1)
-        if half_width is None
-        else check_count("half_width", half_width)
-    )
+    fewest = max(-(-(unknowns + _FREEDOM - runs) // (2 * runs)), 1)
+    n = fewest if half_width is None else check_count("half_width", half_width)
     if n < least or lines < 2 * n + 1:
         raise DataError(
             f"a local model of degree {degree} on {2 * n + 1} lines of {runs} runs was asked",
             f"it has {unknowns} unknowns on {min(lines, 2 * n + 1) * runs} equations, and the runs have {lines} lines",
             f"Give half_width={max(least, 1)} or more, lower the degree, or measure longer.",
         )
-    values, variance = (np.zeros((lines, Y.shape[2], m), dtype=t) for t in (complex, float))
-    noise, power = np.zeros((lines, Y.shape[2])), np.zeros((lines, Y.shape[2]))
+    solve = _rational if kind == "lrm" else _polynomial
+    parts = []
     step = max(1, _AT_ONCE // (runs * (2 * n + 1) * (unknowns + Y.shape[2])))
     for start in range(0, lines, step):
-        own = np.arange(start, min(start + step, lines))
-        first = np.clip(own - n, 0, lines - 2 * n - 1)  # at the ends of the band the lines lie to one side
+        k = np.arange(start, min(start + step, lines))
+        first = np.clip(k - n, 0, lines - 2 * n - 1)  # at the ends of the band the lines lie to one side
         near = first[:, None] + np.arange(2 * n + 1)
-        r = (near - own[:, None]) / n
-        solve = _rational if kind == "lrm" else _polynomial
-        values[own], variance[own], noise[own] = solve(Y[:, near], U[:, near], r, degree)
-        power[own] = np.mean(np.abs(Y[:, near]) ** 2, axis=(0, 2))
+        power = np.mean(np.abs(Y[:, near]) ** 2, axis=(0, 2))
+        parts.append((*solve(Y[:, near], U[:, near], (near - k[:, None]) / n, degree), power))
+    values, variance, noise, power = (np.concatenate(each) for each in zip(*parts, strict=True))
     fs, N = signals.sampling_rate, signals.samples
     density = 2 / (fs * N)
     coherence = np.clip(1 - np.divide(noise, power, out=np.ones_like(power), where=power > 0), 0, 1)
     return LocalEstimate(np.arange(1, lines + 1) * fs / N, values, variance, noise * density, coherence, n)
 
 
-def _lines(signals: Signals) -> tuple[ComplexArray, ComplexArray]:
-    """Return the transforms (R, F, channels) of whole runs, without 0 Hz and half the rate."""
-    check_size(signals)
-    outputs, inputs = signals.by_run()
-    if inputs is None:
-        raise DataError(
-            "frequency responses were asked",
-            "the record has no inputs",
-            "Give the forces as inputs, or use estimate_correlation.",
-        )
-    inside = slice(1, (signals.samples + 1) // 2)
-    return np.asarray(fft.rfft(outputs, axis=1)[:, inside]), np.asarray(fft.rfft(inputs, axis=1)[:, inside])
-
-
-def _known(U: ComplexArray, r: RealArray, degree: int) -> ComplexArray:
-    """Return the regressors r^s U and, of each run alone, r^s: (F, R (2 n + 1), (degree + 1) (m + R)), those of g_0 first."""
+def _regressors(U: ComplexArray, r: RealArray, degree: int) -> ComplexArray:
+    """Return the regressors r^s U and, for each run, r^s: (F, R (2 n + 1), (degree + 1) (m + R)), those of g_0 first."""
     runs, lines, width, _ = U.shape
     powers = r[:, :, None] ** np.arange(degree + 1)  # (F, w, s)
     forced = U[:, :, :, None, :] * powers[:, :, :, None]  # (R, F, w, s, m)
@@ -171,8 +155,8 @@ class _Known(NamedTuple):
     P: ComplexArray
     inverse: ComplexArray
 
-    def without(self, Y: ComplexArray) -> ComplexArray:
-        """Return what the regressors do not explain, (F, e, k)."""
+    def residual(self, Y: ComplexArray) -> ComplexArray:
+        """Return the residual of Y from the regressors, (F, e, k)."""
         return np.asarray(Y - self.P @ (self.P.conj().transpose(0, 2, 1) @ Y))
 
 
@@ -180,11 +164,11 @@ def _decomposed(K: ComplexArray) -> _Known:
     scale = np.linalg.norm(K, axis=1)
     scale = np.where(scale > 0, scale, 1.0)
     P, d, Qh = np.linalg.svd(K / scale[:, None, :], full_matrices=False)
-    apart = d[:, -1] > _DEPENDENT * d[:, 0]
-    if not np.all(apart):
+    independent = d[:, -1] > _DEPENDENT * d[:, 0]
+    if not np.all(independent):
         raise DataError(
             "a local model of the responses was asked",
-            f"forces and transients cannot be told apart on {int(np.sum(~apart))} of {len(d)} lines: "
+            f"forces and transients are dependent on {int(np.sum(~independent))} of {len(d)} lines: "
             "forces are multiples of each other, or vanish",
             "Leave one out with select(), cut the band with filter_band(), or use estimator='h1'.",
         )
@@ -196,36 +180,36 @@ def _polynomial(
     Y: ComplexArray, U: ComplexArray, r: RealArray, degree: int
 ) -> tuple[ComplexArray, RealArray, RealArray]:
     """Return responses (F, l, m), variances and noise power (F, l) of the local polynomial model."""
-    m, known, outputs = U.shape[3], _decomposed(_known(U, r, degree)), _flat(Y)
+    m, known, outputs = U.shape[3], _decomposed(_regressors(U, r, degree)), _flat(Y)
     own = known.inverse[:, :m]
     freedom = outputs.shape[1] - known.P.shape[2]
-    noise = np.sum(np.abs(known.without(outputs)) ** 2, axis=1) / freedom
+    noise = np.sum(np.abs(known.residual(outputs)) ** 2, axis=1) / freedom
     spread = np.sum(np.abs(own) ** 2, axis=2)
     return (own @ outputs).transpose(0, 2, 1), noise[:, :, None] * spread[:, None, :], noise
 
 
 def _rational(Y: ComplexArray, U: ComplexArray, r: RealArray, degree: int) -> tuple[ComplexArray, RealArray, RealArray]:
-    """Return the same of the local rational model: every output has a denominator of its own.
+    """Return the same for the local rational model, with a denominator for every output.
 
-    The denominator d comes from what the other regressors do not explain, b = K# (y - Z d) from it, and their variances from the
-    inverse of [K, Z]'[K, Z] by blocks.
+    The denominator d is fitted to the residuals of the other regressors, b = K# (y - Z d), and the variances are blocks of the inverse
+    of [K, Z]'[K, Z].
     """
-    m, known, outputs = U.shape[3], _decomposed(_known(U, r, degree)), _flat(Y)
+    m, known, outputs = U.shape[3], _decomposed(_regressors(U, r, degree)), _flat(Y)
     powers = np.tile(r[:, :, None] ** np.arange(1, degree + 1), (1, Y.shape[0], 1))
     own, freedom = known.inverse[:, :m], outputs.shape[1] - known.P.shape[2] - degree
     values, variance, noise = [], [], []
     for i in range(outputs.shape[2]):
         y = outputs[:, :, i : i + 1]
         Z = -powers * y
-        free, left = known.without(Z), known.without(y)
+        free, residual = known.residual(Z), known.residual(y)
         adjoint = free.conj().transpose(0, 2, 1)
         inverse = np.linalg.pinv(adjoint @ free, hermitian=True)
-        d = inverse @ (adjoint @ left)
-        power = np.sum(np.abs(left - free @ d) ** 2, axis=(1, 2)) / freedom
+        d = inverse @ (adjoint @ residual)
+        power = np.sum(np.abs(residual - free @ d) ** 2, axis=(1, 2)) / freedom
         through = own @ Z
         spread = np.sum(np.abs(own) ** 2, axis=2) + np.einsum("fms,fst,fmt->fm", through, inverse, through.conj()).real
         values.append((own @ (y - Z @ d))[:, :, 0])
         variance.append(power[:, None] * spread)
-        # what is left of the equations is the noise times the denominator
+        # the residual of the equations is the noise times the denominator
         noise.append(power / np.mean(np.abs(1 + (powers @ d)[:, :, 0]) ** 2, axis=1))
     return np.stack(values, axis=1), np.stack(variance, axis=1), np.stack(noise, axis=1)

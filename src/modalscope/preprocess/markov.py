@@ -1,4 +1,4 @@
-"""Markov parameters from records of any input: by an observer (OKID), or by plain least squares."""
+"""Estimate Markov parameters from records of any input: by an observer (OKID), or by least squares."""
 
 from __future__ import annotations
 
@@ -11,31 +11,29 @@ import scipy.linalg as sla
 
 from modalscope.data.records import Signals
 from modalscope.data.responses import ImpulseResponse
-from modalscope.data.sizes import check_size
 from modalscope.data.statespace import StateSpace
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import IntArray, RealArray, check_count, check_kind
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.resources import one_thread
 from modalscope.numerics.sums import TriangleSum
+from modalscope.preprocess.excitation import driven_records
 
 __all__ = ["Observer", "estimate_markov", "estimate_observer", "regression"]
 
 
 # ---------------------------------------------------------------------------------------------------------- regression
-# The observer's regression: fitted to parts of the records, judged on the rest, without the directions that only noise excites.
-#
-# Outputs that follow from one another, inputs without power in part of the band and long pasts give regressors that hardly differ. What
-# a least-squares fit finds there is noise, and an observer made of noise need not be stable. Of the regressors' singular directions the
-# first `rank` are kept; the rank, as the observer's order, is the one that predicts best what it was not fitted to.
+# The regression of an observer. Dependent outputs, inputs without power in part of the band and long pasts make regressors nearly
+# dependent, and an observer fitted to noise need not be stable. The first `rank` singular directions of the regressors are kept; rank and
+# order are those that predict best the parts of the records to which they were not fitted.
 
-#: Directions of the regressors below this part of the largest carry rounding only; the shortest solution leaves them out.
+#: Directions of the regressors below this part of the largest are rounding; the minimum-norm solution excludes them.
 RANK = 1e-13
 
-#: Residuals below this part of the outputs are rounding: a longer observer would fit nothing more.
+#: Residuals below this part of the outputs are rounding.
 _EXACT = 1e-11
 
-#: Parts that each run is cut into; every one is predicted from the others.
+#: Parts of each run; every one is predicted from the others (cross-validation).
 _PARTS = 4
 
 #: Ranks that are tried, about evenly on a logarithmic scale.
@@ -45,18 +43,10 @@ _RANKS = 60
 _AT_ONCE = 4096
 
 
-class Fit(NamedTuple):
-    """Coefficients (unknowns, l), how many directions they come from, and the residuals' sums of squares and products (l, l)."""
-
-    solution: RealArray
-    rank: int
-    residual: RealArray
-
-
 class Regression(NamedTuple):
     """Triangular factors of [u(k), u(k-1), y(k-1), ..., u(k-p), y(k-p), y(k)]: over all times k, over each part, and over all others.
 
-    An order's regressors come before those of the next one, so that its own factor is a leading block.
+    The regressors of an order come before those of the next, so that its factor is a leading block.
     """
 
     whole: RealArray
@@ -67,95 +57,64 @@ class Regression(NamedTuple):
     rows: int
 
     def unknowns(self, order: int) -> int:
-        """Coefficients of an output at an order.
-
-        Parameters
-        ----------
-        order : int
-        """
+        """Return the coefficients of an output at an order."""
         return self.inputs + order * (self.inputs + self.outputs)
 
     def share(self, errors: RealArray) -> RealArray:
-        """Return the mean logarithm over the outputs of the power's share in sums of squares (..., l); rounding counts as one size.
-
-        Parameters
-        ----------
-        errors : array
-        """
+        """Return the mean over the outputs of log(errors / power), errors (..., l) being sums of squares, no smaller than rounding."""
         power = np.sum(self.whole[:, -self.outputs :] ** 2, axis=0)
         return np.asarray(np.mean(np.log(np.maximum(errors / np.where(power > 0, power, 1.0), _EXACT**2)), axis=-1))
 
-    def fit(self, unknowns: int, rank: int | None = None) -> Fit:
-        """Return the shortest least-squares solution in the first `rank` directions of the first regressors.
+    def fit(self, unknowns: int, rank: int | None = None) -> tuple[RealArray, int, RealArray]:
+        """Return the minimum-norm solution (unknowns, l) in the first `rank` directions, the rank, and the residuals' Gram matrix (l, l).
 
-        Parameters
-        ----------
-        unknowns : int
-        rank : int, optional
-            All that stand out of rounding by default.
+        By default all directions above rounding are taken.
         """
         R, Y = self.whole[:, :unknowns], self.whole[:, -self.outputs :]
         steps, Vt = _directions(R, Y)
         kept = len(steps) if rank is None else min(rank, len(steps))
         solution = Vt[:kept].T @ steps[:kept]
-        left = Y - R @ solution
-        return Fit(solution, kept, left.T @ left)
+        residual = Y - R @ solution
+        return solution, kept, residual.T @ residual
 
     def is_exact(self, unknowns: int) -> bool:
-        """Whether the first regressors give the outputs to rounding, with equations to spare: noise never does.
-
-        Parameters
-        ----------
-        unknowns : int
-        """
+        """Return whether the first regressors fit the outputs to rounding, with more equations than directions: noise never does."""
         limit = _EXACT**2 * np.sum(self.whole[:, -self.outputs :] ** 2, axis=0)
-        if not limit.any() or np.any(
-            np.sum(self.whole[unknowns:, -self.outputs :] ** 2, axis=0) > limit
-        ):  # the least that can be left
+        least = np.sum(self.whole[unknowns:, -self.outputs :] ** 2, axis=0)  # residual of the unrestricted fit
+        if not limit.any() or np.any(least > limit):
             return False
-        found = self.fit(unknowns)
-        return found.rank < self.rows and bool(np.all(np.diag(found.residual) <= limit))
+        _, rank, residual = self.fit(unknowns)
+        return rank < self.rows and bool(np.all(np.diag(residual) <= limit))
 
-    def held_out(self, unknowns: int) -> tuple[int, float]:
-        """Return the rank that predicts the parts best, each from the others, and the mean logarithm of the errors' share of the power.
+    def errors(self, unknowns: int, ranks: IntArray) -> RealArray:
+        """Return the sums of squared errors (ranks, l) of predicting each part from the others."""
+        errors = np.zeros((ranks.size, self.outputs))
+        for part, R in zip(self.parts, self.others, strict=True):
+            steps, Vt = _directions(R[:, :unknowns], R[:, -self.outputs :])
+            turned, residual, last = part[:, :unknowns] @ Vt.T, np.array(part[:, -self.outputs :]), 0
+            for i, rank in enumerate(np.minimum(ranks, len(steps))):
+                residual -= turned[:, last:rank] @ steps[last:rank]
+                errors[i] += np.sum(residual**2, axis=0)
+                last = rank
+        return errors
 
-        Parameters
-        ----------
-        unknowns : int
-        """
+    def cross_validated(self, unknowns: int) -> tuple[int, float]:
+        """Return the rank that predicts the parts best, each from the others, and the mean log share of the errors in the power."""
         ranks = np.unique(np.geomspace(1, unknowns, _RANKS).astype(int))
-        errors = np.sum([self._errors(k, unknowns, ranks) for k in range(len(self.parts))], axis=0)
-        criterion = self.share(errors)
+        criterion = self.share(self.errors(unknowns, ranks))
         best = int(np.argmin(criterion))
         return int(ranks[best]), float(criterion[best])
 
-    def _errors(self, k: int, unknowns: int, ranks: IntArray) -> RealArray:
-        """Return the sums of squared errors (ranks, l) on part k."""
-        R, part = self.others[k], self.parts[k]
-        steps, Vt = _directions(R[:, :unknowns], R[:, -self.outputs :])
-        turned, left = part[:, :unknowns] @ Vt.T, np.array(part[:, -self.outputs :])
-        errors, last = np.empty((ranks.size, self.outputs)), 0
-        for i, rank in enumerate(np.minimum(ranks, len(steps))):
-            left -= turned[:, last:rank] @ steps[last:rank]
-            errors[i], last = np.sum(left**2, axis=0), rank
-        return errors
-
 
 def _directions(R: RealArray, Y: RealArray) -> tuple[RealArray, RealArray]:
-    """Return d^-1 U'Y and V' of R = U d V', without what is rounding."""
+    """Return d^-1 U'Y and V' of R = U d V', without the directions that are rounding."""
     U, d, Vt = sla.svd(R[: R.shape[1]], full_matrices=False, check_finite=False)
     above = int(np.count_nonzero(d > RANK * d[0]))
     return (U[:, :above].T @ Y[: R.shape[1]]) / d[:above, None], Vt[:above]
 
 
 def regression(outputs: RealArray, inputs: RealArray, order: int) -> Regression:
-    """Return the regression of outputs (R, N, l) on inputs (R, N, m) and outputs of `order` samples before.
-
-    Parameters
-    ----------
-    outputs, inputs : array
-    order : int
-    """
+    """Return the regression of outputs (R, N, l) on inputs (R, N, m) and the `order` samples of both before."""
     (runs, samples, l), m = outputs.shape, inputs.shape[2]
     columns = (m + l) * (order + 1)
     times = np.array_split(np.arange(order, samples), _PARTS)
@@ -164,7 +123,9 @@ def regression(outputs: RealArray, inputs: RealArray, order: int) -> Regression:
         total = TriangleSum(columns)
         for y, u in zip(outputs, inputs, strict=True):
             for first in range(0, chosen.size, _AT_ONCE):
-                total.add(_rows(y, u, chosen[first : first + _AT_ONCE], order))
+                k = chosen[first : first + _AT_ONCE]
+                past = [side[k - i] for i in range(1, order + 1) for side in (u, y)]
+                total.add(np.concatenate([u[k], *past, y[k]], axis=1))
         parts.append(total.finish())
     others = [_joined(columns, parts[:k] + parts[k + 1 :]) for k in range(_PARTS)]
     return Regression(_joined(columns, [parts[0], others[0]]), parts, others, l, m, runs * (samples - order))
@@ -177,15 +138,10 @@ def _joined(columns: int, triangles: list[RealArray]) -> RealArray:
     return total.finish()
 
 
-def _rows(y: RealArray, u: RealArray, times: IntArray, order: int) -> RealArray:
-    past = [part[times - i] for i in range(1, order + 1) for part in (u, y)]
-    return np.concatenate([u[times], *past, y[times]], axis=1)
-
-
 # ------------------------------------------------------------------------------------------------------ observer order
-# Which order an observer has, and how many directions of its regressors: the first that is exact, or what predicts best.
+# Order and rank of the observer: the first that is exact, or those of the least error in cross-validation.
 
-#: Largest order tried by default, and regressors beyond which orders above `_ALWAYS` are left out: their factors take long.
+#: Largest order tried by default, and regressors beyond which orders above `_ALWAYS` are not tried.
 _LONGEST, _REGRESSORS, _ALWAYS = 60, 600, 10
 
 #: Orders up to this one are all tried, longer ones in steps of about a quarter.
@@ -193,7 +149,7 @@ _EVERY = 12
 
 
 class Tried(NamedTuple):
-    """Orders that were tried, the rank of each, and the criterion that the best one minimises."""
+    """Orders that were tried, the rank of each, and the criterion that the best order minimizes."""
 
     regression: Regression
     orders: IntArray
@@ -207,26 +163,14 @@ class Tried(NamedTuple):
 
 
 def tried_orders(outputs: RealArray, inputs: RealArray, given: int | None, longest: int | None) -> Tried:
-    """Try all orders, or the one that is given.
+    """Try all orders up to `longest`, or the given one, on outputs (R, N, l) and inputs (R, N, m) of unit scale.
 
-    Parameters
-    ----------
-    outputs, inputs : array, (R, N, l) and (R, N, m)
-        Of about the same size in all channels.
-    given, longest : int, optional
-        As in `estimate_observer`.
-
-    Raises
-    ------
-    DataError
-        More unknowns than the record can tell, at every order.
+    Raises DataError when every order has more unknowns than equations.
     """
     (runs, samples, l), m = outputs.shape, inputs.shape[2]
     most = max(_REGRESSORS // (l + m), _ALWAYS) if longest is None else check_count("longest", longest)
     top = given or max(min(most, _LONGEST if longest is None else most, samples // 2), 1)
-    enough = max(
-        (runs * samples - m - l) // (l + m + runs), 0
-    )  # orders that leave an equation to spare for every output
+    enough = max((runs * samples - m - l) // (l + m + runs), 0)  # orders with more equations than unknowns
     determined = min(top, enough) if given is None or given <= enough else 0
     noisy = None
     for largest in sorted({determined, top} - {0}):
@@ -239,14 +183,19 @@ def tried_orders(outputs: RealArray, inputs: RealArray, given: int | None, longe
                 return _exact(found, orders[: i + 1])
         noisy = noisy or found
     if not determined or noisy is None:
-        raise _too_short(given or 1, l, m, runs * (samples - (given or 1)))
+        order = given or 1
+        raise DataError(
+            f"an observer of order {order} for {l} outputs and {m} inputs was asked",
+            f"it has {m + order * (l + m)} unknowns an output, and the record gives {max(runs * (samples - order), 0)} equations",
+            "Lower observer_order, or measure longer.",
+        )
     orders = _ladder(determined, given)
-    held_out = [noisy.held_out(noisy.unknowns(p)) for p in orders]
-    return Tried(noisy, orders, np.array([rank for rank, _ in held_out]), np.array([error for _, error in held_out]))
+    ranks, errors = zip(*(noisy.cross_validated(noisy.unknowns(p)) for p in orders), strict=True)
+    return Tried(noisy, orders, np.array(ranks), np.array(errors))
 
 
 def _ladder(largest: int, given: int | None) -> IntArray:
-    """Return the orders to try, the largest among them."""
+    """Return the orders to try up to the largest one, or the given one."""
     if given is not None:
         return np.array([given])
     steps = np.geomspace(_EVERY, max(largest, _EVERY), max(1, round(4.5 * np.log(max(largest / _EVERY, 1)))) + 1)
@@ -255,40 +204,33 @@ def _ladder(largest: int, given: int | None) -> IntArray:
 
 
 def _exact(found: Regression, orders: IntArray) -> Tried:
-    """Return orders up to the first that fits to rounding, by what they leave."""
-    fits = [found.fit(found.unknowns(p)) for p in orders]
-    left = np.array([found.share(np.diag(fit.residual)) for fit in fits])
-    left[-1] = min(left[-1], left.min())
-    return Tried(found, orders[::-1], np.array([fit.rank for fit in fits])[::-1], left[::-1])
-
-
-def _too_short(order: int, l: int, m: int, rows: int) -> DataError:
-    return DataError(
-        f"an observer of order {order} for {l} outputs and {m} inputs was asked",
-        f"it has {m + order * (l + m)} unknowns an output, and the record gives {max(rows, 0)} equations",
-        "Lower observer_order, or measure longer.",
-    )
+    """Return the orders up to the first that fits to rounding, which is the best, by their residuals."""
+    _, ranks, residuals = zip(*(found.fit(found.unknowns(p)) for p in orders), strict=True)
+    criterion = np.array([found.share(np.diag(residual)) for residual in residuals])
+    criterion[-1] = criterion.min()
+    return Tried(found, orders[::-1], np.array(ranks)[::-1], criterion[::-1])
 
 
 # ------------------------------------------------------------------------------------------------------------ observer
-# Observer identification (OKID): a regression of finite length, and the response and the gain that follow from it.
+# Observer/Kalman filter identification (OKID). With an observer of gain G the state-space model reads
 #
-# With an observer of gain G the state-space model reads y(k) = D u(k) + sum_i [ b_i u(k - i) + a_i y(k - i) ], i = 1 ... p,
-# with b_i = C (A - G C)^(i-1) (B - G D) and a_i = C (A - G C)^(i-1) G: a regression of finite length whatever the damping. The
-# system's own Markov parameters follow from
+#     y(k) = D u(k) + sum_i [ b_i u(k - i) + a_i y(k - i) ], i = 1 ... p,
+#     b_i = C (A - G C)^(i-1) (B - G D), a_i = C (A - G C)^(i-1) G:
+#
+# a regression of finite length whatever the damping. The Markov parameters of the system follow from
 #
 #     Y(k) = b_(k+1) + a_(k+1) D + sum_{i<=k} a_i Y(k - i)         (a_i = b_i = 0 beyond p)
 #
-# and C A^k G from the same recursion with a_(k+1) instead of the first two terms. When p is long enough and the record too, G is
-# the Kalman gain of the noise in the record.
+# and C A^k G from the same recursion with a_(k+1) instead of the first two terms. For large p and long records G is
+# the Kalman gain of the noise.
 
 #: A response counts as decayed 80 dB below its largest value.
 _DECAYED = 1e-4
 
-#: It grows when the last quarter of a run sees this many times the largest value of the first half: a free body moves twice as far.
+#: It grows when the last quarter of a run exceeds the largest value of the first half by this factor: a free body moves twice as far.
 _GROWS = 3.0
 
-#: Beyond this many times outputs over inputs nothing is left of a structure.
+#: A response beyond this many times outputs over inputs is unstable.
 _HUGE = 1e9
 
 #: Orders that are tried until one does not grow.
@@ -296,7 +238,7 @@ _ATTEMPTS = 6
 
 
 class Observer(NamedTuple):
-    """An observer found from a record, and the response that follows from it.
+    """An observer identified from a record, and the response computed from it.
 
     Attributes
     ----------
@@ -307,8 +249,8 @@ class Observer(NamedTuple):
     order : int
         Observer order p: past samples in the regression.
     orders, criterion : array
-        All observer orders that were tried, and the mean logarithm of the share of the outputs' power that each leaves of what it was
-        not fitted to; the chosen one is the least of those whose response does not grow.
+        All observer orders that were tried, and the mean logarithm of their prediction errors' share of the outputs' power, in
+        cross-validation; the chosen order is the best whose response does not grow.
     residual_covariance : array, (l, l)
         Covariance of the one-step prediction errors.
     """
@@ -358,10 +300,10 @@ def estimate_observer(
 ) -> Observer:
     """Observer/Kalman filter identification (OKID): the response, the gain and the observer's order.
 
-    The observer is the one that predicts best what it was not fitted to: every quarter of the runs is predicted from the others, by all
-    orders up to `longest` and with more and more of the regressors' singular directions (`modalscope.preprocess.markov`). What only
-    noise excites is left out so, of redundant channels and of inputs without power in part of the band alike. Where a record is exact
-    to rounding, the first order that fits it is taken. An order whose response grows is passed over for the next best.
+    The observer is the best in cross-validation: every quarter of the runs is predicted from the others, by all orders up to `longest`
+    and with more and more of the regressors' singular directions (`modalscope.preprocess.markov`). This excludes directions that only
+    noise excites, of redundant channels and of inputs without power in part of the band. Where a record is exact to rounding, the first
+    order that fits it is taken. An order whose response grows is rejected for the next best.
 
     Parameters
     ----------
@@ -378,7 +320,7 @@ def estimate_observer(
     DataError
         No inputs, too short a record, or a response that grows with every observer.
     """
-    outputs, inputs = driven_records(signals)
+    outputs, inputs = driven_records(signals, "Markov parameters")
     given = None if observer_order is None else check_count("observer_order", observer_order)
     asked = None if samples is None else check_count("samples", samples, least=2)
     scales = _level(outputs), _level(inputs)
@@ -389,7 +331,13 @@ def estimate_observer(
         if response is not None:
             break
     else:
-        raise _growing(tried, given)
+        orders = ", ".join(str(p) for p, _ in islice(tried.best_first(), _ATTEMPTS))
+        raise DataError(
+            "the response of a structure by an observer (OKID) was asked",
+            f"with {'order' if given else 'the best orders,'} {orders} it grows instead of decaying: "
+            "the record does not tell damping from noise, or the structure is unstable",
+            "Give another observer_order, leave out channels that follow from others or carry noise (exclude), or measure longer.",
+        )
     Y, gain, end = response
     by_input, by_output = scales[0][:, None] / scales[1], scales[0][:, None] / scales[0]
     how = f"{'chosen' if given is None else 'given'}, {rank} of {tried.regression.unknowns(p)} directions"
@@ -410,31 +358,8 @@ def _level(records: RealArray) -> RealArray:
     return np.asarray(np.where(size > 0, size, 1.0))
 
 
-def _growing(tried: Tried, given: int | None) -> DataError:
-    orders = ", ".join(str(p) for p, _ in islice(tried.best_first(), _ATTEMPTS))
-    return DataError(
-        "the response of a structure by an observer (OKID) was asked",
-        f"with {'order' if given else 'the best orders,'} {orders} it grows instead of decaying: "
-        "the record does not tell damping from noise, or the structure is unstable",
-        "Give another observer_order, leave out channels that follow from others or carry noise (exclude), or measure longer.",
-    )
-
-
-def driven_records(signals: Signals) -> tuple[RealArray, RealArray]:
-    """Return outputs (R, N, l) and inputs (R, N, m) of records, or raise when nothing was driven."""
-    check_size(signals)
-    outputs, inputs = signals.by_run()
-    if inputs is None:
-        raise DataError(
-            "Markov parameters were asked",
-            "the record has no inputs",
-            "Give the forces as inputs, or use estimate_correlation for a record of responses alone.",
-        )
-    return outputs, inputs
-
-
 def _coefficients(found: Regression, p: int, rank: int) -> tuple[RealArray, RealArray, RealArray, RealArray]:
-    """Return D (l, m), b (p, l, m), a (p, l, l) and the covariance of what they leave (l, l)."""
+    """Return D (l, m), b (p, l, m), a (p, l, l) and the covariance of the residuals (l, l)."""
     l, m = found.outputs, found.inputs
     solution, _, residual = found.fit(found.unknowns(p), rank)
     past = solution[m:].reshape(p, m + l, l).transpose(0, 2, 1)
@@ -444,17 +369,17 @@ def _coefficients(found: Regression, p: int, rank: int) -> tuple[RealArray, Real
 def _recursion(
     D: RealArray, b: RealArray, a: RealArray, asked: int | None, run: int
 ) -> tuple[RealArray, RealArray, str] | None:
-    """Return Y(k) and C A^k G, and why they end where they do; None when they grow, seen over the length of a run."""
+    """Return Y(k) and C A^k G, and the reason of their length; None when they grow over the length of a run."""
     p, l, m = b.shape
-    own = np.concatenate([b + a @ D, a], axis=2)  # Y and the gain parameters obey one recursion: (p, l, m + l)
-    weights = a[::-1].transpose(1, 0, 2).reshape(l, p * l)  # a_p ... a_1, to meet the past in its own order
+    direct = np.concatenate([b + a @ D, a], axis=2)  # Y and the gain parameters obey one recursion: (p, l, m + l)
+    weights = a[::-1].transpose(1, 0, 2).reshape(l, p * l)  # a_p ... a_1, in the order of the past
     most = max(run, asked or 0)
     history, sizes = np.zeros(((most + p) * l, m + l)), np.zeros(most)
     largest, quiet, end = 0.0, 0, "as asked" if asked else "where it had not decayed yet"
     for k in range(most):
         value = weights @ history[k * l : (k + p) * l]
         if k < p:
-            value += own[k]
+            value += direct[k]
         history[(k + p) * l : (k + p + 1) * l] = value
         sizes[k] = np.abs(value[:, :m]).max()
         if not sizes[k] < _HUGE:
@@ -499,10 +424,10 @@ def estimate_markov(
         "okid" goes through an observer (`estimate_observer`) and takes lightly damped structures; "least squares" fits
         y(k) = D u(k) + sum Y(i) u(k - 1 - i) with `samples` terms directly, for responses that decay within them.
     observer_order : int, optional
-        Past samples in the observer ("okid"); chosen by itself by default.
+        Past samples in the observer ("okid"); by default the best of all.
     samples : int, optional
-        Length of the response. By default, "okid" goes on until it has decayed by 80 dB, up to the length of a run, and says in
-        `processing` which of the two it was; "least squares" takes what a quarter of the record determines.
+        Length of the response. By default, "okid" continues until it has decayed by 80 dB, up to the length of a run, and notes in
+        `processing` which; "least squares" takes what a quarter of the record determines.
 
     Returns
     -------
@@ -539,7 +464,7 @@ def estimate_markov(
 
 
 def _least_squares(signals: Signals, samples: int | None) -> ImpulseResponse:
-    outputs, inputs = driven_records(signals)
+    outputs, inputs = driven_records(signals, "Markov parameters")
     m, length = inputs.shape[2], outputs.shape[1]
     count = max(2, outputs.shape[0] * length // (4 * m) - 1) if samples is None else check_count("samples", samples, 2)
     count = min(count, length // 2) if samples is None else count

@@ -1,4 +1,4 @@
-"""Several runs and roving sensors: parts of one test, put together by their labels."""
+"""Merge the parts of one test by the labels of their channels: runs, roving sensors, responses, correlations of setups."""
 
 from __future__ import annotations
 
@@ -24,33 +24,23 @@ __all__ = ["joined_frf", "merge"]
 
 
 # ---------------------------------------------------------------------------------------------------- joined responses
-# Responses put together by the labels of their channels, and those of records with several inputs, each driven by itself.
 
 
 def joined_frf(parts: Sequence[Signals], **options: Any) -> FrequencyResponse:
-    """Estimate the frequency responses of every part by itself, on lines that all have, and put them together.
+    """Estimate the frequency responses of every part by `estimate_frf`, on lines that all have, and merge them.
 
-    Parameters
-    ----------
-    parts : sequence of Signals
-        Of other inputs, outputs or lengths.
-    **options
-        Of `estimate_frf`. Where no segment is given, all parts take the shortest of those that suit them.
+    Without a segment among the options all parts take the shortest of their defaults.
     """
     found = [estimate_frf(part, **options) for part in parts]
-    lengths = [_samples(part, response) for part, response in zip(parts, found, strict=True)]
+    steps = [float(np.min(np.diff(response.frequencies))) for response in found]
+    lengths = [round(part.sampling_rate / step) for part, step in zip(parts, steps, strict=True)]
     if len(set(lengths)) > 1 and options.get("segment") is None:
         found = [estimate_frf(part, **{**options, "segment": min(lengths)}) for part in parts]
     return merge_frf(_on_common_lines(found)) if len(found) > 1 else found[0]
 
 
-def _samples(signals: Signals, response: FrequencyResponse) -> int:
-    """Return the samples of the segments behind a response, by the distance of its lines."""
-    return round(signals.sampling_rate / float(np.min(np.diff(response.frequencies))))
-
-
 def _on_common_lines(parts: Sequence[FrequencyResponse]) -> list[FrequencyResponse]:
-    """Leave out the lines on which one of the parts has no force."""
+    """Return the responses on the lines that all have: those with force in every part."""
     step = min(float(np.min(np.diff(part.frequencies))) for part in parts)
     numbers = [np.round(part.frequencies / step).astype(np.int64) for part in parts]
     shared = set.intersection(*(set(each.tolist()) for each in numbers))
@@ -61,18 +51,7 @@ def _on_common_lines(parts: Sequence[FrequencyResponse]) -> list[FrequencyRespon
 
 
 def check_same(parts: Sequence[Any], name: str, words: str, change: str) -> None:
-    """Raise when parts differ in an attribute.
-
-    Parameters
-    ----------
-    parts : sequence
-    name : str
-        Of the attribute.
-    words : str
-        What it is called.
-    change : str
-        What to do.
-    """
+    """Raise DataError when parts differ in the attribute `name`, called `words`; `change` is the remedy."""
     values = [getattr(part, name) for part in parts]
     for number, value in enumerate(values[1:], 2):
         if value != values[0]:
@@ -83,7 +62,7 @@ def check_same(parts: Sequence[Any], name: str, words: str, change: str) -> None
 
 @dataclass(slots=True)
 class _Table:
-    """The union of the parts' channels, and where each part stands in it."""
+    """The union of the channels, and the places, weights and units of the parts in it."""
 
     outputs: tuple[str, ...]
     inputs: tuple[str, ...]
@@ -105,26 +84,26 @@ def _table(parts: Sequence[Any]) -> _Table:
     outputs = tuple(dict.fromkeys(dof for part in parts for dof in part.output_dofs))
     inputs = tuple(dict.fromkeys(dof for part in parts for dof in part.input_dofs))
     places = []
-    held = np.zeros((len(outputs), len(inputs)), dtype=bool)
+    present = np.zeros((len(outputs), len(inputs)), dtype=bool)
     units: tuple[dict[str, str], dict[str, str]] = ({}, {})
     for part in parts:
         place = np.ix_([outputs.index(d) for d in part.output_dofs], [inputs.index(d) for d in part.input_dofs])
-        held[place] = True
+        present[place] = True
         places.append(place)
-        for side, dofs, own in zip(units, (part.output_dofs, part.input_dofs), part.units, strict=True):
-            for dof, unit in zip(dofs, own, strict=True):
+        for side, dofs, given in zip(units, (part.output_dofs, part.input_dofs), part.units, strict=True):
+            for dof, unit in zip(dofs, given, strict=True):
                 if side.setdefault(dof, unit) != unit:
                     raise DataError(
                         "parts with the same units were asked",
                         f"{dof} is in {side[dof] or 'no unit'} in one and in {unit or 'no unit'} in another",
                         "Convert them to one unit.",
                     )
-    if not held.all():
-        i, j = (int(k) for k in np.argwhere(~held)[0])
+    if not present.all():
+        i, j = (int(k) for k in np.argwhere(~present)[0])
         raise DataError(
             f"a response of {len(outputs)} outputs to {len(inputs)} inputs was asked",
             f"no part holds {outputs[i]} / {inputs[j]}"
-            + (f" and {int((~held).sum()) - 1} other pairs" if (~held).sum() > 1 else ""),
+            + (f" and {int((~present).sum()) - 1} other pairs" if (~present).sum() > 1 else ""),
             "Add the missing runs, or select the channels that are complete.",
         )
     weights = [float(getattr(part, "averages", None) or 1) for part in parts]
@@ -133,13 +112,7 @@ def _table(parts: Sequence[Any]) -> _Table:
 
 
 def merge_frf(parts: Sequence[FrequencyResponse]) -> FrequencyResponse:
-    """Put frequency responses together output by output and input by input; pairs that several parts hold are averaged.
-
-    Parameters
-    ----------
-    parts : sequence of FrequencyResponse
-        On the same lines.
-    """
+    """Merge frequency responses on the same lines by output and input; pairs that several parts have are averaged."""
     first = parts[0]
     for number, part in enumerate(parts[1:], 2):
         if part.lines != first.lines or not np.allclose(part.frequencies, first.frequencies, rtol=1e-6, atol=0):
@@ -149,11 +122,8 @@ def merge_frf(parts: Sequence[FrequencyResponse]) -> FrequencyResponse:
                 f"part {number} {part.lines}, {part.frequencies[0]:g} to {part.frequencies[-1]:g} Hz",
                 "Estimate all parts with the same segment, or cut them to the same band.",
             )
-    for name, words in (
-        ("quantity", "quantity"),
-        ("sampling_rate", "sampling rate"),
-        ("added_damping", "exponential window"),
-    ):
+    same = {"quantity": "quantity", "sampling_rate": "sampling rate", "added_damping": "exponential window"}
+    for name, words in same.items():
         check_same(parts, name, words, "Convert the parts, with as_quantity(), or estimate them alike.")
     table = _table(parts)
     variances = [part.variance for part in parts if part.variance is not None]
@@ -183,19 +153,9 @@ def _coherence(parts: Sequence[FrequencyResponse], table: _Table) -> Array | Non
 
 
 def merge_pulses(parts: Sequence[ImpulseResponse]) -> ImpulseResponse:
-    """Put impulse responses together as `merge_frf` does, over the samples that all have.
-
-    Parameters
-    ----------
-    parts : sequence of ImpulseResponse
-    """
-    for name, words in (
-        ("kind", "kind"),
-        ("sampling_rate", "sampling rate"),
-        ("first_sample", "first sample"),
-        ("quantity", "quantity"),
-    ):
-        check_same(parts, name, words, "Merge parts that were measured alike.")
+    """Merge impulse responses as `merge_frf` does, over the samples that all have."""
+    for name in ("kind", "sampling_rate", "first_sample", "quantity"):
+        check_same(parts, name, name.replace("_", " "), "Merge parts that were measured alike.")
     table = _table(parts)
     count = min(part.samples for part in parts)
     direct = [part.feedthrough[None] for part in parts if part.feedthrough is not None]
@@ -208,23 +168,18 @@ def merge_pulses(parts: Sequence[ImpulseResponse]) -> ImpulseResponse:
 
 
 def _labels(parts: Sequence[Any], table: _Table) -> dict[str, Any]:
+    groups = {
+        dof: label for part in parts if part.groups for dof, label in zip(part.input_dofs, part.groups, strict=True)
+    }
     return {
         "output_dofs": table.outputs,
         "input_dofs": table.inputs,
         "units": table.units,
-        "groups": _groups(parts, table.inputs),
+        "groups": tuple(groups.get(dof, dof) for dof in table.inputs) if groups else AUTO,
         "geometry": next((part.geometry for part in parts if part.geometry is not None), None),
         "source_path": source_of(parts),
         "processing": (*parts[0].processing, f"merged from {len(parts)} parts by their labels"),
     }
-
-
-def _groups(parts: Sequence[Any], inputs: tuple[str, ...]) -> Any:
-    """Return the group of every input as the parts have it; the default when no part has groups."""
-    named = {
-        dof: label for part in parts if part.groups for dof, label in zip(part.input_dofs, part.groups, strict=True)
-    }
-    return tuple(named.get(dof, dof) for dof in inputs) if named else AUTO
 
 
 # ------------------------------------------------------------------------------------------------------------- merging
@@ -275,8 +230,8 @@ def merge(parts: Iterable[Part | Test], **options: Any) -> Part | Test:
     """
     given: list[Part] = []
     for part in check_each("parts to merge", parts, "a list of records or responses"):
-        held = {Records: "runs", Setups: "parts"}.get(type(part))
-        given += getattr(part, held) if held else [part]
+        inside = {Records: "runs", Setups: "parts"}.get(type(part))
+        given += getattr(part, inside) if inside else [part]
     if not given:
         raise DataError("parts to merge were asked", "the list is empty", "Give at least one record or response.")
     for part in given:
@@ -298,15 +253,12 @@ def merge(parts: Iterable[Part | Test], **options: Any) -> Part | Test:
         return given[0]
     if isinstance(given[0], Signals):
         return _merge_records([part for part in given if isinstance(part, Signals)], options)
-    return _merge_responses(given)
-
-
-def _merge_responses(parts: Sequence[Any]) -> FrequencyResponse | ImpulseResponse:
-    if isinstance(parts[0], FrequencyResponse):
-        return merge_frf(parts)
-    if all(part.kind == "correlation" for part in parts):
-        return merge_setups(parts)
-    return merge_pulses(parts)
+    responses: list[Any] = list(given)
+    if isinstance(given[0], FrequencyResponse):
+        return merge_frf(responses)
+    if all(part.kind == "correlation" for part in responses):
+        return merge_setups(responses)
+    return merge_pulses(responses)
 
 
 def _merge_records(parts: list[Signals], options: dict[str, Any]) -> Part | Test:
@@ -314,10 +266,15 @@ def _merge_records(parts: list[Signals], options: dict[str, Any]) -> Part | Test
     check_same(parts, "sampling_rate", "sampling rates", "Decimate the faster records.")
     if all(p.output_dofs == first.output_dofs for p in parts):
         alike = all(p.input_dofs == first.input_dofs for p in parts)
+        if alike and options:
+            raise DataError(
+                f"{next(iter(options))} was asked",
+                "records of the same channels are stacked as runs, nothing is estimated",
+                "Give it to estimate_frf or estimate_correlation of the result.",
+            )
         if alike and len({p.samples for p in parts}) == 1:
-            return _runs(parts, options)
-        if alike or not options:
-            _check_stacked(options)
+            return _runs(parts)
+        if not options:
             return Records(runs=tuple(parts))
         parts = list(Records(runs=tuple(parts)).stacked())
     measured = [part.inputs is not None for part in parts]
@@ -333,26 +290,16 @@ def _merge_records(parts: list[Signals], options: dict[str, Any]) -> Part | Test
     return merge_setups(correlations(setups, **options)) if options else setups
 
 
-def _runs(parts: list[Signals], options: dict[str, Any]) -> Signals:
-    first = parts[0]
-    _check_stacked(options)
+def _runs(parts: list[Signals]) -> Signals:
+    """Stack records of the same channels and length as runs."""
     check_same(parts, "quantities", "quantities", "Convert the records to one.")
     check_same(parts, "units", "units", "Convert the records to one.")
     records = [part.by_run() for part in parts]
     inputs = [u for _, u in records if u is not None]
     return replace(
-        first,
+        parts[0],
         outputs=np.concatenate([y for y, _ in records]),
         inputs=np.concatenate(inputs) if inputs else None,
         groups=Records(runs=tuple(parts)).groups,
         source_path=source_of(parts),
     ).processed(f"merged from {len(parts)} records, {sum(part.runs for part in parts)} runs in all")
-
-
-def _check_stacked(options: dict[str, Any]) -> None:
-    if options:
-        raise DataError(
-            f"{next(iter(options))} was asked",
-            "records of the same channels are stacked as runs, nothing is estimated",
-            "Give it to estimate_frf or estimate_correlation of the result.",
-        )

@@ -1,4 +1,4 @@
-"""Operating deflection shapes: how a structure moves at a frequency, as it was measured."""
+"""Compute operating deflection shapes: the measured motion of a structure at a frequency, of all modes together."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def ods(
     *,
     input: str | int | None = None,
 ) -> ModalModel:
-    """Return the operating deflection shape at a frequency, or at several: what was measured there, whatever modes take part.
+    """Return the operating deflection shapes at one or more frequencies: the measured motion, of all modes together.
 
     Of responses it is the column of one input at the nearest line, or of several inputs the first singular vector of the matrix of
     responses times its singular value. Of records without inputs it is the first singular vector of their cross spectra.
@@ -72,24 +72,25 @@ def ods(
             "Ask for frequencies in between.",
         )
     index = np.array([int(np.argmin(np.abs(lines - f))) for f in asked])
-    told = Note(
-        "deflection shapes", {}, "operating deflection shapes, not modes: all that moved at a frequency is in them"
-    )
+    text = "operating deflection shapes, not modes: all that moved at a frequency is in them"
     labels = {name: value for name, value in data.labelled().items() if name in ("output_dofs", "geometry")}
     return ModalModel(
         poles=2j * np.pi * lines[index],
         shapes=np.array([shapes(k) for k in index]).T,
         scaling="as measured",
-        notes=(told,),
+        notes=(Note("deflection shapes", {}, text),),
         **labels,
     )
 
 
 def _on_lines(data: Any, input: str | int | None) -> tuple[Array, Any]:
-    """Return lines, and what gives the shape (l,) on one of them."""
+    """Return the lines, and a function of the shape (l,) on one of them."""
     if isinstance(data, Signals):
         if data.inputs is None:
-            return _of_spectra(data, input)
+            if input is not None:
+                raise DataError(f"input {input!r} was asked", "the records have no inputs", "Leave input out.")
+            found = decomposition(data)
+            return found.frequencies, lambda k: found.vectors[k, :, 0] * np.sqrt(found.singular_values[k, 0])
         data = estimate_frf(data)
     lines, H = data.spectrum()
     if input is not None:
@@ -104,13 +105,6 @@ def _first(H: ComplexArray) -> ComplexArray:
     """Return the first left singular vector times its singular value."""
     U, s, _ = np.linalg.svd(H, full_matrices=False)
     return np.asarray(U[:, 0] * s[0])
-
-
-def _of_spectra(data: Signals, input: str | int | None) -> tuple[Array, Any]:
-    if input is not None:
-        raise DataError(f"input {input!r} was asked", "the records have no inputs", "Leave input out.")
-    found = decomposition(data)
-    return found.frequencies, lambda k: found.vectors[k, :, 0] * np.sqrt(found.singular_values[k, 0])
 
 
 def _column(columns: Any, input: str | int) -> int:

@@ -1,4 +1,4 @@
-"""Ambient setups with common references: their correlations carried over to one, whatever the wind did in between."""
+"""Merge ambient setups with common references: transfer their correlations to common forces, or stack them as groups of inputs."""
 
 from __future__ import annotations
 
@@ -18,59 +18,38 @@ from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import noise_threshold
 from modalscope.preprocess.correlation import estimate_correlation
 
-__all__ = ["correlations", "heard_lags", "joined_setups", "merge_setups"]
+__all__ = ["correlations", "joined_setups", "merge_setups", "significant_lags"]
 
-#: Columns of joined setups that are worth their time, and how far above its last quarter a correlation is heard.
+#: Most columns of joined setups, and the energy of a significant correlation over that of its last quarter.
 _COLUMNS, _LOUD = 48, 3.0
 
-#: This part of the lags stands for the state, by default: long enough to see the slowest mode turn, short against what is fitted ...
+#: Default part of the lags that makes the state: a good part of a period of the slowest mode, short against what is fitted ...
 _PART = 5
 
-#: ... as long as no more than so many rows come of it; then one lag in several is taken.
+#: ... with at most so many rows; one lag in several is taken for that.
 _ROWS = 300
 
 
 def correlations(setups: Setups, **options: Any) -> tuple[ImpulseResponse, ...]:
-    """Return the correlation of every setup with the references.
-
-    Parameters
-    ----------
-    setups : Setups
-    **options
-        Those of `estimate_correlation`.
-    """
+    """Return the correlation of every setup with the references, by `estimate_correlation` with options."""
     chosen = {"references": setups.references, **options}
     return tuple(estimate_correlation(part, **chosen) for part in setups.parts)
 
 
 def joined_setups(setups: Setups) -> ImpulseResponse:
-    """Correlate every setup with its own channels and carry the outputs that it lacks over from the others, each setup a group of inputs.
+    """Stack the correlations of all setups as columns (lags, l, columns), each setup a group of inputs, with the outputs that it lacks.
 
-    R_j(k) = C A^(k-1) G_j in every setup j, with rows for its own outputs alone. M_i of the setup i that has an output gives its row in
-    all others, M_i X_j(k) (see `merge_setups`), so that all are columns of one Markov sequence: nothing is averaged that differs.
-
-    Parameters
-    ----------
-    setups : Setups
-
-    Returns
-    -------
-    ImpulseResponse
-        (lags, l, columns): lags up to which something is heard; all channels of every setup as references, or, where these would be more
-        than 48 columns, the common references alone.
-
-    Raises
-    ------
-    DataError
-        Setups too short to be correlated.
+    R_j(k) = C A^(k-1) G_j in every setup j, with rows for its outputs alone. M_i of a setup i that has an output gives its row in all
+    others, M_i X_j(k) (see `merge_setups`), so that all are columns of one Markov sequence. The lags are the significant ones; the columns
+    are all channels of every setup, or, where these would be more than 48, the common references alone.
     """
     references, outputs = setups.references, setups.output_dofs
     every = sum(len(part.output_dofs) for part in setups.parts) <= _COLUMNS
     parts = correlations(setups, references=None if every else references)
-    heard = heard_lags(parts)
-    parts = tuple(replace(part, values=part.values[:heard] / _level(part, references) ** 2) for part in parts)
+    count = significant_lags(parts)
+    parts = tuple(replace(part, values=part.values[:count] / _level(part, references) ** 2) for part in parts)
     span, step = _span(parts, None, len(references))
-    lags = heard - span
+    lags = count - span
     states = [_stacked(_rows(part, references), span, step) for part in parts]
     blocks = [np.zeros((lags, len(outputs), len(part.input_dofs))) for part in parts]
     having = {dof: [i for i, part in enumerate(parts) if dof in part.output_dofs] for dof in outputs}
@@ -78,20 +57,17 @@ def joined_setups(setups: Setups) -> ImpulseResponse:
         roving = [dof for dof in part.output_dofs if dof not in references]
         M = _transfer(_rows(part, roving)[:lags], states[i])
         places = [outputs.index(dof) for dof in roving]
-        shares = np.array([1 / len(having[dof]) for dof in roving])
         for j, block in enumerate(blocks):
             if j != i:
-                own = np.array([j in having[dof] for dof in roving], dtype=bool)
-                block[:, places] += np.einsum(
-                    "ia,kar->kir", M * np.where(own, 0, shares)[:, None], states[j], optimize=True
-                )
+                weights = np.array([0.0 if j in having[dof] else 1 / len(having[dof]) for dof in roving])
+                block[:, places] += np.einsum("ia,kar->kir", M * weights[:, None], states[j], optimize=True)
         blocks[i][:, [outputs.index(dof) for dof in part.output_dofs]] = part.values[:lags]
     return _as_one(setups, parts, np.concatenate(blocks, axis=2), lags)
 
 
 def _as_one(setups: Setups, parts: Sequence[ImpulseResponse], values: RealArray, lags: int) -> ImpulseResponse:
-    """Return the columns of all setups as one correlation, its inputs named by their setups."""
-    labels = setups.groups or tuple(f"setup {j + 1}" for j in range(len(parts)))
+    """Return the columns of all setups as one correlation, with inputs labelled by setup."""
+    groups = setups.groups and tuple(setups.groups[j] for j, part in enumerate(parts) for _ in part.input_dofs)
     return ImpulseResponse(
         values=values,
         sampling_rate=setups.sampling_rate,
@@ -100,9 +76,7 @@ def _as_one(setups: Setups, parts: Sequence[ImpulseResponse], values: RealArray,
         output_dofs=setups.output_dofs,
         input_dofs=tuple(f"{dof} in setup {j + 1}" for j, part in enumerate(parts) for dof in part.input_dofs),
         units=(setups.units[0], None),  # type: ignore[arg-type]
-        groups=None
-        if setups.groups is None
-        else tuple(labels[j] for j, part in enumerate(parts) for _ in part.input_dofs),
+        groups=groups,
         geometry=setups.geometry,
         source_path=setups.source_path,
         processing=(
@@ -112,15 +86,11 @@ def _as_one(setups: Setups, parts: Sequence[ImpulseResponse], values: RealArray,
     )
 
 
-def heard_lags(parts: Sequence[ImpulseResponse]) -> int:
-    """Return the lags up to which correlations are above their own scatter: it stays at one level where the modes have faded.
+def significant_lags(parts: Sequence[ImpulseResponse]) -> int:
+    """Return the lags up to which correlations exceed their scatter, which has a constant level once the modes have decayed.
 
-    The energy of all pairs, each by its lag 0, in windows of a twentieth of the lags, is more than three times what it is in the last
-    quarter; all lags where it never falls so far.
-
-    Parameters
-    ----------
-    parts : sequence of ImpulseResponse
+    There the energy of all pairs, each normalized, in windows of a twentieth of the lags exceeds three times that of the last quarter. All
+    lags are returned where it never does.
     """
     count = min(part.samples for part in parts)
     energy = np.zeros(count)
@@ -149,12 +119,12 @@ def merge_setups(parts: Sequence[ImpulseResponse], *, depth: int | None = None) 
     parts : sequence of ImpulseResponse
         Correlations with the same references, each of which is among the outputs of every part.
     depth : int, optional
-        Lags that stand for the state, one beside the other (s = 1); by default a fifth of the lags, s as large as 300 rows of X_j ask.
+        Consecutive lags that make the state (s = 1); by default a fifth of the lags, with the s that gives 300 rows of X_j.
 
     Raises
     ------
     DataError
-        Different references or sampling rates, references that a part does not hold as outputs, too few lags.
+        Different references or sampling rates, references missing among the outputs of a part, too few lags.
 
     References
     ----------
@@ -166,19 +136,20 @@ def merge_setups(parts: Sequence[ImpulseResponse], *, depth: int | None = None) 
     span, step = _span(parts, depth)
     lags = min(part.samples for part in parts) - span
     of_references = [_rows(part, first.input_dofs)[: lags + span] for part in parts]
-    common = _mean(of_references)
+    # the mean at the level of the first: weak setups count as much as strong ones
+    scales = [float(np.sqrt(np.mean(R**2))) or 1.0 for R in of_references]
+    common = np.mean([R / s for R, s in zip(of_references, scales, strict=True)], axis=0) * scales[0]
     state = _stacked(common, span, step)
-    carried: dict[str, list[RealArray]] = {}
+    transferred: dict[str, list[RealArray]] = {}
     for part, R in zip(parts, of_references, strict=True):
         roving = [dof for dof in part.output_dofs if dof not in first.input_dofs]
         if roving:
             M = _transfer(_rows(part, roving)[:lags], _stacked(R, span, step))
             for row, dof in zip(M, roving, strict=True):
-                carried.setdefault(dof, []).append(np.einsum("a,kar->kr", row, state))
-    names = [*first.input_dofs, *carried]
-    columns = [common[:lags], *(np.mean(each, axis=0)[:, None] for each in carried.values())]
-    unit = {dof: u for part in parts for dof, u in zip(part.output_dofs, part.units[0], strict=True)}
-    units = [unit[name] for name in names]
+                transferred.setdefault(dof, []).append(np.einsum("a,kar->kr", row, state))
+    names = [*first.input_dofs, *transferred]
+    columns = [common[:lags], *(np.mean(each, axis=0)[:, None] for each in transferred.values())]
+    units = {dof: unit for part in parts for dof, unit in zip(part.output_dofs, part.units[0], strict=True)}
     merged = np.concatenate(columns, axis=1)
     order = list(first.output_dofs) + [name for name in names if name not in first.output_dofs]
     place = [names.index(name) for name in order]
@@ -187,7 +158,7 @@ def merge_setups(parts: Sequence[ImpulseResponse], *, depth: int | None = None) 
         values=np.ascontiguousarray(merged[:, place]),
         feedthrough=None,
         output_dofs=tuple(order),
-        units=(tuple(units[i] for i in place), first.units[1]),
+        units=(tuple(units[dof] for dof in order), first.units[1]),
         geometry=next((part.geometry for part in parts if part.geometry is not None), None),
         source_path=source_of(parts),
         processing=(
@@ -226,12 +197,6 @@ def _check(parts: Sequence[ImpulseResponse], depth: int | None) -> None:
             )
 
 
-def _mean(parts: Sequence[RealArray]) -> RealArray:
-    """Return the mean of the references' correlations at the level of the first; weak setups count as much as strong ones."""
-    scales = [float(np.sqrt(np.mean(R**2))) or 1.0 for R in parts]
-    return np.asarray(np.mean([R / s for R, s in zip(parts, scales, strict=True)], axis=0) * scales[0])
-
-
 def _rows(part: ImpulseResponse, dofs: Sequence[str]) -> RealArray:
     """Return the correlations of some outputs, (lags, outputs, inputs)."""
     return part.values[:, [part.output_dofs.index(dof) for dof in dofs]]
@@ -240,8 +205,8 @@ def _rows(part: ImpulseResponse, dofs: Sequence[str]) -> RealArray:
 def _level(part: ImpulseResponse, references: Sequence[str]) -> float:
     """Return the RMS of the references."""
     assert part.feedthrough is not None
-    own = [part.feedthrough[part.output_dofs.index(dof), part.input_dofs.index(dof)] for dof in references]
-    return float(np.sqrt(np.mean(own))) or 1.0
+    power = [part.feedthrough[part.output_dofs.index(dof), part.input_dofs.index(dof)] for dof in references]
+    return float(np.sqrt(np.mean(power))) or 1.0
 
 
 def _span(parts: Sequence[ImpulseResponse], depth: int | None, references: int | None = None) -> tuple[int, int]:

@@ -1,4 +1,4 @@
-"""Frequency-domain decomposition: a quick look at ambient records before anything is identified."""
+"""Decompose the cross spectra of ambient records into singular values and vectors (FDD), and pick their peaks (enhanced FDD)."""
 
 from __future__ import annotations
 
@@ -11,27 +11,19 @@ from modalscope.data.records import Signals
 from modalscope.data.sizes import check_size
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray, check_count, check_kind
-from modalscope.preprocess.spectra import Segments, check_window, cross_spectra, segment_starts, window_samples
+from modalscope.preprocess.spectra import Segments, cross_spectra
 
 __all__ = ["DampedPeaks", "Decomposition", "decomposition"]
 
-#: A peak stands out of its surroundings by this factor in power (6 dB).
-_STANDS_OUT = 4.0
+#: Prominence of a peak, a factor in power (6 dB).
+_PROMINENCE = 4.0
 
-
-#: First vectors belong to a peak above this MAC; its correlation is looked at between these parts of its start, on so many samples.
+#: First vectors belong to a peak above this MAC; the decay is fitted between these parts of its start, on so many samples at least.
 _ALIKE, _ENDS, _FEWEST = 0.8, (0.9, 0.3), 5
 
 
 class DampedPeaks(NamedTuple):
-    """Peaks of a decomposition with what their own correlations say.
-
-    Attributes
-    ----------
-    frequencies, damping_ratios : array, (n,)
-        Hz, ratio; the ratio is NaN where a bell has too few lines.
-    shapes : array, (l, n)
-    """
+    """Peaks of a decomposition: frequencies (Hz), damping ratios (NaN where a bell has too few lines), shapes (l, n)."""
 
     frequencies: RealArray
     damping_ratios: RealArray
@@ -64,22 +56,22 @@ class Decomposition(NamedTuple):
     def peaks(self, count: int | None = None) -> tuple[RealArray, ComplexArray]:
         """Return frequencies (n,) and shapes (l, n) of the first singular value's peaks, in order of frequency.
 
-        A peak stands out of its surroundings by at least 6 dB.
+        A peak has a prominence of at least 6 dB.
 
         Parameters
         ----------
         count : int, optional
-            How many, those that stand out most; all by default.
+            How many, the most prominent ones; all by default.
         """
         places = self._peaks(count)
         return self.frequencies[places], np.ascontiguousarray(self.vectors[places, :, 0].T)
 
     def damped_peaks(self, count: int | None = None) -> DampedPeaks:
-        """Return frequencies, damping ratios and shapes of the peaks: each peak's own correlation decays (enhanced FDD).
+        """Return frequencies, damping ratios and shapes of the peaks by the decay of their correlations (enhanced FDD).
 
-        Around a peak the spectrum u* S u, with u its singular vector, belongs to one mode as long as the first vectors are like u (MAC
-        above 0.8). Its inverse transform is that mode's correlation, times that of the window, which is divided out; the logarithm of its
-        envelope falls by zeta w t, its phase turns by w t.
+        Around a peak the spectrum u* S u, with u its singular vector, is that of one mode where the MAC of the first vectors with u is
+        above 0.8. Its inverse transform, over the correlation of the window, is that of the mode: the logarithm of its envelope falls by
+        zeta w t, its phase turns by w t.
 
         Parameters
         ----------
@@ -96,15 +88,14 @@ class Decomposition(NamedTuple):
         return DampedPeaks(found[:, 0], found[:, 1], np.ascontiguousarray(self.vectors[places, :, 0].T))
 
     def _decay(self, place: int) -> tuple[float, float]:
-        """Return frequency (Hz) and damping ratio of the bell around a line; NaN where it has too few lines for them."""
+        """Return frequency (Hz) and damping ratio of the bell around a line; the ratio is NaN where it has too few lines."""
         u = self.vectors[place, :, 0]
-        alike = np.abs(self.vectors[:, :, 0] @ u.conj()) ** 2 > _ALIKE
-        apart = np.flatnonzero(~alike)
-        first = int(apart[apart < place][-1]) + 1 if np.any(apart < place) else 0
-        last = int(apart[apart > place][0]) if np.any(apart > place) else len(alike)
-        own = np.einsum("fk,fk->f", self.singular_values, np.abs(np.einsum("flk,l->fk", self.vectors, u.conj())) ** 2)
+        other = np.flatnonzero(np.abs(self.vectors[:, :, 0] @ u.conj()) ** 2 <= _ALIKE)
+        first = int(np.max(other[other < place], initial=-1)) + 1
+        last = int(np.min(other[other > place], initial=len(self.vectors)))
+        power = np.einsum("fk,fk->f", self.singular_values, np.abs(np.einsum("flk,l->fk", self.vectors, u.conj())) ** 2)
         bell = np.zeros(self.window.size, dtype=complex)
-        bell[first:last] = own[first:last]
+        bell[first:last] = power[first:last]
         lags = self.window.size // 2
         window = scipy.signal.correlate(self.window, self.window)[self.window.size - 1 :][:lags]
         decay = np.fft.ifft(bell)[:lags] / (window / window[0])
@@ -120,9 +111,9 @@ class Decomposition(NamedTuple):
         return w / (2 * np.pi), rate / w
 
     def _peaks(self, count: int | None) -> IntArray:
-        """Return the lines at which the first singular value peaks."""
+        """Return the lines of the peaks of the first singular value."""
         level = np.log(np.maximum(self.singular_values[:, 0], np.finfo(float).tiny))
-        places = scipy.signal.find_peaks(level, prominence=np.log(_STANDS_OUT))[0]
+        places = scipy.signal.find_peaks(level, prominence=np.log(_PROMINENCE))[0]
         if count is not None:
             most = np.argsort(scipy.signal.peak_prominences(level, places)[0])[::-1][: check_count("count", count)]
             places = np.sort(places[most])
@@ -133,9 +124,9 @@ class Decomposition(NamedTuple):
 def decomposition(
     signals: Signals, *, segment: int | None = None, overlap: float = 0.5, window: str = "hann"
 ) -> Decomposition:
-    """Show ambient resonances as peaks: singular values of the outputs' cross spectra over frequency (FDD).
+    """Compute the frequency-domain decomposition (FDD): singular values of the outputs' cross spectra, which peak at resonances.
 
-    Frequency-domain decomposition: S(f) = sum_i s_i(f) u_i(f) u_i(f)*.
+    S(f) = sum_i s_i(f) u_i(f) u_i(f)*.
 
     Parameters
     ----------
@@ -167,8 +158,7 @@ def decomposition(
     outputs, _ = signals.by_run()
     y = outputs - outputs.mean(axis=1, keepdims=True)
     length = max(2, min(signals.samples * signals.runs // 20, signals.samples)) if segment is None else segment
-    starts = segment_starts(signals.samples, length, overlap)
-    w = window_samples(check_window(window), length)
-    spectra = cross_spectra(y, None, signals.sampling_rate, Segments(starts, w, w), whole=True)
+    segments = Segments.of(signals.samples, length, overlap, window)
+    spectra = cross_spectra(y, None, signals.sampling_rate, segments, whole=True)
     vectors, values, _ = np.linalg.svd(spectra.outputs, hermitian=True)
-    return Decomposition(spectra.frequencies, values, vectors, spectra.averages, w)
+    return Decomposition(spectra.frequencies, values, vectors, spectra.averages, segments.output_window)

@@ -1,4 +1,4 @@
-"""Cross spectral matrices averaged over segments and runs: written once, for frequency responses and for quick looks.
+"""Average cross spectral matrices over segments and runs.
 
 A segment x_p (samples, channels) under a window w has the transform X_p(f) = sum_k w(k) x_p(k) exp(-j 2 pi f k / fs), and
 S(f) = 2 / (fs sum w^2) mean_p X_p X_p* is the one-sided power spectral density matrix, element (i, j) = E[X_i conj(X_j)].
@@ -16,30 +16,10 @@ from scipy import fft
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_count
 from modalscope.numerics.errors import DataError, check_choice
 
-__all__ = [
-    "WINDOWS",
-    "CrossSpectra",
-    "Segments",
-    "Transform",
-    "check_window",
-    "cross_spectra",
-    "effective_averages",
-    "plain_transform",
-    "segment_starts",
-    "silent_lines",
-    "window_samples",
-]
+__all__ = ["CrossSpectra", "Segments", "Transform", "check_window", "cross_spectra", "silent_lines"]
 
-#: Windows by name; "none" is the rectangle.
-WINDOWS = {
-    "none": "boxcar",
-    "hann": "hann",
-    "hamming": "hamming",
-    "flattop": "flattop",
-    "blackman": "blackman",
-    "blackmanharris": "blackmanharris",
-    "tukey": "tukey",
-}
+#: Windows, by their names in SciPy; "none" is the rectangle.
+WINDOWS = ("none", "hann", "hamming", "flattop", "blackman", "blackmanharris", "tukey")
 
 #: Lines with less than this part of an input's largest power have no force, only rounding.
 _SILENT = 1e-20
@@ -49,7 +29,7 @@ _AT_ONCE = 2_000_000
 
 
 def check_window(window: str | None) -> str:
-    """Return a known window's name; None and "boxcar" are "none"."""
+    """Return the name of a window; None and "boxcar" are "none"."""
     if window is None or window == "boxcar":
         return "none"
     return check_choice("window", window, WINDOWS)
@@ -57,16 +37,14 @@ def check_window(window: str | None) -> str:
 
 def window_samples(window: str, length: int) -> RealArray:
     """Return the samples of a window by name, periodic as a spectrum needs it."""
-    return np.asarray(scipy.signal.get_window(WINDOWS[check_window(window)], length, fftbins=True))
+    name = check_window(window)
+    return np.asarray(scipy.signal.get_window("boxcar" if name == "none" else name, length))
 
 
 def segment_starts(samples: int, segment: int, overlap: float) -> list[int]:
     """Return the first samples of all whole segments of a run.
 
-    Raises
-    ------
-    DataError
-        A segment longer than a run, or an overlap outside 0 to below 1.
+    Raises DataError for a segment longer than a run, and an overlap outside 0 to below 1.
     """
     check_count("segment", segment, least=2)
     if segment > samples:
@@ -82,7 +60,7 @@ def segment_starts(samples: int, segment: int, overlap: float) -> list[int]:
 
 
 class Segments(NamedTuple):
-    """How records are cut and weighted: first samples, and the windows of outputs and inputs."""
+    """Segments of records: first samples, and the windows of outputs and inputs."""
 
     starts: list[int]
     output_window: RealArray
@@ -93,9 +71,15 @@ class Segments(NamedTuple):
         """Samples of a segment."""
         return int(self.output_window.size)
 
+    @classmethod
+    def of(cls, samples: int, length: int, overlap: float = 0.5, window: str = "hann") -> Segments:
+        """Return the whole segments of a run under a window by name; each shares a part `overlap` with the next."""
+        w = window_samples(window, length)
+        return cls(segment_starts(samples, length, overlap), w, w)
+
 
 class Transform(NamedTuple):
-    """From segments (p, samples, channels) to lines (p, F, channels), and the lines in Hz."""
+    """Transform of segments (p, samples, channels) to lines (p, F, channels), and the lines in Hz."""
 
     frequencies: RealArray
     apply: Callable[[Array], ComplexArray]
@@ -109,20 +93,8 @@ def plain_transform(length: int, sampling_rate: float) -> Transform:
 class CrossSpectra(NamedTuple):
     """Averaged spectral densities of l outputs and m inputs on F lines.
 
-    Attributes
-    ----------
-    frequencies : array, (F,)
-        Hz.
-    outputs : array, (F, l) or (F, l, l)
-        Powers of the outputs, or their whole matrix.
-    cross : array, (F, l, m)
-        E[Y conj(U)].
-    inputs : array, (F, m, m)
-        E[U conj(U)].
-    averages : int
-        Segments of all runs.
-    effective : float
-        Independent averages they are worth (see `effective_averages`).
+    Frequencies are in Hz, outputs are powers (F, l) or the whole matrix (F, l, l), cross is E[Y conj(U)] (F, l, m), inputs E[U conj(U)]
+    (F, m, m), averages the number of segments, and effective that of independent ones (see `effective_averages`).
     """
 
     frequencies: RealArray
@@ -149,29 +121,22 @@ class CrossSpectra(NamedTuple):
 
 
 def effective_averages(window: RealArray, starts: list[int], runs: int) -> float:
-    """Return how many independent segments the overlapping ones are worth, n / (1 + 2 sum_q (1 - q/n) rho(q)^2).
+    """Return the number of independent segments equivalent to overlapping ones, n / (1 + 2 sum_q (1 - q/n) rho(q)^2).
 
-    rho(q) is the window's correlation with itself q steps on. Segments of different runs are independent.
-
-    References
-    ----------
-    Welch, "The use of fast Fourier transform for the estimation of power spectra", 1967.
+    rho(q) is the correlation of the window with itself after q steps; different runs are independent. Welch, "The use of fast Fourier
+    transform for the estimation of power spectra", 1967.
     """
     n = len(starts)
     if n == 1:
         return float(runs)
     step, power = starts[1] - starts[0], float(window @ window)
-    excess = 0.0
-    for q in range(1, n):
-        shift = q * step
-        if shift >= window.size:
-            break
-        excess += (1 - q / n) * (float(window[shift:] @ window[:-shift]) / power) ** 2
-    return runs * n / (1 + 2 * excess)
+    shifts = range(step, min(n * step, window.size), step)
+    rho = [float(window[shift:] @ window[:-shift]) / power for shift in shifts]
+    return runs * n / (1 + 2 * sum((1 - q / n) * r**2 for q, r in enumerate(rho, 1)))
 
 
 def silent_lines(spectra: CrossSpectra) -> Array:
-    """Return (F,) whether an input has no power on a line, only rounding: no response is known there."""
+    """Return (F,) whether an input has no power on a line but rounding."""
     power = np.einsum("fii->fi", spectra.inputs).real
     return np.asarray(np.any(power <= _SILENT * power.max(axis=0), axis=1))
 
@@ -195,16 +160,8 @@ def cross_spectra(
 ) -> CrossSpectra:
     """Average the cross spectral matrices of records (R, N, l) and (R, N, m) over segments and runs.
 
-    Parameters
-    ----------
-    outputs, inputs : array, (R, N, l) and (R, N, m)
-        Real records, or complex ones that were shifted in frequency (see `modalscope.preprocess.zoom`).
-    sampling_rate : float
-    segments : Segments
-    transform : Transform, optional
-        The lines; by default those of the discrete Fourier transform.
-    whole : bool
-        Whether the whole matrix of the outputs is wanted, instead of their powers.
+    The records are real, or complex ones that were shifted in frequency (see `modalscope.preprocess.zoom`). The lines are those of the
+    discrete Fourier transform by default. `whole` computes the whole matrix of the outputs instead of their powers.
     """
     transform = plain_transform(segments.length, sampling_rate) if transform is None else transform
     inputs = np.zeros((*outputs.shape[:2], 0)) if inputs is None else inputs
@@ -234,7 +191,7 @@ def cross_spectra(
 
 
 def _one_sided(frequencies: RealArray, sampling_rate: float, shifted: bool) -> RealArray:
-    """Return 1 for lines that stand for their negative twins, too, and 1/2 at 0 Hz and half the sampling rate."""
+    """Return 1 for lines that include their negative frequencies, and 1/2 at 0 Hz and half the sampling rate."""
     scale = np.ones(frequencies.size)
     if not shifted:
         scale[(frequencies == 0) | (np.abs(frequencies - sampling_rate / 2) < 1e-9 * sampling_rate)] = 0.5

@@ -1,4 +1,4 @@
-"""Correlations of records that stay in their file: sums over stretches, by whoever is there, kept as they grow."""
+"""Compute correlations of records in files: sums of lagged products over stretches, by an executor, saved as they grow."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from modalscope.numerics.executors import each, execution
 from modalscope.numerics.resources import allowed_memory, check_fits, fetched, namespace, one_thread
 from modalscope.numerics.sums import SavedSums
 
-__all__ = ["Gathered", "LagSum", "gathered", "stretches"]
+__all__ = ["LagSum", "lag_sums", "stretches"]
 
 
 # ------------------------------------------------------------------------------------------------------------ lag sums
-# Sums of products y(t + k) y_ref(t)' over chunks of a record, by short transforms: additive over chunks, and over who gathers them.
+# Sums of products y(t + k) y_ref(t)' over chunks of a record, by short transforms; they add over chunks.
 
-#: Times of a block: so many times the lags that little of a transform is padding, and few enough that it stays in the cache.
+#: Times of a block over the lags, so that little of a transform is padding, and its least length; it stays in the cache.
 _TIMES_LAGS, _LEAST = 4, 1024
 
-#: Complex numbers in the cross spectra that are gathered, and in the transforms of the blocks taken together.
-_GATHERED, _TOGETHER = 8_000_000, 2_000_000
+#: Complex numbers in the cross spectra that are summed, and in the transforms of the blocks of one matrix product.
+_SUMMED, _TOGETHER = 8_000_000, 2_000_000
 
-#: So many blocks together make products of matrices worth their name; more of them only take memory, but small ones cost little of it.
+#: Blocks that make a matrix product efficient, and numbers up to which more of them are taken.
 _ENOUGH, _SMALL = 12, 300_000
 
 #: Cross spectra that are summed at a time: they stay in the cache.
@@ -40,8 +40,8 @@ _IN_CACHE = 15_000
 class LagSum:
     """Sum over t of y(t + k) y_ref(t)', k = 0 ... lags, of the products that were added.
 
-    Every block is padded with zeros, so that no product wraps around; the blocks' cross spectra are summed, and one inverse transform
-    serves all of them, at the end where the spectra of all references take little memory.
+    Every block is padded with zeros, so that no product wraps around. The cross spectra of the blocks are summed and transformed back
+    once, at the end where those of all references take little memory.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class LagSum:
         Channels at t.
     lags : int
     mean : array, (l,), optional
-        Taken off every sample as it is read; zero by default.
+        Subtracted from every sample as it is read; zero by default.
 
     Examples
     --------
@@ -73,37 +73,30 @@ class LagSum:
         self._cross: ComplexArray | None = None  # of all references, where it is small: transformed back at the end
 
     def add(self, chunk: RealArray, times: int | None = None) -> None:
-        """Take in the products of the first `times` rows with the rows up to `lags` later.
-
-        Parameters
-        ----------
-        chunk : array, (rows, l)
-        times : int, optional
-            All rows by default: then the last have no products beyond the end.
-        """
+        """Add the products of the first `times` rows of a chunk (rows, l), by default all, with the rows up to `lags` later."""
         used = len(chunk) if times is None else times
         count, lines = len(self.references), self._length // 2 + 1
-        together = max(_GATHERED // (lines * self.channels), 1)
+        together = max(_SUMMED // (lines * self.channels), 1)
         if together >= count:
             if self._cross is None:
                 self._cross = np.zeros((lines, self.channels, count), dtype=complex)
-            self._gather(self._cross, chunk, used, list(self.references))
+            self._sum_spectra(self._cross, chunk, used, list(self.references))
             return
         for first in range(0, count, together):
             columns = list(self.references[first : first + together])
             cross = np.zeros((lines, self.channels, len(columns)), dtype=complex)
-            self._gather(cross, chunk, used, columns)
+            self._sum_spectra(cross, chunk, used, columns)
             self._sums[:, :, first : first + len(columns)] += self._back(cross)
 
     def _back(self, cross: ComplexArray) -> RealArray:
-        """Return the sums that cross spectra stand for."""
+        """Return the sums of products of cross spectra."""
         return np.asarray(fft.irfft(cross, n=self._length, axis=0)[: self.lags + 1])
 
-    def _gather(self, total: ComplexArray, chunk: RealArray, times: int, columns: list[int]) -> None:
-        """Add the cross spectra of all blocks, (length / 2 + 1, l, r), to what there is."""
+    def _sum_spectra(self, total: ComplexArray, chunk: RealArray, times: int, columns: list[int]) -> None:
+        """Add the cross spectra of all blocks, (length / 2 + 1, l, r), to `total`."""
         for later, now in self._blocks(chunk, times, columns):
             if execution().device is not None:
-                total += self._at_once(execution().place(later), execution().place(now))
+                total += _cross_spectra(execution().place(later), execution().place(now))
                 continue
             ahead, behind = fft.rfft(later, axis=1), fft.rfft(now, axis=1)
             np.conjugate(behind, out=behind)
@@ -112,14 +105,8 @@ class LagSum:
             for k in range(0, len(total), step):
                 total[k : k + step] += y[k : k + step] @ y_now[k : k + step]
 
-    def _at_once(self, later: Any, now: Any) -> ComplexArray:
-        """Return the cross spectra of some blocks, all lines in one product."""
-        xp = namespace(later)
-        ahead, behind = xp.fft.rfft(later, axis=1), xp.fft.rfft(now, axis=1)
-        return fetched(xp.permute_dims(ahead, (1, 2, 0)) @ xp.conj(xp.permute_dims(behind, (1, 0, 2))))
-
     def _blocks(self, chunk: RealArray, times: int, columns: list[int]) -> Iterator[tuple[RealArray, RealArray]]:
-        """Yield some blocks with what follows them, (blocks, length, l), and the references of these times alone, zeros after them."""
+        """Yield blocks with the samples after them, (blocks, length, l), and the references of the blocks alone, padded with zeros."""
         starts = range(0, times, self._block)
         size = self._length * self.channels
         together = max(_SMALL // size, min(_TOGETHER // size, _ENOUGH), 1)
@@ -128,14 +115,14 @@ class LagSum:
         for k in range(0, len(starts), together):
             some = starts[k : k + together]
             for i, start in enumerate(some):
-                rows, own = chunk[start : start + self._length], min(self._block, times - start)
+                rows, count = chunk[start : start + self._length], min(self._block, times - start)
                 np.subtract(rows, self.mean, out=later[i, : len(rows)])
-                np.take(later[i, :own], columns, axis=1, out=now[i, :own], mode="clip")  # with no copy between
-                later[i, len(rows) :], now[i, own:] = 0, 0
+                np.take(later[i, :count], columns, axis=1, out=now[i, :count], mode="clip")  # without a copy
+                later[i, len(rows) :], now[i, count:] = 0, 0
             yield later[: len(some)], now[: len(some)]
 
     def merge(self, other: LagSum) -> None:
-        """Take in what another has gathered."""
+        """Add the sums of another."""
         self._sums += other.finish()
 
     def finish(self) -> RealArray:
@@ -146,24 +133,24 @@ class LagSum:
         return self._sums
 
 
-# -------------------------------------------------------------------------------------------------- stored correlation
+def _cross_spectra(later: Any, now: Any) -> ComplexArray:
+    """Return the cross spectra of blocks on a device, all lines in one product."""
+    xp = namespace(later)
+    ahead, behind = xp.fft.rfft(later, axis=1), xp.fft.rfft(now, axis=1)
+    return fetched(xp.permute_dims(ahead, (1, 2, 0)) @ xp.conj(xp.permute_dims(behind, (1, 0, 2))))
 
-#: Samples times channels that a task reads one after the other, and that it holds at a time: a task is work of some seconds.
-_TASK, _HELD = 64_000_000, 8_000_000
 
-#: What is held of a piece of the record, and of its sums, beside each other: as read, with ones beside it, and transformed.
+# ------------------------------------------------------------------------------------------------------ stored records
+
+#: Samples times channels that a task reads in turn, and in memory at a time: a task takes some seconds.
+_TASK, _IN_MEMORY = 64_000_000, 8_000_000
+
+#: Copies of a piece of the record, and of its sums, in memory at a time: as read, with a column of ones, and transformed.
 _COPIES = 6
 
 
 class Stretch(NamedTuple):
-    """One task: the times from `start` to before `stop`, which belong to one block.
-
-    Attributes
-    ----------
-    number, block : int
-        Of the task, and of the block that its sum belongs to.
-    start, stop : int
-    """
+    """One task, by its number: the times from `start` to before `stop`, of one block."""
 
     number: int
     block: int
@@ -171,42 +158,18 @@ class Stretch(NamedTuple):
     stop: int
 
 
-class Gathered(NamedTuple):
-    """Sums over the blocks of a record without its mean.
-
-    Attributes
-    ----------
-    sums : array, (blocks, lags + 1, l, r)
-    pairs : array, (blocks, lags + 1)
-    """
-
-    sums: RealArray
-    pairs: RealArray
+#: The latest sums of each record, for the next estimate with the same arguments.
+_latest: WeakKeyDictionary[StoredSignals, tuple[tuple[object, ...], RealArray]] = WeakKeyDictionary()
 
 
-#: The sums that were made last of each record: what follows an estimate asks for them again.
-_latest: WeakKeyDictionary[StoredSignals, tuple[tuple[object, ...], Gathered]] = WeakKeyDictionary()
+def lag_sums(record: StoredSignals, references: tuple[int, ...], lags: int, edges: tuple[int, ...]) -> RealArray:
+    """Return the sums (blocks, lags + 1, l, r) of y(t + k) y_ref(t)' over the times t of each block, without the mean of the record.
 
-
-def gathered(record: StoredSignals, references: tuple[int, ...], lags: int, edges: tuple[int, ...]) -> Gathered:
-    """Return the sums of y(t + k) y_ref(t)' over the times t of each block, the mean of the whole record taken off.
-
-    The record is read once: sums are made of z = y - c, c the mean of its beginning, and of z beside a column of ones, which gives the
-    sums of z(t + k) and of z_ref(t), with which the true mean m = c + d is taken off afterwards:
+    The record is read once. With z = y - c, c the mean of its beginning, sums of [z, 1] also give those of z(t + k) and of z_ref(t), by
+    which the true mean m = c + d is subtracted afterwards:
     sum (z(t+k) - d) (z_ref(t) - d)' = sum z z' - sum z(t+k) d' - d sum z_ref' + pairs d d'.
-
-    Parameters
-    ----------
-    record : StoredSignals
-    references : tuple of int
-    lags : int
-    edges : tuple of int
-        Where the blocks begin, and the end of the last one.
-
-    Raises
-    ------
-    DataError
-        Sums that do not fit in memory; samples that are no numbers.
+    `edges` are the first times of the blocks, and the end of the last one. Raises DataError for sums that do not fit in memory and for
+    samples that are no numbers.
     """
     key = (references, lags, edges)
     if record in _latest and _latest[record][0] == key:
@@ -218,23 +181,22 @@ def gathered(record: StoredSignals, references: tuple[int, ...], lags: int, edge
         8.0 * np.prod(shape) * (1 + 2 / blocks) + 8.0 * _COPIES * channels * (lags + 1),
         "Lower lags, or give fewer references.",
     )
-    opening = record.part(0, min(record.samples, max(_HELD // channels, 2)))
+    opening = record.part(0, min(record.samples, max(_IN_MEMORY // channels, 2)))
     check_size(opening)
     offset = opening.outputs.mean(axis=0)
-    work = partial(_sum_over, record, references, lags, offset, held_samples(channels, lags))
-    saved = SavedSums(execution().folder, f"{record.rows.identity} {key}", shape, len(stretches(edges, channels)))
-    found = _centred(_all_sums(work, stretches(edges, channels), saved), record.samples)
+    # few samples at a time against the allowed memory, and many against the lags
+    most = min(_IN_MEMORY, allowed_memory() // (8 * _COPIES * 4))
+    chunk = max(int(most) // channels, 2 * lags, 2)
+    work = partial(_sum_over, record, references, lags, offset, chunk)
+    tasks = stretches(edges, channels)
+    saved = SavedSums(execution().folder, f"{record.rows.identity} {key}", shape, len(tasks))
+    found = _centred(_all_sums(work, tasks, saved), record.samples)
     _latest[record] = (key, found)
     return found
 
 
 def stretches(edges: tuple[int, ...], channels: int) -> list[Stretch]:
-    """Return the tasks: every block in one piece, or in several where it is long.
-
-    Parameters
-    ----------
-    edges : tuple of int
-    channels : int
+    """Cut blocks into tasks: one for each, or several where it is long.
 
     Examples
     --------
@@ -249,35 +211,24 @@ def stretches(edges: tuple[int, ...], channels: int) -> list[Stretch]:
     return tasks
 
 
-def held_samples(channels: int, lags: int) -> int:
-    """Return how many samples are read at a time: few beside the memory that may be taken, and many beside the lags.
-
-    Parameters
-    ----------
-    channels, lags : int
-    """
-    most = min(_HELD, allowed_memory() // (8 * _COPIES * 4))
-    return max(int(most) // channels, 2 * lags, 2)
-
-
 @one_thread
 def _sum_over(
-    record: StoredSignals, references: tuple[int, ...], lags: int, offset: RealArray, held: int, task: Stretch
+    record: StoredSignals, references: tuple[int, ...], lags: int, offset: RealArray, chunk: int, task: Stretch
 ) -> RealArray:
     """Return the sums of one task, (lags + 1, l + 1, r + 1); the last channel, and the last reference, is 1."""
     channels = len(offset)
     total = LagSum(channels + 1, (*references, channels), lags)
-    beside = np.ones((min(held, task.stop - task.start) + lags, channels + 1))
-    for start in range(task.start, task.stop, held):
-        stop = min(start + held, task.stop)
+    extended = np.ones((min(chunk, task.stop - task.start) + lags, channels + 1))
+    for start in range(task.start, task.stop, chunk):
+        stop = min(start + chunk, task.stop)
         rows = record.chunk(start, stop + lags)
-        np.subtract(rows, offset, out=beside[: len(rows), :channels])
-        total.add(beside[: len(rows)], stop - start)
+        np.subtract(rows, offset, out=extended[: len(rows), :channels])
+        total.add(extended[: len(rows)], stop - start)
     return total.finish()
 
 
 def _all_sums(work: partial[RealArray], tasks: list[Stretch], saved: SavedSums) -> RealArray:
-    """Return the sums of all blocks: of what was saved, and of the tasks that are left."""
+    """Return the sums of all blocks, saved ones and those of the remaining tasks."""
     progress = execution().progress
     try:
         for task, sums in each(work, [task for task in tasks if not saved.done[task.number]]):
@@ -290,14 +241,13 @@ def _all_sums(work: partial[RealArray], tasks: list[Stretch], saved: SavedSums) 
     return saved.sums
 
 
-def _centred(sums: RealArray, samples: int) -> Gathered:
-    """Take the mean off sums beside which the ones stand."""
+def _centred(sums: RealArray, samples: int) -> RealArray:
+    """Subtract the mean from sums whose last channel and reference is 1."""
     products, later = sums[:, :, :-1, :-1], sums[:, :, :-1, -1]
     now, pairs = sums[:, :, -1, :-1], np.round(sums[:, :, -1, -1])
-    d = later[:, 0].sum(axis=0) / samples
-    d_ref = now[:, 0].sum(axis=0) / samples
-    for block in range(len(sums)):  # in place: of many lags these are the largest arrays there are
+    d, d_ref = (side[:, 0].sum(axis=0) / samples for side in (later, now))
+    for block in range(len(sums)):  # in place: these are the largest arrays
         products[block] -= later[block][:, :, None] * d_ref
         products[block] -= d[:, None] * now[block][:, None, :]
         products[block] += pairs[block][:, None, None] * np.outer(d, d_ref)
-    return Gathered(products, pairs)
+    return products

@@ -1,4 +1,4 @@
-"""Zoom: a narrow band at fine resolution, by the chirp-z transform or by shifting the band to zero and decimating."""
+"""Compute the spectrum of a narrow band at fine resolution, by the chirp-z transform or by frequency shift and decimation."""
 
 from __future__ import annotations
 
@@ -23,10 +23,7 @@ _STOP = 100.0
 def zoom_lines(band: tuple[float, float], length: int, sampling_rate: float, lines: int | None) -> RealArray:
     """Return the lines of a band: those of the transform of `length` samples, or `lines` equally spaced ones, ends included.
 
-    Raises
-    ------
-    DataError
-        A band outside 0 to half the sampling rate, or one that holds fewer than two lines.
+    Raises DataError for a band outside 0 to half the sampling rate, or with fewer than two lines.
     """
     low, high = float(band[0]), float(band[1])
     if not 0 <= low < high <= sampling_rate / 2:
@@ -52,8 +49,8 @@ def chirp_z(samples: Array, frequencies: RealArray, sampling_rate: float) -> Com
     """Return X(f) = sum_k x(k) exp(-j 2 pi f k / fs) on equally spaced lines, along axis 1 of (p, N, channels).
 
     Bluestein's convolution: with n k = (n^2 + k^2 - (n - k)^2) / 2 the sum over k is a convolution with a chirp, which
-    costs three fast transforms whatever the lines are. On lines of the record's own transform the chirp's phase is taken
-    modulo whole turns in whole numbers, so that long records lose no digits.
+    costs three fast transforms for any lines. On lines of the record's transform the phase of the chirp is reduced to one turn in
+    integers, so that long records lose no digits.
 
     Examples
     --------
@@ -77,7 +74,7 @@ def chirp_z(samples: Array, frequencies: RealArray, sampling_rate: float) -> Com
 
 
 def _turns(whole: Array, part: float, grid: int) -> RealArray:
-    """Return whole * part modulo 1, in whole numbers when `part` is a multiple of 1 / grid (a multiple to rounding)."""
+    """Return whole * part modulo 1, in integers when `part` is a multiple of 1 / grid to rounding."""
     multiple = round(part * grid)
     if abs(part * grid - multiple) < 1e-9:
         return np.asarray(whole % grid * (multiple % grid) % grid / grid)
@@ -94,7 +91,7 @@ class Shifted(NamedTuple):
     factor: int
 
     def transform(self, length: int, frequencies: RealArray) -> Transform:
-        """Return the transform of segments of `length` samples to lines that lie on its own grid around the centre."""
+        """Return the transform of segments of `length` samples to lines of its grid around the centre."""
         step = self.sampling_rate / length
         bins = np.rint((frequencies - self.centre) / step).astype(int)
         return Transform(frequencies, lambda x: np.asarray(fft.fft(x, axis=1)[:, bins % length]))
@@ -105,8 +102,8 @@ def heterodyne(
 ) -> Shifted:
     """Shift the band of the lines to 0 Hz, low-pass filter and keep one sample in q, with q a divisor of the segment.
 
-    q is the largest that leaves twice the band's width. The filter (Kaiser window, 100 dB, no delay) is the same for all channels and
-    falls out of every ratio.
+    q is the largest that leaves twice the width of the band. The filter (Kaiser window, 100 dB, no delay) is the same for all channels
+    and cancels in every ratio.
     """
     step = sampling_rate / segment
     width = float(frequencies[-1] - frequencies[0]) + 2 * step
@@ -114,11 +111,11 @@ def heterodyne(
     factor = max(q for q in range(1, most + 1) if segment % q == 0)
     middle = round(float(frequencies[0] + frequencies[-1]) / 2 / step)
     rate = sampling_rate / factor
-    # the edge of the pass-band is the band's own; what folds back into it starts at rate - width / 2
+    # the pass-band is the band; frequencies from rate - width / 2 on would alias into it
     taps, beta = scipy.signal.kaiserord(_STOP, (rate - width) / (sampling_rate / 2))
-    low_pass = (
-        scipy.signal.firwin(taps | 1, rate / 2, window=("kaiser", beta), fs=sampling_rate) if factor > 1 else np.ones(1)
-    )
+    low_pass = np.ones(1)
+    if factor > 1:
+        low_pass = scipy.signal.firwin(taps | 1, rate / 2, window=("kaiser", beta), fs=sampling_rate)
     phase = np.arange(outputs.shape[1]) * middle % segment / segment
     mixer = np.exp(-2j * np.pi * phase)
 
