@@ -140,9 +140,7 @@ def jumps(runs: RealArray) -> list[Slip]:
     is one, too: there v - C_0 u is large, with variances of its variates by maximum likelihood. The likelihood ratio of all events
     together must exceed 1e3 times the number of g. Their number of samples is common, or differs at an event whose ratio pays for it.
 
-    Parameters
-    ----------
-    runs : array, (R, N, l)
+    `runs` (R, N, l).
 
     References
     ----------

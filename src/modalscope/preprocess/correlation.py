@@ -357,10 +357,7 @@ def slower_correlation(correlation: ImpulseResponse, highest: float) -> ImpulseR
     version: with the same poles and those of the filter, which lie at the end of the band. R(0), with the noise of the channels, is no
     part of it and is dropped.
 
-    Parameters
-    ----------
-    highest : float
-        Hz.
+    `highest`: hz.
     """
     check_kind("slower_correlation", correlation, ImpulseResponse)
     rate = correlation.sampling_rate

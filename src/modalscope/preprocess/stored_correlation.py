@@ -43,15 +43,7 @@ class LagSum:
     Every block is padded with zeros, so that no product wraps around. The cross spectra of the blocks are summed and transformed back
     once, at the end where those of all references take little memory.
 
-    Parameters
-    ----------
-    channels : int
-        l.
-    references : sequence of int
-        Channels at t.
-    lags : int
-    mean : array, (l,), optional
-        Subtracted from every sample as it is read; zero by default.
+    `channels`: l. `references`: channels at t. `mean` (l,): subtracted from every sample as it is read; zero by default.
 
     Examples
     --------
