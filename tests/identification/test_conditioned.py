@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.identification.ambient import bands_of_record, looked_through
+from modalscope.identification.routes import bands_of_record, looked_through
 from modalscope.preprocess import decimate, harmonics
 from modalscope.preprocess.harmonics import lines_in
 from tests.judging.ambient_records import random_structure

@@ -14,10 +14,10 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope.data.response import Response
-from modalscope.identification.lookup import find_method
 from modalscope.identification.method import DOMAINS, Method
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
+from modalscope.identification.table import find_method
 from modalscope.numerics.checks import Array
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import assign

@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.comparing.causes import Cause
+from modalscope.comparing.diagnosis import Cause
 from modalscope.comparing.run import Cell, MethodResult, plan
 from modalscope.data.record_residual import UNMEASURED
 from modalscope.data.window import line_step

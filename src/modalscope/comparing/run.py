@@ -17,14 +17,13 @@ from modalscope.blocks.influence import Lines
 from modalscope.data.modes import ModalModel
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
-from modalscope.identification.lookup import find_method
 from modalscope.identification.method import DOMAINS, Built, Method, Problem
 from modalscope.identification.options import Options
 from modalscope.identification.orders import STATES, checked_orders
 from modalscope.identification.pipeline import Factored, built, factored
 from modalscope.identification.prepare import Measured, pose
 from modalscope.identification.sweep import Sweep, start
-from modalscope.identification.table import methods
+from modalscope.identification.table import find_method, methods
 from modalscope.judging.certificate import nearest_order
 from modalscope.judging.evidence import Gathered
 from modalscope.judging.select import chosen_of, weighed

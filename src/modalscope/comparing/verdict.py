@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from modalscope.comparing.agreement import Group
-from modalscope.comparing.causes import Cause
+from modalscope.comparing.diagnosis import Cause
 from modalscope.comparing.run import MethodResult
 from modalscope.comparing.scatter import Scatter
 

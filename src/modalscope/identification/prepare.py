@@ -15,12 +15,22 @@ from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.setups import Setups, as_test
 from modalscope.data.sizes import check_alive, check_size
 from modalscope.data.stored import StoredResponse, StoredSignals
-from modalscope.identification.ambient import Conditioned, SeenRecord, conditioned, conditioned_setups, seen_record
-from modalscope.identification.lookup import check_form, find_method, options_of
 from modalscope.identification.method import Method, Problem, Takes
 from modalscope.identification.options import ROUTES, delays_of
-from modalscope.identification.routes import USUAL, by_route, chosen_route, one_record, without_delays
+from modalscope.identification.routes import (
+    USUAL,
+    Conditioned,
+    SeenRecord,
+    by_route,
+    chosen_route,
+    conditioned,
+    conditioned_setups,
+    one_record,
+    seen_record,
+    without_delays,
+)
 from modalscope.identification.sizes import setup_blocks
+from modalscope.identification.table import check_form, find_method, options_of
 from modalscope.numerics.checks import check_band, check_kind
 from modalscope.numerics.errors import DataError, check_choice
 

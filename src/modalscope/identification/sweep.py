@@ -22,8 +22,7 @@ from modalscope.identification.pipeline import Factored, Pipeline, factor, reali
 from modalscope.identification.prepare import prepare
 from modalscope.likelihood.deviations import Asked, Deviations, deviations_of, residual_variance, unexplained_energy
 from modalscope.likelihood.noise import Noise, Unknown, noise_of
-from modalscope.modal.accuracy import indicators_of_all
-from modalscope.modal.eigenmodes import Eigenmodes, eigenmodes, split_extraneous
+from modalscope.modal.eigenmodes import Eigenmodes, eigenmodes, indicators_of_all, split_extraneous
 from modalscope.modal.rebuilt import modal_model
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray

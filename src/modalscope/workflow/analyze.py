@@ -20,8 +20,7 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_each, check_kind
 from modalscope.numerics.resources import one_thread
 from modalscope.preprocess.frf import leakage_note
-from modalscope.workflow.chosen import modes_chosen
-from modalscope.workflow.parts import Choose, Look, looked_at
+from modalscope.workflow.bands import Choose, Look, looked_at, modes_chosen
 from modalscope.workflow.sources import Reading, opened
 
 __all__ = ["analyze", "analyzed", "concluded"]
