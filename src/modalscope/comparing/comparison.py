@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -54,30 +54,21 @@ __all__ = ["Comparison", "changed", "compare", "find_by_name"]
 # What methods are called in tables and pictures, and how a result is found by any of its method's names.
 
 
-class _HasMethod(Protocol):
-    @property
-    def method(self) -> Method: ...
-
-
-T = TypeVar("T", bound=_HasMethod)
-
-
-def find_by_name(results: Iterable[T], name: str | tuple[str, str]) -> T:
+def find_by_name(results: Sequence[MethodResult], name: str | tuple[str, str]) -> MethodResult:
     """Return the one result whose method has a name: `era (s)`, `ERA/s`, `ssi_cov`, `PolyMAX`; case, blanks and signs do not matter.
 
     Raises `DataError`: no such result, with the nearest name; or one name of several.
     """
-    known = list(results)
     asked = name if isinstance(name, str) else "/".join(map(str, name))
     wanted = _plain(asked)
-    found = [r for r in known if wanted in {n + r.method.domain for n in _names(r.method)}]
-    found = found or [r for r in known if wanted in _names(r.method)]
+    found = [r for r in results if wanted in {n + r.method.domain for n in _names(r.method)}]
+    found = found or [r for r in results if wanted in _names(r.method)]
     if len(found) == 1:
         return found[0]
-    there = [str(r.method) for r in found or known]
+    there = [str(r.method) for r in found or results]
     if found:
         raise DataError(f"the result of {asked!r} was asked", f"that is {' and '.join(there)}", "Name one of these.")
-    spelt = {_plain(word): word for r in known for word in (str(r.method), r.method.label)}
+    spelt = {_plain(word): word for r in results for word in (str(r.method), r.method.label)}
     near = get_close_matches(wanted, spelt, n=1, cutoff=0.5)
     hint = f"Did you mean {spelt[near[0]]!r}? " if near else ""
     raise DataError(
@@ -192,20 +183,20 @@ class Comparison(Shown):
 
     def _modes_table(self) -> str:
         head = ["mode", "f [Hz]", "+-", "zeta [%]", "+-", "methods", "MAC", "trust"]
-        rows = []
-        for k, (g, t) in enumerate(zip(self.groups, self.trust, strict=True)):
-            rows.append(
-                [
-                    str(k + 1),
-                    f"{g.frequency:.4f}",
-                    f"{self.scatter.frequency[k]:.2g}",
-                    f"{100 * g.damping:.3f}",
-                    f"{100 * self.scatter.damping[k]:.2g}",
-                    f"{len(g.members)} of {sum(r.modes is not None for r in self.results)}",
-                    f"{min(g.mac.values()):.3f}",
-                    t.grade,
-                ]
-            )
+        count = sum(r.modes is not None for r in self.results)
+        rows = [
+            [
+                str(k + 1),
+                f"{g.frequency:.4f}",
+                f"{self.scatter.frequency[k]:.2g}",
+                f"{100 * g.damping:.3f}",
+                f"{100 * self.scatter.damping[k]:.2g}",
+                f"{len(g.members)} of {count}",
+                f"{min(g.mac.values()):.3f}",
+                t.grade,
+            ]
+            for k, (g, t) in enumerate(zip(self.groups, self.trust, strict=True))
+        ]
         lead = f"Consensus (+-: the truth within it in {100 * LEVEL:g} %, by the noise and by what methods disagree beyond it)"
         return _aligned([head, *rows], lead) if rows else "No mode in common."
 
@@ -393,11 +384,21 @@ def compare(
     if low is not None and changed_by_more_orders(tasks, results, options):
         causes.append(low)
     judged = _judged(response, results, [*findings, *causes], tried)
+    same = [
+        f"one and the same on these data, with one vote: {'; '.join(labels)}" for labels in judged["kinship"].equals
+    ]
     return Comparison(
         response=response,
         results=results,
-        settings=_settings(methods, orders, {"band": band, "exclude": exclude, **way, **options}),
-        notes=notes_of((*ways[0].notes, *failed, *more, *_equals(judged["kinship"]))),
+        settings={
+            "methods": methods if isinstance(methods, str) else tuple(str(m) for m in methods),
+            "orders": None if orders is None else tuple(int(n) for n in orders),
+            "band": band,
+            "exclude": exclude,
+            **way,
+            **options,
+        },
+        notes=notes_of((*ways[0].notes, *failed, *more, *same)),
         **judged,
     )
 
@@ -417,7 +418,9 @@ def _judged(
         drawn = response.picture()
         shown = fitted if drawn is response else rebuilt(drawn, modes)
         findings += sign_causes(drawn)
-        findings += channel_causes(drawn, shown, modes.poles - response.added_damping, _best_fit(results))
+        errors = (float(r.diagram.fit_errors.min()) for r in results if r.diagram is not None and r.exact)
+        best = min(errors, default=np.inf)  # of the models of any order, real poles and all
+        findings += channel_causes(drawn, shown, modes.poles - response.added_damping, best)
     trust = tuple(
         judge(
             g,
@@ -446,19 +449,10 @@ def _judged(
     }
 
 
-def _best_fit(results: Sequence[MethodResult]) -> float:
-    """Return what the best model of any order leaves of the data, real poles and all."""
-    return min(
-        (float(r.diagram.fit_errors.min()) for r in results if r.diagram is not None and r.exact), default=np.inf
-    )
-
-
 def _consensus(response: Response, groups: Sequence[Group], scatter: Scatter) -> ModalModel:
     """Return the modes in the middle of all methods, with participation fitted to the data."""
     poles = np.array([g.pole for g in groups], dtype=complex)
-    shapes = np.zeros((len(response.output_dofs), len(groups)), complex)
-    for k, g in enumerate(groups):
-        shapes[:, k] = g.shape
+    shapes = np.array([g.shape for g in groups], dtype=complex).reshape(len(groups), len(response.output_dofs)).T
     shapes, fitted = joint_residues(response, poles, shapes)
     dt = None if response.sampling_rate is None else 1 / response.sampling_rate
     return ModalModel(
@@ -475,13 +469,3 @@ def _consensus(response: Response, groups: Sequence[Group], scatter: Scatter) ->
         **response.labelled(),
         **fitted,
     ).normalized("unit")
-
-
-def _settings(methods: Any, orders: Any, options: dict[str, Any]) -> dict[str, Any]:
-    named = methods if isinstance(methods, str) else tuple(str(m) for m in methods)
-    asked = None if orders is None else tuple(int(n) for n in orders)
-    return {"methods": named, "orders": asked, **options}
-
-
-def _equals(kin: Kinship) -> list[str]:
-    return [f"one and the same on these data, with one vote: {'; '.join(labels)}" for labels in kin.equals]

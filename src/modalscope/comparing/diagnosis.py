@@ -41,6 +41,7 @@ from modalscope.doctor.findings import dead_channels, sides_of
 from modalscope.doctor.polarity import check_polarity
 from modalscope.identification.prepare import Data
 from modalscope.judging.evidence import LEAST_PEAK, LEAST_SIGNAL
+from modalscope.modal.shapes import free_residues
 from modalscope.numerics.checks import Array
 from modalscope.numerics.statistics import noise_threshold
 
@@ -188,7 +189,7 @@ def _turned_alone(response: Response, poles: Array) -> list[Cause]:
     if min(outputs, inputs) < 2 or max(outputs, inputs) < 3 or not poles.size:
         return []
     # a response of the wrong sign makes two poles of one shape each out of every mode: one place counts once
-    residues = _free_residues(response, _one_a_place(poles))
+    residues = free_residues(response.basis(_one_a_place(poles)))
     before = _beyond_rank_one(residues)
     after = np.empty((outputs, inputs))
     for o, i in np.ndindex(outputs, inputs):
@@ -213,17 +214,6 @@ def _one_a_place(poles: Array) -> Array:
         if all(abs(pole - other) > _PLACE * min(abs(pole.real), abs(other.real)) for other in kept):
             kept.append(complex(pole))
     return np.array(kept)
-
-
-def _free_residues(response: Response, poles: Array) -> Array:
-    """Return residues (n, l, m) of every channel by least squares, not tied to a shape."""
-    basis = response.basis(poles)
-    columns = np.hstack([basis.terms, basis.functions])
-    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    rows, outputs, inputs = basis.data.shape
-    found = np.linalg.lstsq(columns / scale, basis.data.reshape(rows, -1), rcond=None)[0] / scale[:, None]
-    modal = found[basis.terms.shape[1] :].reshape(-1, 2, outputs, inputs)
-    return np.asarray(modal[:, 0] + 1j * modal[:, 1])
 
 
 def _beyond_rank_one(residues: Array) -> float:
@@ -273,15 +263,10 @@ def _still_falls(diagram: StabilizationDiagram) -> str:
         return f"{lead}, and every two states still take {100 * (1 - fall ** (1 / pairs)):.0f} % of it away"
     if left > _MUCH and fall < _FALLS:
         return f"{lead}; the last quarter of the orders still took it to {100 * fall:.0f} % of what it was"
-    if left > _SOME and (count := _stand_out(diagram)) > orders[-1]:
+    d = diagram.singular_values
+    if left > _SOME and (count := np.count_nonzero(d > noise_threshold(d)) if d.size else 0) > orders[-1]:
         return f"{lead}, and {count} singular values stand out of the noise"
     return ""
-
-
-def _stand_out(diagram: StabilizationDiagram) -> int:
-    """Return how many singular values stand out of the noise."""
-    d = diagram.singular_values
-    return int(np.count_nonzero(d > noise_threshold(d))) if d.size else 0
 
 
 # ----------------------------------------------------------------------------------------------------------- diagnosis
@@ -404,10 +389,8 @@ def _blocks(case: _Case) -> Cause | None:
 
 
 def _transformed(case: _Case) -> Cause | None:
-    if not case.differing:
-        return None
-    carried = {r.name for r in case.results if not r.exact}
-    if not set(case.differing) <= carried:
+    transformed = {r.name for r in case.results if not r.exact}
+    if not case.differing or not transformed.issuperset(case.differing):
         return None
     return Cause(
         "transformed data",

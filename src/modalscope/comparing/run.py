@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import chain
 from threading import Lock
 from typing import Any
 
@@ -123,8 +124,7 @@ def _allowed(method: Method, response: Response, out: dict[str, list[str]], reco
 
 
 def _cell(method: Method, response: Response, asked: Sequence[int]) -> Cell:
-    orders, options = method.orders.compared(asked, response)
-    return Cell(method, orders, options, method.exact_on(response))
+    return Cell(method, *method.orders.compared(asked, response), method.exact_on(response))
 
 
 # --------------------------------------------------------------------------------------------------------------- moved
@@ -233,20 +233,6 @@ class MethodResult:
         return self.method.label
 
 
-class _Count:
-    """Orders done by all methods together."""
-
-    def __init__(self, cells: Sequence[Cell], progress: Progress | None) -> None:
-        self._progress, self._lock = progress, Lock()
-        self._done, self._total = [0] * len(cells), sum(len(c.orders) for c in cells)
-
-    def report(self, index: int, done: int) -> None:
-        with self._lock:
-            self._done[index] = done
-            if self._progress is not None:
-                self._progress(sum(self._done), self._total)
-
-
 class _Group:
     """What cells that read their models off one data matrix have in common: its factors, and what is the same by several of them.
 
@@ -323,16 +309,22 @@ def run(
     (orders done, orders in all), over all methods. `workers`: methods at a time; by default as many as there are processors, at most
     four. `**options`: of `stabilize`, for every method.
     """
-    count = _Count(cells, progress)
+    lock, each_done, total = Lock(), [0] * len(cells), sum(len(c.orders) for c in cells)
+
+    def report(index: int, done: int, _: int = 0) -> None:
+        with lock:
+            each_done[index] = done
+            if progress is not None:
+                progress(sum(each_done), total)
+
     given = [measured] * len(cells) if isinstance(measured, Measured) else measured
     groups, gathered = _grouped(cells, given), Gathered()
 
     def of_group(indices: Sequence[int]) -> list[MethodResult]:
         group, found = _Group(gathered), []
         for index in indices:
-            progress = partial(_report, count, index)
-            found.append(_one(given[index], cells[index], group, progress, options))
-            count.report(index, len(cells[index].orders))
+            found.append(_one(given[index], cells[index], group, partial(report, index), options))
+            report(index, len(cells[index].orders))
         return found
 
     at_once = workers or min(os.cpu_count() or 1, 4)
@@ -341,33 +333,19 @@ def run(
     else:
         with ThreadPoolExecutor(at_once) as pool:
             found = list(pool.map(of_group, groups))
-    each = {
-        i: result for indices, part in zip(groups, found, strict=True) for i, result in zip(indices, part, strict=True)
-    }
+    each = dict(zip(chain(*groups), chain(*found), strict=True))
     return tuple(each[i] for i in range(len(cells)))
-
-
-def _report(count: _Count, index: int, done: int, _: int) -> None:
-    count.report(index, done)
 
 
 def _one(measured: Measured, cell: Cell, group: _Group, progress: Progress, options: dict[str, Any]) -> MethodResult:
     started = time.perf_counter()
     try:
         result = _found(measured, cell, group, progress, options)
-    except DataError as trouble:
-        failure = " ".join(str(trouble).split())
-    except (ValueError, ArithmeticError, MemoryError) as trouble:  # numpy's own: no convergence, no memory
-        failure = f"{type(trouble).__name__}: {' '.join(str(trouble).split())}"
-    else:
-        return replace(result, seconds=time.perf_counter() - started)
-    return MethodResult(
-        method=cell.method,
-        exact=cell.exact,
-        route=measured.route or "",
-        seconds=time.perf_counter() - started,
-        failure=failure,
-    )
+    except (DataError, ValueError, ArithmeticError, MemoryError) as trouble:  # NumPy's: no convergence, no memory
+        kind = "" if isinstance(trouble, DataError) else f"{type(trouble).__name__}: "
+        failure = f"{kind}{' '.join(str(trouble).split())}"
+        result = MethodResult(method=cell.method, exact=cell.exact, route=measured.route or "", failure=failure)
+    return replace(result, seconds=time.perf_counter() - started)
 
 
 def _found(measured: Measured, cell: Cell, group: _Group, progress: Progress, options: dict[str, Any]) -> MethodResult:

@@ -1,4 +1,4 @@
-"""From data of any kind to the problem that a row of the table solves: records become responses once, for all rows."""
+"""Prepare data for a method: records become responses, and options are checked against the row of the table."""
 
 from __future__ import annotations
 
@@ -33,6 +33,8 @@ from modalscope.identification.sizes import setup_blocks
 from modalscope.identification.table import check_form, find_method, options_of
 from modalscope.numerics.checks import check_band, check_kind
 from modalscope.numerics.errors import DataError, check_choice
+from modalscope.preprocess.correlation import estimate_correlation, slower_correlation, spanning_outputs
+from modalscope.preprocess.setups import joined_setups
 
 __all__ = ["Data", "Measured", "measure", "pose", "prepare"]
 
@@ -138,17 +140,11 @@ def _measured(data: Any, band: tuple[float, float] | None, asked: _Asked) -> Mea
 def _(data: Response, band: tuple[float, float] | None, asked: _Asked) -> Measured:
     check_size(data)
     row, domain = _USUAL.get((data.origin, data.held_input), ("era", "time"))
+    if isinstance(data, ImpulseResponse):
+        return Measured(
+            data if band is None else slower_correlation(data, band[1]), None, type(data).__name__, row, domain
+        )
     return Measured(data.in_band(band), None, type(data).__name__, row, domain)
-
-
-@_measured.register
-def _(data: ImpulseResponse, band: tuple[float, float] | None, asked: _Asked) -> Measured:
-    from modalscope.preprocess.correlation import slower_correlation
-
-    check_size(data)
-    slower = data if band is None else slower_correlation(data, band[1])
-    row, domain = _USUAL.get((data.origin, data.held_input), ("era", "time"))
-    return Measured(slower, None, type(data).__name__, row, domain)
 
 
 @_measured.register
@@ -187,9 +183,6 @@ def _(data: SeenRecord, band: tuple[float, float] | None, asked: _Asked) -> Meas
 
 def _ambient(taken: Conditioned, seen: Signals, given: str) -> Measured:
     """Return the correlations of records without inputs; what was seen of them before any band tells the references, the same for all."""
-    from modalscope.preprocess import estimate_correlation
-    from modalscope.preprocess.correlation import spanning_outputs
-
     labels = taken.records.output_dofs
     references = spanning_outputs(seen)
     which = "all channels"
@@ -217,8 +210,6 @@ def _(data: StoredResponse, band: tuple[float, float] | None, asked: _Asked) -> 
 
 @_measured.register
 def _(data: Setups, band: tuple[float, float] | None, asked: _Asked) -> Measured:
-    from modalscope.preprocess.setups import joined_setups
-
     check_size(data)
     taken = conditioned_setups(data, band)
     told = f"correlations of {len(data.parts)} setups were carried over to the references {', '.join(data.references)}"

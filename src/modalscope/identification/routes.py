@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,14 +25,18 @@ from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.setups import Setups
 from modalscope.data.sizes import check_size
 from modalscope.data.stored import StoredSignals
+from modalscope.doctor.delays import aligned, seen_delays
 from modalscope.identification.sizes import SETUP_ROWS
 from modalscope.identification.table import find_method, methods
 from modalscope.numerics.errors import DataError
-from modalscope.preprocess.bands import OwnBands, levels_of, own_bands, taken_down
-
-if TYPE_CHECKING:
-    from modalscope.preprocess.bands import Levels
-    from modalscope.preprocess.harmonics import Line
+from modalscope.preprocess import estimate_markov
+from modalscope.preprocess.bands import Levels, OwnBands, levels_in, levels_of, noise_notes, own_bands, taken_down
+from modalscope.preprocess.excitation import find_excitation, find_period
+from modalscope.preprocess.excited_band import resonant_band, struck_band
+from modalscope.preprocess.harmonics import Line, Spectrum, harmonic_notes, lines_in
+from modalscope.preprocess.harmonics_removed import without_lines
+from modalscope.preprocess.line_noise import level_lines
+from modalscope.preprocess.merging import joined_frf
 
 __all__ = [
     "USUAL",
@@ -80,8 +84,6 @@ class Way(NamedTuple):
 
 def usual_route(records: Records) -> str:
     """Return the way that suits records with inputs by the rule of this module; runs that do not stack are taken as they are."""
-    from modalscope.preprocess.excitation import find_excitation
-
     if max(records.samples) <= _LENGTHS * min(records.samples) and all(
         len(run.input_dofs) == 1 and find_excitation(run) == "impact" for run in records.runs
     ):
@@ -112,8 +114,6 @@ def by_route(records: Records, route: str, band: tuple[float, float] | None) -> 
     if route == "frf":
         return _averaged(records, band)
     if route == "markov":
-        from modalscope.preprocess import estimate_markov
-
         note = Note("estimated", {}, "Markov parameters were estimated from the records by an observer (OKID)")
         return Way(estimate_markov(one_record(records, "Markov parameters")), band, (note,))
     low, high = (0.0, np.inf) if band is None else band
@@ -134,8 +134,6 @@ def without_delays(
 
     `records`: with inputs. `delays`: as in `modalscope.doctor.delays`.
     """
-    from modalscope.doctor.delays import aligned, seen_delays
-
     chosen = seen_delays(records) if delays is None else delays
     if delays is None and (not chosen or _periodic(records) is not None):
         return records, None, ()
@@ -145,9 +143,6 @@ def without_delays(
 
 def _averaged(records: Records, band: tuple[float, float] | None) -> Way:
     """Return frequency responses in a band; of hits, where none is asked, in that into which they put force."""
-    from modalscope.preprocess.excited_band import struck_band
-    from modalscope.preprocess.merging import joined_frf
-
     stacked, period = records.stacked(), _periodic(records)
     own, told = struck_band(stacked, band) or (band, None)
     kind = "auto" if period is None else "periodic"
@@ -158,9 +153,6 @@ def _averaged(records: Records, band: tuple[float, float] | None) -> Way:
 
 def _level(spectra: RecordSpectra, band: tuple[float, float] | None, note: Note) -> Way:
     """Return records in the band that holds their resonances where none was asked, their noise the same on all lines, and what is said."""
-    from modalscope.preprocess.excited_band import resonant_band
-    from modalscope.preprocess.line_noise import level_lines
-
     found = resonant_band(spectra) if band is None else None
     own, told = (band, ()) if found is None else (found[0], (found[1],))
     taken, drift = level_lines(spectra if found is None else spectra.in_band(own))
@@ -184,8 +176,6 @@ def one_record(records: Records, what: str) -> Signals:
 
 def _periodic(records: Records) -> int | None:
     """Return the period in samples where forces repeat at least twice after settling, and the responses with them; None else."""
-    from modalscope.preprocess.excitation import find_period
-
     try:
         record = one_record(records, "a period")
         outputs, inputs = record.by_run()
@@ -249,9 +239,6 @@ def seen_record(record: Signals | StoredSignals) -> SeenRecord:
 
     `record`: of a stored record an excerpt is looked at.
     """
-    from modalscope.preprocess.bands import levels_in, own_bands
-    from modalscope.preprocess.harmonics import Spectrum, lines_in
-
     excerpt = record.excerpt()
     spectrum = Spectrum.of(excerpt)
     levels = levels_in(spectrum)
@@ -275,9 +262,6 @@ def conditioned(seen: SeenRecord, band: Band | None) -> Conditioned:
 
     `band`: as asked, Hz.
     """
-    from modalscope.preprocess.bands import noise_notes, taken_down
-    from modalscope.preprocess.harmonics import harmonic_notes
-
     record: Any = seen.record
     own, lines = seen.own, seen.lines
     told = (own.note((own.whole,)),) if band is None and own.whole is not None else ()
@@ -289,8 +273,6 @@ def conditioned(seen: SeenRecord, band: Band | None) -> Conditioned:
 
 def _without_lines(record: Signals | StoredSignals, lines: Sequence[Line]) -> tuple[Any, tuple[Note, ...]]:
     """Return a record without lines of machines, beside which modes would be lost, and what is said of it; a stored one keeps them."""
-    from modalscope.preprocess.harmonics_removed import without_lines
-
     if not lines:
         return record, ()
     if isinstance(record, StoredSignals):

@@ -121,17 +121,12 @@ def from_modes(poles: Array, shapes: Array, participation: Array, direct: Array,
     With c = c_r + j c_i and l = l_r + j l_i a pair contributes C = 2 [c_r, c_i] and B = [l_r'; -l_i'], both scaled to one size.
     """
     n = np.where(poles.imag == 0, 1, 2)
-    A, B, C = (
-        np.zeros((n.sum(), n.sum())),
-        np.zeros((n.sum(), participation.shape[1])),
-        np.zeros((shapes.shape[0], n.sum())),
-    )
+    A, B = np.zeros((n.sum(), n.sum())), np.zeros((n.sum(), participation.shape[1]))
+    C = np.zeros((shapes.shape[0], n.sum()))
     for j, k in enumerate(np.cumsum(n) - n):
-        size = np.sqrt(np.linalg.norm(shapes[:, j]) * np.linalg.norm(participation[j])) or 1.0
-        c, b = (
-            shapes[:, j] / (np.linalg.norm(shapes[:, j]) or 1.0) * size,
-            participation[j] / (np.linalg.norm(participation[j]) or 1.0) * size,
-        )
+        sizes = np.linalg.norm(shapes[:, j]), np.linalg.norm(participation[j])
+        size = np.sqrt(sizes[0] * sizes[1]) or 1.0
+        c, b = shapes[:, j] / (sizes[0] or 1.0) * size, participation[j] / (sizes[1] or 1.0) * size
         if n[j] == 1:
             A[k, k], B[k], C[:, k] = poles[j].real, b.real, c.real
             continue
