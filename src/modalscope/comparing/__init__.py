@@ -1,4 +1,4 @@
-"""Every technique on the same measured data: what they agree on, where they differ, and why."""
+"""Compare every method on the same measured data: what they agree on, where they differ, and why."""
 
 from modalscope.comparing.comparison import Comparison, compare
 from modalscope.comparing.diagnosis import CAUSES, Cause, Disagreement

@@ -1,4 +1,4 @@
-"""Every method on the same data, compared in one call."""
+"""Compare methods on the same data: their consensus, its trust, where they differ and why."""
 
 from __future__ import annotations
 
@@ -414,7 +414,7 @@ def _judged(
     fitted = rebuilt(response, modes) if groups else 0 * response.values
     left = fit_error_heard(response, fitted)[0]
     if groups:
-        # channels are looked at one by one: of records that is their picture
+        # channels are examined one by one: of records that is their picture
         drawn = response.picture()
         shown = fitted if drawn is response else rebuilt(drawn, modes)
         findings += sign_causes(drawn)

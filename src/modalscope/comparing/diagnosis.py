@@ -1,4 +1,4 @@
-"""Rules that name the likely cause of a disagreement, mode by mode and for the data as a whole. Each names its evidence.
+"""Name the likely causes of disagreements between methods, mode by mode and for the data as a whole, with evidence.
 
 heavy damping
     The damping ratio is above 10 %.

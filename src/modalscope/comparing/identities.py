@@ -1,4 +1,4 @@
-"""Identities of the report that hold with noise, checked on the user's own data.
+"""Check on the data at hand identities between methods that hold with noise, too.
 
 They relate different realizations of one data matrix. Each residual here is computed from two separate routes; on any record it is
 rounding, about 100 eps sigma_1 / sigma_n, and more would mean a fault of the programs or the machine.

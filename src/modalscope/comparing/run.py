@@ -1,4 +1,4 @@
-"""Every method on the same response: each with its own stabilization diagram and selection, or the reason why it failed."""
+"""Run every method on the same response: stabilization diagram, selection of modes, or the reason of its failure."""
 
 from __future__ import annotations
 
@@ -39,15 +39,14 @@ __all__ = ["Cell", "MethodResult", "Moved", "Progress", "covariance", "plan", "r
 
 
 # ---------------------------------------------------------------------------------------------------------------- plan
-# Which cells of the table a comparison tries on the data, with which orders and block sizes, and how exact their way to the data is.
 
 
 @dataclass(frozen=True)
 class Cell:
     """One method as the comparison runs it.
 
-    `options`: block sizes that are not the method's own default. `exact`: whether the method works on the data themselves. What was
-    carried from lines to samples or back is compared, but has no vote.
+    `options`: block sizes other than the defaults. `exact`: whether the method works on the data themselves; one on data transformed
+    from lines to samples or back has no vote.
     """
 
     method: Method
@@ -128,7 +127,7 @@ def _cell(method: Method, response: Response, asked: Sequence[int]) -> Cell:
 
 
 # --------------------------------------------------------------------------------------------------------------- moved
-# How the noise moves the modes of every method, and of two methods together: they read the same data and share its noise.
+# First-order effect of the noise on the modes of a method, and their covariance with those of another on the same data.
 
 #: Lines that influences are kept on; of more every second to eighth stands for its neighbours.
 _LINES, _MOST = 2000, 8
@@ -136,7 +135,7 @@ _LINES, _MOST = 2000, 8
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Moved:
-    """What noise in the data does to the modes of one method.
+    """First-order effect of the noise in the data on the modes of one method.
 
     `response`: the data: only methods on the same ones share their noise value by value. `influence`: on the poles nearest to the modes,
     at the order that is nearest to all of them. `poles` (k,): these poles, rad/s. `row` (n,): where each mode stands among them; -1 for a
@@ -234,10 +233,7 @@ class MethodResult:
 
 
 class _Group:
-    """What cells that read their models off one data matrix have in common: its factors, and what is the same by several of them.
-
-    `gathered`: what data show, of all groups.
-    """
+    """What cells with one data matrix share: the matrix, its factors, and results that are the same; `gathered`: of all groups."""
 
     def __init__(self, gathered: Gathered) -> None:
         self.gathered = gathered
@@ -286,7 +282,7 @@ def _same_settings(one: Options, other: Options) -> bool:
 
 
 def _grouped(cells: Sequence[Cell], given: Sequence[Measured]) -> list[list[int]]:
-    """Return which cells may have a data matrix in common."""
+    """Return groups of cells that may share a data matrix."""
     groups: dict[Any, list[int]] = {}
     for index, (cell, measured) in enumerate(zip(cells, given, strict=True)):
         m, largest = cell.method, cell.orders[-1]
@@ -303,11 +299,10 @@ def run(
     workers: int | None = None,
     **options: Any,
 ) -> tuple[MethodResult, ...]:
-    """Run every cell on what was measured; what one of them cannot do is its row, and the others go on.
+    """Run every cell on the measured data; a failure is the result of its cell, and the others go on.
 
-    `measured`: the response, and the records behind it where there are any: prepared once, for all methods. `progress`: called with
-    (orders done, orders in all), over all methods. `workers`: methods at a time; by default as many as there are processors, at most
-    four. `**options`: of `stabilize`, for every method.
+    `progress`: called with (orders done, orders in all), over all methods. `workers`: methods at a time, by default the number of
+    processors, at most four. `**options`: of `stabilize`, for every method.
     """
     lock, each_done, total = Lock(), [0] * len(cells), sum(len(c.orders) for c in cells)
 

@@ -1,4 +1,4 @@
-"""How far a value may be from the truth: what the noise leaves open, and what methods disagree by beyond it.
+"""Estimate the uncertainty of the consensus: by the noise, and by what methods disagree beyond it.
 
 All methods read the same noise: the deviation of the difference of two of them is that of <g_1 - g_2, noise>, g their influences,
 and is often far below that of either. What lies further apart than it explains is bias, of one or of the other.

@@ -1,11 +1,11 @@
-"""Ways from records with inputs into the table, and the rule that chooses one.
+"""Turn records into responses: records with inputs by one of several routes, ambient records in a band of their spectra.
 
     impacts                                        -> frf (hits average, each input by itself)
     periodic, settled, two or more periods         -> frf by synchronous averages, on the driven lines only
     all else                                       -> records on lines, in z
 
-Only records on lines are free of leakage whatever the run does before and after. What they cannot take is noise on the inputs, and
-forces that were not measured: see `modalscope.data.record_residual`.
+Only records on lines are free of leakage, whatever the run does before and after. They are biased by noise on the inputs and by
+unmeasured forces: see `modalscope.data.record_residual`.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class Way(NamedTuple):
 
 
 def usual_route(records: Records) -> str:
-    """Return the way that suits records with inputs by the rule of this module; runs that do not stack are taken as they are."""
+    """Return the route that suits records with inputs by the rule of this module."""
     if max(records.samples) <= _LENGTHS * min(records.samples) and all(
         len(run.input_dofs) == 1 and find_excitation(run) == "impact" for run in records.runs
     ):
@@ -92,10 +92,7 @@ def usual_route(records: Records) -> str:
 
 
 def chosen_route(records: Records, method: str | None, domain: str | None, asked: str) -> str:
-    """Return the way for a method and a domain: as asked, or the first by the rule that serves them.
-
-    `records`: with inputs. `method`, `domain`: as asked. `asked`: "auto", or a way.
-    """
+    """Return the route as `asked`, or for "auto" the usual one where it serves the method and domain, else the first that does."""
     if asked != "auto":
         return asked
     usual = usual_route(records)
@@ -107,10 +104,7 @@ def chosen_route(records: Records, method: str | None, domain: str | None, asked
 
 
 def by_route(records: Records, route: str, band: tuple[float, float] | None) -> Way:
-    """Return what a way makes of records with inputs.
-
-    `band`: hz.
-    """
+    """Return the response of records with inputs by a route, in a band (Hz)."""
     if route == "frf":
         return _averaged(records, band)
     if route == "markov":
@@ -130,10 +124,7 @@ def by_route(records: Records, route: str, band: tuple[float, float] | None) -> 
 def without_delays(
     records: Records, delays: Mapping[str, int] | None
 ) -> tuple[Records, Mapping[str, int] | None, tuple[Note, ...]]:
-    """Return records with outputs that come late shifted back, by how much, and what is said; periods are left whole unless it is asked.
-
-    `records`: with inputs. `delays`: as in `modalscope.doctor.delays`.
-    """
+    """Return records with delayed outputs shifted back, the delays and notes; periodic records only where delays are given."""
     chosen = seen_delays(records) if delays is None else delays
     if delays is None and (not chosen or _periodic(records) is not None):
         return records, None, ()
@@ -152,7 +143,7 @@ def _averaged(records: Records, band: tuple[float, float] | None) -> Way:
 
 
 def _level(spectra: RecordSpectra, band: tuple[float, float] | None, note: Note) -> Way:
-    """Return records in the band that holds their resonances where none was asked, their noise the same on all lines, and what is said."""
+    """Return records in a band, by default that of their resonances, with noise of the same level on all lines."""
     found = resonant_band(spectra) if band is None else None
     own, told = (band, ()) if found is None else (found[0], (found[1],))
     taken, drift = level_lines(spectra if found is None else spectra.in_band(own))
@@ -160,10 +151,7 @@ def _level(spectra: RecordSpectra, band: tuple[float, float] | None, note: Note)
 
 
 def one_record(records: Records, what: str) -> Signals:
-    """Return runs of one length and the same inputs as one record, or raise.
-
-    `what`: what is to be made of it.
-    """
+    """Return runs of one length and the same inputs as one record, or raise `DataError` about `what` was asked."""
     stacks = records.stacked()
     if len(stacks) > 1:
         raise DataError(
@@ -192,26 +180,12 @@ def _periodic(records: Records) -> int | None:
 
 
 # --------------------------------------------------------------------------------------------------------- conditioned
-# What is made of a record without inputs before anything is identified: its band, its rate, and what in it is no structure.
-#
-# This is the only place where a record is filtered and decimated without being asked. The band that was chosen is the `band` of the
-# settings:
-# the same band, asked for, gives the same numbers to the last bit. Hits have their band by `modalscope.preprocess.excited_band`, other
-# records with inputs by `modalscope.preprocess.excited_band`; nothing of them is filtered.
+# Only here are records filtered and decimated without being asked. The chosen band is the `band` of the settings: the same band, asked
+# for, gives the same numbers to the last bit.
 
 
 class Conditioned(NamedTuple):
-    """A record as correlations are made of it.
-
-    Attributes
-    ----------
-    records : Signals or StoredSignals
-        Filtered to the band and decimated.
-    band : (float, float) or None
-        Hz, as asked or as chosen; None where the record is taken as it is.
-    notes : tuple of Note
-        What was chosen, lines of machines, and whether there is anything but noise.
-    """
+    """A record filtered to a band (Hz, None for the whole record) and decimated, for correlations."""
 
     records: Signals | StoredSignals
     band: Band | None
@@ -220,11 +194,9 @@ class Conditioned(NamedTuple):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SeenRecord:
-    """A record without inputs with what is seen in it before any band: looked for once, and the same for all bands and ladders of orders.
+    """A record without inputs with its spectrum levels, bands and harmonics, found once for all bands and orders.
 
-    Wherever data are identified it stands for its record.
-
-    `excerpt`: what was looked at: all of a record in memory. `lines`: of machines.
+    Verbs take it in place of its record. `excerpt`: what was examined, all of a record in memory. `lines`: harmonics.
     """
 
     record: Signals | StoredSignals
@@ -235,10 +207,7 @@ class SeenRecord:
 
 
 def seen_record(record: Signals | StoredSignals) -> SeenRecord:
-    """Look through a record without inputs.
-
-    `record`: of a stored record an excerpt is looked at.
-    """
+    """Examine the spectrum of a record without inputs, of a stored record that of an excerpt."""
     excerpt = record.excerpt()
     spectrum = Spectrum.of(excerpt)
     levels = levels_in(spectrum)
@@ -246,33 +215,32 @@ def seen_record(record: Signals | StoredSignals) -> SeenRecord:
 
 
 def looked_through(data: Any, exclude: Any = None) -> Any:
-    """Return a record without inputs looked through, without the channels left out; all other data as they are."""
+    """Return a record without inputs as a `SeenRecord` without the excluded channels; all other data as they are."""
     if not isinstance(data, Signals | StoredSignals | Records) or data.input_dofs:
         return data
-    thing = data if exclude is None else data.select(exclude=exclude)
-    if isinstance(thing, StoredSignals):
-        return seen_record(thing)
-    records = as_records(thing)
+    kept = data if exclude is None else data.select(exclude=exclude)
+    if isinstance(kept, StoredSignals):
+        return seen_record(kept)
+    records = as_records(kept)
     check_size(records)
     return seen_record(one_record(records, "correlations"))
 
 
 def conditioned(seen: SeenRecord, band: Band | None) -> Conditioned:
-    """Return a record without inputs in a band, or in its own.
-
-    `band`: as asked, Hz.
-    """
+    """Return a record without inputs in a band (Hz), by default the automatic one."""
     record: Any = seen.record
     own, lines = seen.own, seen.lines
-    told = (own.note((own.whole,)),) if band is None and own.whole is not None else ()
+    chosen_note = (own.note((own.whole,)),) if band is None and own.whole is not None else ()
     chosen = own.whole if band is None else band
     inside = record if chosen is None else taken_down(record, chosen[1], own.drift)
     taken, removed = _without_lines(inside, lines)
-    return Conditioned(taken, chosen, (*told, *noise_notes(seen.levels, chosen), *harmonic_notes(lines), *removed))
+    return Conditioned(
+        taken, chosen, (*chosen_note, *noise_notes(seen.levels, chosen), *harmonic_notes(lines), *removed)
+    )
 
 
 def _without_lines(record: Signals | StoredSignals, lines: Sequence[Line]) -> tuple[Any, tuple[Note, ...]]:
-    """Return a record without lines of machines, beside which modes would be lost, and what is said of it; a stored one keeps them."""
+    """Return a record without harmonics, next to which modes would be lost, and a note; a stored record keeps them."""
     if not lines:
         return record, ()
     if isinstance(record, StoredSignals):
@@ -284,10 +252,7 @@ def _without_lines(record: Signals | StoredSignals, lines: Sequence[Line]) -> tu
 
 
 def bands_of_record(data: Any) -> tuple[tuple[Band, ...], tuple[Note, ...]]:
-    """Return the bands that a record without inputs falls into, and what is said about them; none of all other data.
-
-    `data`: as `looked_through` gives it.
-    """
+    """Return the bands that the spectrum of a `SeenRecord` falls into and a note; none of other data."""
     if not isinstance(data, SeenRecord):
         return (), ()
     own = data.own
@@ -300,9 +265,9 @@ Band = tuple[float, float]
 
 
 def bands_of_setups(setups: Setups) -> tuple[tuple[Band, ...], tuple[Note, ...]]:
-    """Return the bands that setups fall into, and what is said about them; none where one will do.
+    """Return the bands that the spectra of setups fall into and a note; none where one band is enough.
 
-    One does where the block rows of the joined setups span half a period of the lowest frequency: modes of one band are fitted without
+    It is where the block rows of the joined setups span half a period of the lowest frequency: modes of one band are fitted without
     those of the others, and their shapes suffer.
     """
     own = _own(setups)
@@ -313,17 +278,7 @@ def bands_of_setups(setups: Setups) -> tuple[tuple[Band, ...], tuple[Note, ...]]
 
 
 class InBand(NamedTuple):
-    """Setups as they are joined.
-
-    Attributes
-    ----------
-    setups : Setups
-    band : (float, float) or None
-        Hz, as asked or as chosen; None where they are taken as they are.
-    lowest : float or None
-        Hz: the lowest frequency in the band at which something stands out; None where nothing does.
-    notes : tuple of Note
-    """
+    """Setups in a band (Hz, None for all); `lowest`: Hz, the lowest frequency with a peak above the noise, if any."""
 
     setups: Setups
     band: Band | None
@@ -332,10 +287,7 @@ class InBand(NamedTuple):
 
 
 def conditioned_setups(setups: Setups, band: Band | None) -> InBand:
-    """Return setups at the rate of a band and without drift, the band, and what was chosen.
-
-    `band`: as asked, Hz; by default one in which something stands out of any of them, where they are sampled for more.
-    """
+    """Return setups decimated to a band and without drift; by default the band in which any of them has peaks."""
     own = _own(setups)
     chosen = own.whole if band is None else band
     lowest = None if own.span is None else max(own.span[0], 0.0 if band is None else band[0])

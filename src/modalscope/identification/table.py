@@ -1,4 +1,4 @@
-"""THE TABLE: a method is a data matrix and a realization, and this module lists them.
+"""List the table of methods (a method is a data matrix and a realization), and find rows by their names in the literature.
 
 Adding a method is adding a row here and, when its data matrix or its realization is new, one short module in `blocks/` or `realizations/`.
 """

@@ -308,7 +308,7 @@ def swept(
             f"orders {asked[0]} to {asked[-1]} were asked", str(found.notes[-1]), "Choose other orders or block sizes."
         )
     return replace(
-        collected(found.pipeline, cuts, limits, (*found.notes, *found.told(cuts))), asked_orders=tuple(asked)
+        collected(found.pipeline, cuts, limits, (*found.notes, *found.notes_on(cuts))), asked_orders=tuple(asked)
     )
 
 

@@ -1,4 +1,4 @@
-"""From a model of one order to its modes: poles, shapes and participation, and which of them a canonical form has too many."""
+"""Compute the modes of a model (poles, shapes, participation) and their accuracy indicators, and find extraneous poles."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def from_modes(poles: Array, shapes: Array, participation: Array, direct: Array,
 
 
 # ----------------------------------------------------------------------------------------------------------- evolution
-# How well a factor of the data matrix follows the modes read off it: amplitude coherence and EMAC of one side.
+# Amplitude coherence and EMAC of one factor of the data matrix.
 
 
 def followed(side: ModalSide) -> tuple[RealArray, RealArray]:

@@ -1,4 +1,4 @@
-"""Modes of ambient tests scaled by a known change of mass: a second test with masses added gives modal masses and responses to forces."""
+"""Scale the modes of an ambient test to unit modal mass by a second test with known masses added."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Two sets of modes of one structure: which belong together, and how far they are apart."""
+"""Pair the modes of two sets by frequency and MAC, and compute their differences and COMAC."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Responses rebuilt from modes, and how much of the measured ones they leave unexplained."""
+"""Rebuild responses from modes, and compute the fit error, the share explained and the contribution of each pole."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def of_noise(response: Response) -> tuple[Note, ...]:
 
 
 # ----------------------------------------------------------------------------------------------------------- explained
-# How much of what was measured the modes explain, in words; little is said loudly.
+# How much of the measured response the modes explain, in words.
 
 #: Share of the measured mean square below which modes leave out too much to be relied on.
 ENOUGH = 0.7

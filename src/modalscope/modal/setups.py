@@ -1,4 +1,4 @@
-"""Modes of setups that were identified alone, put together: poles averaged, parts of shapes brought to one scale through common outputs."""
+"""Merge the modes of several setups: average poles, and scale parts of shapes to each other by common outputs (PoSER)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Shapes, residuals and modal masses from frequency responses, given poles (least-squares frequency domain, LSFD)."""
+"""Fit shapes, residuals and modal masses to frequency responses, given poles (least-squares frequency domain, LSFD)."""
 
 from __future__ import annotations
 

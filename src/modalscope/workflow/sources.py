@@ -1,4 +1,4 @@
-"""Data as they come: a path or an object, with what tells later that they are still the same."""
+"""Open the data of an analysis, given as paths or objects, and hash them so that later changes are detected."""
 
 from __future__ import annotations
 
@@ -31,12 +31,9 @@ _CHUNK = 1 << 20
 
 
 def opened(data: Any, reading: Reading) -> tuple[Any, tuple[SourceFile, ...], tuple[Note, ...]]:
-    """Return the data in SI, where they came from, and what of a file was left; a path is read, several are parts of one test.
+    """Return the data in SI, their sources and the notes of reading; several files are merged (see `merge`).
 
-    `data`: several files are merged: those of the same outputs are runs, others are setups (see `merge`). `reading`: options of `read`:
-    of all files, or of each.
-
-    Raises `DataError`: A file that holds modes already, options of reading for data that are read, or of another number of files.
+    `reading`: options of `read`, of all files or of each. Raises `DataError`: a file of modes, options for data that are no file.
     """
     several = isinstance(data, list | tuple) and are_paths(data)
     each = _of_each(reading, len(data) if several else 1)
@@ -117,7 +114,7 @@ def source_of_file(path: Path, reading: Mapping[str, Any]) -> SourceFile:
 
 
 def source_of_data(data: Any) -> SourceFile:
-    """Return size and hash of the arrays of a data object, of a stored record of its name, size and date; nothing of what has none."""
+    """Return size and hash of the arrays of a data object, of a stored record those of its name, size and date; empty without arrays."""
     if isinstance(data, Setups):
         each = [source_of_data(part) for part in data.parts]
         whole = sha256(" ".join(part.sha256 for part in each).encode())
