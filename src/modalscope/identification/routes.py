@@ -244,9 +244,9 @@ def _without_lines(record: Signals | StoredSignals, lines: Sequence[Line]) -> tu
     if not lines:
         return record, ()
     if isinstance(record, StoredSignals):
-        text = "lines of machines stay in a stored record, where modes beside them may be lost; read into memory it is taken without"
+        text = "harmonics stay in a stored record, where modes next to them may be missed; they are removed from a record in memory"
         return record, (Note("lines kept", {"lines": float(len(lines))}, text),)
-    text = "lines of machines were taken off before modes were looked for; estimate_correlation(record) keeps them"
+    text = "harmonics were removed before identification; estimate_correlation(record) keeps them"
     clean = without_lines(record, ((line.frequency, line.spread) for line in lines))
     return clean, () if clean is record else (Note("lines removed", {"lines": float(len(lines))}, text),)
 

@@ -25,9 +25,9 @@ __all__ = ["merge_modes", "steps_of_groups", "with_repeatability"]
 
 
 # ------------------------------------------------------------------------------------------------------------- between
-# What groups of columns of one response say of its poles by themselves: one step of Gauss and Newton each, and the scatter of these.
+# Repeatability: the scatter of one Gauss-Newton step of the poles for each group of inputs.
 
-#: Fewer groups than this say too little of how far they disagree.
+#: Fewest groups whose scatter is estimated.
 _GROUPS = 4
 
 
@@ -162,7 +162,7 @@ def merge_modes(
     found = _together(parts, common, limit)
     enough = [mode for mode in found if 2 * len(mode) > len(parts)]
     kept = [mode for mode in enough if given is not None or len(mode) == len(parts)]
-    left = [_left(mode, parts, mode in enough) for mode in found if mode not in kept]
+    left = [_candidate(mode, parts, mode in enough) for mode in found if mode not in kept]
     f, zeta = (np.array([_mean(mode, parts, name) for mode in kept]) for name in ("frequencies", "damping_ratios"))
     order = np.argsort(f)
     kept, f, zeta = [kept[k] for k in order], f[order], zeta[order]
@@ -255,10 +255,10 @@ def _deviations(kept: list[_Mode], parts: Sequence[ModalModel], labels: Groups) 
     """Return deviations of the means, from the noise and between groups of setups."""
     fields: dict[str, Any] = {}
     for name in ("frequencies", "damping_ratios"):
-        told = [_values(mode, parts, name) for mode in kept]
-        known = bool(kept) and all(variance is not None for _, _, variance in told)
-        fields[f"{name}_std"] = np.array([np.sqrt(w**2 @ v) for _, w, v in told if v is not None]) if known else None
-        between = labels and [_between(x, [labels[j] for j in m]) for (x, _, _), m in zip(told, kept, strict=True)]
+        values = [_values(mode, parts, name) for mode in kept]
+        known = bool(kept) and all(variance is not None for _, _, variance in values)
+        fields[f"{name}_std"] = np.array([np.sqrt(w**2 @ v) for _, w, v in values if v is not None]) if known else None
+        between = labels and [_between(x, [labels[j] for j in m]) for (x, _, _), m in zip(values, kept, strict=True)]
         fields[f"{name}_repeatability"] = None if between is None else np.array(between)
     return fields
 
@@ -301,7 +301,7 @@ def _reason(mode: _Mode, parts: Sequence[ModalModel]) -> dict[str, object]:
     return {"setups": f"found in {len(mode)} of {len(parts)}", "scatter of f": scatter}
 
 
-def _left(mode: _Mode, parts: Sequence[ModalModel], enough: bool) -> Candidate:
+def _candidate(mode: _Mode, parts: Sequence[ModalModel], enough: bool) -> Candidate:
     where = ", ".join(str(j + 1) for j in sorted(mode))
     return Candidate(
         frequency=_mean(mode, parts, "frequencies"),

@@ -93,7 +93,7 @@ def analyze(
     >>> len(result.modes), result.analysis.method is None
     (5, True)
     """
-    thing, sources, told = opened(data, {} if reading is None else reading)
+    opened_data, sources, notes = opened(data, {} if reading is None else reading)
     bands = _bands(options.pop("band", None))
     exclude, route = options.pop("exclude", None), options.pop("route", None)
     document = Analysis(
@@ -111,7 +111,7 @@ def analyze(
         refine=refine,
         apart=apart,
     )
-    return analyzed(thing, document, progress, told)
+    return analyzed(opened_data, document, progress, notes)
 
 
 def analyzed(data: Any, document: Analysis, progress: Progress | None = None, told: tuple[Note, ...] = ()) -> Result:

@@ -59,10 +59,10 @@ def replay(
             "an analysis was to be done again", "its data came from no file", "Give the data: replay(document, data)."
         )
     given = [file.path for file in known] if data is None else data
-    thing, sources, told = opened(given, document.reading if data is None or are_paths(data) else {})
+    found, sources, notes = opened(given, document.reading if data is None or are_paths(data) else {})
     if not force:
-        check_same(known, sources, thing)
-    return analyzed(thing, document, progress, told)
+        check_same(known, sources, found)
+    return analyzed(found, document, progress, notes)
 
 
 def check_same(known: tuple[SourceFile, ...], sources: tuple[SourceFile, ...], thing: Any) -> None:
