@@ -7,7 +7,7 @@ import pytest
 
 from modalscope.blocks import evolved
 from modalscope.blocks.evolved import Evolved, OnLines
-from modalscope.modal.accuracy import followed
+from modalscope.modal.eigenmodes import followed
 from modalscope.modal.indicators import amplitude_coherence, decay_step, emac_channels, weighted_mean
 
 

@@ -9,15 +9,14 @@ from modalscope import systems
 from modalscope.blocks.hankel import Hankel
 from modalscope.comparing import CAUSES, Comparison, compare, run
 from modalscope.comparing.agreement import pair
+from modalscope.comparing.comparison import find_by_name
 from modalscope.comparing.identities import check_identities
 from modalscope.comparing.kinship import SAME, kinship, pole_distance, subspace_angle
-from modalscope.comparing.result import find_by_name
 from modalscope.comparing.run import MethodResult, plan
 from modalscope.data import DataError, FrequencyResponse, ImpulseResponse
 from modalscope.identification import sweep as cut
-from modalscope.identification.lookup import cell_label
 from modalscope.identification.pipeline import factored
-from modalscope.identification.table import methods
+from modalscope.identification.table import cell_label, methods
 from modalscope.judging.select import select
 from modalscope.judging.stabilize import stabilize, swept
 from modalscope.likelihood.deviations import deviations_of

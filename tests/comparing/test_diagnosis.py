@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from modalscope.comparing.agreement import Group
-from modalscope.comparing.causes import CAUSES, Cause
 from modalscope.comparing.comparison import changed
-from modalscope.comparing.diagnosis import HEAVY, disagreements, mode_causes, order_cause
+from modalscope.comparing.diagnosis import CAUSES, HEAVY, Cause, disagreements, mode_causes, order_cause
 from modalscope.comparing.run import MethodResult
 from modalscope.comparing.scatter import Biased, Scatter
 from modalscope.data import FrequencyResponse, ImpulseResponse

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from modalscope.comparing.causes import Cause
+from modalscope.comparing.diagnosis import Cause
 from modalscope.comparing.scatter import Scatter, Tried, interval_trouble
 from modalscope.comparing.verdict import GRADES, Trust, judge, words
 from modalscope.data.modes import ModalModel

@@ -92,7 +92,7 @@ def test_a_comparison_looks_for_delays_once(monkeypatch: pytest.MonkeyPatch) -> 
         looked.append(records)
         return seen_delays(records)
 
-    monkeypatch.setattr("modalscope.doctor.delays.seen_delays", counted)
+    monkeypatch.setattr("modalscope.identification.routes.seen_delays", counted)
     record, _ = late(LATE)
     ways, _ = witnesses(record, None, None)
     assert [way.delays for way in ways] == [LATE] * len(USUAL)

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from modalscope.data import ImpulseResponse
-from modalscope.identification.lookup import find_method
 from modalscope.identification.method import has_decayed
-from modalscope.identification.table import methods
+from modalscope.identification.table import find_method, methods
 from modalscope.systems import chain5
 
 SAMPLES = chain5().impulse_response(400)

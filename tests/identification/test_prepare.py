@@ -10,9 +10,8 @@ import pytest
 from modalscope import DataError
 from modalscope.data import FrequencyResponse, ImpulseResponse, Signals
 from modalscope.data.record_spectra import RecordSpectra
-from modalscope.identification.lookup import find_method
 from modalscope.identification.prepare import measure, pose, prepare
-from modalscope.identification.table import methods
+from modalscope.identification.table import find_method, methods
 from modalscope.preprocess import decimate, estimate_correlation
 from tests.support import built
 

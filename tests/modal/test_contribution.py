@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from modalscope.data.response import output_scale
-from modalscope.modal.contribution import contributions, peak_sizes
+from modalscope.modal.rebuilt import contributions, peak_sizes
 from modalscope.systems import chain5
 
 MODES = chain5().modes()

@@ -24,7 +24,7 @@ def whole_band_is_too_much(monkeypatch: pytest.MonkeyPatch) -> None:
     def too_much(diagram: ms.StabilizationDiagram, modes: ms.ModalModel) -> bool:
         return diagram.settings.band is None
 
-    monkeypatch.setattr("modalscope.workflow.parts.holds_too_little", too_much)
+    monkeypatch.setattr("modalscope.workflow.bands.holds_too_little", too_much)
 
 
 @pytest.mark.slow

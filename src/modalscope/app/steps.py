@@ -13,7 +13,7 @@ from modalscope.data import DataError, ModalModel, Note, StabilizationDiagram
 from modalscope.data.analysis import Analysis
 from modalscope.data.results import Result
 from modalscope.doctor.examine import examine
-from modalscope.identification.lookup import cell_label
+from modalscope.identification.table import cell_label
 from modalscope.io.analysis import analysis_to
 from modalscope.judging.select import Weighed, chosen_of, weighed
 from modalscope.modal.rebuilt import explained
@@ -21,8 +21,7 @@ from modalscope.plot.web.modes import modes_blob
 from modalscope.plot.web.poles import channel_blob, cut_view, fit_of_bands, overview_blob, poles_blob
 from modalscope.reporting.record import result_script
 from modalscope.workflow.analyze import concluded
-from modalscope.workflow.chosen import modes_chosen
-from modalscope.workflow.parts import Look, looked_at
+from modalscope.workflow.bands import Look, looked_at, modes_chosen
 from modalscope.workflow.replay import check_same
 from modalscope.workflow.sources import opened
 

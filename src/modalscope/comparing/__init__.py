@@ -1,8 +1,7 @@
-"""Every technique on the same measured data: what they agree on, where they differ, and why."""
+"""Compare every method on the same measured data: what they agree on, where they differ, and why."""
 
-from modalscope.comparing.causes import CAUSES, Cause, Disagreement
-from modalscope.comparing.comparison import compare
-from modalscope.comparing.result import Comparison
+from modalscope.comparing.comparison import Comparison, compare
+from modalscope.comparing.diagnosis import CAUSES, Cause, Disagreement
 from modalscope.comparing.run import MethodResult
 from modalscope.numerics.arguments import plain_methods
 

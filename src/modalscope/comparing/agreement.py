@@ -1,4 +1,4 @@
-"""Modes paired across methods, and what the methods agree on."""
+"""Pair the modes of several methods, and summarize each group by its median and spread."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _PASSES = 4
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """One mode as every method sees it.
+    """One mode as every method identified it.
 
     `members`: which mode of each method it is. `mac`: likeness of each member's shape to that of the consensus. `votes`: the methods
     whose values count: they worked on the data themselves, and of several that are the same one only. `voters`: methods that had a vote.
@@ -162,9 +162,9 @@ def _summed(
 ) -> Group:
     count = np.array([i for i in members if flat.method[i] in votes] or list(members))
     central = _central(flat, list(count))
-    # of several ways from records the usual one says the value, and the others are its witnesses
-    said = [i for i in members if flat.method[i] == votes[0]] if kept[votes[0]].route else []
-    said = said or list(count)
+    # of several routes from records the usual one gives the value, and the others confirm it
+    usual = [i for i in members if flat.method[i] == votes[0]] if kept[votes[0]].route else []
+    valued = usual or list(count)
     of = {names[flat.method[i]]: i for i in members}
     like = mac(flat.shape[list(members)].T, flat.shape[central][:, None])[:, 0]
     voted = [i for i in members if flat.method[i] in votes]
@@ -175,8 +175,8 @@ def _summed(
         mac={names[flat.method[i]]: float(v) for i, v in zip(members, like, strict=True)},
         votes=tuple(names[flat.method[i]] for i in voted),
         voters=len(votes),
-        frequency=float(np.median(flat.f[said])),
-        damping=float(np.median(flat.zeta[said])),
+        frequency=float(np.median(flat.f[valued])),
+        damping=float(np.median(flat.zeta[valued])),
         frequency_between=scatter(flat.f[count]),
         damping_between=scatter(flat.zeta[count]),
         shape=flat.shape[central],

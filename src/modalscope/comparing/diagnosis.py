@@ -1,4 +1,4 @@
-"""Name the likely cause of a disagreement between methods, with its evidence.
+"""Name the likely causes of disagreements between methods, mode by mode and for the data as a whole, with evidence.
 
 heavy damping
     The damping ratio is above 10 %.
@@ -32,7 +32,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from modalscope.comparing.agreement import Group
-from modalscope.comparing.causes import Cause, Disagreement
 from modalscope.comparing.run import MethodResult
 from modalscope.comparing.scatter import Biased, Scatter
 from modalscope.data.response import Response
@@ -42,10 +41,82 @@ from modalscope.doctor.findings import dead_channels, sides_of
 from modalscope.doctor.polarity import check_polarity
 from modalscope.identification.prepare import Data
 from modalscope.judging.evidence import LEAST_PEAK, LEAST_SIGNAL
+from modalscope.modal.shapes import free_residues
 from modalscope.numerics.checks import Array
 from modalscope.numerics.statistics import noise_threshold
 
-__all__ = ["HEAVY", "channel_causes", "disagreements", "mode_causes", "order_cause", "sign_causes", "without_dead"]
+__all__ = [
+    "CAUSES",
+    "HEAVY",
+    "Cause",
+    "Disagreement",
+    "channel_causes",
+    "disagreements",
+    "mode_causes",
+    "order_cause",
+    "sign_causes",
+    "without_dead",
+]
+
+
+# --------------------------------------------------------------------------------------------------------------- causes
+
+#: Name of a cause -> what to do about it.
+CAUSES = {
+    "dead channel": "Check the sensor and its cable; leave the channel out or measure it again.",
+    "swapped sign": "Check direction and polarity of the sensor or the hammer, and turn the channel's sign.",
+    "bad channel": "Look at the channel's coherence and time record; leave it out or measure it again.",
+    "order too low": "Raise the largest order.",
+    "too few blocks": "Raise block_rows, or measure a longer record.",
+    "too few lines": "Measure with a finer resolution (longer records).",
+    "heavy damping": "Take its damping as an estimate; excite it alone or measure in a band of its own.",
+    "close pair": "Use several inputs and a finer resolution, and look at the two shapes together.",
+    "weak mode": "Put an input or a sensor where this mode moves, or average more.",
+    "edge of the band": "Widen the band.",
+    "transformed data": "Prefer the methods that work on the data as they were measured.",
+    "leakage": "Trust the records on their own lines; for frequency responses use longer segments or periodic forces.",
+    "unmeasured forces": "Measure all forces, and look for noise on the force sensors; take no damping from this record.",
+    "delay": "Look for channels of other acquisition units or filters, and align them.",
+    "bias": "Look whether a mode is missing or split there; a certificate (modalscope certify) tells which method is biased.",
+    "poor fit": "Look at that way alone, with more orders or a narrower band; until then it says nothing against a mode.",
+    "too short": "Measure a longer record.",
+    "poor excitation": "Drive the inputs independently of each other, and over the whole band.",
+    "not separated": "Look at the stabilization diagrams of the methods that miss it.",
+}
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A likely cause.
+
+    `name`: A key of `CAUSES`. `evidence`: the numbers that point to it. `channel`: the channel it concerns; empty when none.
+    """
+
+    name: str
+    evidence: str
+    channel: str = ""
+
+    @property
+    def remedy(self) -> str:
+        """What to do about it."""
+        return CAUSES[self.name]
+
+    def __str__(self) -> str:
+        return f"{self.name} ({self.evidence})"
+
+
+@dataclass(frozen=True)
+class Disagreement:
+    """Where methods differ, and why.
+
+    `mode`: which mode of the consensus, counted from zero; None for what concerns the data as a whole. `what`: what differs, in words.
+    `methods`: the methods that differ from the others. `causes`: the likely ones first.
+    """
+
+    mode: int | None
+    what: str
+    methods: tuple[str, ...]
+    causes: tuple[Cause, ...]
 
 
 # ------------------------------------------------------------------------------------------------------------ channels
@@ -118,7 +189,7 @@ def _turned_alone(response: Response, poles: Array) -> list[Cause]:
     if min(outputs, inputs) < 2 or max(outputs, inputs) < 3 or not poles.size:
         return []
     # a response of the wrong sign makes two poles of one shape each out of every mode: one place counts once
-    residues = _free_residues(response, _one_a_place(poles))
+    residues = free_residues(response.basis(_one_a_place(poles)))
     before = _beyond_rank_one(residues)
     after = np.empty((outputs, inputs))
     for o, i in np.ndindex(outputs, inputs):
@@ -143,17 +214,6 @@ def _one_a_place(poles: Array) -> Array:
         if all(abs(pole - other) > _PLACE * min(abs(pole.real), abs(other.real)) for other in kept):
             kept.append(complex(pole))
     return np.array(kept)
-
-
-def _free_residues(response: Response, poles: Array) -> Array:
-    """Return residues (n, l, m) of every channel by least squares, not tied to a shape."""
-    basis = response.basis(poles)
-    columns = np.hstack([basis.terms, basis.functions])
-    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    rows, outputs, inputs = basis.data.shape
-    found = np.linalg.lstsq(columns / scale, basis.data.reshape(rows, -1), rcond=None)[0] / scale[:, None]
-    modal = found[basis.terms.shape[1] :].reshape(-1, 2, outputs, inputs)
-    return np.asarray(modal[:, 0] + 1j * modal[:, 1])
 
 
 def _beyond_rank_one(residues: Array) -> float:
@@ -203,15 +263,10 @@ def _still_falls(diagram: StabilizationDiagram) -> str:
         return f"{lead}, and every two states still take {100 * (1 - fall ** (1 / pairs)):.0f} % of it away"
     if left > _MUCH and fall < _FALLS:
         return f"{lead}; the last quarter of the orders still took it to {100 * fall:.0f} % of what it was"
-    if left > _SOME and (count := _stand_out(diagram)) > orders[-1]:
+    d = diagram.singular_values
+    if left > _SOME and (count := np.count_nonzero(d > noise_threshold(d)) if d.size else 0) > orders[-1]:
         return f"{lead}, and {count} singular values stand out of the noise"
     return ""
-
-
-def _stand_out(diagram: StabilizationDiagram) -> int:
-    """Return how many singular values stand out of the noise."""
-    d = diagram.singular_values
-    return int(np.count_nonzero(d > noise_threshold(d))) if d.size else 0
 
 
 # ----------------------------------------------------------------------------------------------------------- diagnosis
@@ -334,10 +389,8 @@ def _blocks(case: _Case) -> Cause | None:
 
 
 def _transformed(case: _Case) -> Cause | None:
-    if not case.differing:
-        return None
-    carried = {r.name for r in case.results if not r.exact}
-    if not set(case.differing) <= carried:
+    transformed = {r.name for r in case.results if not r.exact}
+    if not case.differing or not transformed.issuperset(case.differing):
         return None
     return Cause(
         "transformed data",

@@ -1,4 +1,4 @@
-"""Identities of the report that hold with noise, checked on the user's own data.
+"""Check on the data at hand identities between methods that hold with noise, too.
 
 They relate different realizations of one data matrix. Each residual here is computed from two separate routes; on any record it is
 rounding, about 100 eps sigma_1 / sigma_n, and more would mean a fault of the programs or the machine.
@@ -14,10 +14,10 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope.data.response import Response
-from modalscope.identification.lookup import find_method
 from modalscope.identification.method import DOMAINS, Method
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
+from modalscope.identification.table import find_method
 from modalscope.numerics.checks import Array
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import assign

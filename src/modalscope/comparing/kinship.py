@@ -1,4 +1,4 @@
-"""How near methods are on the data at hand: distances between pole sets, angles between observability subspaces, and a map."""
+"""Compute distances between methods: of pole sets, angles between observability subspaces, and a map by classical scaling."""
 
 from __future__ import annotations
 

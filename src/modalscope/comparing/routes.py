@@ -1,17 +1,17 @@
-"""Ways from records with inputs as independent witnesses: each is measured once, and what can make them disagree is named.
+"""Compare the routes from records with inputs as independent estimates, and name what makes them disagree.
 
 leakage
     Lines of estimated frequency responses lie less than four to the half bandwidth of the narrowest mode: their damping is too high, and
     they have no vote.
 unmeasured forces
-    What the fit on the records' lines leaves stands out at the modes (or there is noise on the inputs: one record cannot tell).
+    The residual on the records' lines has peaks at the modes (or there is noise on the inputs: one record cannot tell).
 delay
     Poles at z = 0: some channels come late.
 too short
     The record holds fewer than three decay times of a mode.
 poor fit, too few blocks
-    The modes of a way leave more than thirty per cent of what was measured, or its orders cannot hold as many modes as the way that the
-    records ask for lists, while these explain enough: it has no vote, for what it does not see is no witness against a mode.
+    The modes of a route leave a residual above thirty per cent, or its orders cannot hold as many modes as the usual route finds, while
+    these explain enough: it has no vote, for its missing modes are no evidence against a mode.
 poor excitation
     Inputs that depend on each other, or hold few lines.
 """
@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.comparing.causes import Cause
+from modalscope.comparing.diagnosis import Cause
 from modalscope.comparing.run import Cell, MethodResult, plan
 from modalscope.data.record_residual import UNMEASURED
 from modalscope.data.window import line_step
@@ -45,10 +45,9 @@ _NOTED = {UNMEASURED: "unmeasured forces", "delay": "delay", "warning": "poor ex
 def witnesses(
     data: Any, band: Any, route: str | None, delays: Mapping[str, int] | None = None
 ) -> tuple[tuple[Measured, ...], tuple[str, ...]]:
-    """Return what every way makes of the data, the usual one first, and why others failed; data that are no records have one way.
+    """Return the response of the data by every route, the usual one first, and why others failed; other data have one response.
 
-    `band`: hz. `route`: the only way, where one is asked. `delays`: as in `identify`; those that the usual way finds are taken out of the
-    others, too.
+    `band`: Hz. `route`: the only one, where asked. `delays`: as in `identify`; those that the usual route finds serve the others, too.
     """
     first = measure(data, band, route=route, delays=delays)
     if first.route is None or route not in (None, "auto"):
@@ -66,9 +65,9 @@ def witnesses(
 def tasks_of(
     ways: Sequence[Measured], methods: Any, orders: Any
 ) -> tuple[list[tuple[Measured, Cell]], tuple[str, ...]]:
-    """Return what is to be run, each cell with the data of its way, and notes on what the data do not allow.
+    """Return the cells to run, each with the data of its route, and notes on what the data do not allow.
 
-    A way's usual row comes first: its vote is the way's. Of all methods, rows of a way stand in its usual domain alone where they can.
+    The usual row of a route comes first and has its vote. Of all methods, rows are run in the usual domain of the route where possible.
     """
     tasks: list[tuple[Measured, Cell]] = []
     notes: list[str] = []
@@ -117,7 +116,7 @@ def route_causes(results: Sequence[MethodResult]) -> tuple[tuple[MethodResult, .
 
 
 def _blind(result: MethodResult, asked: MethodResult) -> Cause | None:
-    """Return why a way is no witness beside the one that the records ask for: what it explains, or the orders that its data hold."""
+    """Return why a route has no vote beside the usual one: it explains too little, or its orders are too low."""
     if result.route == asked.route or result.fit_error is None or asked.modes is None or not _enough(asked):
         return None
     way = f"route {result.route} by {result.label}"

@@ -1,4 +1,4 @@
-"""Run every method on one response: plan, diagram, selection, or the reason for a failure."""
+"""Run every method on the same response: stabilization diagram, selection of modes, or the reason of its failure."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import chain
 from threading import Lock
 from typing import Any
 
@@ -17,14 +18,13 @@ from modalscope.blocks.influence import Lines
 from modalscope.data.modes import ModalModel
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
-from modalscope.identification.lookup import find_method
 from modalscope.identification.method import DOMAINS, Built, Method, Problem
 from modalscope.identification.options import Options
 from modalscope.identification.orders import STATES, checked_orders
 from modalscope.identification.pipeline import Factored, built, factored
 from modalscope.identification.prepare import Measured, pose
 from modalscope.identification.sweep import Sweep, start
-from modalscope.identification.table import methods
+from modalscope.identification.table import find_method, methods
 from modalscope.judging.certificate import nearest_order
 from modalscope.judging.evidence import Gathered
 from modalscope.judging.select import chosen_of, weighed
@@ -39,15 +39,14 @@ __all__ = ["Cell", "MethodResult", "Moved", "Progress", "covariance", "plan", "r
 
 
 # ---------------------------------------------------------------------------------------------------------------- plan
-# Which cells of the table a comparison tries on the data, with which orders and block sizes, and how exact their way to the data is.
 
 
 @dataclass(frozen=True)
 class Cell:
     """One method as the comparison runs it.
 
-    `options`: block sizes that are not the method's own default. `exact`: whether the method works on the data themselves. What was
-    carried from lines to samples or back is compared, but has no vote.
+    `options`: block sizes other than the defaults. `exact`: whether the method works on the data themselves; one on data transformed
+    from lines to samples or back has no vote.
     """
 
     method: Method
@@ -124,12 +123,11 @@ def _allowed(method: Method, response: Response, out: dict[str, list[str]], reco
 
 
 def _cell(method: Method, response: Response, asked: Sequence[int]) -> Cell:
-    orders, options = method.orders.compared(asked, response)
-    return Cell(method, orders, options, method.exact_on(response))
+    return Cell(method, *method.orders.compared(asked, response), method.exact_on(response))
 
 
 # --------------------------------------------------------------------------------------------------------------- moved
-# How the noise moves the modes of every method, and of two methods together: they read the same data and share its noise.
+# First-order effect of the noise on the modes of a method, and their covariance with those of another on the same data.
 
 #: Lines that influences are kept on; of more every second to eighth stands for its neighbours.
 _LINES, _MOST = 2000, 8
@@ -137,7 +135,7 @@ _LINES, _MOST = 2000, 8
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Moved:
-    """What noise in the data does to the modes of one method.
+    """First-order effect of the noise in the data on the modes of one method.
 
     `response`: the data: only methods on the same ones share their noise value by value. `influence`: on the poles nearest to the modes,
     at the order that is nearest to all of them. `poles` (k,): these poles, rad/s. `row` (n,): where each mode stands among them; -1 for a
@@ -234,25 +232,8 @@ class MethodResult:
         return self.method.label
 
 
-class _Count:
-    """Orders done by all methods together."""
-
-    def __init__(self, cells: Sequence[Cell], progress: Progress | None) -> None:
-        self._progress, self._lock = progress, Lock()
-        self._done, self._total = [0] * len(cells), sum(len(c.orders) for c in cells)
-
-    def report(self, index: int, done: int) -> None:
-        with self._lock:
-            self._done[index] = done
-            if self._progress is not None:
-                self._progress(sum(self._done), self._total)
-
-
 class _Group:
-    """What cells that read their models off one data matrix have in common: its factors, and what is the same by several of them.
-
-    `gathered`: what data show, of all groups.
-    """
+    """What cells with one data matrix share: the matrix, its factors, and results that are the same; `gathered`: of all groups."""
 
     def __init__(self, gathered: Gathered) -> None:
         self.gathered = gathered
@@ -301,7 +282,7 @@ def _same_settings(one: Options, other: Options) -> bool:
 
 
 def _grouped(cells: Sequence[Cell], given: Sequence[Measured]) -> list[list[int]]:
-    """Return which cells may have a data matrix in common."""
+    """Return groups of cells that may share a data matrix."""
     groups: dict[Any, list[int]] = {}
     for index, (cell, measured) in enumerate(zip(cells, given, strict=True)):
         m, largest = cell.method, cell.orders[-1]
@@ -318,22 +299,27 @@ def run(
     workers: int | None = None,
     **options: Any,
 ) -> tuple[MethodResult, ...]:
-    """Run every cell on what was measured; what one of them cannot do is its row, and the others go on.
+    """Run every cell on the measured data; a failure is the result of its cell, and the others go on.
 
-    `measured`: the response, and the records behind it where there are any: prepared once, for all methods. `progress`: called with
-    (orders done, orders in all), over all methods. `workers`: methods at a time; by default as many as there are processors, at most
-    four. `**options`: of `stabilize`, for every method.
+    `progress`: called with (orders done, orders in all), over all methods. `workers`: methods at a time, by default the number of
+    processors, at most four. `**options`: of `stabilize`, for every method.
     """
-    count = _Count(cells, progress)
+    lock, each_done, total = Lock(), [0] * len(cells), sum(len(c.orders) for c in cells)
+
+    def report(index: int, done: int, _: int = 0) -> None:
+        with lock:
+            each_done[index] = done
+            if progress is not None:
+                progress(sum(each_done), total)
+
     given = [measured] * len(cells) if isinstance(measured, Measured) else measured
     groups, gathered = _grouped(cells, given), Gathered()
 
     def of_group(indices: Sequence[int]) -> list[MethodResult]:
         group, found = _Group(gathered), []
         for index in indices:
-            progress = partial(_report, count, index)
-            found.append(_one(given[index], cells[index], group, progress, options))
-            count.report(index, len(cells[index].orders))
+            found.append(_one(given[index], cells[index], group, partial(report, index), options))
+            report(index, len(cells[index].orders))
         return found
 
     at_once = workers or min(os.cpu_count() or 1, 4)
@@ -342,33 +328,19 @@ def run(
     else:
         with ThreadPoolExecutor(at_once) as pool:
             found = list(pool.map(of_group, groups))
-    each = {
-        i: result for indices, part in zip(groups, found, strict=True) for i, result in zip(indices, part, strict=True)
-    }
+    each = dict(zip(chain(*groups), chain(*found), strict=True))
     return tuple(each[i] for i in range(len(cells)))
-
-
-def _report(count: _Count, index: int, done: int, _: int) -> None:
-    count.report(index, done)
 
 
 def _one(measured: Measured, cell: Cell, group: _Group, progress: Progress, options: dict[str, Any]) -> MethodResult:
     started = time.perf_counter()
     try:
         result = _found(measured, cell, group, progress, options)
-    except DataError as trouble:
-        failure = " ".join(str(trouble).split())
-    except (ValueError, ArithmeticError, MemoryError) as trouble:  # numpy's own: no convergence, no memory
-        failure = f"{type(trouble).__name__}: {' '.join(str(trouble).split())}"
-    else:
-        return replace(result, seconds=time.perf_counter() - started)
-    return MethodResult(
-        method=cell.method,
-        exact=cell.exact,
-        route=measured.route or "",
-        seconds=time.perf_counter() - started,
-        failure=failure,
-    )
+    except (DataError, ValueError, ArithmeticError, MemoryError) as trouble:  # NumPy's: no convergence, no memory
+        kind = "" if isinstance(trouble, DataError) else f"{type(trouble).__name__}: "
+        failure = f"{kind}{' '.join(str(trouble).split())}"
+        result = MethodResult(method=cell.method, exact=cell.exact, route=measured.route or "", failure=failure)
+    return replace(result, seconds=time.perf_counter() - started)
 
 
 def _found(measured: Measured, cell: Cell, group: _Group, progress: Progress, options: dict[str, Any]) -> MethodResult:

@@ -1,4 +1,4 @@
-"""Estimate how far a value may be off: noise, certificate, and disagreement between methods.
+"""Estimate the uncertainty of the consensus: by the noise, and by what methods disagree beyond it.
 
 All methods read the same noise: the deviation of the difference of two of them is that of <g_1 - g_2, noise>, g their influences,
 and is often far below that of either. What lies further apart than it explains is bias, of one or of the other.
@@ -26,12 +26,8 @@ __all__ = ["Biased", "Scatter", "Tried", "certified_best", "interval_trouble", "
 # Intervals of a comparison tried on simulations of its own case, by the method that fits best.
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Tried:
-    """The certificate of one method.
-
-    `method`: as in `MethodResult.name`.
-    """
+class Tried(NamedTuple):
+    """The certificate of one method, by its `MethodResult.name`."""
 
     method: str
     certificate: Certificate
@@ -122,7 +118,8 @@ class _Known(NamedTuple):
 
 def stated(groups: Sequence[Group], results: Sequence[MethodResult]) -> Scatter:
     """Return the stated scatter of every mode: z sqrt(noise^2 + bias^2), bias^2 = between methods^2 - what noise puts between them."""
-    known = _Shared(groups, results).known()
+    shared = _Shared(groups, results)
+    known = [shared.known(k, g) for k, g in enumerate(groups)]
     count = 2 * sum(max(len(k.apart) - 1, 0) for k in known)
     columns: dict[str, list[float]] = {f"{kind}{part}": [] for part in ("", "_noise", "_bias") for kind in _KINDS}
     biased: list[dict[str, tuple[Biased, ...]]] = []
@@ -178,11 +175,8 @@ class _Shared:
         self._noise = None if best is None else self._moved[best].noise
         self._pairs: dict[tuple[str, str], dict[int, RealArray]] = {}
 
-    def known(self) -> list[_Known]:
-        """Return what is known of every mode."""
-        return [self._of(k, g) for k, g in enumerate(self._groups)]
-
-    def _of(self, k: int, g: Group) -> _Known:
+    def known(self, k: int, g: Group) -> _Known:
+        """Return what is known of one mode."""
         names = [name for name, j in g.members.items() if name in self._moved and self._moved[name].row[j] >= 0]
         middle = self._middle(g, names)
         if not any(middle):

@@ -1,4 +1,4 @@
-"""Which modes to trust, which not, and why, in words.
+"""Grade how far each mode can be trusted, and state the verdict in words.
 
 A mode is **trusted** when at least two thirds of the methods with a vote (and two at least, where two have one) found it, it has an
 interval, which its certificate does not refute (where one was asked), and its stated scatter is within a half bandwidth in
@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from modalscope.comparing.agreement import Group
-from modalscope.comparing.causes import Cause
+from modalscope.comparing.diagnosis import Cause
 from modalscope.comparing.run import MethodResult
 from modalscope.comparing.scatter import Scatter
 

@@ -1,12 +1,12 @@
-"""Tuned sine dwell on measured responses: force patterns that isolate one mode at a time, and what is read off the isolated response.
+"""Isolate modes by appropriated force patterns (tuned sine dwell, phase resonance), and fit each isolated response.
 
-The oldest method of the field, by computation instead of by shakers: a quick look at a structure, and a check of the other methods that
-shares nothing with them.
+The oldest method of the field, by computation instead of by shakers: a quick estimate, and an independent check of the other methods.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -103,8 +103,7 @@ def tuned_dwell(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Isolated:
+class _Isolated(NamedTuple):
     pole: complex
     shape: RealArray
     force: RealArray

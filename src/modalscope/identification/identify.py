@@ -1,4 +1,4 @@
-"""Data in, identification out: one method at one order, with its model, its modes and how far to trust them."""
+"""Identify a model and its modes by one method at one order."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.data.shown import Shown, cells_of, summary_of
 from modalscope.data.statespace import StateSpace
-from modalscope.identification.lookup import cell_label
 from modalscope.identification.method import Problem
 from modalscope.identification.options import AllOptions, Options
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
 from modalscope.identification.sweep import Sweep
+from modalscope.identification.table import cell_label
 from modalscope.modal.eigenmodes import split_extraneous, state_space
 from modalscope.modal.rebuilt import fit_error_of
 from modalscope.numerics.arguments import named
@@ -191,10 +191,7 @@ def realize(
 def assemble(
     pipeline: Pipeline, order: int, chosen: tuple[Note, ...] = (), *, deviations: bool = True
 ) -> Identification:
-    """Wrap one cut: the model itself, what it leaves of the data, and modes told from extraneous poles.
-
-    `chosen`: why this order. `deviations`: whether standard deviations of the poles are wanted.
-    """
+    """Return the identification of one order, with its fit error and modes apart from extraneous poles; `chosen`: why this order."""
     found = Sweep(pipeline, [order], deviations=deviations)
     cut = found.cut(order)
     model = state_space(pipeline.matrix, cut.triple, cut.modal)
@@ -205,7 +202,7 @@ def assemble(
         kind: kinds.count(kind) for kind in ("real", "nyquist", "unstable", "zero") if kind in kinds
     }
     text = f"poles that are not decaying oscillations: {', '.join(f'{count} {kind}' for kind, count in odd.items())}"
-    told = (Note("poles that are no modes", odd, text),) if odd else ()
+    no_modes = (Note("poles that are no modes", odd, text),) if odd else ()
     return Identification(
         method=pipeline.method.name,
         domain=pipeline.method.domain,
@@ -218,7 +215,7 @@ def assemble(
         fit_error_by_channel=by_channel,
         response=pipeline.response,
         settings=pipeline.settings,
-        notes=(*pipeline.notes, *chosen, *told, *found.told([cut])),
+        notes=(*pipeline.notes, *chosen, *no_modes, *found.notes_on([cut])),
     )
 
 

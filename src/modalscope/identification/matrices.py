@@ -1,4 +1,4 @@
-"""Build the data matrix of a method: blocks, form and sizes, chosen where nothing was asked."""
+"""Build the data matrix of each method for its problem, with block sizes by default."""
 
 from __future__ import annotations
 
@@ -52,7 +52,6 @@ __all__ = [
 
 
 # ------------------------------------------------------------------------------------------------------- line matrices
-# The data matrix of a row on lines: transfer functions, shifted or differentiated, and matrix fractions; and which outputs it reads.
 
 
 def matrix_fraction(problem: Problem, order: int) -> Built:
@@ -140,9 +139,6 @@ def _refuse(why: str, options: LineOptions, *names: str) -> None:
             raise DataError(f"option {name!r} was asked", why, "Leave it out, or use another domain.")
 
 
-# ------------------------------------------------------------------------------------------------------------ matrices
-
-
 # ------------------------------------------------------------------------------------------------------------ factors
 def h0_factors(matrix: DataMatrix, order: int, route: str) -> Factors:
     """Factor H(0)."""
@@ -186,7 +182,7 @@ def canonical_hankel(problem: Problem, order: int) -> Built:
 
 
 def complete_hankel(problem: Problem, order: int) -> Built:
-    """Return the same for a form without truncation: the order says how many blocks, and every one more is for nothing."""
+    """Return the Hankel matrix of a form without truncation, with as many blocks as the order has."""
     options: HankelOptions = problem.options
     turned = options.form in (None, "controllable") or (options.form == "smaller" and _fewer_inputs(problem, options))
     response = _samples(problem)

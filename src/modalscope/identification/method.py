@@ -1,4 +1,4 @@
-"""Define a row of the table of methods, and the problem that it solves."""
+"""Define what a method is: the data it takes, its data matrix, factorization, realization and options, and its problem."""
 
 from __future__ import annotations
 
@@ -26,14 +26,12 @@ __all__ = ["DOMAINS", "Built", "Method", "Problem", "Takes", "has_decayed", "pla
 
 
 # --------------------------------------------------------------------------------------------------------------- takes
-# What a row of the table may be made of, and what follows from that alone: its way from records, what it refuses, what it loses.
-
 #: A response has decayed when its last tenth holds less than this share of the energy.
 _DECAYED = 1e-3
 
 
 class Takes(Enum):
-    """What the data matrix of a row is made of, and so what `prepare` hands over."""
+    """Data that the data matrix of a row is made of; `prepare` provides them."""
 
     SAMPLES = "samples"
     LINES = "lines"
@@ -44,7 +42,7 @@ class Takes(Enum):
     DRIVEN = "records with inputs projected on their past"
 
 
-#: The way from records with inputs to what a row takes.
+#: The route from records with inputs to the data that a row takes.
 ROUTES = {
     Takes.SAMPLES: "markov",
     Takes.LINES: "frf",
@@ -57,7 +55,7 @@ ROUTES = {
 
 
 class Refusal(NamedTuple):
-    """Why a row cannot take data, and what to do instead."""
+    """Why a row cannot take data, and the remedy."""
 
     reason: str
     change: str
@@ -115,7 +113,7 @@ def _not_decayed(response: Response) -> str:
 
 
 def has_decayed(response: Response) -> bool:
-    """Whether little enough is left at the end for a transform of the samples to serve in place of lines."""
+    """Whether a response has decayed at its last samples, so that a transform of the samples is unbiased."""
     energy = np.sum(np.abs(response.values) ** 2, axis=(1, 2))
     return bool(energy[-max(energy.size // 10, 1) :].sum() < _DECAYED * energy.sum())
 
@@ -145,11 +143,10 @@ DOMAINS = {
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Problem:
-    """What a row of the table is to solve; made by `prepare`, once.
+    """Data and options of one identification by a row of the table; made by `prepare`.
 
-    `response`: as the row takes it, in the band. `measured`: as it was measured or estimated, in the band: what all rows share.
-    `records`: records without inputs, filtered to the band, where they were given. `driven`: records with inputs, as they were given.
-    `options`: as asked; sizes that are not given are chosen with the order. `notes`: what was converted.
+    `response`: as the row takes it, in the band. `measured`: as measured or estimated, in the band, the same for all rows. `records`:
+    records without inputs, filtered to the band. `driven`: records with inputs. `options`: as asked; default sizes follow the order.
     """
 
     method: Method
@@ -162,7 +159,7 @@ class Problem:
 
 
 class Built(NamedTuple):
-    """A data matrix, the options with the sizes that were chosen, and what else must be told."""
+    """A data matrix, its options with the chosen sizes, and notes."""
 
     matrix: DataMatrix
     settings: Options
@@ -206,15 +203,15 @@ class Method:
     from_records: str = ""
 
     def __str__(self) -> str:
-        return f"{self.name} ({', '.join((self.domain, *self._told))})"
+        return f"{self.name} ({', '.join((self.domain, *self._of_records))})"
 
     @property
     def route(self) -> str:
-        """The way from records with inputs to what the row takes; empty where there is none."""
+        """The route from records with inputs to the data that the row takes; empty where there is none."""
         return self.from_records or ROUTES[self.takes]
 
     def served_by(self, route: str) -> bool:
-        """Whether a way from records with inputs ends in what the row takes; from frequency responses samples can be had, too."""
+        """Whether a route from records with inputs gives the data that the row takes; frequency responses give samples, too."""
         return route == self.route or (route == "frf" and self.takes is Takes.SAMPLES)
 
     @property
@@ -224,12 +221,12 @@ class Method:
 
     @property
     def of_past(self) -> bool:
-        """Whether it projects the records themselves on their past, so that no response stands in for them."""
+        """Whether it projects the records themselves on their past."""
         return self.takes in (Takes.PAST, Takes.DRIVEN)
 
     @property
-    def _told(self) -> tuple[str, ...]:
-        """What tells the row from one of the same name and domain."""
+    def _of_records(self) -> tuple[str, ...]:
+        """What distinguishes the row from one of the same name and domain."""
         return ("records",) if self.takes is Takes.RECORDS else ()
 
     @property
@@ -239,7 +236,7 @@ class Method:
         inside = [] if same else [self.name]
         if self.domain != "time":
             inside.append(self.domain)
-        inside += self._told
+        inside += self._of_records
         return f"{self.common} ({', '.join(inside)})" if inside else self.common
 
     def refusal(self, response: Response, records: bool) -> Refusal | None:

@@ -1,4 +1,4 @@
-"""Options of the data matrices as frozen types: checked once when they are made, complete when the sizes are chosen.
+"""Define and check the options of the data matrices, one frozen type for each.
 
 A row of the table names its type; an option that the type has not is refused there, with the rows that have it.
 """

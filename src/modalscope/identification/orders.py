@@ -1,4 +1,4 @@
-"""What the order of a row counts: states, blocks of states, or the degree of a polynomial; which orders to try, and which there are."""
+"""Choose model orders by what an order counts: states, blocks of states, or the degree of a matrix polynomial."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a problem to models of all orders: the data matrix, its factors, the realization."""
+"""Build and factor the data matrix of a problem, and realize models of all orders from its factors."""
 
 from __future__ import annotations
 
@@ -69,10 +69,7 @@ class Pipeline:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Factored:
-    """A data matrix and its factors: what rows that differ in their realization alone have in common.
-
-    `settings`: every option with the value that was taken. `chosen`: how sizes were chosen.
-    """
+    """A data matrix and its factors, which rows that differ in their realization alone share; `chosen`: notes on sizes."""
 
     matrix: DataMatrix
     settings: Any
@@ -81,48 +78,35 @@ class Factored:
 
 
 def factor(problem: Problem, largest: int) -> Pipeline:
-    """Return the models of all orders up to the largest.
-
-    `largest`: the largest order that will be asked: sizes that are not given follow from it.
-    """
+    """Return the models of all orders up to the largest, from which default sizes follow."""
     return realized(problem, factored(problem, largest))
 
 
 def built(problem: Problem, largest: int) -> Built:
-    """Return the data matrix of a row.
-
-    `largest`: as in `factor`.
-    """
+    """Return the data matrix of a row."""
     return problem.method.matrix(problem, check_count("order", largest))
 
 
 def factored(problem: Problem, largest: int, given: Built | None = None) -> Factored:
-    """Return the data matrix of a row and its factors.
-
-    `largest`: as in `factor`. `given`: the matrix, where another row has made the same one: what it keeps for its products is then made
-    once.
-    """
+    """Return the data matrix of a row, or the same one `given` by another row, and its factors."""
     matrix, settings, chosen = built(problem, largest) if given is None else given
     return Factored(matrix, settings, chosen, problem.method.factor(matrix.observable, largest, settings.factorization))
 
 
 def realized(problem: Problem, given: Factored) -> Pipeline:
-    """Return the models that a row reads off factors.
-
-    `given`: the row's own, or those of a row of the same data matrix.
-    """
+    """Return the models of a row from its factors, or from those of a row with the same data matrix."""
     matrix, settings, factors = given.matrix, given.settings, given.factors
     realization = problem.method.realize(matrix.observable, factors)
     reduction = settings.get("reduction")
     if reduction is not None:
         realization = realization.reduced(reduction)
-    told = _PARTICIPATION.get(problem.response.origin)
+    participation = _PARTICIPATION.get(problem.response.origin)
     notes = (
         *problem.notes,
         *given.chosen,
         Note("data matrix", {"rank": factors.rank}, f"{matrix.describe()}; {factors.how}"),
         *(Note("warning", {}, text) for text in matrix.warnings),
-        *([Note("participation", {}, told)] if told else []),
+        *([Note("participation", {}, participation)] if participation else []),
         *(Note("realization", {}, text) for text in realization.notes),
     )
     return Pipeline(problem=problem, matrix=matrix, realization=realization, settings=settings, notes=notes)

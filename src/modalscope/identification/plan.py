@@ -1,4 +1,4 @@
-"""What a diagram will take before it starts: the matrix, the way of factoring it, time and memory."""
+"""Estimate time and memory of a stabilization diagram before it is computed."""
 
 from __future__ import annotations
 

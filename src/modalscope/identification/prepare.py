@@ -1,4 +1,4 @@
-"""Prepare data of any kind for identification: records become responses once, for all methods."""
+"""Prepare data for a method: records become responses, and options are checked against the row of the table."""
 
 from __future__ import annotations
 
@@ -15,31 +15,40 @@ from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.setups import Setups, as_test
 from modalscope.data.sizes import check_alive, check_size
 from modalscope.data.stored import StoredResponse, StoredSignals
-from modalscope.identification.ambient import Conditioned, SeenRecord, conditioned, conditioned_setups, seen_record
-from modalscope.identification.lookup import check_form, find_method, options_of
 from modalscope.identification.method import Method, Problem, Takes
 from modalscope.identification.options import ROUTES, delays_of
-from modalscope.identification.routes import USUAL, by_route, chosen_route, one_record, without_delays
+from modalscope.identification.routes import (
+    USUAL,
+    Conditioned,
+    SeenRecord,
+    by_route,
+    chosen_route,
+    conditioned,
+    conditioned_setups,
+    one_record,
+    seen_record,
+    without_delays,
+)
 from modalscope.identification.sizes import setup_blocks
+from modalscope.identification.table import check_form, find_method, options_of
 from modalscope.numerics.checks import check_band, check_kind
 from modalscope.numerics.errors import DataError, check_choice
+from modalscope.preprocess.correlation import estimate_correlation, slower_correlation, spanning_outputs
+from modalscope.preprocess.setups import joined_setups
 
 __all__ = ["Data", "Measured", "measure", "pose", "prepare"]
 
 
 # ------------------------------------------------------------------------------------------------------------ measured
-# What all rows of the table share: the response that data of any kind become, and how.
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Measured:
-    """What all rows share: the response in the band, the records behind correlations, and what was done.
+    """The response in the band and the records behind it, which all rows share.
 
-    `records`: records without inputs, filtered to the band. `given`: what it was made of, in words. `row`, `domain`: the row and the
-    column that are taken when none is asked. `band`: as asked, Hz; of hits and of records without inputs what was chosen where none was
-    asked. `exclude`: channels left out, as asked. `route`: the way from records with inputs. `driven`: records with inputs, delays taken
-    out. `delays`: samples by which outputs came late. `sizes`: block sizes that suit the response where none are asked, for rows that
-    have them.
+    `records`: without inputs, filtered to the band. `driven`: with inputs, without delays. `given`: the kind of data in words. `row`,
+    `domain`: defaults for these data. `band`: Hz, as asked or automatic. `route`: from records with inputs. `delays`: samples by output.
+    `sizes`: default block sizes that suit the response.
     """
 
     response: Response
@@ -91,16 +100,16 @@ def measure(
     domain: str | None = None,
     delays: Mapping[str, int] | None = None,
 ) -> Measured:
-    """Return the response of the data in a band, without the channels that are excluded; records are turned into responses here.
+    """Return the response of the data in a band (Hz) without the excluded channels; records are turned into responses here.
 
-    `band`: hz. `route`: from records with inputs, see `modalscope.identification.routes`. `method`, `domain`: what the way must serve,
-    where it is left open. `delays`: samples by which outputs of records with inputs come late, see `modalscope.doctor.delays`.
+    `route`: from records with inputs, see `modalscope.identification.routes`; an automatic one serves `method` and `domain`. `delays`:
+    samples by which outputs come late, see `modalscope.doctor.delays`.
     """
     checked = None if band is None else check_band(band)
     asked = "auto" if route is None else check_choice("route", route, ROUTES)
-    thing = as_test(data) if isinstance(data, list | tuple) else data
-    thing = thing if exclude is None or not hasattr(thing, "select") else thing.select(exclude=exclude)
-    found = _measured(thing, checked, _Asked(asked, method, domain, None if delays is None else delays_of(delays)))
+    test = as_test(data) if isinstance(data, list | tuple) else data
+    test = test if exclude is None or not hasattr(test, "select") else test.select(exclude=exclude)
+    found = _measured(test, checked, _Asked(asked, method, domain, None if delays is None else delays_of(delays)))
     if asked not in ("auto", found.route) or (delays and found.route is None):
         what = f"delays={delays!r}" if asked in ("auto", found.route) else f"route={asked!r}"
         raise DataError(f"{what} was asked", f"the data are {found.given}, not records with inputs", "Leave it out.")
@@ -128,17 +137,11 @@ def _measured(data: Any, band: tuple[float, float] | None, asked: _Asked) -> Mea
 def _(data: Response, band: tuple[float, float] | None, asked: _Asked) -> Measured:
     check_size(data)
     row, domain = _USUAL.get((data.origin, data.held_input), ("era", "time"))
+    if isinstance(data, ImpulseResponse):
+        return Measured(
+            data if band is None else slower_correlation(data, band[1]), None, type(data).__name__, row, domain
+        )
     return Measured(data.in_band(band), None, type(data).__name__, row, domain)
-
-
-@_measured.register
-def _(data: ImpulseResponse, band: tuple[float, float] | None, asked: _Asked) -> Measured:
-    from modalscope.preprocess.correlation import slower_correlation
-
-    check_size(data)
-    slower = data if band is None else slower_correlation(data, band[1])
-    row, domain = _USUAL.get((data.origin, data.held_input), ("era", "time"))
-    return Measured(slower, None, type(data).__name__, row, domain)
 
 
 @_measured.register
@@ -151,9 +154,9 @@ def _(data: Records, band: tuple[float, float] | None, asked: _Asked) -> Measure
     check_size(data)
     if data.input_dofs:
         route = chosen_route(data, asked.method, asked.domain, asked.route)
-        taken, delays, told = without_delays(data, asked.delays)
+        taken, delays, notes = without_delays(data, asked.delays)
         way, (row, domain) = by_route(taken, route, band), USUAL[route]
-        notes = (*told, *way.notes)
+        notes = (*notes, *way.notes)
         found = Measured(way.response, None, "records with inputs", row, domain, way.band, route=route, notes=notes)
         return replace(found, driven=taken, delays=delays)
     return _measured(seen_record(one_record(data, "correlations")), band, asked)
@@ -170,16 +173,15 @@ def _(data: SeenRecord, band: tuple[float, float] | None, asked: _Asked) -> Meas
     if not isinstance(data.record, StoredSignals):
         return _ambient(taken, seen, "records without inputs")
     text = f"band and noise were judged on {seen.duration:.4g} s from the middle of {data.record.duration:.4g} s"
-    told = (Note("excerpt", {"seconds": seen.duration}, text),) if seen.samples < data.record.samples else ()
+    excerpt = (Note("excerpt", {"seconds": seen.duration}, text),) if seen.samples < data.record.samples else ()
     inside = taken.records.settled() if isinstance(taken.records, StoredSignals) else taken.records
-    return _ambient(taken._replace(records=inside, notes=(*told, *taken.notes)), seen, "a stored record without inputs")
+    return _ambient(
+        taken._replace(records=inside, notes=(*excerpt, *taken.notes)), seen, "a stored record without inputs"
+    )
 
 
 def _ambient(taken: Conditioned, seen: Signals, given: str) -> Measured:
-    """Return the correlations of records without inputs; what was seen of them before any band tells the references, the same for all."""
-    from modalscope.preprocess import estimate_correlation
-    from modalscope.preprocess.correlation import spanning_outputs
-
+    """Return the correlations of records without inputs, with references chosen before any band, the same for all bands."""
     labels = taken.records.output_dofs
     references = spanning_outputs(seen)
     which = "all channels"
@@ -207,12 +209,10 @@ def _(data: StoredResponse, band: tuple[float, float] | None, asked: _Asked) -> 
 
 @_measured.register
 def _(data: Setups, band: tuple[float, float] | None, asked: _Asked) -> Measured:
-    from modalscope.preprocess.setups import joined_setups
-
     check_size(data)
     taken = conditioned_setups(data, band)
-    told = f"correlations of {len(data.parts)} setups were carried over to the references {', '.join(data.references)}"
-    note = Note("estimated", {"setups": len(data.parts)}, told)
+    text = f"correlations of {len(data.parts)} setups were carried over to the references {', '.join(data.references)}"
+    note = Note("estimated", {"setups": len(data.parts)}, text)
     response = joined_setups(taken.setups)
     return Measured(
         response,

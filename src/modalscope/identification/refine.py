@@ -1,4 +1,4 @@
-"""Refine modes to the maximum of the likelihood, with standard deviations (`refine`)."""
+"""Refine modes to the maximum of the likelihood, with their standard deviations."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ __all__ = ["in_place", "refine"]
 
 
 # ---------------------------------------------------------------------------------------------------------- completion
-# A list of modes completed by what stands out of the residual, where that leaves white noise.
+# Add poles at peaks of the residual to a list of modes, where the residual is then white.
 
 #: Modes added at most.
 _ROUNDS = 8
@@ -40,12 +40,10 @@ _Found = tuple[ComplexArray, ComplexArray, ComplexArray]
 
 
 def completed(task: Task, modes: ModalModel, participation: ComplexArray) -> ModalModel:
-    """Return the modes, and behind them what stands out of the residual, one after the other from the strongest on.
+    """Return the modes, and behind them those at significant peaks of the residual, strongest first; `participation` (n, m).
 
-    The first one is looked for before anything is refined: a mode that is missed draws the others to its place. Nothing is added when
-    the residual stays coloured: then it is no noise, and poles would be fitted to the model's own error.
-
-    `participation` (n, m): of the modes.
+    The first peak is searched before anything is refined: a missing mode biases its neighbours. Nothing is added while the residual is
+    coloured, for poles would then be fitted to the error of the model.
     """
     count = len(modes)
     found: _Found = (modes.poles - task.response.added_damping, modes.shapes, participation)
@@ -60,15 +58,16 @@ def completed(task: Task, modes: ModalModel, participation: ComplexArray) -> Mod
         found = (settled.descent.point.poles, *settled.residues)
     if len(found[0]) == count:
         return modes
-    # a mode of the list that has nothing of its own wanders, and says nothing of the others
-    held = _pruned(task, settled, 0)
-    if held.colour.coloured or not held.descent.converged:
+    # an insignificant mode of the list drifts, and is no evidence against the others
+    significant = _pruned(task, settled, 0)
+    if significant.colour.coloured or not significant.descent.converged:
         return modes
-    return joined([modes, _completed_by(task, modes, tuple(part[..., count:] for part in found[:2]), found[2][count:])])
+    poles, shapes, participation = found
+    return joined([modes, _added_modes(task, modes, poles[count:], shapes[:, count:], participation[count:])])
 
 
 def _with_peak(task: Task, settled: Settled) -> _Found | None:
-    """Return what there is with the strongest peak of the residual, or None where no peak exceeds what noise may do."""
+    """Return the modes with one at the strongest peak of the residual; None where no peak is significant."""
     point, fitted = settled.descent.point, settled.descent.fitted
     least = 2 * least_gain(task) * settled.variance
     peaks = point.problem.peaks(residual(point, fitted), point.poles, least)
@@ -83,7 +82,7 @@ def _with_peak(task: Task, settled: Settled) -> _Found | None:
 
 
 def _pruned(task: Task, settled: Settled, count: int) -> Settled:
-    """Take the weakest of the modes behind the first `count` out again while it explains no more than noise may."""
+    """Remove the weakest of the modes behind the first `count` while it is not significant."""
     while (gain := settled.gain[count:]).size and gain.min() < 2 * least_gain(task):
         out = count + int(np.argmin(gain))
         shapes, participation = settled.residues
@@ -92,11 +91,12 @@ def _pruned(task: Task, settled: Settled, count: int) -> Settled:
     return settled
 
 
-def _completed_by(task: Task, modes: ModalModel, found: tuple[Any, ...], participation: ComplexArray) -> ModalModel:
-    """Return the added modes alone; what is known of the others only is NaN."""
-    poles, shapes = found
+def _added_modes(
+    task: Task, modes: ModalModel, poles: ComplexArray, shapes: ComplexArray, participation: ComplexArray
+) -> ModalModel:
+    """Return the added modes alone; columns that only the given modes have are NaN."""
     unknown = np.full(len(poles), np.nan)
-    text = "stands out of what the other modes leave"
+    text = "stands out of the residual of the other modes"
     columns: dict[str, Any] = {name: unknown for name in PER_MODE if getattr(modes, name) is not None}
     return ModalModel(
         poles=poles + task.response.added_damping,
@@ -128,28 +128,28 @@ def refine(
     settings: Settings | Mapping[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> ModalModel:
-    """Refine modes to the maximum of the likelihood, and say how far each may be from the truth.
+    """Refine modes to the maximum of the likelihood, and estimate their standard deviations.
 
-    min over poles s, shapes c, participation b and terms of sum |Y - sum_j (c_j b_j g(s_j) + conjugate) - terms|^2 / variance, the variance
-    being that of each channel: given with the data, or that of what is left, settled together with the modes.
+    min over poles s, shapes c, participation b and terms of sum |Y - sum_j (c_j b_j g(s_j) + conjugate) - terms|^2 / variance. The variance
+    is that of each channel: given with the data, or that of the residual, estimated together with the modes.
 
-    Two deviations come with it. *Noise*: from the information of the data; where the residual is coloured, from the scatter of blocks
-    of neighbouring lines and of channels, too. *Repeatability*: from how far the groups disagree: inputs, runs or setups.
+    Two standard deviations are given. *Noise*: from the information of the data; where the residual is coloured, from the scatter of blocks
+    of neighbouring lines and of channels, too. *Repeatability*: from the differences between groups: inputs, runs or setups.
 
     Parameters
     ----------
     data : FrequencyResponse, ImpulseResponse, Signals, Records, Setups or a list of records
         Records with inputs on their own lines, where nothing is averaged; records without inputs, and setups, by Whittle's likelihood of
         their lines (`refine_setups`), whose options are none of those below.
-        In the band that the modes were identified in: what no mode explains biases those that are there.
+        In the band of the identification: what no mode explains biases the modes.
     modes : ModalModel
-        Where to start. Poles that are no decaying oscillations take part as they are, and are not reported.
+        Where to start. Poles that are no decaying oscillations stay fixed, and are not reported.
     groups : "auto", None or sequence of labels
         One an input (of records: a run): those of the data, none, or others.
     weights : array (F,), optional
         1 / standard deviation of the lines or samples; by default from the variance of the data where they carry one.
     fixed : array of complex, optional
-        rad/s: poles that take part with free residues in every channel, are held, and are not reported.
+        rad/s: fixed poles with free residues in every channel; they are not reported.
     complete : bool
         Whether poles that stand out of the residual are added, where it is white.
     settings : Settings or mapping, optional
@@ -196,8 +196,11 @@ def refine(
         more = completed(task, start, _participation(task, start))
         notes.append(_added(more.frequencies[len(start) :]))
         start = more
-    settled, kept, lost = _of_their_own(task, start)
-    notes += [] if settled is None else _how(settled)
+    settled, kept, lost = _significant(task, start)
+    if settled is not None and not settled.descent.converged:
+        descent = settled.descent
+        text = f"the refinement did not converge: {descent.why}; the values are those of the best point"
+        notes.append(Note("not converged", {"iterations": descent.iterations}, text))
     return refined(task, start.take(kept), settled, chosen, lost, notes)
 
 
@@ -236,8 +239,8 @@ def _response(data: Any, modes: ModalModel, settings: Settings | Mapping[str, An
     return response
 
 
-def _of_their_own(task: Task, modes: ModalModel) -> tuple[Settled | None, list[int], list[Candidate]]:
-    """Settle the modes; the weakest that explains no more than noise does goes, and the others are settled again."""
+def _significant(task: Task, modes: ModalModel) -> tuple[Settled | None, list[int], list[Candidate]]:
+    """Refine the modes; remove the weakest while it is not significant, and refine the others again."""
     kept = list(range(len(modes)))
     lost: list[Candidate] = []
     poles, shapes, rows = modes.poles - task.response.added_damping, modes.shapes, _participation(task, modes)
@@ -268,14 +271,14 @@ def _candidate(modes: ModalModel, j: int, gain: float) -> Candidate:
         frequency=float(modes.frequencies[j]),
         damping_ratio=float(modes.damping_ratios[j]),
         gain=float(np.sqrt(gain / 2)),
-        reason="refined together with the others it explains no more than noise does",
+        reason="refined jointly with the others it explains no more than noise does",
         remedy="Measure longer or with less noise; refine=False reports it as it was found.",
     )
 
 
 def _held(count: int) -> Note:
     words = "pole that is no mode takes" if count == 1 else "poles that are no modes take"
-    text = f"{count} {words} part in the refinement: held, with free residues"
+    text = f"{count} {words} part in the refinement: fixed, with free residues"
     return Note("held", {"poles": count}, text)
 
 
@@ -285,30 +288,18 @@ def _added(frequencies: RealArray) -> Note:
     return Note("added", {"modes": len(frequencies)}, text)
 
 
-def _how(settled: Settled) -> list[Note]:
-    descent = settled.descent
-    if descent.converged:
-        return []
-    text = f"the refinement did not converge: {descent.why}; the values are those of the best point"
-    return [Note("not converged", {"iterations": descent.iterations}, text)]
-
-
 # ------------------------------------------------------------------------------------------------------------ in place
-# What data say of modes that stay where they are: how far noise and repetitions of the test leave them open.
+# Standard deviations of modes at given values, by noise and between groups.
 
 
 def in_place(response: Response, modes: ModalModel, fixed: Array, groups: Any = AUTO) -> ModalModel:
-    """Return modes by frequency with both deviations, poles unmoved: information and scores of the likelihood are those at their place.
+    """Return modes by frequency with both standard deviations, poles unmoved: information and scores are those at the given values.
 
-    Each group of inputs or runs pulls a value its own way; how far the pulls differ is the repeatability, whether or not they add to zero.
+    Repeatability follows from the scores of each group of inputs or runs, whether or not they add to zero.
 
-    `modes`: decaying oscillations, with participation. `fixed` (k,): rad/s: poles that take part beside them. `groups`: as in `refine`.
+    `modes`: decaying oscillations. `fixed` (k,): rad/s: poles given beside them. `groups`: as in `refine`.
     """
     added = response.added_damping
     task = task_of(response, np.asarray(fixed, dtype=np.complex128) - added, None, None)
-    participation = modes.participation
-    if participation is None or participation.shape[1] != response.drives:
-        basis = response.basis(modes.poles - added, response.outside_powers)
-        participation = basis.fit_participation(modes.shapes)[0]
-    settled = settle(task, modes.poles - added, modes.shapes, participation, most=0)
+    settled = settle(task, modes.poles - added, modes.shapes, _participation(task, modes), most=0)
     return refined(task, modes, settled, check_groups(groups, *response.parts, response.groups), [], [])

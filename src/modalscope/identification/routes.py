@@ -1,17 +1,18 @@
-"""Ways from records with inputs into the table, and the rule that chooses one.
+"""Turn records into responses: records with inputs by one of several routes, ambient records in a band of their spectra.
 
     impacts                                        -> frf (hits average, each input by itself)
     periodic, settled, two or more periods         -> frf by synchronous averages, on the driven lines only
     all else                                       -> records on lines, in z
 
-Only records on lines are free of leakage whatever the run does before and after. What they cannot take is noise on the inputs, and
-forces that were not measured: see `modalscope.data.record_residual`.
+Only records on lines are free of leakage, whatever the run does before and after. They are biased by noise on the inputs and by
+unmeasured forces: see `modalscope.data.record_residual`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,13 +20,44 @@ from modalscope.blocks.records import record_cost, refuse_beyond_memory
 from modalscope.data.notes import Note
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.record_transform import record_spectra
-from modalscope.data.records import Records, Signals
+from modalscope.data.records import Records, Signals, as_records
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
-from modalscope.identification.lookup import find_method
-from modalscope.identification.table import methods
+from modalscope.data.setups import Setups
+from modalscope.data.sizes import check_size
+from modalscope.data.stored import StoredSignals
+from modalscope.doctor.delays import aligned, seen_delays
+from modalscope.identification.sizes import SETUP_ROWS
+from modalscope.identification.table import find_method, methods
 from modalscope.numerics.errors import DataError
+from modalscope.preprocess import estimate_markov
+from modalscope.preprocess.bands import Levels, OwnBands, levels_in, levels_of, noise_notes, own_bands, taken_down
+from modalscope.preprocess.excitation import find_excitation, find_period
+from modalscope.preprocess.excited_band import resonant_band, struck_band
+from modalscope.preprocess.harmonics import Line, Spectrum, harmonic_notes, lines_in
+from modalscope.preprocess.harmonics_removed import without_lines
+from modalscope.preprocess.line_noise import level_lines
+from modalscope.preprocess.merging import joined_frf
 
-__all__ = ["USUAL", "Way", "by_route", "chosen_route", "one_record", "usual_route", "without_delays"]
+__all__ = [
+    "USUAL",
+    "Conditioned",
+    "SeenRecord",
+    "Way",
+    "bands_of_record",
+    "bands_of_setups",
+    "by_route",
+    "chosen_route",
+    "conditioned",
+    "conditioned_setups",
+    "looked_through",
+    "one_record",
+    "seen_record",
+    "usual_route",
+    "without_delays",
+]
+
+
+# -------------------------------------------------------------------------------------------------- records with inputs
 
 #: The row and the domain of each way where none is asked.
 USUAL = {
@@ -51,9 +83,7 @@ class Way(NamedTuple):
 
 
 def usual_route(records: Records) -> str:
-    """Return the way that suits records with inputs by the rule of this module; runs that do not stack are taken as they are."""
-    from modalscope.preprocess.excitation import find_excitation
-
+    """Return the route that suits records with inputs by the rule of this module."""
     if max(records.samples) <= _LENGTHS * min(records.samples) and all(
         len(run.input_dofs) == 1 and find_excitation(run) == "impact" for run in records.runs
     ):
@@ -62,10 +92,7 @@ def usual_route(records: Records) -> str:
 
 
 def chosen_route(records: Records, method: str | None, domain: str | None, asked: str) -> str:
-    """Return the way for a method and a domain: as asked, or the first by the rule that serves them.
-
-    `records`: with inputs. `method`, `domain`: as asked. `asked`: "auto", or a way.
-    """
+    """Return the route as `asked`, or for "auto" the usual one where it serves the method and domain, else the first that does."""
     if asked != "auto":
         return asked
     usual = usual_route(records)
@@ -77,15 +104,10 @@ def chosen_route(records: Records, method: str | None, domain: str | None, asked
 
 
 def by_route(records: Records, route: str, band: tuple[float, float] | None) -> Way:
-    """Return what a way makes of records with inputs.
-
-    `band`: hz.
-    """
+    """Return the response of records with inputs by a route, in a band (Hz)."""
     if route == "frf":
         return _averaged(records, band)
     if route == "markov":
-        from modalscope.preprocess import estimate_markov
-
         note = Note("estimated", {}, "Markov parameters were estimated from the records by an observer (OKID)")
         return Way(estimate_markov(one_record(records, "Markov parameters")), band, (note,))
     low, high = (0.0, np.inf) if band is None else band
@@ -102,12 +124,7 @@ def by_route(records: Records, route: str, band: tuple[float, float] | None) -> 
 def without_delays(
     records: Records, delays: Mapping[str, int] | None
 ) -> tuple[Records, Mapping[str, int] | None, tuple[Note, ...]]:
-    """Return records with outputs that come late shifted back, by how much, and what is said; periods are left whole unless it is asked.
-
-    `records`: with inputs. `delays`: as in `modalscope.doctor.delays`.
-    """
-    from modalscope.doctor.delays import aligned, seen_delays
-
+    """Return records with delayed outputs shifted back, the delays and notes; periodic records only where delays are given."""
     chosen = seen_delays(records) if delays is None else delays
     if delays is None and (not chosen or _periodic(records) is not None):
         return records, None, ()
@@ -117,9 +134,6 @@ def without_delays(
 
 def _averaged(records: Records, band: tuple[float, float] | None) -> Way:
     """Return frequency responses in a band; of hits, where none is asked, in that into which they put force."""
-    from modalscope.preprocess.excited_band import struck_band
-    from modalscope.preprocess.merging import joined_frf
-
     stacked, period = records.stacked(), _periodic(records)
     own, told = struck_band(stacked, band) or (band, None)
     kind = "auto" if period is None else "periodic"
@@ -129,10 +143,7 @@ def _averaged(records: Records, band: tuple[float, float] | None) -> Way:
 
 
 def _level(spectra: RecordSpectra, band: tuple[float, float] | None, note: Note) -> Way:
-    """Return records in the band that holds their resonances where none was asked, their noise the same on all lines, and what is said."""
-    from modalscope.preprocess.excited_band import resonant_band
-    from modalscope.preprocess.line_noise import level_lines
-
+    """Return records in a band, by default that of their resonances, with noise of the same level on all lines."""
     found = resonant_band(spectra) if band is None else None
     own, told = (band, ()) if found is None else (found[0], (found[1],))
     taken, drift = level_lines(spectra if found is None else spectra.in_band(own))
@@ -140,10 +151,7 @@ def _level(spectra: RecordSpectra, band: tuple[float, float] | None, note: Note)
 
 
 def one_record(records: Records, what: str) -> Signals:
-    """Return runs of one length and the same inputs as one record, or raise.
-
-    `what`: what is to be made of it.
-    """
+    """Return runs of one length and the same inputs as one record, or raise `DataError` about `what` was asked."""
     stacks = records.stacked()
     if len(stacks) > 1:
         raise DataError(
@@ -156,8 +164,6 @@ def one_record(records: Records, what: str) -> Signals:
 
 def _periodic(records: Records) -> int | None:
     """Return the period in samples where forces repeat at least twice after settling, and the responses with them; None else."""
-    from modalscope.preprocess.excitation import find_period
-
     try:
         record = one_record(records, "a period")
         outputs, inputs = record.by_run()
@@ -171,3 +177,129 @@ def _periodic(records: Records) -> int | None:
     first, second = outputs[:, start : start + period], outputs[:, start + period :]
     apart = np.linalg.norm(second - first) / max(float(np.linalg.norm(second)), 1e-300)
     return period if apart < 1 - _SETTLED else None
+
+
+# --------------------------------------------------------------------------------------------------------- conditioned
+# Only here are records filtered and decimated without being asked. The chosen band is the `band` of the settings: the same band, asked
+# for, gives the same numbers to the last bit.
+
+
+class Conditioned(NamedTuple):
+    """A record filtered to a band (Hz, None for the whole record) and decimated, for correlations."""
+
+    records: Signals | StoredSignals
+    band: Band | None
+    notes: tuple[Note, ...]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SeenRecord:
+    """A record without inputs with its spectrum levels, bands and harmonics, found once for all bands and orders.
+
+    Verbs take it in place of its record. `excerpt`: what was examined, all of a record in memory. `lines`: harmonics.
+    """
+
+    record: Signals | StoredSignals
+    excerpt: Signals
+    levels: Levels
+    own: OwnBands
+    lines: tuple[Line, ...]
+
+
+def seen_record(record: Signals | StoredSignals) -> SeenRecord:
+    """Examine the spectrum of a record without inputs, of a stored record that of an excerpt."""
+    excerpt = record.excerpt()
+    spectrum = Spectrum.of(excerpt)
+    levels = levels_in(spectrum)
+    return SeenRecord(record, excerpt, levels, own_bands(levels, record.sampling_rate), lines_in(spectrum))
+
+
+def looked_through(data: Any, exclude: Any = None) -> Any:
+    """Return a record without inputs as a `SeenRecord` without the excluded channels; all other data as they are."""
+    if not isinstance(data, Signals | StoredSignals | Records) or data.input_dofs:
+        return data
+    kept = data if exclude is None else data.select(exclude=exclude)
+    if isinstance(kept, StoredSignals):
+        return seen_record(kept)
+    records = as_records(kept)
+    check_size(records)
+    return seen_record(one_record(records, "correlations"))
+
+
+def conditioned(seen: SeenRecord, band: Band | None) -> Conditioned:
+    """Return a record without inputs in a band (Hz), by default the automatic one."""
+    record: Any = seen.record
+    own, lines = seen.own, seen.lines
+    chosen_note = (own.note((own.whole,)),) if band is None and own.whole is not None else ()
+    chosen = own.whole if band is None else band
+    inside = record if chosen is None else taken_down(record, chosen[1], own.drift)
+    taken, removed = _without_lines(inside, lines)
+    return Conditioned(
+        taken, chosen, (*chosen_note, *noise_notes(seen.levels, chosen), *harmonic_notes(lines), *removed)
+    )
+
+
+def _without_lines(record: Signals | StoredSignals, lines: Sequence[Line]) -> tuple[Any, tuple[Note, ...]]:
+    """Return a record without harmonics, next to which modes would be lost, and a note; a stored record keeps them."""
+    if not lines:
+        return record, ()
+    if isinstance(record, StoredSignals):
+        text = "harmonics stay in a stored record, where modes next to them may be missed; they are removed from a record in memory"
+        return record, (Note("lines kept", {"lines": float(len(lines))}, text),)
+    text = "harmonics were removed before identification; estimate_correlation(record) keeps them"
+    clean = without_lines(record, ((line.frequency, line.spread) for line in lines))
+    return clean, () if clean is record else (Note("lines removed", {"lines": float(len(lines))}, text),)
+
+
+def bands_of_record(data: Any) -> tuple[tuple[Band, ...], tuple[Note, ...]]:
+    """Return the bands that the spectrum of a `SeenRecord` falls into and a note; none of other data."""
+    if not isinstance(data, SeenRecord):
+        return (), ()
+    own = data.own
+    return (own.parts, (own.note(own.parts),)) if len(own.parts) > 1 else ((), ())
+
+
+# -------------------------------------------------------------------------------------------------- conditioned setups
+
+Band = tuple[float, float]
+
+
+def bands_of_setups(setups: Setups) -> tuple[tuple[Band, ...], tuple[Note, ...]]:
+    """Return the bands that the spectra of setups fall into and a note; none where one band is enough.
+
+    It is where the block rows of the joined setups span half a period of the lowest frequency: modes of one band are fitted without
+    those of the others, and their shapes suffer.
+    """
+    own = _own(setups)
+    rows = max(SETUP_ROWS // len(setups.output_dofs), 10)
+    if len(own.parts) < 2 or rows / setups.sampling_rate >= 0.5 / own.parts[0][0]:
+        return (), ()
+    return own.parts, (own.note(own.parts),)
+
+
+class InBand(NamedTuple):
+    """Setups in a band (Hz, None for all); `lowest`: Hz, the lowest frequency with a peak above the noise, if any."""
+
+    setups: Setups
+    band: Band | None
+    lowest: float | None
+    notes: tuple[Note, ...]
+
+
+def conditioned_setups(setups: Setups, band: Band | None) -> InBand:
+    """Return setups decimated to a band and without drift; by default the band in which any of them has peaks."""
+    own = _own(setups)
+    chosen = own.whole if band is None else band
+    lowest = None if own.span is None else max(own.span[0], 0.0 if band is None else band[0])
+    if chosen is None:
+        return InBand(setups, None, lowest, ())
+    parts = tuple(taken_down(part, chosen[1], own.drift) for part in setups.parts)
+    return InBand(replace(setups, parts=parts), chosen, lowest, (own.note((chosen,)),) if band is None else ())
+
+
+def _own(setups: Setups) -> OwnBands:
+    """Return the bands of the outputs of all setups side by side, over the samples that all have."""
+    count = min(setups.samples)
+    each = [levels_of(replace(part, outputs=part.outputs[..., :count, :])) for part in setups.parts]
+    together = replace(each[0], levels=np.hstack([levels.levels for levels in each]))
+    return own_bands(together, setups.sampling_rate)

@@ -1,4 +1,4 @@
-"""Block sizes where none are given: from samples or lines, channels and the largest order."""
+"""Choose block sizes of data matrices from the number of samples or lines, the channels and the largest order."""
 
 from __future__ import annotations
 

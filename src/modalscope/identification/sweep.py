@@ -1,4 +1,4 @@
-"""Identify model order after model order from one factorization (`sweep`)."""
+"""Identify at many orders from one factorization: model, modes, indicators and standard deviations of each order."""
 
 from __future__ import annotations
 
@@ -22,8 +22,7 @@ from modalscope.identification.pipeline import Factored, Pipeline, factor, reali
 from modalscope.identification.prepare import prepare
 from modalscope.likelihood.deviations import Asked, Deviations, deviations_of, residual_variance, unexplained_energy
 from modalscope.likelihood.noise import Noise, Unknown, noise_of
-from modalscope.modal.accuracy import indicators_of_all
-from modalscope.modal.eigenmodes import Eigenmodes, eigenmodes, split_extraneous
+from modalscope.modal.eigenmodes import Eigenmodes, eigenmodes, indicators_of_all, split_extraneous
 from modalscope.modal.rebuilt import modal_model
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
@@ -34,23 +33,20 @@ __all__ = ["Cut", "Shared", "Sweep", "cut_order", "judged", "start", "sweep"]
 
 
 # ----------------------------------------------------------------------------------------------------------------- cut
-# One order of a sweep: its model, its modes, and how far to trust them.
-
 #: Orders are judged together while their states times lines or samples are no more than this: arrays in between stay in the cache.
 _TOGETHER = 100_000
 
-#: Poles are the same to this part of them: deviations are told to three digits.
+#: Relative distance below which poles are the same: standard deviations are given to three digits.
 _SAME = 1e-8
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Cut:
-    """One order: its model, its modes and how far to trust them.
+    """One order: its model, modes, indicators and standard deviations.
 
-    `triple`: (A, B, C), with inputs and outputs in their own places. `modal`: all its poles, as they are in the data. `wrapped`: () ->
-    the same, with what an exponential window added taken off. `reported`: the poles that a rank explains and that lie in the band.
-    `misfit`: norm(measured - rebuilt) / norm(measured) over the data, each output divided by its root mean square. `std`: standard
-    deviations of the reported poles, where they were asked.
+    `triple`: (A, B, C). `modal`: all poles, as they are in the data. `wrapped`: () -> the same without the damping of an exponential
+    window. `reported`: indices of the poles that the rank explains and that lie in the band. `misfit`: norm(measured - rebuilt) /
+    norm(measured), each output divided by its root mean square. `std`: of the reported poles, where asked.
     """
 
     order: int
@@ -64,7 +60,7 @@ class Cut:
 
     @cached_property
     def modes(self) -> ModalModel:
-        """All its poles with what an exponential window added taken off, made when they are first asked for."""
+        """All poles without the damping that an exponential window added; computed on first use."""
         modes = self.wrapped()
         if self.std is None:
             return modes
@@ -72,18 +68,12 @@ class Cut:
 
 
 def cut_order(pipeline: Pipeline, order: int, *, deviations: bool = True) -> Cut:
-    """Cut one order out of a pipeline and judge it.
-
-    `deviations`: whether standard deviations are wanted.
-    """
+    """Return one order of a pipeline."""
     return Shared(pipeline, deviations).of_order(order)
 
 
 def judged(pipeline: Pipeline, orders: Sequence[int], measured: Shared) -> list[Cut | DataError]:
-    """Return the first of some orders, or why there is none: as many of them as are better judged together, at least one.
-
-    `orders`: increasing, at least one.
-    """
+    """Return the first of increasing orders, or their errors: as many of them as are computed faster together, at least one."""
     found: list[tuple[int, Triple, Eigenmodes] | DataError] = []
     size = 0
     for order in orders:
@@ -103,14 +93,14 @@ def judged(pipeline: Pipeline, orders: Sequence[int], measured: Shared) -> list[
 
 
 def _checked(pipeline: Pipeline, modal: Eigenmodes) -> Eigenmodes:
-    """Return modes that are numbers; what is wrong with others the making of their model says."""
+    """Return modes of finite numbers; others raise the error of making their model."""
     if not all(np.all(np.isfinite(values)) for values in (modal.poles, modal.shapes, modal.participation)):
         modal_model(pipeline.matrix, modal, {})
     return modal
 
 
-class _Told(NamedTuple):
-    """What is known of the poles of an order, some of which were asked."""
+class _Known(NamedTuple):
+    """Standard deviations of the poles `asked` (indices) of all poles of an order."""
 
     poles: ComplexArray
     asked: IntArray
@@ -124,10 +114,7 @@ class _Told(NamedTuple):
 
 
 class Shared:
-    """The data that every order is fitted to and the noise in them: what all orders share, computed once.
-
-    `deviations`: whether standard deviations are wanted.
-    """
+    """The data that every order is fitted to and the noise in them, computed once for all orders."""
 
     def __init__(self, pipeline: Pipeline, deviations: bool) -> None:
         self._pipeline, self._matrix = pipeline, pipeline.matrix.fitted
@@ -136,13 +123,10 @@ class Shared:
         self._complex = bool(np.iscomplexobj(self._response.values))
         self._weighted = getattr(self._matrix, "weights", None) is not None
         self.noise = noise_of(self._response, pipeline.problem.records) if deviations else None
-        self._told: dict[int, _Told] = {}
+        self._known: dict[int, _Known] = {}
 
     def cuts(self, parts: Sequence[tuple[int, Triple, Eigenmodes]]) -> list[Cut]:
-        """Return orders with their indicators, and the standard deviations of their poles, where they are wanted.
-
-        `parts`: of one order, or of several that are judged together.
-        """
+        """Return orders, computed together, with their indicators and the standard deviations of their poles where asked."""
         if not parts:
             return []
         indicators = indicators_of_all(self._pipeline.matrix, [part[1:] for part in parts])
@@ -153,24 +137,24 @@ class Shared:
     def _deviations(
         self, parts: Sequence[tuple[int, Triple, Eigenmodes]], reported: Sequence[IntArray]
     ) -> list[Deviations | None]:
-        """Return the standard deviations of some poles of every order, those that are known as they are; None where none were wanted."""
+        """Return the standard deviations of the reported poles of every order, known ones from the cache; None where not asked."""
         if self.noise is None:
             return [None] * len(parts)
         asked = []
         for part, which in zip(parts, reported, strict=True):
             order, _, modal = part
-            known = self._told.get(order)
+            known = self._known.get(order)
             if known is None or not known.of(modal.poles, which):
                 noise = self.noise_beside(modal)
                 assert noise is not None
                 asked.append(Asked(*part, which, noise))
         for one, found in zip(asked, deviations_of(self._matrix, self._pipeline.realization, *asked), strict=True):
-            self._told[one.order] = _Told(one.modal.poles, one.which, found)
-        return [self._told[order].deviations for order, _, _ in parts]
+            self._known[one.order] = _Known(one.modal.poles, one.which, found)
+        return [self._known[order].deviations for order, _, _ in parts]
 
     def take_deviations_of(self, other: Shared) -> None:
-        """Take the deviations that are known of the same poles: they follow from the poles and the data alone."""
-        self._told.update(other._told)
+        """Take over the standard deviations of the same poles: they follow from the poles and the data alone."""
+        self._known.update(other._known)
 
     def _reported(self, model: Triple, modal: Eigenmodes) -> IntArray:
         """Return the poles that a rank explains and that lie in the band."""
@@ -200,20 +184,14 @@ class Shared:
         )
 
     def of_order(self, order: int) -> Cut:
-        """Return one order.
-
-        Raises `DataError`: an order that cannot be given.
-        """
+        """Return one order, or raise its `DataError`."""
         (found,) = judged(self._pipeline, [order], self)
         if isinstance(found, DataError):
             raise found
         return found
 
     def with_bases(self, several: Sequence[Eigenmodes]) -> list[Eigenmodes]:
-        """Return modes with what their poles can contribute, made once for all, where the misfit is not known by the fit.
-
-        `several`: of one order or of several.
-        """
+        """Return modes of one order or several with the basis of their poles, computed once, where the fit has no misfit yet."""
         if self._weighted or self._response is not self._pipeline.response:
             return list(several)
         if not several or any(modes.fit.misfit is not None or modes.fit.basis is not None for modes in several):
@@ -221,23 +199,22 @@ class Shared:
         basis = self._response.basis(np.concatenate([modes.poles for modes in several]), several[0].fit.powers)
         ends = 2 * np.cumsum([0, *(modes.poles.size for modes in several)])
         each = (replace(basis, functions=basis.functions[:, a:b]) for a, b in pairwise(ends))
-        own = each if len(several) > 1 else [basis]  # inputs and ends may stand beside the poles
-        return [replace(m, fit=replace(m.fit, basis=part)) for m, part in zip(several, own, strict=True)]
+        parts = each if len(several) > 1 else [basis]  # which may have columns of inputs and ends, too
+        return [replace(m, fit=replace(m.fit, basis=part)) for m, part in zip(several, parts, strict=True)]
 
     def misfit(self, modes: Eigenmodes) -> float:
-        """Return the norm of what modes leave of the level data over that of the data: from the fit where it knows, else rebuilt."""
+        """Return norm(residual) / norm(data), outputs divided by their root mean square: from the fit where known, else rebuilt."""
         return self._misfit.of_fit(modes.poles, modes.fit) if modes.fit.misfit is None else modes.fit.misfit
 
     def noise_beside(self, modal: Eigenmodes) -> Noise | None:
-        """Return the noise, given what no residues at the poles of a model explain, whatever its own shapes leave."""
+        """Return the noise of the residual of free residues at the poles of a model."""
         if self.noise is None or not self.noise.of_residual:
             return self.noise
         fit, rows = modal.fit, self._response.count * (1 + self._complex)  # of compressed ones there are fewer
         if fit.unexplained is not None and np.all(np.isfinite(fit.unexplained)):
             unknown = len(fit.terms) + 2 * modal.poles.size
             return self.noise.beside(residual_variance(fit.unexplained, rows - unknown, self._complex))
-        own = None if self._weighted else fit.basis
-        basis = own or self._response.basis(modal.poles, fit.powers)
+        basis = (None if self._weighted else fit.basis) or self._response.basis(modal.poles, fit.powers)
         unknown = basis.terms.shape[1] + basis.functions.shape[1]
         return self.noise.beside(residual_variance(unexplained_energy(basis), rows - unknown, self._complex))
 
@@ -246,19 +223,16 @@ class Shared:
 
 
 class Sweep:
-    """The orders of one pipeline, one after the other: consumed as they come, left between two and taken up again.
+    """An iterator over the orders of one pipeline, increasing, that can be interrupted and continued.
 
-    An order that cannot be given (too few blocks, say) is left out, with a note in `notes`. Orders that are better judged together are
-    (see `judged`), and handed out one by one.
-
-    `orders`: increasing. `deviations`: whether standard deviations of the poles are wanted.
+    An order that cannot be computed (too few blocks, say) is left out, with a note in `notes`.
     """
 
     def __init__(self, pipeline: Pipeline, orders: Iterable[int], *, deviations: bool = True) -> None:
         self.orders = tuple(orders)
         self.pipeline = pipeline
         self.notes: list[Note] = []
-        self._left = deque(self.orders)
+        self._pending = deque(self.orders)
         self._ahead: deque[Cut | DataError] = deque()
         self._measured = Shared(pipeline, deviations)
 
@@ -268,7 +242,7 @@ class Sweep:
         return self._measured.noise
 
     def noise_beside(self, cut: Cut) -> Noise | None:
-        """Return the noise, given what a model leaves of the data; None where no deviations were asked."""
+        """Return the noise of the residual of a model; None where no standard deviations were asked."""
         return self._measured.noise_beside(cut.modal)
 
     def has_poles_of(self, other: Sweep) -> bool:
@@ -276,7 +250,7 @@ class Sweep:
         return self.orders == other.orders and self._model.has_poles_of(other._model)
 
     def has_modes_of(self, other: Sweep) -> bool:
-        """Whether another sweep over the same factors has the same modes at every order, and says the same of them."""
+        """Whether another sweep over the same factors has the same modes, notes and settings at every order."""
         if not self.has_poles_of(other):
             return False
         mine, its = self.pipeline, other.pipeline
@@ -297,30 +271,30 @@ class Sweep:
         """Return one order; the sweep stays where it is."""
         return self._measured.of_order(order)
 
-    def told(self, cuts: Iterable[Cut]) -> tuple[Note, ...]:
-        """Return where the deviations of cuts come from, or why there are none; nothing where none were asked."""
+    def notes_on(self, cuts: Iterable[Cut]) -> tuple[Note, ...]:
+        """Return a note on how the standard deviations were estimated, or why not; none where they were not asked."""
         if self.noise is None:
             return ()
         known = any(np.any(np.isfinite(cut.std.frequency)) for cut in cuts if cut.std is not None)
         nothing = Unknown(
-            "it is not known how the data move the poles of this method, or nothing is left to see noise in"
+            "it is not known how the data move the poles of this method, or no residual is left to estimate noise from"
         )
         return (self.noise.note if known or isinstance(self.noise, Unknown) else nothing.note,)
 
     @property
     def remaining(self) -> tuple[int, ...]:
         """The orders that are still to come."""
-        return tuple(self._left)
+        return tuple(self._pending)
 
     def __iter__(self) -> Sweep:
         return self
 
     @one_thread
     def __next__(self) -> Cut:
-        while self._left:
+        while self._pending:
             if not self._ahead:
-                self._ahead.extend(judged(self.pipeline, tuple(self._left), self._measured))
-            order, found = self._left.popleft(), self._ahead.popleft()
+                self._ahead.extend(judged(self.pipeline, tuple(self._pending), self._measured))
+            order, found = self._pending.popleft(), self._ahead.popleft()
             if not isinstance(found, DataError):
                 return found
             self.notes.append(Note("orders left out", {"order": order}, f"order {order} left out: {found.found}"))
@@ -378,10 +352,9 @@ def sweep(
 def start(
     problem: Any, asked: list[int], *, automatic: bool, deviations: bool = True, given: Factored | None = None
 ) -> Sweep:
-    """Factor for the largest order and return the sweep over those within reach.
+    """Factor for the largest order and return the sweep over the orders that the rank allows.
 
-    `automatic`: whether nobody asked for just these: then some order is always found. `deviations`: whether standard deviations of the
-    poles are wanted. `given`: factors for the largest order, where another row has them.
+    `automatic`: whether the orders are defaults: then at least one is found. `given`: factors for the largest order, of another row.
     """
     pipeline = factor(problem, asked[-1]) if given is None else realized(problem, given)
     reach = pipeline.method.orders.reach(pipeline.factors, asked, automatic)

@@ -13,8 +13,8 @@ from modalscope.data.results import StabilizationDiagram
 from modalscope.judging.stabilize import usable_orders
 from modalscope.judging.tracking import GAP, Poles, consensus, join_broken, merge_splits, tracks
 from modalscope.likelihood.noise import typical_deviation
-from modalscope.modal.contribution import of_diagram, peak_sizes
 from modalscope.modal.indicators import cmif, mac, prominence
+from modalscope.modal.rebuilt import of_diagram, peak_sizes
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 
 __all__ = [

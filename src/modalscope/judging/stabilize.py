@@ -14,12 +14,12 @@ from modalscope.data.poles import frequencies_and_damping
 from modalscope.data.record_residual import UNMEASURED
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.shown import counted
-from modalscope.identification.ambient import looked_through
 from modalscope.identification.method import Problem
 from modalscope.identification.options import AllOptions
 from modalscope.identification.orders import checked_orders
 from modalscope.identification.pipeline import Pipeline
 from modalscope.identification.prepare import prepare
+from modalscope.identification.routes import looked_through
 from modalscope.identification.sweep import Cut, Sweep, start
 from modalscope.modal.indicators import mac
 from modalscope.numerics.arguments import named
@@ -308,7 +308,7 @@ def swept(
             f"orders {asked[0]} to {asked[-1]} were asked", str(found.notes[-1]), "Choose other orders or block sizes."
         )
     return replace(
-        collected(found.pipeline, cuts, limits, (*found.notes, *found.told(cuts))), asked_orders=tuple(asked)
+        collected(found.pipeline, cuts, limits, (*found.notes, *found.notes_on(cuts))), asked_orders=tuple(asked)
     )
 
 

@@ -23,8 +23,8 @@ from modalscope.likelihood.likelihood import whitened
 from modalscope.likelihood.reference_model import Floor, by_line, floor_of
 from modalscope.likelihood.settling import needed_out_of_band, out_of_band_poles
 from modalscope.likelihood.whitening import search_bound
-from modalscope.modal.contribution import contributions
 from modalscope.modal.indicators import mac
+from modalscope.modal.rebuilt import contributions
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 
 __all__ = ["Trial", "has_likelihood", "likely", "one_residue", "verdicts"]

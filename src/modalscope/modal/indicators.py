@@ -1,4 +1,4 @@
-"""Compute indicators of modes: MAC, MPC, phase scatter, EMAC, modal amplitude coherence, clusters.
+"""Compute indicators of modes: MAC, phase collinearity, amplitude coherence, EMAC, and mode indicator functions.
 
 A modal coordinate's rows of the observability factor are c_j g_0, c_j g_1, ... and its columns of the controllability factor
 b_j h_0, b_j h_1, ...: in the time domain g_k = h_k = z_j^k, in the frequency domain the basis polynomials and 1 / (x_i - s_j).

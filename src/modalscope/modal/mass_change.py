@@ -1,4 +1,4 @@
-"""Modes of ambient tests scaled by a known change of mass: a second test with masses added gives modal masses and responses to forces."""
+"""Scale the modes of an ambient test to unit modal mass by a second test with known masses added."""
 
 from __future__ import annotations
 
@@ -162,17 +162,12 @@ def _lost(modes: ModalModel, r: int, reason: str, remedy: str) -> Candidate:
 
 def _notes(modes: ModalModel, masses: Mapping[str, float], apart: RealArray) -> tuple[Note, ...]:
     where = ", ".join(f"{mass:g} kg at {dof}" for dof, mass in list(masses.items())[:6])
-    told = [
-        Note(
-            "scaled",
-            {},
-            f"scaled to unit modal mass by {where}; modes that were not identified are not in the sum of shapes",
-        )
-    ]
+    text = f"scaled to unit modal mass by {where}; modes that were not identified are not in the sum of shapes"
+    notes = [Note("scaled", {}, text)]
     known = np.isfinite(apart)
     if np.any(known):
         words = ", ".join(
             f"{100 * x:.2g} % at {f:.5g} Hz" for f, x in zip(modes.frequencies[known], apart[known], strict=True)
         )
-        told.append(Note("modal mass", {}, f"deviation of modal masses from those of the frequencies: {words}"))
-    return tuple(told)
+        notes.append(Note("modal mass", {}, f"deviation of modal masses from those of the frequencies: {words}"))
+    return tuple(notes)

@@ -1,4 +1,4 @@
-"""Two sets of modes of one structure: which belong together, and how far they are apart."""
+"""Pair the modes of two sets by frequency and MAC, and compute their differences and COMAC."""
 
 from __future__ import annotations
 
@@ -43,10 +43,8 @@ class Pairs:
     @property
     def deviations(self) -> dict[str, RealArray]:
         """Differences in standard deviations of the difference, of "frequency" and "damping_ratio"; NaN where none is known."""
-        return {
-            "frequency": _in_deviations(self, "frequencies"),
-            "damping_ratio": _in_deviations(self, "damping_ratios"),
-        }
+        fields = {"frequency": "frequencies", "damping_ratio": "damping_ratios"}
+        return {name: _in_deviations(self, field) for name, field in fields.items()}
 
     @property
     def alone(self) -> tuple[IntArray, IntArray]:
@@ -66,10 +64,12 @@ class Pairs:
         for k, (i, j) in enumerate(zip(self.first, self.second, strict=True)):
             fa, fb = self.a.frequencies[i], self.b.frequencies[j]
             za, zb = 100 * self.a.damping_ratios[i], 100 * self.b.damping_ratios[j]
-            told = [_or_dash(away[name][k]) for name in ("frequency", "damping_ratio")]
+            sd = [
+                f"{away[name][k]:.1f}" if np.isfinite(away[name][k]) else "-" for name in ("frequency", "damping_ratio")
+            ]
             lines.append(
                 f"{i + 1:3d}  {j + 1:3d}  {fa:12.4f}  {fb:12.4f}  {100 * self.frequency_change[k]:8.3f}  {za:10.3f}  {zb:10.3f}"
-                f"  {self.mac[k]:5.3f}  {told[0]:>6}  {told[1]:>5}"
+                f"  {self.mac[k]:5.3f}  {sd[0]:>6}  {sd[1]:>5}"
             )
         for name, modes, left in zip(("a", "b"), (self.a, self.b), self.alone, strict=True):
             lines += [
@@ -157,17 +157,15 @@ def comac(shapes_a: ArrayLike, shapes_b: ArrayLike) -> RealArray:
     ----------
     Lieven and Ewins, "Spatial correlation of mode shapes, the coordinate modal assurance criterion (COMAC)", IMAC VI, 1988.
     """
-    given = (
-        complex_array("shapes_a", shapes_a, "outputs, modes", 2),
-        complex_array("shapes_b", shapes_b, "outputs, modes", 2),
-    )
-    if given[0].shape != given[1].shape:
+    a = complex_array("shapes_a", shapes_a, "outputs, modes", 2)
+    b = complex_array("shapes_b", shapes_b, "outputs, modes", 2)
+    if a.shape != b.shape:
         raise DataError(
             "COMAC of paired modes was asked",
-            f"the shapes are {given[0].shape} and {given[1].shape}",
+            f"the shapes are {a.shape} and {b.shape}",
             "Give as many modes and outputs of both (see pair_modes).",
         )
-    a, b = (x / np.maximum(np.linalg.norm(x, axis=0), 1e-300) for x in given)
+    a, b = (x / np.maximum(np.linalg.norm(x, axis=0), 1e-300) for x in (a, b))
     both = np.sum(np.abs(a * np.conj(b)), axis=1) ** 2
     each = np.sum(np.abs(a) ** 2, axis=1) * np.sum(np.abs(b) ** 2, axis=1)
     return np.asarray(np.divide(both, each, out=np.zeros_like(both), where=each > 0))
@@ -182,7 +180,3 @@ def _in_deviations(pairs: Pairs, field: str) -> RealArray:
         variance += np.fmax.reduce(known)[which] ** 2
     difference = getattr(pairs.b, field)[pairs.second] - getattr(pairs.a, field)[pairs.first]
     return np.asarray(difference / np.sqrt(variance))
-
-
-def _or_dash(value: float) -> str:
-    return f"{value:.1f}" if np.isfinite(value) else "-"

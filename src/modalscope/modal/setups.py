@@ -1,9 +1,9 @@
-"""Merge modes that were identified in separate setups, through common outputs."""
+"""Merge the modes of several setups: average poles, and scale parts of shapes to each other by common outputs (PoSER)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from modalscope.data.notes import Note
 from modalscope.data.poles import poles_from
 from modalscope.data.response import Response
 from modalscope.modal.indicators import mac
+from modalscope.modal.shapes import free_residues
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_each, check_kind, check_positive
 from modalscope.numerics.errors import DataError
@@ -24,10 +25,10 @@ __all__ = ["merge_modes", "steps_of_groups", "with_repeatability"]
 
 
 # ------------------------------------------------------------------------------------------------------------- between
-# What groups of columns of one response say of its poles by themselves: one step of Gauss and Newton each, and the scatter of these.
+# Repeatability: the scatter of one Gauss-Newton step of the poles for each group of inputs.
 
-#: Fewer groups than this say too little of how far they disagree.
-_LEAST = 4
+#: Fewest groups whose scatter is estimated.
+_GROUPS = 4
 
 
 def with_repeatability(modes: ModalModel, response: Response) -> ModalModel:
@@ -36,7 +37,7 @@ def with_repeatability(modes: ModalModel, response: Response) -> ModalModel:
     `modes`: identified from all groups together. `response`: with `groups`: one label an input.
     """
     labels = response.groups
-    if labels is None or len(set(labels)) < _LEAST or not len(modes):
+    if labels is None or len(set(labels)) < _GROUPS or not len(modes):
         return modes
     steps = steps_of_groups(modes.poles, response)
     moved = modes.poles + steps
@@ -95,15 +96,8 @@ def _step(slopes: RealArray, left: RealArray, residues: ComplexArray) -> Complex
 #: Rounds in which shapes and the scales of their parts are fitted in turn.
 _ROUNDS = 10
 
-#: Fewer groups than this say too little about how far they disagree.
-_GROUPS = 4
-
-
-@dataclass(slots=True)
-class _Mode:
-    """One mode: where it stands in every setup that has it, and what its setups say."""
-
-    members: dict[int, int] = field(default_factory=dict)
+#: One mode: its index in every setup that has it.
+_Mode = dict[int, int]
 
 
 @named()
@@ -166,9 +160,9 @@ def merge_modes(
     if given is not None and len(given) != len(parts):
         raise DataError(f"{len(parts)} responses were asked", f"{len(given)} are given", "Give one a result.")
     found = _together(parts, common, limit)
-    enough = [mode for mode in found if 2 * len(mode.members) > len(parts)]
-    kept = [mode for mode in enough if given is not None or len(mode.members) == len(parts)]
-    left = [_left(mode, parts, mode in enough) for mode in found if mode not in kept]
+    enough = [mode for mode in found if 2 * len(mode) > len(parts)]
+    kept = [mode for mode in enough if given is not None or len(mode) == len(parts)]
+    left = [_candidate(mode, parts, mode in enough) for mode in found if mode not in kept]
     f, zeta = (np.array([_mean(mode, parts, name) for mode in kept]) for name in ("frequencies", "damping_ratios"))
     order = np.argsort(f)
     kept, f, zeta = [kept[k] for k in order], f[order], zeta[order]
@@ -200,7 +194,7 @@ def _pieces(
 ) -> list[list[ComplexArray]]:
     """Return of every mode the part of its shape in each setup: of the results, or fitted to the responses with the poles of all."""
     if responses is None:
-        return [[part.shapes[:, mode.members[j]] for j, part in enumerate(parts)] for mode in kept]
+        return [[part.shapes[:, mode[j]] for j, part in enumerate(parts)] for mode in kept]
     whole = [_residues(response, poles) for response in responses]
     return [[shapes[:, k] for shapes in whole] for k in range(len(kept))]
 
@@ -223,10 +217,10 @@ def _together(parts: Sequence[ModalModel], common: tuple[str, ...], tolerance: f
     shapes = [part.shapes[[part.output_dofs.index(dof) for dof in common]] for part in parts]
     found: list[_Mode] = []
     for j in sorted(range(len(parts)), key=lambda j: -len(parts[j])):
-        first = [next(iter(mode.members.items())) for mode in found]
+        first = [next(iter(mode.items())) for mode in found]
         cost = np.full((len(found), len(parts[j])), 2.0 * (1 + len(found)))
         if found and len(parts[j]):
-            f = np.array([np.mean([parts[k].frequencies[i] for k, i in mode.members.items()]) for mode in found])
+            f = np.array([np.mean([parts[k].frequencies[i] for k, i in mode.items()]) for mode in found])
             like = mac(np.stack([shapes[k][:, i] for k, i in first], axis=1), shapes[j])
             near = np.abs(parts[j].frequencies / f[:, None] - 1) / tolerance + 1 - like
             cost = np.where(near <= 1, near, cost)
@@ -234,19 +228,19 @@ def _together(parts: Sequence[ModalModel], common: tuple[str, ...], tolerance: f
         pairs = {int(b): int(a) for a, b in zip(rows, columns, strict=True) if cost[a, b] <= 1}
         for i in range(len(parts[j])):
             if i in pairs:
-                found[pairs[i]].members[j] = i
+                found[pairs[i]][j] = i
             else:
-                found.append(_Mode({j: i}))
+                found.append({j: i})
     return found
 
 
 def _values(mode: _Mode, parts: Sequence[ModalModel], name: str) -> tuple[RealArray, RealArray, RealArray | None]:
     """Return what the setups give, the weights of their mean, and their variances where all are known."""
-    x = np.array([getattr(parts[j], name)[i] for j, i in mode.members.items()])
-    std = [getattr(parts[j], f"{name}_std") for j in mode.members]
+    x = np.array([getattr(parts[j], name)[i] for j, i in mode.items()])
+    std = [getattr(parts[j], f"{name}_std") for j in mode]
     if any(each is None for each in std):
         return x, np.full(x.size, 1 / x.size), None
-    variance = np.array([each[i] ** 2 for each, i in zip(std, mode.members.values(), strict=True)])
+    variance = np.array([each[i] ** 2 for each, i in zip(std, mode.values(), strict=True)])
     if not np.all(np.isfinite(variance) & (variance > 0)):
         return x, np.full(x.size, 1 / x.size), None
     return x, 1 / variance / np.sum(1 / variance), variance
@@ -261,16 +255,11 @@ def _deviations(kept: list[_Mode], parts: Sequence[ModalModel], labels: Groups) 
     """Return deviations of the means, from the noise and between groups of setups."""
     fields: dict[str, Any] = {}
     for name in ("frequencies", "damping_ratios"):
-        told = [_values(mode, parts, name) for mode in kept]
-        known = bool(kept) and all(variance is not None for _, _, variance in told)
-        fields[f"{name}_std"] = np.array([np.sqrt(w**2 @ v) for _, w, v in told if v is not None]) if known else None
-        fields[f"{name}_repeatability"] = (
-            None
-            if labels is None
-            else np.array(
-                [_between(x, [labels[j] for j in m.members]) for (x, _, _), m in zip(told, kept, strict=True)]
-            )
-        )
+        values = [_values(mode, parts, name) for mode in kept]
+        known = bool(kept) and all(variance is not None for _, _, variance in values)
+        fields[f"{name}_std"] = np.array([np.sqrt(w**2 @ v) for _, w, v in values if v is not None]) if known else None
+        between = labels and [_between(x, [labels[j] for j in m]) for (x, _, _), m in zip(values, kept, strict=True)]
+        fields[f"{name}_repeatability"] = None if between is None else np.array(between)
     return fields
 
 
@@ -286,13 +275,8 @@ def _residues(response: Response, poles: ComplexArray) -> ComplexArray:
     """Return the shapes of modes with these poles in a response, (l, n): leading vectors of the residues by least squares."""
     if not poles.size:
         return np.zeros((len(response.output_dofs), 0), dtype=complex)
-    basis = response.basis(poles, response.outside_powers)
-    columns = np.hstack([basis.terms, basis.functions])
-    scale = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
-    rows, outputs, inputs = basis.data.shape
-    x = np.linalg.lstsq(columns / scale, basis.data.reshape(rows, -1), rcond=None)[0] / scale[:, None]
-    real, imaginary = x[basis.terms.shape[1] :].reshape(-1, 2, outputs, inputs).swapaxes(0, 1)
-    return np.asarray(np.linalg.svd(real + 1j * imaginary)[0][:, :, 0].T)
+    residues = free_residues(response.basis(poles, response.outside_powers))
+    return np.asarray(np.linalg.svd(residues)[0][:, :, 0].T)
 
 
 def _glued(pieces: list[ComplexArray], places: list[list[int]], outputs: int) -> ComplexArray:
@@ -314,15 +298,15 @@ def _glued(pieces: list[ComplexArray], places: list[list[int]], outputs: int) ->
 def _reason(mode: _Mode, parts: Sequence[ModalModel]) -> dict[str, object]:
     x = _values(mode, parts, "frequencies")[0]
     scatter = f"{100 * x.std(ddof=1) / x.mean():.3f} %" if x.size > 1 else "-"
-    return {"setups": f"found in {len(mode.members)} of {len(parts)}", "scatter of f": scatter}
+    return {"setups": f"found in {len(mode)} of {len(parts)}", "scatter of f": scatter}
 
 
-def _left(mode: _Mode, parts: Sequence[ModalModel], enough: bool) -> Candidate:
-    where = ", ".join(str(j + 1) for j in sorted(mode.members))
+def _candidate(mode: _Mode, parts: Sequence[ModalModel], enough: bool) -> Candidate:
+    where = ", ".join(str(j + 1) for j in sorted(mode))
     return Candidate(
         frequency=_mean(mode, parts, "frequencies"),
         damping_ratio=_mean(mode, parts, "damping_ratios"),
-        reason=f"only {len(mode.members)} of {len(parts)} setups have it: {where}",
+        reason=f"only {len(mode)} of {len(parts)} setups have it: {where}",
         remedy="Give the responses, too: its shape is then fitted where it is lacking"
         if enough
         else "Give its frequency: frequencies=[...] in every setup, or identify the setups together",
@@ -330,17 +314,12 @@ def _left(mode: _Mode, parts: Sequence[ModalModel], enough: bool) -> Candidate:
 
 
 def _notes(kept: list[_Mode], parts: Sequence[ModalModel], labels: Groups) -> tuple[Note, ...]:
-    lacking = sum(len(mode.members) < len(parts) for mode in kept)
-    told = [] if labels else [Note("groups", {}, "fewer than four setups: their repeatability is not known")]
+    lacking = sum(len(mode) < len(parts) for mode in kept)
+    notes = [] if labels else [Note("groups", {}, "fewer than four setups: their repeatability is not known")]
     if lacking:
-        told.append(
-            Note(
-                "shapes",
-                {"modes": lacking},
-                f"{lacking} modes are lacking in some setups: their shapes there are fitted with their poles given",
-            )
-        )
-    return tuple(told)
+        text = f"{lacking} modes are lacking in some setups: their shapes there are fitted with their poles given"
+        notes.append(Note("shapes", {"modes": lacking}, text))
+    return tuple(notes)
 
 
 def _units(parts: Sequence[ModalModel], outputs: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:

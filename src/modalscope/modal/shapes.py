@@ -1,4 +1,4 @@
-"""Fit shapes, residual terms and modal masses to frequency responses with given poles (LSFD)."""
+"""Fit shapes, residuals and modal masses to frequency responses, given poles (least-squares frequency domain, LSFD)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_kind, real_array
 from modalscope.numerics.errors import DataError, check_choice
 
-__all__ = ["fit_residues", "fitted_shapes", "joint_residues"]
+__all__ = ["fit_residues", "fitted_shapes", "free_residues", "joint_residues"]
 
 
 # --------------------------------------------------------------------------------------------------------------- joint
@@ -74,6 +74,17 @@ def joint_residues(
         if gained < _GAIN * best:
             break
     return shapes, {"participation": response.of_inputs(participation), **response.named_terms(terms, powers)}
+
+
+def free_residues(basis: ModalBasis) -> ComplexArray:
+    """Return residues (n, l, m) of every channel by least squares, not of rank one."""
+    columns = np.hstack([basis.terms, basis.functions])
+    scale = np.linalg.norm(columns, axis=0)
+    scale[scale == 0] = 1
+    rows, outputs, inputs = basis.data.shape
+    found = np.linalg.lstsq(columns / scale, basis.data.reshape(rows, -1), rcond=None)[0] / scale[:, None]
+    real, imaginary = found[basis.terms.shape[1] :].reshape(-1, 2, outputs, inputs).swapaxes(0, 1)
+    return np.asarray(real + 1j * imaginary)
 
 
 # -------------------------------------------------------------------------------------------------------- field shapes
@@ -205,13 +216,14 @@ def fit_residues(
         raise DataError("a fit of residues was asked", "there are no modes", "Identify modes first.")
     _check_lines(response, len(modes), len(powers))
     w = None if weights is None else _one_a_line(response, weights)
-    poles, groups = _distinct(modes.poles - response.added_damping)
+    poles = modes.poles - response.added_damping
+    groups = clusters(poles, _REPEATED)
+    poles = np.array([poles[group].mean() for group in groups])
     basis = _basis(response, poles, kind, powers, w)
     if participation == "given":
-        index, rows = np.arange(len(modes)), _given_rows(modes, response, kind)
         basis = _repeat(basis, groups, [group.size for group in groups])
         index = np.concatenate(groups)
-        rows = rows[index]
+        rows = _given_rows(modes, response, kind)[index]
     else:
         ranks, rows = _free_rows(basis, groups)
         basis = _repeat(basis, groups, ranks)
@@ -242,10 +254,7 @@ def _powers(response: FrequencyResponse, residuals: bool, kind: str) -> tuple[in
     elif residuals:
         outside = "residuals of modes outside the band were asked"
         known_quantity(quantity, outside, otherwise=", or residuals=False for a constant")
-    powers = residual_powers(quantity, residuals)
-    if kind == "real" and not residuals:
-        powers = ()
-    return powers
+    return () if kind == "real" and not residuals else residual_powers(quantity, residuals)
 
 
 def _check_lines(response: FrequencyResponse, modes: int, terms: int) -> None:
@@ -255,12 +264,6 @@ def _check_lines(response: FrequencyResponse, modes: int, terms: int) -> None:
             f"there are {response.lines}",
             "Widen the band or leave modes out.",
         )
-
-
-def _distinct(poles: ComplexArray) -> tuple[ComplexArray, list[Array]]:
-    """Return one pole for each group of repeated ones, and the groups."""
-    groups = clusters(poles, _REPEATED)
-    return np.array([poles[group].mean() for group in groups]), groups
 
 
 def _one_a_line(response: FrequencyResponse, weights: ArrayLike) -> RealArray:
@@ -316,19 +319,11 @@ def _given_rows(modes: ModalModel, response: FrequencyResponse, kind: str) -> Co
 
 def _free_rows(basis: ModalBasis, groups: list[Array]) -> tuple[list[int], ComplexArray]:
     """Return how many shapes each group has and their participation rows, the leading right vectors of its residue matrix."""
-    columns = np.hstack([basis.terms, basis.functions])
-    scale = np.linalg.norm(columns, axis=0)
-    used = np.flatnonzero(scale > 0)
-    rows, outputs, inputs = basis.data.shape
-    found = np.zeros((columns.shape[1], outputs * inputs))
-    fitted = np.linalg.lstsq(columns[:, used] / scale[used], basis.data.reshape(rows, -1), rcond=None)[0]
-    found[used] = fitted / scale[used, None]
-    found = found[basis.terms.shape[1] :].reshape(-1, 2, outputs, inputs)
     ranks, kept = [], []
-    for group, (real, imaginary) in zip(groups, found, strict=True):
-        rank = min(group.size, outputs, inputs)
+    for group, residue in zip(groups, free_residues(basis), strict=True):
+        rank = min(group.size, *residue.shape)
         ranks.append(rank)
-        kept.append(np.linalg.svd(real + 1j * imaginary)[2][:rank])
+        kept.append(np.linalg.svd(residue)[2][:rank])
     return ranks, np.concatenate(kept)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from modalscope.data import ModalModel, StabilizationDiagram
 from modalscope.data.mode_fields import told
-from modalscope.identification.lookup import cell_label
+from modalscope.identification.table import cell_label
 from modalscope.judging.certificate import Certificate
 from modalscope.modal.rebuilt import explained, explains_enough
 from modalscope.plot.web.poles import Fit, asked_ends

@@ -1,1 +1,1 @@
-"""The whole job: from a path to a result, and the same again from its document."""
+"""Analyse a test from a path to a result, certify the result, and repeat the analysis from its document."""

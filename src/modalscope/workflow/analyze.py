@@ -1,4 +1,4 @@
-"""The whole job in one call: a path or data in, modes with their reasons out."""
+"""Analyse a test: read, examine, identify at many orders, select and refine the modes."""
 
 from __future__ import annotations
 
@@ -20,8 +20,7 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_each, check_kind
 from modalscope.numerics.resources import one_thread
 from modalscope.preprocess.frf import leakage_note
-from modalscope.workflow.chosen import modes_chosen
-from modalscope.workflow.parts import Choose, Look, looked_at
+from modalscope.workflow.bands import Choose, Look, looked_at, modes_chosen
 from modalscope.workflow.sources import Reading, opened
 
 __all__ = ["analyze", "analyzed", "concluded"]
@@ -46,7 +45,7 @@ def analyze(
     progress: Progress | None = None,
     **options: Unpack[AllOptions],
 ) -> Result:
-    """Find the modes of a test: read it, examine the data, identify at many orders, select, and say how sure that is.
+    """Find the modes of a test: read it, examine the data, identify at many orders, select modes and their uncertainty.
 
     This is what the command `modalscope identify` does. Nothing has to be set.
 
@@ -64,8 +63,8 @@ def analyze(
     take, refuse : iterable of float, optional
         Hz: modes to report beside the automatic ones, and automatic ones not to report.
     refine : bool
-        Whether the selected modes are refined to the maximum of the likelihood where the data allow it: see `refine`. It brings
-        deviations with it; `modes.unrefined` has the values before.
+        Whether the selected modes are refined to the maximum of the likelihood where the data allow it (see `refine`), with standard
+        deviations; `modes.unrefined` has the values before.
     apart : bool
         Whether ambient setups are identified one by one and their modes put together (see `merge_modes`); by default they are
         identified together.
@@ -94,7 +93,7 @@ def analyze(
     >>> len(result.modes), result.analysis.method is None
     (5, True)
     """
-    thing, sources, told = opened(data, {} if reading is None else reading)
+    opened_data, sources, notes = opened(data, {} if reading is None else reading)
     bands = _bands(options.pop("band", None))
     exclude, route = options.pop("exclude", None), options.pop("route", None)
     document = Analysis(
@@ -112,14 +111,11 @@ def analyze(
         refine=refine,
         apart=apart,
     )
-    return analyzed(thing, document, progress, told)
+    return analyzed(opened_data, document, progress, notes)
 
 
 def analyzed(data: Any, document: Analysis, progress: Progress | None = None, told: tuple[Note, ...] = ()) -> Result:
-    """Return the result of the choices in a document on data that were read; see `analyze`.
-
-    `told`: what of the data's file was left.
-    """
+    """Return the result of the choices in a document on data that were read; `told`: notes of reading. See `analyze`."""
     check_kind("document", document, Analysis)
     return concluded(data, document, looked_at(data, document, progress), told)
 
@@ -132,31 +128,34 @@ def concluded(
     choose: Choose = select,
     check: Callable[[Any], tuple[Any, ...]] = examine,
 ) -> Result:
-    """Return the result of bands that were identified: their modes chosen and refined, the data examined.
+    """Return the result of identified bands: select and refine their modes, examine the data.
 
-    `looks`: one a band of the document. `told`: what of the data's file was left. `choose`, `check`: `select` and `examine`, or what
-    keeps their parts from one choice to the next.
+    `told`: notes of reading. `choose`, `check`: `select` and `examine`, or versions of them that cache their parts.
     """
     modes, diagrams = modes_chosen(data, document, looks, choose), [look.diagram for look in looks]
-    harmless, out = _harmless(diagrams), _left_out(data, document)
-    told_of = [finding for finding in check(data) if finding.kind not in harmless]
+    # leakage harms frequency responses alone: records on lines eliminate what a run begins and ends with
+    harmless = ("leakage",) if all(diagram.settings.route == "records" for diagram in diagrams) else ()
+    excluded = _excluded(data, document)
     findings = tuple(
-        finding.beside(document.bands) for finding in told_of if not finding.channels or set(finding.channels) - out
+        finding.beside(document.bands)
+        for finding in check(data)
+        if finding.kind not in harmless and (not finding.channels or set(finding.channels) - excluded)
     )
-    seen = tuple(Note(f"data: {finding.kind}", {}, str(finding)) for finding in findings)
+    leakage = leakage_note(data, diagrams[0].response, modes.frequencies, modes.damping_ratios)
+    notes = [
+        *modes.notes,
+        *(note for look in looks for note in look.notes),
+        *told,
+        *(Note(f"data: {finding.kind}", {}, str(finding)) for finding in findings),
+        *([] if leakage is None else [leakage]),
+        *_unexplained(modes, diagrams),
+        *(note for diagram in diagrams for note in diagram.notes),
+    ]
     return Result(
         modes=modes,
         diagrams=tuple(diagrams),
         findings=findings,
-        notes=_each_once(
-            *modes.notes,
-            *(note for look in looks for note in look.notes),
-            *told,
-            *seen,
-            *_leaking(data, modes, diagrams),
-            *_loud(modes, diagrams),
-            *(note for diagram in diagrams for note in diagram.notes),
-        ),
+        notes=tuple(dict.fromkeys(notes)),
         analysis=document,
         data=data,
     )
@@ -170,13 +169,8 @@ def _bands(band: Any) -> tuple[tuple[float, float], ...]:
     return tuple(listed) if listed and np.ndim(listed[0]) == 1 else (tuple(listed),)
 
 
-def _harmless(diagrams: Sequence[StabilizationDiagram]) -> tuple[str, ...]:
-    """Return the kinds of findings that harm frequency responses alone: records on lines eliminate what a run begins and ends with."""
-    return ("leakage",) if all(diagram.settings.route == "records" for diagram in diagrams) else ()
-
-
-def _left_out(data: Any, document: Analysis) -> set[str]:
-    """Return the labels of the channels that were left out: what was seen in these alone has been answered."""
+def _excluded(data: Any, document: Analysis) -> set[str]:
+    """Return the labels of the excluded channels, whose findings need no answer any more."""
     if not document.exclude:
         return set()
     rows, columns = choose_channels(data.output_dofs, data.input_dofs, None, None, document.exclude)
@@ -184,23 +178,12 @@ def _left_out(data: Any, document: Analysis) -> set[str]:
     return {*data.output_dofs, *data.input_dofs} - kept
 
 
-def _leaking(data: Any, modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> tuple[Note, ...]:
-    """Return a warning where frequency responses were averaged over segments too short for the modes."""
-    note = leakage_note(data, diagrams[0].response, modes.frequencies, modes.damping_ratios)
-    return () if note is None else (note,)
-
-
-def _loud(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> tuple[Note, ...]:
-    """Return a warning where the modes explain little of what was measured, of one band, and what is not counted there."""
+def _unexplained(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> tuple[Note, ...]:
+    """Return a warning where the modes of one band explain little of the response, and the lines of noise that are not counted."""
     if len(diagrams) != 1:
         return ()
-    unheard = of_noise(diagrams[0].response)
-    left = fit_of(modes, diagrams[0].response) if len(modes) else 0.0
-    if explains_enough(left):
-        return unheard
-    return (*unheard, Note("little explained", {"share": share_explained(left), "fit_error": left}, explained(left)))
-
-
-def _each_once(*notes: Note) -> tuple[Note, ...]:
-    """Return notes in order, without those that were told already."""
-    return tuple(dict.fromkeys(notes))
+    noise = of_noise(diagrams[0].response)
+    error = fit_of(modes, diagrams[0].response) if len(modes) else 0.0
+    if explains_enough(error):
+        return noise
+    return (*noise, Note("little explained", {"share": share_explained(error), "fit_error": error}, explained(error)))

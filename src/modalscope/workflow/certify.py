@@ -1,4 +1,4 @@
-"""The certificate of a result: its intervals tried on the user's own case."""
+"""Certify the confidence intervals of a result by simulation: their bias, width and coverage on replicates of the data."""
 
 from __future__ import annotations
 
@@ -37,20 +37,20 @@ def certify(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Certificate:
-    """Try the intervals of a result on its own case: simulate it, identify it again, and count how often they hold the truth.
+    """Test the confidence intervals of a result by simulation: count how often they contain the truth.
 
-    A replicate is the response that the reported modes give plus noise of the estimated variance, taken through the same row at
-    the order that is nearest to the reported values, and refined where they were. An interval holds when the bias is below half a
-    deviation, the deviation right within .8 to 1.25, and the truth inside in at least 88 % of the replicates. What fails is
-    judged again on five times as many; where it still fails the deviation is replaced by what the replicates show.
+    A replicate is the response of the reported modes plus noise of the estimated variance. It is identified by the same method at the
+    order nearest to the reported values, and refined where they were. An interval holds when the bias is below half a standard
+    deviation, the standard deviation right within .8 to 1.25, and the truth inside in at least 88 % of the replicates. What fails is
+    judged again on five times as many; where it still fails the standard deviation is replaced by that of the replicates.
 
     Parameters
     ----------
     result : Result or path
-        Of `analyze`; a file of data is analysed first, an analysis (`.json`) done again.
+        Of `analyze`; a file of data is analysed first, an analysis (`.json`) is repeated.
     replicates : int
     select : bool
-        Whether the whole diagram and the selection are replayed, too: `found` then counts how often each mode is reported.
+        Whether the diagram and the selection are repeated, too: `found` then counts how often each mode is reported.
     data : path or data object, optional
         Of a result that was read from a file, instead of the file that its analysis names.
     seed : int
@@ -79,7 +79,7 @@ def certify(
     count = check_count("replicates", replicates, least=2)
     start = check_count("seed", seed, least=0)
     if isinstance(result, str | Path):
-        result = _analysed(Path(result), data)
+        result = replay(result, data) if Path(result).suffix.lower() == ".json" else analyze(result)
     check_kind("certify", result, Result)
     if not result.diagrams:
         result = replay(result.analysis, data)
@@ -93,11 +93,6 @@ def certify(
     diagram = result.diagram
     made = replicates_of(diagram, result.modes, _records(result, diagram), whole=select)
     return certified(made, count, np.random.default_rng(start), progress)
-
-
-def _analysed(path: Path, data: Any) -> Result:
-    """Return the result of a file: an analysis is done again, data are analysed."""
-    return replay(path, data) if path.suffix.lower() == ".json" else analyze(path)
 
 
 def _records(result: Result, diagram: StabilizationDiagram) -> Signals | None:

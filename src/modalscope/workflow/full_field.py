@@ -1,4 +1,4 @@
-"""Full-field shapes: those of all outputs of responses that stay in their file, written as they come."""
+"""Fit the shapes of all outputs of stored responses and write them piece by piece (full-field measurements)."""
 
 from __future__ import annotations
 

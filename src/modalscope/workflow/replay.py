@@ -1,4 +1,4 @@
-"""The same analysis again, from its document."""
+"""Repeat an analysis from its document, and check that the data are the same."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ __all__ = ["check_same", "replay"]
 def replay(
     document: Analysis | str | Path, data: Any = None, *, force: bool = False, progress: Progress | None = None
 ) -> Result:
-    """Do an analysis again: the same choices on the same data give the same result to the last bit.
+    """Repeat an analysis: the same choices on the same data give the same result to the last bit.
 
     Parameters
     ----------
     document : Analysis or path
         The document, `x.analysis.json`, or a result that was written as .json.
     data : path or data object, optional
-        Instead of the file that the document names.
+        In place of the file that the document names.
     force : bool
-        Whether data that have changed since may take the place of those that were analysed.
+        Whether other data may take the place of those that were analysed.
     progress : callable, optional
         Called with (orders done, orders in all).
 
@@ -59,16 +59,16 @@ def replay(
             "an analysis was to be done again", "its data came from no file", "Give the data: replay(document, data)."
         )
     given = [file.path for file in known] if data is None else data
-    thing, sources, told = opened(given, document.reading if data is None or are_paths(data) else {})
+    found, sources, notes = opened(given, document.reading if data is None or are_paths(data) else {})
     if not force:
-        check_same(known, sources, thing)
-    return analyzed(thing, document, progress, told)
+        check_same(known, sources, found)
+    return analyzed(found, document, progress, notes)
 
 
 def check_same(known: tuple[SourceFile, ...], sources: tuple[SourceFile, ...], thing: Any) -> None:
-    """Raise when data are not those that were analysed, by their hash; where only a file's is known, by that of the data's own file.
+    """Raise `DataError` when the hash of data `thing` (`sources`) is not that of the analysed data (`known`).
 
-    `known`, `sources`: of the document, and of what was read now. `thing`: the data.
+    Where only the hash of files is known, data that were read from files are compared by these.
     """
     hashes = [file.sha256 for file in known]
     if not all(hashes) or hashes == [file.sha256 for file in sources]:

@@ -1,4 +1,4 @@
-"""Data as they come: a path or an object, with what tells later that they are still the same."""
+"""Open the data of an analysis, given as paths or objects, and hash them so that later changes are detected."""
 
 from __future__ import annotations
 
@@ -31,25 +31,21 @@ _CHUNK = 1 << 20
 
 
 def opened(data: Any, reading: Reading) -> tuple[Any, tuple[SourceFile, ...], tuple[Note, ...]]:
-    """Return the data in SI, where they came from, and what of a file was left; a path is read, several are parts of one test.
+    """Return the data in SI, their sources and the notes of reading; several files are merged (see `merge`).
 
-    `data`: several files are merged: those of the same outputs are runs, others are setups (see `merge`). `reading`: options of `read`:
-    of all files, or of each.
-
-    Raises `DataError`: A file that holds modes already, options of reading for data that are read, or of another number of files.
+    `reading`: options of `read`, of all files or of each. Raises `DataError`: a file of modes, options for data that are no file.
     """
     several = isinstance(data, list | tuple) and are_paths(data)
     each = _of_each(reading, len(data) if several else 1)
     if several:
-        parts = [_opened(path, own) for path, own in zip(data, each, strict=True)]
-        things, places = named_by_place([part for part, _, _ in parts], [Path(path).stem for path in data])
-        thing = things[0] if len(things) == 1 else merge(things)
-        thing, units = si_form(thing)
-        told = dict.fromkeys([*(note for _, _, notes in parts for note in notes), *places, *units])
-        return thing, tuple(source for _, source, _ in parts), tuple(told)
-    thing, source, notes = _opened(data, each[0])
-    thing, units = si_form(thing)
-    return thing, (source,), (*notes, *units)
+        parts = [_opened(path, options) for path, options in zip(data, each, strict=True)]
+        named, places = named_by_place([part for part, _, _ in parts], [Path(path).stem for path in data])
+        merged, units = si_form(named[0] if len(named) == 1 else merge(named))
+        notes = dict.fromkeys([*(note for _, _, each_notes in parts for note in each_notes), *places, *units])
+        return merged, tuple(source for _, source, _ in parts), tuple(notes)
+    single, source, read_notes = _opened(data, each[0])
+    single, units = si_form(single)
+    return single, (source,), (*read_notes, *units)
 
 
 def _of_each(reading: Reading, count: int) -> list[Mapping[str, Any]]:
@@ -57,8 +53,8 @@ def _of_each(reading: Reading, count: int) -> list[Mapping[str, Any]]:
     if isinstance(reading, Mapping):
         return [reading] * count
     each = list(check_each("reading", reading, "options of reading, or a list of them"))
-    for own in each:
-        check_kind("options of reading one file", own, Mapping)
+    for options in each:
+        check_kind("options of reading one file", options, Mapping)
     if len(each) != count:
         raise DataError(
             f"{len(each)} sets of options of reading were asked",
@@ -76,8 +72,8 @@ def are_paths(data: Any) -> bool:
 
 def _opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile, tuple[Note, ...]]:
     if is_frame(data):
-        thing = from_frame(data, **reading)
-        return thing, source_of_data(thing), ()
+        made = from_frame(data, **reading)
+        return made, source_of_data(made), ()
     if not isinstance(data, str | Path):
         if reading:
             raise DataError(
@@ -117,7 +113,7 @@ def source_of_file(path: Path, reading: Mapping[str, Any]) -> SourceFile:
 
 
 def source_of_data(data: Any) -> SourceFile:
-    """Return size and hash of the arrays of a data object, of a stored record of its name, size and date; nothing of what has none."""
+    """Return size and hash of the arrays of a data object, of a stored record those of its name, size and date; empty without arrays."""
     if isinstance(data, Setups):
         each = [source_of_data(part) for part in data.parts]
         whole = sha256(" ".join(part.sha256 for part in each).encode())

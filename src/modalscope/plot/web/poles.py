@@ -12,8 +12,8 @@ from modalscope.data.poles import frequencies_and_damping
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
 from modalscope.data.shown import summary_of
-from modalscope.identification.lookup import cell_label
 from modalscope.identification.sweep import Cut, Sweep
+from modalscope.identification.table import cell_label
 from modalscope.judging.stabilize import stable_against
 from modalscope.modal.rebuilt import fit_error, fit_error_heard, heard_lines, rebuilt
 from modalscope.numerics.checks import Array

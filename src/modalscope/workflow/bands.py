@@ -1,9 +1,9 @@
-"""Identify and select by the choices of a document: parts, bands, setups, refinement."""
+"""Identify every band of an analysis, select its modes and refine them; a band with too many modes is cut in parts."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from itertools import groupby
 from operator import attrgetter
 from typing import Any
@@ -15,13 +15,15 @@ from modalscope.data.mode_fields import joined
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.record_residual import DELAY, UNMEASURED
+from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.setups import Setups
 from modalscope.identification.refine import in_place, refine
-from modalscope.judging.bands import Part, evened, joined_modes, merge_bands
+from modalscope.identification.routes import bands_of_record, bands_of_setups, looked_through
+from modalscope.judging.bands import Part, cut_of, evened, holds_too_little, joined_diagram, joined_modes, merge_bands
 from modalscope.judging.select import select
-from modalscope.judging.stabilize import usable_orders
+from modalscope.judging.stabilize import Watch, stabilize, usable_orders
 from modalscope.likelihood.refine_setups import refine_setups
 from modalscope.likelihood.refined import astray
 from modalscope.likelihood.settling import needed_out_of_band
@@ -30,27 +32,125 @@ from modalscope.modal.shapes import joint_residues
 from modalscope.numerics.checks import ComplexArray
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess.correlation import estimate_correlation
-from modalscope.workflow.parts import Choose, Look, setups_apart
 
-__all__ = ["modes_chosen", "refined_where_it_helps"]
+__all__ = ["Choose", "Look", "looked_at", "modes_chosen", "refined_where_it_helps", "setups_apart"]
+
+
+# ---------------------------------------------------------------------------------------------------- diagrams of bands
+
+Progress = Callable[[int, int], None]
+Choose = Callable[..., ModalModel]
+Band = tuple[float, float] | None
+Sweep = Callable[[Band], StabilizationDiagram]
+
+#: A band is cut in two so many times after another at most: into eight parts.
+_DEEPEST = 3
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Look:
+    """One identified band of an analysis.
+
+    `diagram`: of the whole band, joined of its parts. `band`: Hz; None for all data. `parts`: with a range of orders each; none where
+    orders, frequencies or several bands were given. `notes`: why this band. `setup`: its index, where setups are identified apart.
+    """
+
+    diagram: StabilizationDiagram
+    band: Band = None
+    parts: tuple[Part, ...] = ()
+    notes: tuple[Note, ...] = ()
+    setup: int = 0
+
+    @property
+    def reported(self) -> tuple[float, float]:
+        """Hz: the ends of the band."""
+        return self.band or self.diagram.response.reported_band(None)
+
+
+def looked_at(
+    data: Any, document: Analysis, progress: Progress | None = None, watch: Watch | None = None, choose: Choose = select
+) -> list[Look]:
+    """Identify every band of an analysis; cut one with automatic orders where it has more modes than these can hold.
+
+    `progress`, `watch`: as in `stabilize`. `choose`: `select`, or a version of it that caches its parts.
+    """
+    if document.apart:
+        alone = replace(document, exclude=(), apart=False)
+        return [
+            replace(look, setup=k)
+            for k, part in enumerate(setups_apart(data, document))
+            for look in looked_at(part, alone, progress, watch, choose)
+        ]
+
+    seen = looked_through(data, document.exclude or None)
+
+    def sweep(band: Band) -> StabilizationDiagram:
+        return stabilize(
+            seen,
+            method=document.method,
+            domain=document.domain,
+            orders=document.orders,
+            band=band,
+            exclude=document.exclude or None,
+            route=document.route,
+            progress=progress,
+            watch=watch,
+            **document.options,
+        )
+
+    bands: tuple[tuple[float, float], ...] = document.bands
+    told: tuple[Note, ...] = ()
+    if not bands and document.orders is None:
+        if isinstance(seen, Setups):
+            bands, told = bands_of_setups(seen.select(exclude=document.exclude) if document.exclude else seen)
+        else:
+            bands, told = bands_of_record(seen)
+    if len(bands) > 1 or document.orders is not None or document.frequencies is not None:
+        return [Look(sweep(band), band, notes=told) for band in bands or (None,)]
+    band = bands[0] if bands else None
+    whole = sweep(band)
+    by_line = not isinstance(document.options.get("weights"), str | None)  # they belong to the lines of the whole band
+    parts = _parts(sweep, choose, _part(choose, band, whole), 0 if by_line else _DEEPEST)
+    return [Look(whole if len(parts) == 1 else joined_diagram(whole, parts), band, tuple(parts), told)]
+
+
+def setups_apart(data: Any, document: Analysis) -> tuple[Signals, ...]:
+    """Return the records of every setup without the excluded channels; raise `DataError` for other data and several bands."""
+    if not isinstance(data, Setups) or len(document.bands) > 1:
+        what = f"{len(document.bands)} bands" if isinstance(data, Setups) else type(data).__name__
+        raise DataError(
+            "an identification of every setup apart was asked",
+            f"there {'are' if isinstance(data, Setups) else 'is'} {what}",
+            "Give several ambient records with common outputs, and one band or none.",
+        )
+    return (data.select(exclude=document.exclude) if document.exclude else data).parts
+
+
+def _part(choose: Choose, band: Band, diagram: StabilizationDiagram, core: Band = None) -> Part:
+    low, high = diagram.response.reported_band(band)
+    return Part(core or (low, high), band, diagram, choose(diagram))
+
+
+def _parts(sweep: Sweep, choose: Choose, part: Part, deeper: int) -> list[Part]:
+    """Return a part, cut in two as long as its orders do not hold it."""
+    cut = cut_of(part) if deeper and holds_too_little(part.diagram, part.modes) else None
+    if cut is None:
+        return [part]
+    halves = (_part(choose, band, sweep(band), core) for core, band in cut.halves(part))
+    return [found for half in halves for found in _parts(sweep, choose, half, deeper - 1)]
 
 
 # ------------------------------------------------------------------------------------------------------------ refining
-# Refinement as a part of the whole job: where it makes values better, and why not where it does not.
-
-#: Of one mode.
 _DEVIATIONS = ("frequencies_std", "damping_ratios_std", "frequencies_repeatability", "damping_ratios_repeatability")
 
-#: Modes that go astray are held and the others refined again, so many times at most, while this part of all is left.
+#: Modes that drift away are fixed and the others refined again: rounds, and the least share of modes that are still refined.
 _ROUNDS, _LEAST = 4, 0.5
 
 
 def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> ModalModel:
-    """Return the selected modes refined, or as they are with a note that says why.
+    """Return the modes selected from a diagram refined, or as they are with a note that says why.
 
-    Poles of the diagram that the data need beside the modes take part, held: real poles, and what was not selected.
-
-    `modes`: selected from it.
+    Poles that the data need beside the modes (real ones, and those not selected) are fixed at their values in the diagram.
     """
     if not len(modes):
         return modes
@@ -82,15 +182,15 @@ def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> 
 def _with_others(
     response: Response, modes: ModalModel, found: ModalModel, others: ModalModel, beside: ComplexArray
 ) -> ModalModel:
-    """Return the refined modes, and beside them others with the values that they had: a stronger neighbour would draw them to its place.
+    """Return the refined modes with others at their unrefined values: a stronger neighbour would draw these to its place.
 
-    Their deviations are those of the data at these values, the refined ones around them.
+    Their standard deviations are those at these values, given the refined modes.
     """
     parts = evened([replace(part, left_out=(), shapes_std=None, unrefined=None) for part in (found, others)])
     everything = joined(parts)
     there = in_place(response.whole, everything, beside)
-    own = [int(np.argmin(np.abs(there.poles - s))) for s in others.poles]
-    known = {name: getattr(there, name)[own] for name in _DEVIATIONS if getattr(there, name) is not None}
+    nearest = [int(np.argmin(np.abs(there.poles - s))) for s in others.poles]
+    known = {name: getattr(there, name)[nearest] for name in _DEVIATIONS if getattr(there, name) is not None}
     merged = joined([parts[0], replace(parts[1], **known, converged=True)])
     order = np.argsort(merged.frequencies, kind="stable")
     merged = merged.take(order)
@@ -103,7 +203,7 @@ def _with_others(
 
 
 def _unfit(diagram: StabilizationDiagram) -> str:
-    """Say why the data of a diagram have no likelihood that modes alone can maximize; nothing where they have."""
+    """Return why the modes of a diagram cannot be refined; empty where they can."""
     response, band = diagram.response, diagram.settings.band
     if response.ambient:
         return "errors of correlations are correlated from lag to lag; refine(record, modes) takes the lines of the record itself"
@@ -124,15 +224,11 @@ def _kept(why: str) -> Note:
     return Note("not refined", {}, f"values are not refined: {why}")
 
 
-# -------------------------------------------------------------------------------------------------------------- chosen
+# ------------------------------------------------------------------------------------------------------------ selection
 
 
 def modes_chosen(data: Any, document: Analysis, looks: Sequence[Look], choose: Choose = select) -> ModalModel:
-    """Return the modes of all that was identified, refined where that was chosen and helps.
-
-    `looks`: of the bands of the document, or of every setup apart. `choose`: `select`, or what keeps its parts from one choice to the
-    next.
-    """
+    """Return the modes of all identified bands, refined where that was asked and helps; `choose`: as in `looked_at`."""
     if not isinstance(data, Setups):
         return _of_bands(document, looks, choose)
     found = _of_setups(data, replace(document, refine=False), looks, choose)
@@ -141,7 +237,7 @@ def modes_chosen(data: Any, document: Analysis, looks: Sequence[Look], choose: C
 
 
 def _of_setups(data: Setups, document: Analysis, looks: Sequence[Look], choose: Choose) -> ModalModel:
-    """Return the modes of setups that were identified together, or apart and put together."""
+    """Return the modes of setups that were identified together, or one by one and merged."""
     if not document.apart:
         return _of_bands(document, looks, choose, between=True)
     return merge_modes(
@@ -152,7 +248,7 @@ def _of_setups(data: Setups, document: Analysis, looks: Sequence[Look], choose: 
 
 
 def _of_bands(document: Analysis, looks: Sequence[Look], choose: Choose, *, between: bool = False) -> ModalModel:
-    """Return the modes of every band, `between` setups with what these disagree by; one given by hand belongs to the band it lies in."""
+    """Return the modes of every band, with their repeatability `between` setups; frequencies given by hand belong to their band."""
     if len(looks) == 1:
         return _repeated(_of_band(document, looks[0], choose), looks[0], between)
     parts = []
