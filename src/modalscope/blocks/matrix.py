@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, ClassVar, NoReturn
 
 import numpy as np
@@ -21,7 +20,7 @@ from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import Operator, real_times, times_real
 
-__all__ = ["DataMatrix", "FunctionRows", "LinePencil", "RowShift", "line_pencil"]
+__all__ = ["DataMatrix", "LinePencil", "RowShift", "line_pencil"]
 
 
 # --------------------------------------------------------------------------------------------------------------- shift
@@ -99,25 +98,8 @@ def _place(index: IntArray) -> slice | IntArray:
     return index
 
 
-# ----------------------------------------------------------------------------------------------------------- left rows
-# Rows of a left factor by what takes its states to them: what depends on the data alone is made once, for the poles of all orders.
-
-
-@dataclass(frozen=True, eq=False)
-class LeftRows:
-    """Rows F_j = s_j P' on those of a data matrix.
-
-    `basis` (rows, n): p. `tall`: as in `DataMatrix.pencil`.
-    """
-
-    matrix: DataMatrix
-    basis: RealArray
-    tall: bool
-
-    def pencil(self, states: Array, values: Array) -> Any:
-        """Return what `DataMatrix.pencil` does of F, by s (k, n' <= n)."""
-        left = times_real(states, self.basis[:, : states.shape[1]].T)
-        return self.matrix.pencil(left, values, tall=self.tall)
+# --------------------------------------------------------------------------------------------------------- line pencil
+# Rows F (E1 - x E0) of polynomials on lines.
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,38 +125,6 @@ def line_pencil(polynomials: ComplexArray, points: ComplexArray, left: Array, va
     """Return the pencil of rows F_j (k, q, l), outputs in their own unit; polynomials (F, q) of the block rows."""
     F = np.asarray(left, dtype=complex)
     return LinePencil(lambda lines: both_sums(polynomials[lines], F), values, points)
-
-
-@dataclass(frozen=True, eq=False)
-class FunctionRows:
-    """Rows F_j = s_j P' whose blocks are polynomials: functions of the lines.
-
-    `polynomials` (F, q): of the block rows. `points` (F,). `basis` (q, l, n): p, outputs in their own unit.
-    """
-
-    polynomials: ComplexArray
-    points: ComplexArray
-    basis: RealArray
-
-    @cached_property
-    def functions(self) -> RealArray:
-        """Real and imaginary parts of sum_k p_k P_k on all lines, (2, n, F, l)."""
-        (lines, blocks), channels = self.polynomials.shape, self.basis.shape[1:]
-        parts = np.stack([self.polynomials.real, self.polynomials.imag]) @ self.basis.reshape(blocks, -1)
-        return np.ascontiguousarray(np.moveaxis(parts.reshape(2, lines, *channels), 3, 1))
-
-    def pencil(self, states: Array, values: Array) -> LinePencil:
-        """Return the rows of F (E1 - x E0), by s (k, n' <= n)."""
-
-        def sums(lines: IntArray) -> tuple[ComplexArray, ComplexArray]:
-            some = self.functions[:, : states.shape[1]]
-            some = some if lines.size == len(self.points) else some[:, :, lines]
-            shape = len(states), lines.size, some.shape[3]
-            real, imaginary = (times_real(states, part.reshape(len(part), -1)).reshape(shape) for part in some)
-            imaginary *= 1j
-            return real + imaginary, real - imaginary
-
-        return LinePencil(sums, values, self.points)
 
 
 # -------------------------------------------------------------------------------------------------------------- matrix
@@ -292,13 +242,6 @@ class DataMatrix(ABC):
         without weights, and not on those of `shifted(0)`.
         """
         return self.row_shift.pencil(left, values, self.tall().shape[0])
-
-    def left_rows(self, basis: RealArray, *, tall: bool) -> Any:
-        """Return what gives the pencils of rows F_j = s_j P' by their s_j, kept for all orders.
-
-        `basis` (rows, n): p. `tall`: as in `pencil`.
-        """
-        return LeftRows(self, basis, tall)
 
     def right_vectors(self, factors: Factors, coefficients: Array) -> Any:
         """Return columns v_j of the matrix from their coefficients in the factors' own, Q X: an array, or what `influence` makes one of.

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.blocks.factor import Cost, Factors, costs_of
-from modalscope.blocks.lines import SEEN, LineMatrix, PolynomialRows, kept_block_rows, real_columns
-from modalscope.blocks.matrix import FunctionRows, LinePencil, line_pencil
-from modalscope.blocks.polynomials import Leftover, Plane, basis_on, energy, leftover, plane_of, remainders
+from modalscope.blocks.lines import LineMatrix, PolynomialRows, kept_block_rows, real_columns
+from modalscope.blocks.matrix import LinePencil, line_pencil
+from modalscope.blocks.polynomials import Plane, basis_on, plane_of, remainders
 from modalscope.blocks.triple import Eigen, Misfit, ModalFit, Triple
 from modalscope.data.channels import derivatives_between, known_quantity
 from modalscope.data.pole_basis import LineData, line_basis, line_data
@@ -493,46 +493,6 @@ class Transfer(PolynomialRows, LineMatrix):
         whole = np.vstack([w * (g + mirrored) / 2, w * (g - mirrored) / 2j])
         left = self._project(whole)
         return left, np.asarray(np.linalg.norm(left, axis=0) / np.linalg.norm(whole, axis=0))
-
-    def compared_functions(self, poles: Array, fit: ModalFit) -> tuple[ComplexArray, Array]:
-        """Return `column_functions` on the lines that are compared; see `LineMatrix.compared_functions`.
-
-        Two sums of 1 / (x - s) give what the polynomials leave. Its share on the lines that are compared is the least that it can be on
-        all.
-        """
-        if self.known is not None or not self.orthogonal:
-            return super().compared_functions(poles, fit)
-        left, (sums, whole) = self._left, self._sums(poles, fit)
-        found = left.of_poles(poles, sums, self.compared_lines)
-        seen = energy(found) > SEEN**2 * whole
-        little = np.flatnonzero(~seen)
-        if little.size:
-            seen[little] = energy(left.of_poles(poles[little], sums[:, little], slice(None))) > SEEN**2 * whole[little]
-        return found, seen
-
-    def _sums(self, poles: Array, fit: ModalFit) -> tuple[ComplexArray, RealArray]:
-        """Return the two sums of each 1 / (x - s), (2, k), and its energy at +w and -w, (k,).
-
-        The functions g1 - j g2 of the fit are twice 1 / (x - s) times a factor (once, of a real pole), except under the bilinear map.
-        """
-        if fit.basis is None or self.plane.scale is None:
-            return self._left.of_functions(poles)
-        reach = fit.basis.reach if fit.reach is None else fit.reach
-        size = np.where(poles.imag == 0, 1, 2) / self.plane.scale
-        own, other = np.moveaxis(self._left.sums(fit.basis.functions).reshape(2, -1, 2), 2, 0)
-        return np.asarray((own - 1j * other) / size, dtype=complex), 2 * (reach / size) ** 2
-
-    @cached_property
-    def _left(self) -> Leftover:
-        return leftover(self._points, self.basis, self.weights)
-
-    def left_rows(self, basis: RealArray, *, tall: bool) -> FunctionRows:
-        """Return what gives rows of a left factor as functions of the lines."""
-        return FunctionRows(
-            self._row_polynomials,
-            self._points,
-            basis.reshape(-1, self.outputs, basis.shape[1]) / self.output_scale[:, None],
-        )
 
     def pencil(self, left: Array, values: Array, *, tall: bool) -> LinePencil:
         """Return rows as functions of the lines."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -39,11 +39,6 @@ class Eigen:
         """Return some of them."""
         return Eigen(self.values[index], self.vectors[:, index], self.left[index])
 
-    def dual(self) -> Eigen:
-        """Return those of the transposed matrix, its vectors of length one."""
-        length = np.linalg.norm(self.left, axis=1)
-        return Eigen(self.values, (self.left / length[:, None]).T, (self.vectors * length).T)
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ModalFit:
@@ -75,8 +70,7 @@ class Triple:
     `A` (N, N). `B` (N, m). `C` (l, N). `rank`: states kept from the factorization; canonical forms have more (N > rank). `factors`: what
     the states were cut from: those of the row factor P d^a and the column factor d^(1-a) Q'. None in canonical forms, whose states are
     the block rows themselves. `power`: a. `span` (N, rank): orthonormal basis of the states that the truncated factor explains, of a
-    canonical form. `turned`: whether that is a space of left eigenvectors: inputs and outputs have changed places. `known`: () ->
-    eigenvalues and vectors of A (of A' when turned), where another way knows them; None where it does not.
+    canonical form. `turned`: whether that is a space of left eigenvectors: inputs and outputs have changed places.
     """
 
     A: RealArray
@@ -87,7 +81,6 @@ class Triple:
     power: float = 0.5
     span: RealArray | None = None
     turned: bool = False
-    known: Callable[[], Eigen | None] | None = field(default=None, repr=False)
 
     def dual(self) -> Triple:
         """Return (A', C', B'): the model of the transposed response."""
@@ -125,9 +118,6 @@ class Triple:
 
     def eigen(self) -> Eigen:
         """Return eigenvalues and vectors of A."""
-        known = None if self.known is None else self.known()
-        if known is not None:
-            return known.dual() if self.turned else known
         values, vectors = np.linalg.eig(self.A)
         return Eigen(values, vectors.astype(complex), inverse_vectors(vectors))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from modalscope.blocks.factor import Factors
@@ -61,10 +61,6 @@ class Pipeline:
     def reported_band(self) -> tuple[float, float]:
         """Frequencies between which poles are reported, Hz."""
         return self.response.reported_band(self.problem.options.band)
-
-    def in_turn(self) -> Pipeline:
-        """Return the same for every order in turn; see `Realization.in_turn`."""
-        return replace(self, realization=self.realization.in_turn())
 
     def triple(self, order: int) -> Triple:
         """Return the model of one order, with inputs and outputs in their own places."""

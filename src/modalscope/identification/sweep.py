@@ -256,7 +256,7 @@ class Sweep:
 
     def __init__(self, pipeline: Pipeline, orders: Iterable[int], *, deviations: bool = True) -> None:
         self.orders = tuple(orders)
-        self.pipeline = pipeline = pipeline.in_turn() if _every(self.orders) else pipeline
+        self.pipeline = pipeline
         self.notes: list[Note] = []
         self._left = deque(self.orders)
         self._ahead: deque[Cut | DataError] = deque()
@@ -325,11 +325,6 @@ class Sweep:
                 return found
             self.notes.append(Note("orders left out", {"order": order}, f"order {order} left out: {found.found}"))
         raise StopIteration
-
-
-def _every(orders: Sequence[int]) -> bool:
-    """Whether orders follow each other by one: with steps of two an eigenproblem from the start costs no more."""
-    return len(orders) > 1 and all(after == before + 1 for before, after in pairwise(orders))
 
 
 @named(AllOptions.__annotations__)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,7 +10,6 @@ from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Eigen, Triple
 from modalscope.numerics.checks import Array, RealArray
-from modalscope.realizations.nested import NestedEigen
 from modalscope.realizations.realization import Realization, Sides
 
 __all__ = ["Balanced", "balanced", "first_blocks", "projected_general"]
@@ -27,25 +25,18 @@ def first_blocks(matrix: DataMatrix, factors: Factors) -> tuple[RealArray, RealA
 class Balanced(Realization):
     """Balanced projection: the model of order n is the leading n x n block of the largest one.
 
-    `A`, `B`, `C`: of the largest order; B is None where columns are lines. `nested`: their eigenvalues, each order's from those of the
-    one before.
+    `A`, `B`, `C`: of the largest order; B is None where columns are lines.
     """
 
     A: RealArray
     B: RealArray | None
     C: RealArray
-    nested: NestedEigen | None = None
 
     def triple(self, n: int) -> Triple:
         """Return the leading block of order n."""
         self.factors.check_order(n)
         B = None if self.B is None else self.B[:n]
-        known = None if self.nested is None else partial(self.nested.eigen, n)
-        return Triple(self.A[:n, :n], B, self.C[:, :n], n, self.factors, known=known)
-
-    def in_turn(self) -> Balanced:
-        """Return the same models, each with eigenvalues from those of the order before."""
-        return replace(self, nested=NestedEigen(self.A))
+        return Triple(self.A[:n, :n], B, self.C[:, :n], n, self.factors)
 
     def sides(self, n: int, eigen: Eigen) -> Sides:
         """Return F = y d^-1/2 P' and v = Q d^-1/2 x."""

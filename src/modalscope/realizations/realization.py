@@ -5,8 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -14,8 +13,9 @@ from modalscope.blocks.factor import Factors
 from modalscope.blocks.influence import Influence, Lines
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Eigen, Triple, padded
-from modalscope.numerics.checks import ComplexArray
+from modalscope.numerics.checks import ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.operators import times_real
 
 __all__ = ["Realization", "Sides"]
 
@@ -45,16 +45,15 @@ class Realization(ABC):
     matrix: DataMatrix
     notes: tuple[str, ...] = ()
 
+    #: Whether `left_basis` has the rows that E0 selects of the matrix with one block row more.
+    left_of_tall: ClassVar[bool] = False
+
     @abstractmethod
     def triple(self, n: int) -> Triple:
         """Return the model of order n.
 
         Raises `DataError`: an order beyond the rank, or one that the method cannot have.
         """
-
-    def in_turn(self) -> Realization:
-        """Return the same models for every order in turn: where they are nested, eigenvalues of one follow from those of the one before."""
-        return self
 
     def sides(self, n: int, eigen: Eigen) -> Sides:
         """Return what `pairs` takes of eigenvalues of the model of order n: small arrays, of which those of several orders go together.
@@ -74,12 +73,14 @@ class Realization(ABC):
 
         `values` (k,): the eigenvalues.
         """
-        return ((self.left_rows.pencil(sides.left, values), self.matrix.right_vectors(self.factors, sides.right)),)
+        rows = times_real(sides.left, self.left_basis[:, : sides.left.shape[1]].T)
+        left = self.matrix.pencil(rows, values, tall=self.left_of_tall)
+        return ((left, self.matrix.right_vectors(self.factors, sides.right)),)
 
-    @cached_property
-    def left_rows(self) -> Any:
-        """What the left coefficients are those of: by default of P."""
-        return self.matrix.left_rows(self.factors.P, tall=False)
+    @property
+    def left_basis(self) -> RealArray:
+        """The basis of the left coefficients, (rows, k)."""
+        return self.factors.P
 
     def influence(self, parts: Sequence[tuple[int, Eigen]], lines: Lines | None = None) -> Influence:
         """Return the gradient of eigenvalues of one order, or of several, by the response as it was factored.

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from typing import Any
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg as sla
@@ -15,7 +14,6 @@ from modalscope.blocks.triple import Eigen, Triple
 from modalscope.numerics.checks import RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.realizations.balanced import first_blocks
-from modalscope.realizations.nested import NestedEigen
 from modalscope.realizations.realization import Realization, Sides
 
 __all__ = ["Shift", "check_blocks", "shift", "shift_grams"]
@@ -47,7 +45,6 @@ class Shift(Realization):
     """Shift of the row factor: leading blocks of two small Gram matrices serve all orders.
 
     `gram`, `cross` (k, k): (E0 P)'(E0 P) and (E0 P)'(E1 P). `B`, `C`: of the largest order; B is None where columns are lines or times.
-    `nested`: eigenvalues, each order's from those of the one before.
     """
 
     gram: RealArray
@@ -55,7 +52,8 @@ class Shift(Realization):
     B: RealArray | None
     C: RealArray
     block_rows: int
-    nested: NestedEigen | None = None
+
+    left_of_tall = True
 
     @cached_property
     def _sound(self) -> bool:
@@ -69,8 +67,7 @@ class Shift(Realization):
         if not self._sound:
             check_blocks(self.gram, n, self.block_rows)
         B = None if self.B is None else self.B[:n]
-        known = None if self.nested is None else partial(self.nested.eigen, n)
-        return Triple(self._shifted(n), B, self.C[:, :n], n, self.factors, known=known)
+        return Triple(self._shifted(n), B, self.C[:, :n], n, self.factors)
 
     def _shifted(self, n: int) -> RealArray:
         """Return A of order n."""
@@ -89,17 +86,6 @@ class Shift(Realization):
         inverse = sla.solve_triangular(L, np.eye(len(L)), lower=True, check_finite=False)
         return inverse.T / root[:, None], inverse @ self.cross * root
 
-    def in_turn(self) -> Shift:
-        """Return the same models, each with eigenvalues from those of the order before.
-
-        With (E0 P)'(E0 P) = L L' the models are T M T^-1, T = d^-1/2 L^-T and M = L^-1 (E0 P)'(E1 P) L^-T: L is triangular, so that
-        leading blocks of M and T serve all orders.
-        """
-        if self._sound:
-            over, under = self._triangles
-            return replace(self, nested=NestedEigen(under @ over, over, np.asarray(np.linalg.inv(over))))
-        return self
-
     def sides(self, n: int, eigen: Eigen) -> Sides:
         """Return F = y d^-1/2 (E0 P)# and v = Q d^-1/2 x."""
         root = np.sqrt(self.factors.d[:n])
@@ -107,9 +93,9 @@ class Shift(Realization):
         return Sides(states, eigen.vectors / root[:, None])
 
     @cached_property
-    def left_rows(self) -> Any:
+    def left_basis(self) -> RealArray:
         """E0 P."""
-        return self.matrix.left_rows(self.matrix.row_shift.split(self.factors.P)[0], tall=True)
+        return self.matrix.row_shift.split(self.factors.P)[0]
 
 
 def shift(matrix: DataMatrix, factors: Factors) -> Shift:
