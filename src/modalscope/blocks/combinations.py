@@ -1,4 +1,4 @@
-"""Responses of many outputs through few combinations of them: as many as states can need, by a randomized range.
+"""Compress many outputs to few combinations of them by a randomized range, and identify through these.
 
 With H = D X, D the outputs' scale, and orthonormal U (l, r) that spans the range of X, the responses U'X of r combinations hold what
 any model of fewer states can explain, H = D U (U'X). What they do not hold, |X - U U'X|^2, is measured over all lines. The outputs come

@@ -1,4 +1,4 @@
-"""The controllable form: the observable form of the transposed response, with inputs and outputs in their own places again."""
+"""Block Hankel matrices in controllable form: the observable form of the transposed response."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One factor of a data matrix in modal coordinates beside what modes must give there, compared in pieces that stay in the cache."""
+"""Compare the rows or columns of a data matrix in modal coordinates with the evolution of each mode."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Factorizations H = P diag(d) Q': four routes, and one function that chooses.
+"""Factorize data matrices, H = P diag(d) Q': predict the cost of four routes and choose one.
 
 The dense thin singular value decomposition serves small matrices. Where structure gives the Gram matrix of the shorter side
 cheaply, its eigenvectors give the same factors without the matrix; singular values below about 1e-3 of the largest then

@@ -1,4 +1,4 @@
-"""Gram blocks of the right matrix fraction H(z) = B(z) A(z)^-1 fitted by linear least squares: LSCF, known as PolyMAX.
+"""Normal equations of the right matrix fraction H(z) = B(z) A(z)^-1: LSCF, known as PolyMAX.
 
 With real coefficients A_0, ..., A_p (m x m) and beta_0, ..., beta_p (one row an output) the error of output o is
 sum_j z^j beta_oj - H_o sum_j z^j A_j on the lines. Its normal equations have Toeplitz blocks: each entry depends on the difference of two
@@ -93,13 +93,7 @@ _LINES = 2048
 
 
 class Arc(NamedTuple):
-    """An arc of the unit circle.
-
-    Attributes
-    ----------
-    middle, half : float
-        Its middle and half its width, rad.
-    """
+    """An arc of the unit circle: its middle and half its width, rad."""
 
     middle: float
     half: float
@@ -120,9 +114,7 @@ def nodes_needed(arc: Arc, degree: int) -> int:
 
     The coefficients of exp(j D h x) are 2 j^r J_r(D h).
 
-    Source
-    ------
-    L. N. Trefethen, Approximation Theory and Approximation Practice, 2013, chapters 3 and 4.
+    Source: L. N. Trefethen, Approximation Theory and Approximation Practice, 2013, chapters 3 and 4.
 
     Examples
     --------
@@ -172,16 +164,9 @@ def weights_at(moments: Array) -> RealArray:
 
 
 class Weights(NamedTuple):
-    """What stands for sums over the lines at s points of the arc, times the variance of output o and input i.
+    """Sums over the lines as weights at s points of the arc, times the variance of output o and input i.
 
-    Attributes
-    ----------
-    plain : array, (s, l, m)
-        Of 1.
-    linear : array of complex, (s, l, m, m)
-        Of H_oq, by q and i.
-    squared : array of complex, (s, m, m, m)
-        Of sum_o H_oq* H_op, by q, p and i.
+    `plain` (s, l, m): of 1. `linear` (s, l, m, m): of H_oq, by q and i. `squared` (s, m, m, m): of sum_o H_oq* H_op, by q, p and i.
     """
 
     plain: RealArray
@@ -409,7 +394,7 @@ def _squares(values: ComplexArray) -> RealArray:
 _SAVED = 2
 
 #: Share of its terms below which a sum by few points is rounding beside them.
-_TOLD = 1e-7
+_REACHED = 1e-7
 
 
 def fraction_influence(matrix: Fraction, left: Array, right: Array, lines: Lines | None = None) -> FractionInfluence:
@@ -472,8 +457,8 @@ class FractionInfluence(LineInfluence):
         count = self.matrix.sums.nodes(degree)
         if fading is not None or other is not self or _SAVED * count > self.lines.used.size:
             return super().joint(other, variance, fading)
-        found, told = moments_of_noise(self, variance, count)
-        lost = np.flatnonzero(~(found.size > _TOLD * told))
+        found, terms = moments_of_noise(self, variance, count)
+        lost = np.flatnonzero(~(found.size > _REACHED * terms))
         if not lost.size:
             return found
         part = self.take(lost)

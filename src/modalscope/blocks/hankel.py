@@ -1,4 +1,4 @@
-"""Block Hankel matrices of Markov parameters (Eq. 17): whole consecutive blocks, whose structure every product uses.
+"""Block Hankel matrices of Markov parameters (Eq. 17), of whole consecutive blocks or of chosen ones.
 
 Block (j, i) of H(k) is Y(j + k + i) = C A^j A^k A^i B. What acts alike in every block (a weight a channel, a compression T_0) is applied
 to the samples and keeps that structure; anything else is a `GeneralHankel`.

@@ -1,4 +1,4 @@
-"""How small changes of a response move poles: gradients that are kept as outer products, and what noise makes of them.
+"""First-order sensitivities of poles to the response, and the covariance that noise gives poles.
 
 The first-order change of a pole is dp = L dH v with one row and one column vector, H the data matrix. H is linear in the response, so its
 adjoint turns the pair into an array g of the response's own shape with dp = sum g dY. That array is an outer product (output by input) on
@@ -290,13 +290,7 @@ _AT_A_TIME = 20_000
 
 
 class Convolution(NamedTuple):
-    """Rows and columns of k poles.
-
-    Attributes
-    ----------
-    rows : array of complex, (k, block rows, l)
-    columns : array of complex, (k, block columns, m)
-    """
+    """Rows (k, block rows, l) and columns (k, block columns, m) of k poles."""
 
     rows: ComplexArray
     columns: ComplexArray

@@ -1,4 +1,4 @@
-"""What block matrices have in common whose columns are lines: weights, real columns, one exact triangular factor.
+"""Base classes of block matrices whose columns are frequency lines, with their weights and triangular factor.
 
 The matrix is wide (lines times inputs); a triangular factor of as many columns as rows has the same left factor, singular values
 and products, and stands in for it. The right factor, rows over lines, is brought back where it is asked for.

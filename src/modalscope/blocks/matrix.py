@@ -1,4 +1,4 @@
-"""What a block data matrix offers to factorizations, realizations and judges, whatever its domain."""
+"""Base class of block data matrices, the shift of their rows, and pencils of rows on lines."""
 
 from __future__ import annotations
 

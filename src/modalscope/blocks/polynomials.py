@@ -1,4 +1,4 @@
-"""Polynomials orthogonal on the lines of a band, built by the Arnoldi process (Vandermonde with Arnoldi).
+"""Polynomials orthogonal on the lines of a band (Vandermonde with Arnoldi), and the s- or z-plane of these lines.
 
 Powers of j w are useless beyond degree five or so: their Gram matrix is singular to rounding. The basis here satisfies
 x p_k = sum_j h_jk p_j with a real Hessenberg matrix h when the points come in conjugate pairs, and is orthonormal in the
@@ -214,12 +214,7 @@ _CHOICE = 8
 class Few(NamedTuple):
     """Points that stand for all lines where products of two polynomials of a degree are concerned.
 
-    Attributes
-    ----------
-    place : array of int, (G,)
-        Lines that are the points.
-    spread : array, (F, G)
-        The value of a product on a line is this times its values at the points.
+    `place` (G,): indices of the points. `spread` (F, G): maps values of a product at the points to all lines.
     """
 
     place: IntArray
@@ -227,15 +222,10 @@ class Few(NamedTuple):
 
 
 class Chosen(NamedTuple):
-    """The few points themselves, and what gives the values of a product anywhere from those at the points.
+    """The few points, and the interpolation of a product from its values there.
 
-    Attributes
-    ----------
-    place : array of int, (2 q + 1,)
-        Lines that are the points.
-    first, recurrence, solved
-        Polynomials of degree 2 q, and the inverse of their values at the points.
-    circle : bool
+    `place` (2 q + 1,): indices of the points. `first`, `recurrence`: polynomials of degree 2 q. `solved`: inverse of their values at the
+    points. `circle`: whether the points lie on the unit circle.
     """
 
     place: IntArray

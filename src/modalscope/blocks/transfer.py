@@ -1,4 +1,4 @@
-"""Block matrices of transfer functions at the lines of any band, z- and s-domain (Eqs. 82, 89-93, made right).
+"""Block matrices of frequency response functions on the lines of any band, z- and s-domain (Eqs. 82, 89-93, corrected).
 
 The rows are p_k(x_i) H(x_i), with polynomials p_k orthogonal on the measured lines instead of powers of x. From
 x^k H = C A^k X + (a polynomial of degree k whose matrix coefficients are the direct term and the initial values) it follows

@@ -1,4 +1,4 @@
-"""What passes between a data matrix and its realizations: models (A, B, C), their eigenvalues, and modes fitted to the data."""
+"""Realized models (A, B, C), their eigenvalues, and shapes and participation fitted to the data."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Verbs as users call them: a misspelt keyword is answered by the nearest there is, a wrong value by its name (`entries`)."""
+"""Check the arguments of public functions: suggest names for misspelt keywords, and name the argument of a wrong value."""
 
 from __future__ import annotations
 

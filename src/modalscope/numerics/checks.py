@@ -1,4 +1,4 @@
-"""Checks that data classes make of what they are given: numbers, arrays, counts, bands, lists and file names."""
+"""Validate what data classes are given: types, numbers, arrays, counts, bands, lists and file names."""
 
 from __future__ import annotations
 

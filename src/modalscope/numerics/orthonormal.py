@@ -1,4 +1,4 @@
-"""Orthonormal bases of tall arrays by Cholesky factors, where their condition allows it."""
+"""Triangular factors, orthonormal bases and projection residuals of tall arrays, by Cholesky factors where accurate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Leading singular vectors of large matrices by their products: a randomized Krylov range, and Lanczos."""
+"""Compute leading singular triplets of large matrices by a randomized block Krylov range or by Lanczos."""
 
 from __future__ import annotations
 

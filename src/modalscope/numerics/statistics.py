@@ -1,4 +1,4 @@
-"""Intervals that a frequency or a damping ratio lies in with a given probability."""
+"""Robust scatter, noise threshold of singular values, optimal pairing, and confidence intervals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sums over chunks of data: add a chunk, merge two, finish. Files longer than memory, threads and clusters are one loop over chunks."""
+"""Accumulate sums and triangular factors over chunks of data, with partial sums kept in files."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope.numerics.checks import BoolArray, RealArray
-from modalscope.numerics.executors import crew
+from modalscope.numerics.executors import executor
 from modalscope.numerics.resources import fetched, namespace
 
 __all__ = ["SavedSums", "Sums", "TriangleSum"]
@@ -72,7 +72,7 @@ class TriangleSum:
 
 def _triangle(rows: RealArray) -> RealArray:
     """Return R of Q R = rows, (columns, columns), computed where large products are."""
-    placed, columns = crew().place(rows), rows.shape[1]
+    placed, columns = executor().place(rows), rows.shape[1]
     if placed is not rows:
         return fetched(namespace(placed).linalg.qr(placed)[1])
     return np.asarray(sla.qr(rows, mode="r", overwrite_a=True, check_finite=False)[0], dtype=float)[:columns]

@@ -14,7 +14,7 @@ from scipy import fft
 from modalscope.data.sizes import check_size
 from modalscope.data.stored import StoredSignals
 from modalscope.numerics.checks import ComplexArray, RealArray
-from modalscope.numerics.executors import crew, each
+from modalscope.numerics.executors import each, executor
 from modalscope.numerics.resources import allowed_memory, check_fits, fetched, namespace, one_thread
 from modalscope.numerics.sums import SavedSums
 
@@ -102,8 +102,8 @@ class LagSum:
     def _gather(self, total: ComplexArray, chunk: RealArray, times: int, columns: list[int]) -> None:
         """Add the cross spectra of all blocks, (length / 2 + 1, l, r), to what there is."""
         for later, now in self._blocks(chunk, times, columns):
-            if crew().device is not None:
-                total += self._at_once(crew().place(later), crew().place(now))
+            if executor().device is not None:
+                total += self._at_once(executor().place(later), executor().place(now))
                 continue
             ahead, behind = fft.rfft(later, axis=1), fft.rfft(now, axis=1)
             np.conjugate(behind, out=behind)
@@ -222,7 +222,7 @@ def gathered(record: StoredSignals, references: tuple[int, ...], lags: int, edge
     check_size(opening)
     offset = opening.outputs.mean(axis=0)
     work = partial(_sum_over, record, references, lags, offset, held_samples(channels, lags))
-    saved = SavedSums(crew().folder, f"{record.rows.identity} {key}", shape, len(stretches(edges, channels)))
+    saved = SavedSums(executor().folder, f"{record.rows.identity} {key}", shape, len(stretches(edges, channels)))
     found = _centred(_all_sums(work, stretches(edges, channels), saved), record.samples)
     _latest[record] = (key, found)
     return found
@@ -278,7 +278,7 @@ def _sum_over(
 
 def _all_sums(work: partial[RealArray], tasks: list[Stretch], saved: SavedSums) -> RealArray:
     """Return the sums of all blocks: of what was saved, and of the tasks that are left."""
-    progress = crew().progress
+    progress = executor().progress
     try:
         for task, sums in each(work, [task for task in tasks if not saved.done[task.number]]):
             saved.add(task.number, task.block, sums)

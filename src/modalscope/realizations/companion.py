@@ -1,4 +1,4 @@
-"""Canonical forms: block companion matrices from the null space of the data matrix, or by least squares (Eqs. 42-54, 95-101).
+"""Realize models in canonical form: block companion matrices by null space or least squares (Eqs. 42-54, 95-101).
 
 The rows V_0, V_1, ..., V_r of the row factor (V_k = C A^k in the time domain) obey V_r = R [V_0; ...; V_{r-1}], and R is the last block row
 of the companion matrix in the basis of the shift. Minimum-norm R = P_r (E P)# uses all columns of the null space and needs none of

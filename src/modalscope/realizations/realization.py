@@ -1,4 +1,4 @@
-"""What every realization is: models of all orders, cut from arrays that were computed once."""
+"""Base class of realizations: models of all orders, cut from arrays that are computed once."""
 
 from __future__ import annotations
 
@@ -21,13 +21,7 @@ __all__ = ["Realization", "Sides"]
 
 
 class Sides(NamedTuple):
-    """One row and one column of the data matrix for each of k poles by their coefficients, in bases that serve all orders.
-
-    Attributes
-    ----------
-    left : array of complex, (k, a)
-    right : array of complex, (b, k)
-    """
+    """One row (k, a) and one column (b, k) of the data matrix for each of k poles, by coefficients in bases that serve all orders."""
 
     left: ComplexArray
     right: ComplexArray

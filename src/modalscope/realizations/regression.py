@@ -1,4 +1,4 @@
-"""Least-squares regression on H(0) (Eqs. 65-66), truncated: an n x n problem, whatever the size of the data matrix."""
+"""Realize models by least-squares regression on H(0), truncated to n states (Eqs. 65-66)."""
 
 from __future__ import annotations
 

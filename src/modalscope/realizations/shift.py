@@ -1,4 +1,4 @@
-"""The shift of one factor: the alternate method (Eqs. 55-64 and 110), rows of the table that need no H(1)."""
+"""Realize models from the shift of the row factor: the alternate method (Eqs. 55-64 and 110), which needs no H(1)."""
 
 from __future__ import annotations
 
