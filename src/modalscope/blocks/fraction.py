@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -109,6 +109,7 @@ def arc_of(angles: RealArray) -> Arc:
     return Arc((low + high) / 2, (high - low) / 2)
 
 
+@lru_cache(maxsize=1024)
 def nodes_needed(arc: Arc, degree: int) -> int:
     """Return how many Chebyshev points say a polynomial of z and 1 / z of a degree to rounding.
 
@@ -187,13 +188,7 @@ class LineSums:
 
     def nodes(self, degree: int) -> int:
         """Return how many points serve polynomials of a degree: products of two of K and B have twice that."""
-        if degree not in self._counts:
-            self._counts[degree] = nodes_needed(self.arc, 2 * degree)
-        return self._counts[degree]
-
-    @cached_property
-    def _counts(self) -> dict[int, int]:
-        return {}
+        return nodes_needed(self.arc, 2 * degree)
 
     @cached_property
     def _lines(self) -> tuple[RealArray, ComplexArray, ComplexArray]:
@@ -395,17 +390,6 @@ _SAVED = 2
 
 #: Share of its terms below which a sum by few points is rounding beside them.
 _REACHED = 1e-7
-
-
-def fraction_influence(matrix: Fraction, left: Array, right: Array, lines: Lines | None = None) -> FractionInfluence:
-    """Return the gradient of left_j dA right_j, A = [A_1; ...; A_p] of the degree that the length of the rows says.
-
-    `left` (k, p m). `right` (m, k). `lines`: those that stand for all; by default all.
-    """
-    m, degree = matrix.inputs, left.shape[1] // matrix.inputs
-    rows = np.concatenate([np.zeros((len(left), m)), -matrix.solved(degree, left.T).T], axis=1)
-    kept = all_lines(matrix.response.lines) if lines is None else lines
-    return FractionInfluence(matrix, rows.reshape(len(left), degree + 1, m), np.asarray(right.T, dtype=complex), kept)
 
 
 Pair = tuple[ComplexArray, ComplexArray]
@@ -679,11 +663,11 @@ class Fraction(DataMatrix):
         return False
 
     def influence(self, left: Array, right: Array, lines: Lines | None = None) -> FractionInfluence:
-        """Return the gradient of left_j dA right_j, A = [A_1; ...; A_p] of the degree that the length of the rows says.
-
-        See `modalscope.blocks.fraction`.
-        """
-        return fraction_influence(self, left, right, lines)
+        """Return the gradient of left_j dA right_j, A = [A_1; ...; A_p]; left (k, p m), right (m, k)."""
+        m, degree = self.inputs, left.shape[1] // self.inputs
+        rows = np.concatenate([np.zeros((len(left), m)), -self.solved(degree, left.T).T], axis=1)
+        kept = all_lines(self.response.lines) if lines is None else lines
+        return FractionInfluence(self, rows.reshape(len(left), degree + 1, m), np.asarray(right.T, dtype=complex), kept)
 
     @cached_property
     def factors(self) -> Factors:

@@ -367,11 +367,6 @@ class Hankel(SampledMatrix):
         T = self.rows.within
         return np.asarray(shapes) if T is None else np.asarray(T @ shapes)
 
-    def first_block_of_inputs(self, participation: Array) -> Array:
-        """Return B T_0': what the first block column of the factor W holds for participation (n, m)."""
-        T = self.columns.within
-        return np.asarray(participation) if T is None else np.asarray(participation @ T.T)
-
     def first_rows(self, right: Array, k: int = 0) -> RealArray:
         """Return E_l' H(k) X of the uncompressed first block row: C = E_l' H(0) Q d^-1/2 (Eqs. 28, 39)."""
         row = self._column_values[k : k + self.block_columns].transpose(0, 2, 1)
@@ -429,7 +424,8 @@ class Hankel(SampledMatrix):
             return None
         participation = fit.participation * eigen.values[:, None] ** self.response.first_sample
         states = model.factors.d[:n, None] ** (1 - model.power) * eigen.left.T
-        first = self.first_block_of_inputs(participation).T
+        T = self.columns.within
+        first = participation.T if T is None else T @ participation.T
         return Evolved(blocks, states, first, self.evolution(eigen.values, len(blocks)))
 
     def describe(self) -> str:

@@ -296,14 +296,8 @@ class Convolution(NamedTuple):
     columns: ComplexArray
 
 
-def transformed(rows: ComplexArray, columns: ComplexArray, length: int | None = None) -> Outer:
-    """Return g[t] = sum_(a + b = t) rows[a] columns[b]' by its Fourier transform.
-
-    `rows` (k, block rows, l). `columns` (k, block columns, m). `length`: samples of the transform; by default as many as block rows and
-    columns need together.
-    """
-    if length is None:
-        length = _fast(rows.shape[1] + columns.shape[1] - 1)
+def transformed(rows: ComplexArray, columns: ComplexArray, length: int) -> Outer:
+    """Return g[t] = sum_(a + b = t) rows[a] columns[b]' by its Fourier transform of a length; rows (k, a, l), columns (k, b, m)."""
     return Outer(_transform(rows, length), _transform(columns, length))
 
 

@@ -36,12 +36,6 @@ __all__ = ["LineProducts", "Transfer", "transfer"]
 # The first terms D, CB, CAB, ... of a response where they are known, in the plane of its matrix.
 
 
-def rest_at_start(quantity: str | None, outputs: int, inputs: int) -> RealArray:
-    """Return the initial terms D, CB, ... that vanish for a structure at rest: two for displacements, one for velocities."""
-    own = known_quantity(quantity, "initial_values='rest' was asked")
-    return np.zeros((derivatives_between(own, "acceleration"), outputs, inputs))
-
-
 def initial_terms(given: ArrayLike | str, response: FrequencyResponse, plane: Plane) -> RealArray:
     """Return the known terms scaled to the plane: H = D + sum_i M_i / x^(i+1), x = s / scale or z."""
     _, outputs, inputs = response.values.shape
@@ -58,7 +52,9 @@ def initial_terms(given: ArrayLike | str, response: FrequencyResponse, plane: Pl
                 f"there are arrays, and 'rest' in the s-domain (this is the {plane.name})",
                 "Give the terms (K, outputs, inputs), or leave them out.",
             )
-        return rest_at_start(response.quantity, outputs, inputs)
+        # the terms D, CB, ... that vanish for a structure at rest: two for displacements, one for velocities
+        quantity = known_quantity(response.quantity, "initial_values='rest' was asked")
+        return np.zeros((derivatives_between(quantity, "acceleration"), outputs, inputs))
     terms = real_array("initial_values", given, "(terms, outputs, inputs)", 3)
     if terms.shape[1:] != (outputs, inputs):
         raise DataError(

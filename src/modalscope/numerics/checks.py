@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from modalscope.numerics.errors import DataError
+
 __all__ = [
     "Array",
     "BoolArray",
@@ -33,9 +35,6 @@ __all__ = [
     "real_stretch",
     "sealed",
 ]
-
-
-from modalscope.numerics.errors import DataError
 
 # --------------------------------------------------------------------------------------------------------------- kinds
 # Things of the wrong type: what was expected, what was given, and how to make the one of the other.

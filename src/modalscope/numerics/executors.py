@@ -147,7 +147,8 @@ def _by_workers(client: Any, work: Callable[[Task], Done], tasks: Sequence[Task]
             futures.append(future)
         return futures
 
-    ended = as_completed(hand_out(_QUEUED * max(_threads(client), 1)))
+    threads = sum(int(count) for count in client.nthreads().values())
+    ended = as_completed(hand_out(_QUEUED * max(threads, 1)))
     try:
         for future in ended:
             result = _result(future)
@@ -177,7 +178,3 @@ def _result(future: Any) -> Any:
             "the scheduler is gone, or has given the work up",
             "Start it again, and the same work: with save or --resume it goes on from the sums that were kept.",
         ) from None
-
-
-def _threads(client: Any) -> int:
-    return sum(int(threads) for threads in client.nthreads().values())

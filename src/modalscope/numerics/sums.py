@@ -109,7 +109,8 @@ class SavedSums:
     def __init__(self, folder: Path | None, work: str, shape: tuple[int, ...], tasks: int) -> None:
         self.sums: RealArray = np.zeros(shape)
         self.done: BoolArray = np.zeros(tasks, dtype=bool)
-        self._path = None if folder is None else folder / f"sums-{_name(work, shape, tasks)}.npz"
+        name = hashlib.sha256(f"{work} {shape} {tasks}".encode()).hexdigest()[:24]
+        self._path = None if folder is None else folder / f"sums-{name}.npz"
         self._next = time.monotonic() + _SECONDS
         self._kept = 0
         if self._path is not None:
@@ -170,7 +171,3 @@ def _digest(file: IO[bytes]) -> bytes:
     while part := file.read(1 << 20):
         digest.update(part)
     return digest.digest()
-
-
-def _name(work: str, shape: tuple[int, ...], tasks: int) -> str:
-    return hashlib.sha256(f"{work} {shape} {tasks}".encode()).hexdigest()[:24]

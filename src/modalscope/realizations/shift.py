@@ -67,16 +67,14 @@ class Shift(Realization):
         if not self._sound:
             check_blocks(self.gram, n, self.block_rows)
         B = None if self.B is None else self.B[:n]
-        return Triple(self._shifted(n), B, self.C[:, :n], n, self.factors)
-
-    def _shifted(self, n: int) -> RealArray:
-        """Return A of order n."""
         if self._sound:
             over, under = self._triangles
-            return np.asarray(over[:n, :n] @ under[:n, :n])
-        root = np.sqrt(self.factors.d[:n])
-        A = sla.solve(self.gram[:n, :n], self.cross[:n, :n], assume_a="pos", check_finite=False)
-        return np.asarray(A * root / root[:, None])
+            A = over[:n, :n] @ under[:n, :n]
+        else:
+            root = np.sqrt(self.factors.d[:n])
+            A = sla.solve(self.gram[:n, :n], self.cross[:n, :n], assume_a="pos", check_finite=False)
+            A = A * root / root[:, None]
+        return Triple(np.asarray(A), B, self.C[:, :n], n, self.factors)
 
     @cached_property
     def _triangles(self) -> tuple[RealArray, RealArray]:
