@@ -17,13 +17,13 @@ import scipy.linalg as sla
 
 from modalscope.blocks.evolved import ModalSide
 from modalscope.blocks.influence import Influence
-from modalscope.blocks.matrix import DataMatrix
+from modalscope.blocks.matrix import DataMatrix, DerivedMatrix
 from modalscope.blocks.triple import Eigen, Misfit, ModalFit, Triple
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.data.responses import ImpulseResponse
 from modalscope.data.stored import StoredResponse
-from modalscope.numerics.checks import Array, ComplexArray, RealArray, sealed
+from modalscope.numerics.checks import Array, RealArray, sealed
 from modalscope.numerics.operators import real_times
 from modalscope.numerics.orthonormal import orthonormal
 from modalscope.numerics.resources import check_fits
@@ -268,7 +268,7 @@ class _InMemory:
 
 
 @dataclass(frozen=True, eq=False)
-class CombinedOutputs(DataMatrix):
+class CombinedOutputs(DerivedMatrix):
     """A data matrix of combinations U'D^-1 H, whose models are taken back by D U: one product gives the shapes of all outputs.
 
     `response`: as it was measured. `inner`: of the combinations.
@@ -303,27 +303,9 @@ class CombinedOutputs(DataMatrix):
         """Blocks in a column of H(0)."""
         return self.inner.block_rows
 
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What a result made from this matrix must say."""
-        return self.inner.warnings
-
     def describe(self) -> str:
         """Say what the matrix is, in words."""
         return f"{self.inner.describe()}; {self.few.words}"
-
-    def to_s(self, poles: Array) -> ComplexArray:
-        """Continuous poles, rad/s."""
-        return self.inner.to_s(poles)
-
-    def from_s(self, poles: Array) -> ComplexArray:
-        """The matrix' own poles."""
-        return self.inner.from_s(poles)
-
-    @property
-    def dt(self) -> float | None:
-        """Sampling interval of the identified system; None when it is continuous."""
-        return self.inner.dt
 
     def model(self, triple: Triple) -> Triple:
         """Return the model of the combinations, in which all orders are judged."""

@@ -20,7 +20,7 @@ from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import Operator, real_times, times_real
 
-__all__ = ["DataMatrix", "LinePencil", "RowShift", "line_pencil"]
+__all__ = ["DataMatrix", "DerivedMatrix", "LinePencil", "RowShift", "line_pencil"]
 
 
 # --------------------------------------------------------------------------------------------------------------- shift
@@ -327,3 +327,31 @@ class DataMatrix(ABC):
             f"this data matrix has no {what}: {self.describe()}",
             "Choose another method, see methods().",
         )
+
+
+class DerivedMatrix(DataMatrix):
+    """A data matrix whose poles are those of another one, `inner`."""
+
+    inner: DataMatrix
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a result made from this matrix must say."""
+        return self.inner.warnings
+
+    def describe(self) -> str:
+        """What the matrix is, in words."""
+        return self.inner.describe()
+
+    def to_s(self, poles: Array) -> ComplexArray:
+        """Continuous poles, rad/s."""
+        return self.inner.to_s(poles)
+
+    def from_s(self, poles: Array) -> ComplexArray:
+        """Poles in the plane of the inner matrix."""
+        return self.inner.from_s(poles)
+
+    @property
+    def dt(self) -> float | None:
+        """Sampling interval of the identified system; None when it is continuous."""
+        return self.inner.dt
