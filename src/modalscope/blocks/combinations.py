@@ -44,10 +44,10 @@ __all__ = [
 #: A response of one kind or the other.
 Some = TypeVar("Some", bound=Response)
 
-#: Combinations beside the states that are asked: terms of the polynomials, and directions to spare.
-_BESIDE = 40
+#: Combinations in excess of the order: terms of the polynomials, and directions to spare.
+_EXTRA = 40
 
-#: With fewer than so many times as many outputs as combinations nothing is gained.
+#: Least ratio of outputs to combinations at which combining saves time.
 _WORTH = 3
 
 #: Rows of the sketch for every combination: eight leave out as much as a range of two powers does, sixteen hardly more than the best.
@@ -56,7 +56,7 @@ _ROWS = 16
 #: Powers of the range of the sketch, which is small.
 _POWERS = 2
 
-#: Numbers of the data that are looked at together.
+#: Numbers of the data that are processed at a time.
 _AT_A_TIME = 1_000_000
 
 #: Share of the energy below which what is discarded is measured itself, for the difference of the sums would be rounding.
@@ -74,7 +74,7 @@ def enough(outputs: int, order: int) -> int | None:
     >>> enough(1000, 80), enough(300, 80)
     (120, None)
     """
-    count = order + _BESIDE
+    count = order + _EXTRA
     return count if outputs >= _WORTH * count else None
 
 

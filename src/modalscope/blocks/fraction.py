@@ -385,10 +385,10 @@ def _squares(values: ComplexArray) -> RealArray:
 # and a b, b the mirror image, over the lines, in which only 1, H and H* H are rough: sums over few points of the arc are these (see
 # `modalscope.blocks.fraction`), and nothing of lines times outputs times poles is formed.
 
-#: Lines that a point of the arc has to save before it is worth its while.
+#: Lines a point of the arc from which few points are faster.
 _SAVED = 2
 
-#: Share of its terms below which a sum by few points is rounding beside them.
+#: Share of its terms below which a sum by few points is rounding.
 _REACHED = 1e-7
 
 
@@ -645,7 +645,7 @@ class Fraction(DataMatrix):
         """Return A_1, ..., A_p stacked, (p m, m), for A_0 = I: the minimum of the quadratic form of M.
 
         With the lowest coefficient fixed, what no mode explains goes to roots outside the unit circle: unstable poles,
-        told by their sign.
+        identified by their sign.
         """
         return self.solved(degree, -self.gram_matrices[degree][self.inputs :, : self.inputs])
 

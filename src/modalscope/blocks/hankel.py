@@ -156,7 +156,7 @@ def projected_by_gram(matrix: BlockHankel, factors: Factors) -> RealArray:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RowSums:
-    """Rows P d^a of a Hankel matrix beside what modes must give there.
+    """Rows P d^a of a Hankel matrix, compared with the evolution of modes by sums over the samples.
 
     `right` (columns, k): X = Q d^-1 times the states: H X are the rows in modal coordinates. `states` (N, k): those of the orthonormal P,
     which tell the size of the rows. `first` (l, k): the block that starts the evolution. `evolution` (K, k): g_k.

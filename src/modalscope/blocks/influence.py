@@ -104,7 +104,7 @@ class Moments(NamedTuple):
 class Influence(ABC):
     """The gradient of poles by the values of a response."""
 
-    #: Whether every pole may be held against a noise of its own.
+    #: Whether every pole may have a noise variance of its own.
     noise_by_pole: ClassVar[bool] = False
 
     @abstractmethod

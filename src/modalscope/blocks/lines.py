@@ -341,7 +341,7 @@ class PolynomialRows(RowsOnLines):
     def shapes(self, V: Array, poles: Array) -> ComplexArray:
         """Return the shapes c of modes from their columns [c p_0; c p_1; ...] of the row factor, by least squares over all blocks.
 
-        The first block alone would do, but far from the axis the polynomials grow beyond 1e15, and it is rounding beside them.
+        The first block alone would do, but far from the axis the polynomials grow beyond 1e15, relative to which it is rounding.
 
         `V` (l K, k): row factor times eigenvectors. `poles` (k,): in the plane of the polynomials.
         """

@@ -93,12 +93,12 @@ def noise_beside_quietest(rows: RealArray, outputs: int) -> RealArray:
 
 
 # --------------------------------------------------------------------------------------------------------- record cost
-# What records on lines will take, before anything is computed: seconds of one core, and memory beside the records.
+# What records on lines will take, before anything is computed: seconds of one core, and memory in addition to the records.
 
 #: Products of two columns that a core takes in a second, with the columns themselves: measured from 1e10 to 1e12 of them.
 _RATE = 2.5e10
 
-#: Triangular factors that stand in memory beside each other, and what small things take.
+#: Triangular factors in memory at a time, and bytes of all small arrays.
 _TRIANGLES, _SMALL = 4, 32e6
 
 
@@ -338,7 +338,7 @@ class RunColumns:
 
 # ---------------------------------------------------------------------------------------------------- record influence
 
-#: Lines of long records on which the influence is kept.
+#: Number of lines of long records on which the influence is kept.
 _INFLUENCE_LINES = 8192
 
 #: Numbers of each of the arrays that are made of some poles at a time.
@@ -516,10 +516,10 @@ class Driven:
 #: Lines on which polynomials are made orthogonal: those of a longer record are nearly so on all lines, which is as good.
 _ORTHOGONAL = 32_768
 
-#: Length that a column keeps beside those before it where products are enough: those by few points are known to 1e-12 or so.
+#: Relative residual norm of a column given the preceding ones from which products suffice: those by few points are known to 1e-12.
 _KEPT = 1e-3
 
-#: Rows p_j U below this share of the largest, in multiples of rounding, are no directions of their own.
+#: Rows p_j U below this share of the largest, in multiples of rounding, are linearly dependent.
 _ROUNDING = 16.0
 
 
@@ -600,7 +600,7 @@ class RecordLines(PolynomialRows):
 
     @cached_property
     def judged(self) -> RecordSpectra:
-        """The records' own lines, of long records those that tell; outputs that were levelled by their noise are judged by it, too."""
+        """The records' lines, of long records a selection; outputs that were scaled by their noise are judged in that scale."""
         found = self.response.judging()
         return found if self.known is None else replace(found, level=self.output_scale)
 
@@ -729,7 +729,7 @@ class RecordLines(PolynomialRows):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Inputs that are no directions of their own."""
+        """Inputs that are linearly dependent."""
         short = [part.given - part.rank for part in self.parts]
         told = [str(note) for note in self.judged.untold]
         if any(short):
