@@ -1,4 +1,4 @@
-"""Rows of a left factor as functions of the lines: the recurrence is multiplication by x there."""
+"""Pencils of rows of a left factor on lines: the recurrence is multiplication by x there."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from modalscope.blocks.matrix import RowShift, line_pencil
 from modalscope.blocks.polynomials import both_sums, orthogonal_basis
 from tests.support import relative
 
-DEGREE, OUTPUTS, STATES = 9, 3, 5
+DEGREE, OUTPUTS = 9, 3
 
 
 @pytest.mark.parametrize("circle", [False, True])
@@ -18,10 +18,9 @@ def test_pencils_on_lines_are_those_of_the_recurrence(circle: bool, lines: np.nd
     rng, angles = np.random.default_rng(0), np.linspace(0.2, 2.0, 40)
     points = np.exp(1j * angles) if circle else 1j * angles
     basis, recurrence = orthogonal_basis(points, DEGREE)
-    P, scale = rng.standard_normal((DEGREE, OUTPUTS, STATES)), rng.uniform(1, 2, OUTPUTS)
-    states = rng.standard_normal((4, STATES - 1)) + 1j * rng.standard_normal((4, STATES - 1))
+    shape = 4, DEGREE, OUTPUTS
+    F, scale = rng.standard_normal(shape) + 1j * rng.standard_normal(shape), rng.uniform(1, 2, OUTPUTS)
     values = 0.9 * np.exp(1j * rng.uniform(0.3, 1.5, 4))
-    F = np.einsum("kn,qln->kql", states, P[:, :, : STATES - 1])
     rows = RowShift(block=OUTPUTS, recurrence=recurrence).pencil(F.reshape(4, -1), values, OUTPUTS * (DEGREE + 1))
     expected = both_sums(basis[lines], rows.reshape(4, -1, OUTPUTS) / scale)
     found = line_pencil(basis[:, :DEGREE], points, F / scale, values).on(lines)

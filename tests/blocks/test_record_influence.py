@@ -116,12 +116,12 @@ def test_lines_of_a_long_record_that_are_kept_stand_for_the_others(monkeypatch: 
         pipeline = built(data, ORDER, route="records", method="alternate")
         cut = cut_order(pipeline, ORDER, deviations=False)
         every, noise = np.arange(4), White(np.ones((4, 1)), "here", True)
-        assert pipeline.matrix.told.each.sum() == pipeline.response.whole.count
+        assert pipeline.matrix.influence_lines.each.sum() == pipeline.response.whole.count
         asked = Asked(ORDER, cut.triple, cut.modal, every, noise)
         return deviations_of(pipeline.matrix, pipeline.realization, asked)[0].damping_ratio
 
     whole = deviations()
-    monkeypatch.setattr(record_influence, "_TOLD", 1500)
+    monkeypatch.setattr(record_influence, "_INFLUENCE_LINES", 1500)
     assert np.all(np.abs(deviations() / whole - 1) < 0.2)
 
 
@@ -135,6 +135,6 @@ def test_so_they_do_between_two_gradients(monkeypatch: pytest.MonkeyPatch) -> No
         return gradient.joint(equal, np.ones((4, 1))).size.real
 
     whole = variances()
-    monkeypatch.setattr(record_influence, "_TOLD", 1500)
+    monkeypatch.setattr(record_influence, "_INFLUENCE_LINES", 1500)
     # deviations within a fifth, as above: variances within the square of that
     assert np.all(np.abs(variances() / whole - 1) < 1.2**2 - 1)

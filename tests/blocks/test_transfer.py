@@ -12,7 +12,6 @@ from modalscope.blocks.lines import line_weights
 from modalscope.blocks.polynomials import evaluate, orthogonal_basis, plane_of, remainders
 from modalscope.blocks.shifted import model_transfer
 from modalscope.blocks.transfer import transfer
-from modalscope.blocks.triple import ModalFit
 from tests.support import EPS, FIVE, add_noise, match_poles, random_system, relative
 
 #: Rounding of a few hundred additions and products.
@@ -227,29 +226,6 @@ def test_the_response_of_a_sampled_system_has_no_s_plane() -> None:
     frf = FIVE["chain5"]().state_space(dt=0.05).frequency_response(np.linspace(0.5, 9, 60))
     with pytest.raises(DataError, match="no rational function of j w"):
         identify(frf, method="era", domain="s", order=10)
-
-
-@pytest.mark.parametrize("domain", ["s", "z"])
-@pytest.mark.parametrize("sampled", [False, True])
-def test_functions_that_are_compared_are_those_of_the_columns(domain: str, sampled: bool) -> None:
-    """From the fit's own functions, where they are such, as from the definition; of a pole far away little is left, of a real one half."""
-    if sampled and domain == "s":
-        return
-    rng = np.random.default_rng(0)
-    values = rng.standard_normal((120, 2, 1)) + 1j * rng.standard_normal((120, 2, 1))
-    rate = 250.0 if sampled else None
-    response = FrequencyResponse(values=values, frequencies=np.linspace(20, 100, 120), sampling_rate=rate)
-    matrix = transfer(response, domain=domain, block_rows=6, weights=np.linspace(0.5, 2, 120))
-    s = np.array([-3 + 240j, -5.0, -200 + 400j, -0.1 + 500j])
-    basis = response.basis(s, (0,), matrix.weights)
-    fit = ModalFit(np.ones((2, 4), complex), np.ones((4, 1), complex), np.zeros((1, 2, 1)), basis=basis)
-    found, enough = matrix.compared_functions(matrix.from_s(s), fit)
-    columns, share = matrix.column_functions(matrix.from_s(s))
-    size = np.linalg.norm(columns, axis=0) / share
-    real, imaginary = np.split(columns[matrix.both_parts].T, 2, axis=1)
-    assert np.array_equal(enough, share > 1e-8)
-    expected = np.stack([real + 1j * imaginary, real - 1j * imaginary])
-    np.testing.assert_allclose(found / size[:, None], expected / size[:, None], atol=1e-12)
 
 
 def test_the_output_matrix_is_the_head_of_the_left_factor() -> None:

@@ -14,7 +14,7 @@ from modalscope.data import ImpulseResponse
 from modalscope.identification.identify import identify
 from modalscope.realizations.balanced import balanced, projected_general
 from modalscope.realizations.companion import null_space_companion
-from modalscope.realizations.regression import regression, regression_matrix
+from modalscope.realizations.regression import regression
 from modalscope.realizations.shift import shift
 from tests.support import add_noise, built, random_system, relative
 
@@ -79,7 +79,7 @@ def test_i1_truncated_least_squares_has_the_poles_of_era_and_zeros(case):
         assert np.max(abs(spectrum(whole)[case.n :])) < EXACT
     small = regression(case.matrix, case.factors).triple(case.n)
     assert apart(np.linalg.eigvals(small.A), era) < EXACT
-    literal = regression_matrix(case.H1, case.P, case.d, case.Q)
+    literal = case.H1 @ (case.Q / case.d) @ case.P.T
     assert relative(literal, case.H1 @ case.pinv) < EXACT
     # and its Markov parameters are those of the big matrix, k >= 1
     E_m, E_l = case.H0[:, : case.m], np.eye(case.l, literal.shape[0])

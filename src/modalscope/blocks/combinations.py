@@ -1,4 +1,4 @@
-"""Compress many outputs to few linear combinations by a randomized range, in memory or from stored files.
+"""Compress many outputs to few combinations of them by a randomized range, and identify through these.
 
 With H = D X, D the outputs' scale, and orthonormal U (l, r) that spans the range of X, the responses U'X of r combinations hold what
 any model of fewer states can explain, H = D U (U'X). What they do not hold, |X - U U'X|^2, is measured over all lines. The outputs come
@@ -17,13 +17,13 @@ import scipy.linalg as sla
 
 from modalscope.blocks.evolved import ModalSide
 from modalscope.blocks.influence import Influence
-from modalscope.blocks.matrix import DataMatrix
+from modalscope.blocks.matrix import DataMatrix, DerivedMatrix
 from modalscope.blocks.triple import Eigen, Misfit, ModalFit, Triple
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.data.responses import ImpulseResponse
 from modalscope.data.stored import StoredResponse
-from modalscope.numerics.checks import Array, ComplexArray, RealArray, sealed
+from modalscope.numerics.checks import Array, RealArray, sealed
 from modalscope.numerics.operators import real_times
 from modalscope.numerics.orthonormal import orthonormal
 from modalscope.numerics.resources import check_fits
@@ -44,10 +44,10 @@ __all__ = [
 #: A response of one kind or the other.
 Some = TypeVar("Some", bound=Response)
 
-#: Combinations beside the states that are asked: terms of the polynomials, and directions to spare.
-_BESIDE = 40
+#: Combinations in excess of the order: terms of the polynomials, and directions to spare.
+_EXTRA = 40
 
-#: With fewer than so many times as many outputs as combinations nothing is gained.
+#: Least ratio of outputs to combinations at which combining saves time.
 _WORTH = 3
 
 #: Rows of the sketch for every combination: eight leave out as much as a range of two powers does, sixteen hardly more than the best.
@@ -56,7 +56,7 @@ _ROWS = 16
 #: Powers of the range of the sketch, which is small.
 _POWERS = 2
 
-#: Numbers of the data that are looked at together.
+#: Numbers of the data that are processed at a time.
 _AT_A_TIME = 1_000_000
 
 #: Share of the energy below which what is discarded is measured itself, for the difference of the sums would be rounding.
@@ -74,7 +74,7 @@ def enough(outputs: int, order: int) -> int | None:
     >>> enough(1000, 80), enough(300, 80)
     (120, None)
     """
-    count = order + _BESIDE
+    count = order + _EXTRA
     return count if outputs >= _WORTH * count else None
 
 
@@ -268,7 +268,7 @@ class _InMemory:
 
 
 @dataclass(frozen=True, eq=False)
-class CombinedOutputs(DataMatrix):
+class CombinedOutputs(DerivedMatrix):
     """A data matrix of combinations U'D^-1 H, whose models are taken back by D U: one product gives the shapes of all outputs.
 
     `response`: as it was measured. `inner`: of the combinations.
@@ -303,27 +303,9 @@ class CombinedOutputs(DataMatrix):
         """Blocks in a column of H(0)."""
         return self.inner.block_rows
 
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What a result made from this matrix must say."""
-        return self.inner.warnings
-
     def describe(self) -> str:
         """Say what the matrix is, in words."""
         return f"{self.inner.describe()}; {self.few.words}"
-
-    def to_s(self, poles: Array) -> ComplexArray:
-        """Continuous poles, rad/s."""
-        return self.inner.to_s(poles)
-
-    def from_s(self, poles: Array) -> ComplexArray:
-        """The matrix' own poles."""
-        return self.inner.from_s(poles)
-
-    @property
-    def dt(self) -> float | None:
-        """Sampling interval of the identified system; None when it is continuous."""
-        return self.inner.dt
 
     def model(self, triple: Triple) -> Triple:
         """Return the model of the combinations, in which all orders are judged."""

@@ -1,4 +1,4 @@
-"""The controllable form: the observable form of the transposed response, with inputs and outputs in their own places again."""
+"""Block Hankel matrices in controllable form: the observable form of the transposed response."""
 
 from __future__ import annotations
 
@@ -7,16 +7,15 @@ from dataclasses import dataclass
 from modalscope.blocks.evolved import ModalSide
 from modalscope.blocks.hankel import Hankel, fit_of_samples
 from modalscope.blocks.influence import Influence
-from modalscope.blocks.matrix import DataMatrix
+from modalscope.blocks.matrix import DerivedMatrix
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.data.responses import ImpulseResponse
-from modalscope.numerics.checks import Array, ComplexArray
 
 __all__ = ["TurnedHankel"]
 
 
 @dataclass(frozen=True, eq=False)
-class TurnedHankel(DataMatrix):
+class TurnedHankel(DerivedMatrix):
     """A Hankel matrix of the transposed response, whose models are turned back: (A, B, C) -> (A', C', B').
 
     `response`: as it was measured. `inner`: of the transposed response.
@@ -45,28 +44,6 @@ class TurnedHankel(DataMatrix):
     def block_rows(self) -> int:
         """Blocks on the side of the outputs."""
         return self.inner.block_columns
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What a result made from this matrix must say."""
-        return self.inner.warnings
-
-    def describe(self) -> str:
-        """Say what the matrix is, in words."""
-        return self.inner.describe()
-
-    def to_s(self, poles: Array) -> ComplexArray:
-        """Continuous poles, rad/s."""
-        return self.inner.to_s(poles)
-
-    def from_s(self, poles: Array) -> ComplexArray:
-        """Poles of the sampled system."""
-        return self.inner.from_s(poles)
-
-    @property
-    def dt(self) -> float:
-        """Sampling interval, seconds."""
-        return self.inner.dt
 
     def model(self, triple: Triple) -> Triple:
         """Return the model with inputs and outputs in their own places."""

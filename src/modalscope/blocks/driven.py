@@ -1,4 +1,4 @@
-"""Project the future outputs of records with inputs on past inputs and outputs, without the effect of future inputs (N4SID).
+"""Oblique projection of future outputs on past inputs and outputs, along future inputs, for records with inputs in time.
 
 With X(t) the states, y(t + k) = C A^k X(t) + sum_(j <= k) (...) u(t + j) + what noise and unmeasured forces add from t on. The future
 inputs are eliminated; the past, which knows nothing of what noise adds later, is the instrument: what is left is V X, consistent

@@ -1,4 +1,4 @@
-"""One factor of a data matrix in modal coordinates beside what modes must give there, compared in pieces that stay in the cache."""
+"""Compare the rows or columns of a data matrix in modal coordinates with the evolution of each mode."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Evolved:
     starts the evolution. `evolution` (K, k): g_k.
     """
 
-    blocks: Array
+    blocks: RealArray
     states: ComplexArray
     first: ComplexArray
     evolution: ComplexArray
@@ -103,14 +103,11 @@ class Evolved:
         """Yield the index of a block, and some blocks from there in modal coordinates, (blocks, c, k)."""
         K, c, N = self.blocks.shape
         states = np.ascontiguousarray(self.states)
-        real = not np.iscomplexobj(self.blocks)
-        columns = states.view(np.float64) if real else states
         most = max(_AT_A_TIME // max(c * states.shape[1], 1), 1)
         for start in range(0, K, most):
             flat = self.blocks[start : start + most].reshape(-1, N)
-            product = np.ascontiguousarray(flat @ columns)
-            found = np.asarray(product.view(np.complex128) if real else product, dtype=complex)
-            yield start, found.reshape(-1, c, states.shape[1])
+            product = np.ascontiguousarray(flat @ states.view(np.float64))
+            yield start, product.view(np.complex128).reshape(-1, c, states.shape[1])
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -141,9 +138,9 @@ class OnLines:
         real, imaginary, size, weighted = (np.zeros(shape) for _ in range(4))
         for inputs, a, b, u, v in self._pieces(self.states / divided[:, None]):
             along, across, identified, expected = a * u + b * v, b * u - a * v, a * a + b * b, u * u + v * v
-            real[inputs] += _summed(along)
-            imaginary[inputs] += _summed(across)
-            size[inputs] += _summed(identified)
+            real[inputs] += along.sum(axis=(0, 3))
+            imaginary[inputs] += across.sum(axis=(0, 3))
+            size[inputs] += identified.sum(axis=(0, 3))
             weighted[inputs] += np.einsum("sikf,sjkf->ik", agreement(along, across, identified, expected), expected)
         strength = np.where(counts, strength, 0)
         inner = np.sum((real - 1j * imaginary) * strength, axis=0)
@@ -189,11 +186,6 @@ def _both_signs(real: RealArray, imaginary: RealArray) -> tuple[RealArray, RealA
     np.add(real[:, k:], imaginary[:, :k], out=b[0])
     np.subtract(real[:, k:], imaginary[:, :k], out=b[1])
     return a, b
-
-
-def _summed(values: RealArray) -> RealArray:
-    """Return the sums over both signs and the lines, (2, m, k, F) -> (m, k)."""
-    return np.asarray(values.sum(axis=3).sum(axis=0))
 
 
 def _share(part: RealArray, whole: RealArray) -> RealArray:

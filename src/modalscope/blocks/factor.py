@@ -1,4 +1,4 @@
-"""Factor a data matrix H = P diag(d) Q' by the cheapest of four routes, chosen by predicted cost.
+"""Factorize data matrices, H = P diag(d) Q': predict the cost of four routes and choose one.
 
 The dense thin singular value decomposition serves small matrices. Where structure gives the Gram matrix of the shorter side
 cheaply, its eigenvectors give the same factors without the matrix; singular values below about 1e-3 of the largest then
@@ -38,9 +38,9 @@ __all__ = [
 
 
 # --------------------------------------------------------------------------------------------------------------- costs
-# What each way of factoring costs: operations, seconds and memory from the shape of the matrix and the price of its products.
+# Predicted operations, seconds and memory of each route, from the shape of the matrix and the cost of its products.
 
-#: Directions carried beside those that are wanted, so that the last is as good as the first.
+#: Directions in excess of those wanted, so that the last one wanted is as accurate as the first.
 EXTRA = 20
 
 #: Up to this many entries, and while the shorter side stays below `_DENSE_SIDE`, the dense route takes a fraction of a second.
@@ -50,7 +50,7 @@ _DENSE_ENTRIES, _DENSE_SIDE = 250_000, 400
 #: eigenvectors, of a singular value decomposition. Measured on one thread.
 _QR, _CHOLESKY, _EIGEN, _SINGULAR = 5.0, 2.0, 2.0, 4.0
 
-#: Operations that exact directions in the noise are worth: half a second.
+#: Operations below which exact noise directions are preferred: half a second.
 _PATIENCE = 2e10
 
 #: Directions of a randomized range by those that are carried, each of which takes a product from either side.

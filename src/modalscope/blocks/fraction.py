@@ -1,4 +1,4 @@
-"""Fit a right matrix fraction H(z) = B(z) A(z)^-1 by linear least squares (LSCF, PolyMAX) and carry noise to its poles.
+"""Normal equations of the right matrix fraction H(z) = B(z) A(z)^-1: LSCF, known as PolyMAX.
 
 With real coefficients A_0, ..., A_p (m x m) and beta_0, ..., beta_p (one row an output) the error of output o is
 sum_j z^j beta_oj - H_o sum_j z^j A_j on the lines. Its normal equations have Toeplitz blocks: each entry depends on the difference of two
@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -93,13 +93,7 @@ _LINES = 2048
 
 
 class Arc(NamedTuple):
-    """An arc of the unit circle.
-
-    Attributes
-    ----------
-    middle, half : float
-        Its middle and half its width, rad.
-    """
+    """An arc of the unit circle: its middle and half its width, rad."""
 
     middle: float
     half: float
@@ -115,14 +109,13 @@ def arc_of(angles: RealArray) -> Arc:
     return Arc((low + high) / 2, (high - low) / 2)
 
 
+@lru_cache(maxsize=1024)
 def nodes_needed(arc: Arc, degree: int) -> int:
     """Return how many Chebyshev points say a polynomial of z and 1 / z of a degree to rounding.
 
     The coefficients of exp(j D h x) are 2 j^r J_r(D h).
 
-    Source
-    ------
-    L. N. Trefethen, Approximation Theory and Approximation Practice, 2013, chapters 3 and 4.
+    Source: L. N. Trefethen, Approximation Theory and Approximation Practice, 2013, chapters 3 and 4.
 
     Examples
     --------
@@ -172,16 +165,9 @@ def weights_at(moments: Array) -> RealArray:
 
 
 class Weights(NamedTuple):
-    """What stands for sums over the lines at s points of the arc, times the variance of output o and input i.
+    """Sums over the lines as weights at s points of the arc, times the variance of output o and input i.
 
-    Attributes
-    ----------
-    plain : array, (s, l, m)
-        Of 1.
-    linear : array of complex, (s, l, m, m)
-        Of H_oq, by q and i.
-    squared : array of complex, (s, m, m, m)
-        Of sum_o H_oq* H_op, by q, p and i.
+    `plain` (s, l, m): of 1. `linear` (s, l, m, m): of H_oq, by q and i. `squared` (s, m, m, m): of sum_o H_oq* H_op, by q, p and i.
     """
 
     plain: RealArray
@@ -202,13 +188,7 @@ class LineSums:
 
     def nodes(self, degree: int) -> int:
         """Return how many points serve polynomials of a degree: products of two of K and B have twice that."""
-        if degree not in self._counts:
-            self._counts[degree] = nodes_needed(self.arc, 2 * degree)
-        return self._counts[degree]
-
-    @cached_property
-    def _counts(self) -> dict[int, int]:
-        return {}
+        return nodes_needed(self.arc, 2 * degree)
 
     @cached_property
     def _lines(self) -> tuple[RealArray, ComplexArray, ComplexArray]:
@@ -405,22 +385,11 @@ def _squares(values: ComplexArray) -> RealArray:
 # and a b, b the mirror image, over the lines, in which only 1, H and H* H are rough: sums over few points of the arc are these (see
 # `modalscope.blocks.fraction`), and nothing of lines times outputs times poles is formed.
 
-#: Lines that a point of the arc has to save before it is worth its while.
+#: Lines a point of the arc from which few points are faster.
 _SAVED = 2
 
-#: Share of its terms below which a sum by few points is rounding beside them.
-_TOLD = 1e-7
-
-
-def fraction_influence(matrix: Fraction, left: Array, right: Array, lines: Lines | None = None) -> FractionInfluence:
-    """Return the gradient of left_j dA right_j, A = [A_1; ...; A_p] of the degree that the length of the rows says.
-
-    `left` (k, p m). `right` (m, k). `lines`: those that stand for all; by default all.
-    """
-    m, degree = matrix.inputs, left.shape[1] // matrix.inputs
-    rows = np.concatenate([np.zeros((len(left), m)), -matrix.solved(degree, left.T).T], axis=1)
-    kept = all_lines(matrix.response.lines) if lines is None else lines
-    return FractionInfluence(matrix, rows.reshape(len(left), degree + 1, m), np.asarray(right.T, dtype=complex), kept)
+#: Share of its terms below which a sum by few points is rounding.
+_REACHED = 1e-7
 
 
 Pair = tuple[ComplexArray, ComplexArray]
@@ -472,8 +441,8 @@ class FractionInfluence(LineInfluence):
         count = self.matrix.sums.nodes(degree)
         if fading is not None or other is not self or _SAVED * count > self.lines.used.size:
             return super().joint(other, variance, fading)
-        found, told = moments_of_noise(self, variance, count)
-        lost = np.flatnonzero(~(found.size > _TOLD * told))
+        found, terms = moments_of_noise(self, variance, count)
+        lost = np.flatnonzero(~(found.size > _REACHED * terms))
         if not lost.size:
             return found
         part = self.take(lost)
@@ -676,7 +645,7 @@ class Fraction(DataMatrix):
         """Return A_1, ..., A_p stacked, (p m, m), for A_0 = I: the minimum of the quadratic form of M.
 
         With the lowest coefficient fixed, what no mode explains goes to roots outside the unit circle: unstable poles,
-        told by their sign.
+        identified by their sign.
         """
         return self.solved(degree, -self.gram_matrices[degree][self.inputs :, : self.inputs])
 
@@ -694,11 +663,11 @@ class Fraction(DataMatrix):
         return False
 
     def influence(self, left: Array, right: Array, lines: Lines | None = None) -> FractionInfluence:
-        """Return the gradient of left_j dA right_j, A = [A_1; ...; A_p] of the degree that the length of the rows says.
-
-        See `modalscope.blocks.fraction`.
-        """
-        return fraction_influence(self, left, right, lines)
+        """Return the gradient of left_j dA right_j, A = [A_1; ...; A_p]; left (k, p m), right (m, k)."""
+        m, degree = self.inputs, left.shape[1] // self.inputs
+        rows = np.concatenate([np.zeros((len(left), m)), -self.solved(degree, left.T).T], axis=1)
+        kept = all_lines(self.response.lines) if lines is None else lines
+        return FractionInfluence(self, rows.reshape(len(left), degree + 1, m), np.asarray(right.T, dtype=complex), kept)
 
     @cached_property
     def factors(self) -> Factors:

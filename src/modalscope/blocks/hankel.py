@@ -1,4 +1,4 @@
-"""Compute block Hankel matrices of Markov parameters (Eq. 17): whole, compressed, or with shifts and subsets.
+"""Block Hankel matrices of Markov parameters (Eq. 17), of whole consecutive blocks or of chosen ones.
 
 Block (j, i) of H(k) is Y(j + k + i) = C A^j A^k A^i B. What acts alike in every block (a weight a channel, a compression T_0) is applied
 to the samples and keeps that structure; anything else is a `GeneralHankel`.
@@ -156,7 +156,7 @@ def projected_by_gram(matrix: BlockHankel, factors: Factors) -> RealArray:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RowSums:
-    """Rows P d^a of a Hankel matrix beside what modes must give there.
+    """Rows P d^a of a Hankel matrix, compared with the evolution of modes by sums over the samples.
 
     `right` (columns, k): X = Q d^-1 times the states: H X are the rows in modal coordinates. `states` (N, k): those of the orthonormal P,
     which tell the size of the rows. `first` (l, k): the block that starts the evolution. `evolution` (K, k): g_k.
@@ -367,11 +367,6 @@ class Hankel(SampledMatrix):
         T = self.rows.within
         return np.asarray(shapes) if T is None else np.asarray(T @ shapes)
 
-    def first_block_of_inputs(self, participation: Array) -> Array:
-        """Return B T_0': what the first block column of the factor W holds for participation (n, m)."""
-        T = self.columns.within
-        return np.asarray(participation) if T is None else np.asarray(participation @ T.T)
-
     def first_rows(self, right: Array, k: int = 0) -> RealArray:
         """Return E_l' H(k) X of the uncompressed first block row: C = E_l' H(0) Q d^-1/2 (Eqs. 28, 39)."""
         row = self._column_values[k : k + self.block_columns].transpose(0, 2, 1)
@@ -429,7 +424,8 @@ class Hankel(SampledMatrix):
             return None
         participation = fit.participation * eigen.values[:, None] ** self.response.first_sample
         states = model.factors.d[:n, None] ** (1 - model.power) * eigen.left.T
-        first = self.first_block_of_inputs(participation).T
+        T = self.columns.within
+        first = participation.T if T is None else T @ participation.T
         return Evolved(blocks, states, first, self.evolution(eigen.values, len(blocks)))
 
     def describe(self) -> str:

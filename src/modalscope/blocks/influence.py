@@ -1,4 +1,4 @@
-"""Compute the influence of each sample or line of a response on poles, and the covariance that noise gives them.
+"""First-order sensitivities of poles to the response, and the covariance that noise gives poles.
 
 The first-order change of a pole is dp = L dH v with one row and one column vector, H the data matrix. H is linear in the response, so its
 adjoint turns the pair into an array g of the response's own shape with dp = sum g dY. That array is an outer product (output by input) on
@@ -104,7 +104,7 @@ class Moments(NamedTuple):
 class Influence(ABC):
     """The gradient of poles by the values of a response."""
 
-    #: Whether every pole may be held against a noise of its own.
+    #: Whether every pole may have a noise variance of its own.
     noise_by_pole: ClassVar[bool] = False
 
     @abstractmethod
@@ -290,26 +290,14 @@ _AT_A_TIME = 20_000
 
 
 class Convolution(NamedTuple):
-    """Rows and columns of k poles.
-
-    Attributes
-    ----------
-    rows : array of complex, (k, block rows, l)
-    columns : array of complex, (k, block columns, m)
-    """
+    """Rows (k, block rows, l) and columns (k, block columns, m) of k poles."""
 
     rows: ComplexArray
     columns: ComplexArray
 
 
-def transformed(rows: ComplexArray, columns: ComplexArray, length: int | None = None) -> Outer:
-    """Return g[t] = sum_(a + b = t) rows[a] columns[b]' by its Fourier transform.
-
-    `rows` (k, block rows, l). `columns` (k, block columns, m). `length`: samples of the transform; by default as many as block rows and
-    columns need together.
-    """
-    if length is None:
-        length = _fast(rows.shape[1] + columns.shape[1] - 1)
+def transformed(rows: ComplexArray, columns: ComplexArray, length: int) -> Outer:
+    """Return g[t] = sum_(a + b = t) rows[a] columns[b]' by its Fourier transform of a length; rows (k, a, l), columns (k, b, m)."""
     return Outer(_transform(rows, length), _transform(columns, length))
 
 

@@ -1,4 +1,4 @@
-"""Provide what block matrices on frequency lines share: weights, real columns, a triangular factor, polynomial rows.
+"""Base classes of block matrices whose columns are frequency lines, with their weights and triangular factor.
 
 The matrix is wide (lines times inputs); a triangular factor of as many columns as rows has the same left factor, singular values
 and products, and stands in for it. The right factor, rows over lines, is brought back where it is asked for.
@@ -29,7 +29,6 @@ from modalscope.numerics.operators import DenseMatrix, Operator, real_times
 from modalscope.numerics.sums import TriangleSum
 
 __all__ = [
-    "SEEN",
     "LineMatrix",
     "PolynomialRows",
     "RowsOnLines",
@@ -44,7 +43,7 @@ __all__ = [
 _COMPARED = 1000
 
 #: Below this share the elimination takes a mode for a polynomial, to rounding: its columns say nothing.
-SEEN = 1e-8
+_SEEN = 1e-8
 
 
 def line_weights(response: FrequencyResponse, weights: str | ArrayLike | None) -> RealArray | None:
@@ -250,15 +249,11 @@ class LineMatrix(RowsOnLines):
             return None
         n = model.rank
         states = model.factors.d[:n, None] ** (1 - model.power) * eigen.left.T
-        functions, seen = self.compared_functions(eigen.values, fit)
-        participation = self.residue_scale(eigen.values) * fit.participation.T
-        return OnLines(model.factors.right.blocks[:, :n], states, functions, participation, seen)
-
-    def compared_functions(self, poles: Array, fit: ModalFit) -> tuple[ComplexArray, Array]:
-        """Return `column_functions` on the lines that are compared, (2, k, F') at +w and at -w, and of which enough is left to compare."""
-        functions, share = self.column_functions(poles)
+        functions, share = self.column_functions(eigen.values)
         real, imaginary = np.split(functions[self.both_parts].T, 2, axis=1)
-        return np.stack([real + 1j * imaginary, real - 1j * imaginary]), share > SEEN
+        both = np.stack([real + 1j * imaginary, real - 1j * imaginary])
+        participation = self.residue_scale(eigen.values) * fit.participation.T
+        return OnLines(model.factors.right.blocks[:, :n], states, both, participation, share > _SEEN)
 
     @cached_property
     def both_parts(self) -> IntArray:
@@ -346,7 +341,7 @@ class PolynomialRows(RowsOnLines):
     def shapes(self, V: Array, poles: Array) -> ComplexArray:
         """Return the shapes c of modes from their columns [c p_0; c p_1; ...] of the row factor, by least squares over all blocks.
 
-        The first block alone would do, but far from the axis the polynomials grow beyond 1e15, and it is rounding beside them.
+        The first block alone would do, but far from the axis the polynomials grow beyond 1e15, relative to which it is rounding.
 
         `V` (l K, k): row factor times eigenvectors. `poles` (k,): in the plane of the polynomials.
         """

@@ -1,4 +1,4 @@
-"""Define the interface of a data matrix: block shifts, rows of left factors, products, factors, influence."""
+"""Base class of block data matrices, the shift of their rows, and pencils of rows on lines."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import Operator, real_times, times_real
 
-__all__ = ["DataMatrix", "LinePencil", "RowShift", "line_pencil"]
+__all__ = ["DataMatrix", "DerivedMatrix", "LinePencil", "RowShift", "line_pencil"]
 
 
 # --------------------------------------------------------------------------------------------------------------- shift
@@ -98,25 +98,8 @@ def _place(index: IntArray) -> slice | IntArray:
     return index
 
 
-# ----------------------------------------------------------------------------------------------------------- left rows
-# Rows of a left factor by what takes its states to them: what depends on the data alone is made once, for the poles of all orders.
-
-
-@dataclass(frozen=True, eq=False)
-class LeftRows:
-    """Rows F_j = s_j P' on those of a data matrix.
-
-    `basis` (rows, n): p. `tall`: as in `DataMatrix.pencil`.
-    """
-
-    matrix: DataMatrix
-    basis: RealArray
-    tall: bool
-
-    def pencil(self, states: Array, values: Array) -> Any:
-        """Return what `DataMatrix.pencil` does of F, by s (k, n' <= n)."""
-        left = times_real(states, self.basis[:, : states.shape[1]].T)
-        return self.matrix.pencil(left, values, tall=self.tall)
+# --------------------------------------------------------------------------------------------------------- line pencil
+# Rows F (E1 - x E0) of polynomials on lines.
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,13 +243,6 @@ class DataMatrix(ABC):
         """
         return self.row_shift.pencil(left, values, self.tall().shape[0])
 
-    def left_rows(self, basis: RealArray, *, tall: bool) -> Any:
-        """Return what gives the pencils of rows F_j = s_j P' by their s_j, kept for all orders.
-
-        `basis` (rows, n): p. `tall`: as in `pencil`.
-        """
-        return LeftRows(self, basis, tall)
-
     def right_vectors(self, factors: Factors, coefficients: Array) -> Any:
         """Return columns v_j of the matrix from their coefficients in the factors' own, Q X: an array, or what `influence` makes one of.
 
@@ -351,3 +327,31 @@ class DataMatrix(ABC):
             f"this data matrix has no {what}: {self.describe()}",
             "Choose another method, see methods().",
         )
+
+
+class DerivedMatrix(DataMatrix):
+    """A data matrix whose poles are those of another one, `inner`."""
+
+    inner: DataMatrix
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a result made from this matrix must say."""
+        return self.inner.warnings
+
+    def describe(self) -> str:
+        """What the matrix is, in words."""
+        return self.inner.describe()
+
+    def to_s(self, poles: Array) -> ComplexArray:
+        """Continuous poles, rad/s."""
+        return self.inner.to_s(poles)
+
+    def from_s(self, poles: Array) -> ComplexArray:
+        """Poles in the plane of the inner matrix."""
+        return self.inner.from_s(poles)
+
+    @property
+    def dt(self) -> float | None:
+        """Sampling interval of the identified system; None when it is continuous."""
+        return self.inner.dt

@@ -1,4 +1,4 @@
-"""Compute polynomials orthogonal on frequency lines (Vandermonde with Arnoldi), the frequency planes, and the lines that suffice.
+"""Polynomials orthogonal on the lines of a band (Vandermonde with Arnoldi), and the s- or z-plane of these lines.
 
 Powers of j w are useless beyond degree five or so: their Gram matrix is singular to rounding. The basis here satisfies
 x p_k = sum_j h_jk p_j with a real Hessenberg matrix h when the points come in conjugate pairs, and is orthonormal in the
@@ -22,15 +22,12 @@ from modalscope.numerics.errors import DataError, check_choice
 
 __all__ = [
     "Few",
-    "Leftover",
     "Plane",
     "basis_on",
     "both_sums",
     "chosen_points",
     "evaluate",
     "few_points",
-    "following",
-    "leftover",
     "orthogonal_basis",
     "plane_of",
     "remainders",
@@ -71,21 +68,14 @@ def orthogonal_basis(
     h = np.zeros((degree + 1, degree))
     basis[:, 0] = 1 / np.sqrt(np.sum(w**2))
     for k in range(degree):
-        v, h[: k + 1, k] = following(basis[:, : k + 1], x, w)
+        v = x * basis[:, k]
+        for _ in range(2):  # a second orthogonalization makes the basis orthogonal to rounding
+            c = (basis[:, : k + 1].conj().T @ (w**2 * v)).real
+            h[: k + 1, k] += c
+            v = v - basis[:, : k + 1] @ c
         h[k + 1, k] = np.sqrt(np.sum(w**2 * np.abs(v) ** 2))
         basis[:, k + 1] = v / h[k + 1, k]
     return basis, h
-
-
-def following(basis: ComplexArray, points: ComplexArray, weights: RealArray) -> tuple[ComplexArray, RealArray]:
-    """Return x p_k less what p_0 ... p_k have of it, and that, (F,) and (k + 1,): h p_(k+1), of which h is the length."""
-    v, w2 = points * basis[:, -1], weights**2
-    taken = np.zeros(basis.shape[1])
-    for _ in range(2):  # a second orthogonalization makes the basis orthogonal to rounding
-        c = (basis.conj().T @ (w2 * v)).real
-        taken += c
-        v = v - basis @ c
-    return v, taken
 
 
 def evaluate(recurrence: Array, first: float, points: ArrayLike) -> ComplexArray:
@@ -214,89 +204,6 @@ def _bilinear(half: float) -> Plane:
     return Plane("z-plane, bilinear map", lambda f: into(2j * np.pi * f), back, into, residue_scale=residue_scale)
 
 
-# ------------------------------------------------------------------------------------------------------------ leftover
-# What polynomials orthogonal on lines leave of 1 / (x - s): by Christoffel and Darboux two functions of the line stand for all.
-#
-# With the real inner product <f, g> of the lines and their conjugates, in which p_0 ... p_q are orthonormal, and P = h p_(q+1) the
-# next one,
-#
-#     on the imaginary axis   r = -(p_q(x) <P, g> + P(x) <p_q, g>) / (x - s),
-#     on the unit circle      r = (f*(x) <f*, x g> - f(x) <f, x g>) / (x - s),   f = p_(q+1), f* = x^(q+1) conj(f),
-#
-# is g = 1 / (x - s) less its projection. (x - s) r is 1 less a polynomial of degree q + 1, and as x g = 1 + s g and multiplication by x is
-# skew (or keeps lengths) there, its products with p_0 ... p_(q-1) vanish (or those with x p_0 ... x p_(q-1)). Nothing is subtracted: of a
-# pole far away, of which little is left, that little is exact to rounding of the two sums.
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Leftover:
-    """Two functions on the lines and two that g is multiplied with: r = (sum_i on_i(x) <by_i, g>) / (x - s).
-
-    `points` (F,): x. `on` (2, F): with the weights of the lines. `by` (2 F, 2): weighted, real parts above imaginary ones. `weights`
-    (F,): of the lines.
-    """
-
-    points: ComplexArray
-    on: ComplexArray
-    by: RealArray
-    weights: RealArray
-
-    def sums(self, functions: RealArray) -> RealArray:
-        """Return <by_i, f> of weighted functions, real parts above imaginary ones, (2 F, c) -> (2, c)."""
-        return np.asarray(self.by.T @ functions)
-
-    def of_functions(self, poles: ComplexArray) -> tuple[ComplexArray, RealArray]:
-        """Return <by_i, g> of weighted g = 1 / (x - s), (2, k), and the sum of |g|^2 over both signs and the lines, (k,).
-
-        `poles` (k,): s, in the plane of x.
-        """
-        w, x, s = self.weights[:, None], self.points[:, None], np.asarray(poles)
-        ahead, behind = w / (x - s), w / (x.conj() - s)
-        above, below = np.split(self.by.T, 2, axis=1)
-        # real parts are (ahead + behind) / 2, imaginary ones (ahead - behind) / 2j
-        sums = ((above - 1j * below) @ ahead + (above + 1j * below) @ behind) / 2
-        return np.asarray(sums), energy(np.stack([ahead.T, behind.T]))
-
-    def of_poles(self, poles: ComplexArray, sums: ComplexArray, lines: slice | IntArray) -> ComplexArray:
-        """Return r on some lines at +w and at -w, (2, k, lines).
-
-        `poles` (k,): s, in the plane of x. `sums` (2, k): <by_i, g>.
-        """
-        x, on = self.points[lines], self.on[:, lines]
-        first, second = sums[:, :, None]
-        s = np.asarray(poles)[:, None]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.stack([(first * f + second * g) / (z - s) for z, (f, g) in ((x, on), (x.conj(), on.conj()))])
-
-
-def leftover(points: ComplexArray, basis: ComplexArray, weights: RealArray | None) -> Leftover:
-    """Return what p_0 ... p_q, (F, q + 1), leave.
-
-    `points` (F,): on the imaginary axis, or on the unit circle. `basis` (F, q + 1): orthonormal, without weights. `weights` (F,): of the
-    lines.
-    """
-    w = np.ones(points.size) if weights is None else weights
-    following_one, _ = following(basis, points, w)
-    if not np.any(points.real):
-        last = basis[:, -1]
-        on, by = np.stack([-last, -following_one]), np.stack([following_one, last])
-    else:
-        f = following_one / np.sqrt(np.sum(np.abs(w * following_one) ** 2))
-        turned = points ** basis.shape[1] * f.conj()
-        on = np.stack([turned, -f])
-        by = points.conj() * np.stack([turned, f])
-    weighted = by * w
-    return Leftover(points, on * w, np.concatenate([weighted.real, weighted.imag], axis=1).T, w)
-
-
-def energy(functions: Array) -> RealArray:
-    """Return the sum over both signs and lines of |r|^2, (2, k, lines) -> (k,)."""
-    return np.asarray(
-        np.einsum("skf,skf->k", functions.real, functions.real)
-        + np.einsum("skf,skf->k", functions.imag, functions.imag)
-    )
-
-
 # ---------------------------------------------------------------------------------------------------------- few points
 # Few points that stand for all lines where products of two polynomials are summed: as many as such a product has coefficients.
 
@@ -307,12 +214,7 @@ _CHOICE = 8
 class Few(NamedTuple):
     """Points that stand for all lines where products of two polynomials of a degree are concerned.
 
-    Attributes
-    ----------
-    place : array of int, (G,)
-        Lines that are the points.
-    spread : array, (F, G)
-        The value of a product on a line is this times its values at the points.
+    `place` (G,): indices of the points. `spread` (F, G): maps values of a product at the points to all lines.
     """
 
     place: IntArray
@@ -320,15 +222,10 @@ class Few(NamedTuple):
 
 
 class Chosen(NamedTuple):
-    """The few points themselves, and what gives the values of a product anywhere from those at the points.
+    """The few points, and the interpolation of a product from its values there.
 
-    Attributes
-    ----------
-    place : array of int, (2 q + 1,)
-        Lines that are the points.
-    first, recurrence, solved
-        Polynomials of degree 2 q, and the inverse of their values at the points.
-    circle : bool
+    `place` (2 q + 1,): indices of the points. `first`, `recurrence`: polynomials of degree 2 q. `solved`: inverse of their values at the
+    points. `circle`: whether the points lie on the unit circle.
     """
 
     place: IntArray

@@ -1,4 +1,4 @@
-"""Project future on past outputs: data-driven SSI from samples, with canonical variates as an option.
+"""Projection of future on past outputs of records (data-driven subspace identification), plain or as canonical variates.
 
 With [past; future] = [[L11, 0], [L21, L22]] Q and L L' = L21 L21' + L22 L22', the future's own covariance, the matrix factored is
 L^-1 L21 instead of L21. A weak mode beside strong noise then counts by how well the past predicts it, not by its size.

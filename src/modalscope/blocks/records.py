@@ -1,4 +1,4 @@
-"""Compute block matrices of records on lines, with inputs and transients eliminated, and the influence of noise on their poles.
+"""Block matrix of the Fourier transforms of records with inputs, and the sensitivity of its poles to noise.
 
 A pole moves by dp = sum over lines of a . dY + b . dY*, with a = P(x) u / 2 and b = P~(x) t / 2: vectors of polynomials of degree q, smooth
 from line to line, and one number u and t a line, which follow the input and are not. White noise asks for sums of |P|^2 |u|^2 and the
@@ -48,11 +48,11 @@ __all__ = [
     "RecordInfluence",
     "RecordLines",
     "RunColumns",
+    "lines_of_influence",
     "noise_beside_quietest",
     "record_cost",
     "record_lines",
     "refuse_beyond_memory",
-    "told_lines",
 ]
 
 
@@ -93,28 +93,17 @@ def noise_beside_quietest(rows: RealArray, outputs: int) -> RealArray:
 
 
 # --------------------------------------------------------------------------------------------------------- record cost
-# What records on lines will take, before anything is computed: seconds of one core, and memory beside the records.
+# What records on lines will take, before anything is computed: seconds of one core, and memory in addition to the records.
 
 #: Products of two columns that a core takes in a second, with the columns themselves: measured from 1e10 to 1e12 of them.
 _RATE = 2.5e10
 
-#: Triangular factors that stand in memory beside each other, and what small things take.
+#: Triangular factors in memory at a time, and bytes of all small arrays.
 _TRIANGLES, _SMALL = 4, 32e6
 
 
 class Cost(NamedTuple):
-    """Predicted cost.
-
-    Attributes
-    ----------
-    seconds : float
-        Of one core, for the factor that all orders are cut from.
-    bytes : float
-        Transforms of the records and triangular factors.
-    columns : int
-        (q + 1)(1 + m + l).
-    lines : int
-    """
+    """Predicted cost: seconds of one core for the factor, bytes of the transforms and triangles, and (q + 1)(1 + m + l) columns."""
 
     seconds: float
     bytes: float
@@ -349,8 +338,8 @@ class RunColumns:
 
 # ---------------------------------------------------------------------------------------------------- record influence
 
-#: Lines of long records on which the influence is kept.
-_TOLD = 8192
+#: Number of lines of long records on which the influence is kept.
+_INFLUENCE_LINES = 8192
 
 #: Numbers of each of the arrays that are made of some poles at a time.
 _NUMBERS = 1 << 16
@@ -364,12 +353,12 @@ def spread_over(weights: Array, few: Few) -> Array:
     return np.asarray(both[: len(weights)] + 1j * both[len(weights) :])
 
 
-def told_lines(matrix: RecordLines) -> Lines:
+def lines_of_influence(matrix: RecordLines) -> Lines:
     """Return the lines on which the influence is kept, as places among all: all, of long records some, each for those nearest to it."""
     judged, every = matrix.judged, matrix.response
-    if judged.count == every.count <= _TOLD:
+    if judged.count == every.count <= _INFLUENCE_LINES:
         return Lines(np.arange(every.count), np.ones(every.count))
-    thin = np.arange(0, judged.count, -(-judged.count // _TOLD))
+    thin = np.arange(0, judged.count, -(-judged.count // _INFLUENCE_LINES))
     used, each = [], []
     for r, own_lines in enumerate(every.spans_of_runs):
         there = every.frequencies[own_lines]
@@ -385,7 +374,7 @@ class RecordInfluence(LineInfluence):
     """The gradient of poles by the outputs' transforms.
 
     `left` (k, q + 1, l): coefficients of P, outputs in their own unit. `right`: what the columns of real and of imaginary parts have on
-    the told lines.
+    the lines of the influence.
     """
 
     def __init__(self, matrix: RecordLines, left: ComplexArray, right: Driven) -> None:
@@ -397,8 +386,8 @@ class RecordInfluence(LineInfluence):
 
     @property
     def lines(self) -> Lines:
-        """The told lines."""
-        return self.matrix.told
+        """The lines of the influence."""
+        return self.matrix.influence_lines
 
     @property
     def direct(self) -> tuple[Outer, ...]:
@@ -412,9 +401,9 @@ class RecordInfluence(LineInfluence):
 
     @property
     def drives(self) -> tuple[ComplexArray, ComplexArray]:
-        """U and t of every pole on the told lines, (k, F) each."""
+        """U and t of every pole on the lines of the influence, (k, F) each."""
         (real, beside), (imaginary, pair) = self.right.parts(slice(None)).transpose(2, 0, 1, 3)
-        weights = self.matrix.told_weights / 2
+        weights = self.matrix.influence_weights / 2
         u, t = (real + pair) + 1j * (beside - imaginary), (real - pair) + 1j * (beside + imaginary)
         return np.asarray(u * weights), np.asarray(t * weights)
 
@@ -429,7 +418,7 @@ class RecordInfluence(LineInfluence):
         if other is self:
             return self._own(variance[:, 0])
         finer = max(self.matrix, other.matrix, key=lambda one: one.block_rows)
-        few, (used, each) = finer.few, finer.told
+        few, (used, each) = finer.few, finer.influence_lines
         (P, M), (u, t) = self.at(used[few.place]), self.drives
         (R, N), (v, s) = other.at(used[few.place]), other.drives
 
@@ -442,10 +431,10 @@ class RecordInfluence(LineInfluence):
 
     def _own(self, variance: RealArray) -> Moments:
         """Return E|dp|^2 and E dp dp, some poles at a time: sums of |u|^2, |t|^2 and u t, in real numbers."""
-        P, M = self.at(self.matrix.told.used[self.matrix.few.place])
+        P, M = self.at(self.matrix.influence_lines.used[self.matrix.few.place])
         plain, mirrored, both = np.abs(P) ** 2 @ variance, np.abs(M) ** 2 @ variance, (P * M) @ variance
         size, square = np.empty(len(P)), np.empty(len(P), complex)
-        spread = self.matrix.told_spread
+        spread = self.matrix.influence_spread
         step = max(_NUMBERS // len(spread), 1)
         for start in range(0, len(P), step):
             s = slice(start, start + step)
@@ -464,7 +453,7 @@ class RecordInfluence(LineInfluence):
 
 @dataclass(frozen=True, eq=False)
 class RecordColumns:
-    """The right factor on the told lines of all runs, computed when it is first asked for.
+    """The right factor on the lines of the influence of all runs, computed when it is first asked for.
 
     `factors`: of the triangular stand-in.
     """
@@ -490,7 +479,7 @@ class RecordColumns:
 
 @dataclass(frozen=True, eq=False)
 class Driven:
-    """Columns of the matrix on the told lines, as combinations of those of the right factor: they are not kept.
+    """Columns of the matrix on the lines of the influence, as combinations of those of the right factor: they are not kept.
 
     `columns` (2 F, K): rows of Q, those of real parts above those of imaginary ones. `coefficients` (n, k): of the first n of them.
     """
@@ -527,10 +516,10 @@ class Driven:
 #: Lines on which polynomials are made orthogonal: those of a longer record are nearly so on all lines, which is as good.
 _ORTHOGONAL = 32_768
 
-#: Length that a column keeps beside those before it where products are enough: those by few points are known to 1e-12 or so.
+#: Relative residual norm of a column given the preceding ones from which products suffice: those by few points are known to 1e-12.
 _KEPT = 1e-3
 
-#: Rows p_j U below this share of the largest, in multiples of rounding, are no directions of their own.
+#: Rows p_j U below this share of the largest, in multiples of rounding, are linearly dependent.
 _ROUNDING = 16.0
 
 
@@ -611,7 +600,7 @@ class RecordLines(PolynomialRows):
 
     @cached_property
     def judged(self) -> RecordSpectra:
-        """The records' own lines, of long records those that tell; outputs that were levelled by their noise are judged by it, too."""
+        """The records' lines, of long records a selection; outputs that were scaled by their noise are judged in that scale."""
         found = self.response.judging()
         return found if self.known is None else replace(found, level=self.output_scale)
 
@@ -681,8 +670,8 @@ class RecordLines(PolynomialRows):
         return LargeMatrix(super().tall().dense())
 
     def on_lines(self, rows: RealArray) -> RealArray:
-        """Return H' X of the matrix over the told lines, (2 F, k), inputs and ends eliminated: X (l (q + 1), k)."""
-        used = self.told.used
+        """Return H' X of the matrix over the lines of the influence, (2 F, k), inputs and ends eliminated: X (l (q + 1), k)."""
+        used = self.influence_lines.used
         found = np.zeros((2, used.size, rows.shape[1]))
         for own, part in zip(self.spans, self.parts, strict=True):
             weights = np.vstack([-part.taken_off @ rows, rows])
@@ -692,33 +681,33 @@ class RecordLines(PolynomialRows):
         return found.reshape(-1, rows.shape[1])
 
     @cached_property
-    def told(self) -> Lines:
+    def influence_lines(self) -> Lines:
         """The lines on which the influence of noise is kept."""
-        return told_lines(self)
+        return lines_of_influence(self)
 
     @cached_property
     def few(self) -> Few:
-        """Points that stand for the told lines where products of two of the polynomials are summed."""
-        points = self.plane.point(self.response.frequencies[self.told.used])
+        """Points that stand for the lines of the influence where products of two of the polynomials are summed."""
+        points = self.plane.point(self.response.frequencies[self.influence_lines.used])
         return few_points(points, self.block_rows, circle=self.dt is not None)
 
     @cached_property
-    def told_weights(self) -> RealArray:
-        """The weights of the told lines."""
-        return np.asarray(self.line_weights[self.told.used], dtype=float)
+    def influence_weights(self) -> RealArray:
+        """The weights of the lines of the influence."""
+        return np.asarray(self.line_weights[self.influence_lines.used], dtype=float)
 
     @cached_property
-    def told_spread(self) -> RealArray:
-        """How a quarter of what the told lines stand for is spread over the few points, by the squares of the weights, (F, points)."""
-        return self.few.spread * (self.told.each * self.told_weights**2 / 4)[:, None]
+    def influence_spread(self) -> RealArray:
+        """Weights that map values on the lines of the influence to the few points, (F, points); a quarter for both halves."""
+        return self.few.spread * (self.influence_lines.each * self.influence_weights**2 / 4)[:, None]
 
     def right_vectors(self, factors: Factors, coefficients: Array) -> Driven:
-        """Return v_j on the told lines, to be made of the right factor some at a time."""
+        """Return v_j on the lines of the influence, to be made of the right factor some at a time."""
         assert factors.right is not None
         return Driven(factors.right.whole[0], np.asarray(coefficients, dtype=complex))
 
     def influence(self, left: Array, right: Driven, lines: Lines | None = None) -> RecordInfluence:
-        """Return the gradient on the told lines, whichever are asked: what it takes does not grow with them; see `RecordInfluence`."""
+        """Return the gradient on the lines of the influence, whichever are asked; see `RecordInfluence`."""
         coefficients = np.asarray(left.reshape(len(left), -1, self.outputs) / self.output_scale, dtype=complex)
         return RecordInfluence(self, coefficients, right)
 
@@ -740,7 +729,7 @@ class RecordLines(PolynomialRows):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Inputs that are no directions of their own."""
+        """Inputs that are linearly dependent."""
         short = [part.given - part.rank for part in self.parts]
         told = [str(note) for note in self.judged.untold]
         if any(short):

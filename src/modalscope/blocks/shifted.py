@@ -1,4 +1,4 @@
-"""Compute shifted transfer functions Y_t(z) = sum_k Y(k + t) z^-k over a finite window (Eqs. 78-82).
+"""Shifted transfer functions Y_t(z) = sum_k Y(k + t) z^-k over a finite window (Eqs. 78-82), exact for any record.
 
 Nothing is assumed beyond the last sample: Y_t = C A^t G B with G = sum_(k < K) A^k z^-k, whatever has or has not decayed. On the
 window's own lines the block matrix is the Hankel matrix times an orthogonal one; on some of them, a band, it leaves the rest
@@ -317,10 +317,6 @@ class Shifted(LineMatrix):
         """Return Y_0 of samples on the lines used, (F, l, m): what the fit of B is made to and judged on."""
         return np.asarray(np.fft.rfft(values[: self.window], axis=0)[self.used])
 
-    def window_functions(self, poles: Array) -> ComplexArray:
-        """Return sum_(k < K) (z_j / z_i)^k, (F, k): what a mode contributes to Y_0."""
-        return window_sum(poles, self.points, self.window)
-
     def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
         """Return shapes C X; participation by least squares over the lines of the window, or over those that were measured."""
         shapes = np.asarray(model.C @ eigen.vectors)
@@ -329,7 +325,7 @@ class Shifted(LineMatrix):
             participation, terms = basis.fit_participation(shapes)
             return ModalFit(shapes, participation, terms, reach=basis.reach)
         z = eigen.values
-        functions, mirrored = self.window_functions(z), self.window_functions(z.conj())
+        functions, mirrored = (window_sum(poles, self.points, self.window) for poles in (z, z.conj()))
         nothing = np.zeros((len(functions), 0))
         window = stacked_basis(
             functions, mirrored, z.imag == 0, nothing, self.transformed(self.samples), self.line_weights

@@ -1,4 +1,4 @@
-"""Index block rows and columns: shifts, subsets, compression, and the steps that all sampled data matrices share."""
+"""Block Hankel products by structure, the sides of Hankel matrices, and the base class of sampled data matrices."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from modalscope.blocks.matrix import DataMatrix
 from modalscope.data.poles import powers_of, to_continuous, to_discrete
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, check_count, check_each, real_array
 from modalscope.numerics.errors import DataError
-from modalscope.numerics.executors import execution
+from modalscope.numerics.executors import executor
 from modalscope.numerics.resources import fetched, namespace, transforms
 
 __all__ = ["BlockHankel", "SampledMatrix", "Side", "block_shifts", "side_of"]
@@ -250,12 +250,12 @@ class BlockHankel:
     def strip(self) -> Any:
         """The samples used, (l, N m), where products are computed: columns i m to (i + block_columns) m are block row i."""
         used = self.values[self.first : self.first + self.block_rows + self.block_columns - 1]
-        return execution().place(np.ascontiguousarray(used.transpose(1, 0, 2)).reshape(self.values.shape[1], -1))
+        return executor().place(np.ascontiguousarray(used.transpose(1, 0, 2)).reshape(self.values.shape[1], -1))
 
     def samples_times(self, right: Array, first: int = 0) -> RealArray:
         """Return the samples used from a first one on, (l, N m), times an array."""
         start = first * self.values.shape[2]
-        return fetched(self.strip[:, start : start + len(right)] @ execution().place(right))
+        return fetched(self.strip[:, start : start + len(right)] @ executor().place(right))
 
     def _row(self, i: int) -> Any:
         inputs = self.values.shape[2]
@@ -308,7 +308,7 @@ class BlockHankel:
     @cached_property
     def _transform(self) -> Any:
         """Transform of the samples used, (length / 2 + 1, l, m)."""
-        used = execution().place(self.values[self.first : self.first + self.block_rows + self.block_columns - 1])
+        used = executor().place(self.values[self.first : self.first + self.block_rows + self.block_columns - 1])
         return transforms(used).rfft(used, n=self._length, axis=0)
 
     def _correlated(self, transform: Any, blocks: int, right: Array) -> RealArray:
@@ -317,7 +317,7 @@ class BlockHankel:
         k, found, fft = right.shape[1], np.empty((blocks, rows, right.shape[1])), transforms(transform)
         step = max(_AT_A_TIME // (lines * max(rows, inner)), 1)
         for c in range(0, k, step):
-            X = execution().place(np.ascontiguousarray(right[:, c : c + step]).reshape(-1, inner, min(step, k - c)))
+            X = executor().place(np.ascontiguousarray(right[:, c : c + step]).reshape(-1, inner, min(step, k - c)))
             product = transform @ fft.ihfft(X, n=self._length, axis=0, norm="forward")  # conjugates, not scaled
             found[:, :, c : c + step] = fetched(fft.irfft(product, n=self._length, axis=0)[:blocks])
         return found.reshape(blocks * rows, k)
@@ -326,7 +326,7 @@ class BlockHankel:
         """H X, by one transform of each block column, or block row by block row."""
         if self.by_transforms:
             return self._correlated(self._transform, self.block_rows, right)
-        outputs, X = self.values.shape[1], execution().place(right)
+        outputs, X = self.values.shape[1], executor().place(right)
         product = np.empty((self.shape[0], right.shape[1]))
         for i in range(self.block_rows):
             product[i * outputs : (i + 1) * outputs] = fetched(self._row(i) @ X)
@@ -336,7 +336,7 @@ class BlockHankel:
         """H' Z, by transforms, or summed over block rows up to the last that is not zero."""
         if self.by_transforms:
             return self._correlated(self._transform.swapaxes(1, 2), self.block_columns, left)
-        outputs, Z = self.values.shape[1], execution().place(left)
+        outputs, Z = self.values.shape[1], executor().place(left)
         used = np.flatnonzero(np.any(left, axis=1))
         stop, step = used[-1] // outputs + 1 if used.size else 1, max(_ROWS // outputs, 1)
         total: Any = 0
@@ -368,7 +368,7 @@ class BlockHankel:
             for _, row in self._products(0, r, s):
                 found += row[:, : s * m]
             return
-        rows = [execution().place(self.values[self.first + j : self.first + j + r].reshape(-1, m)) for j in range(s)]
+        rows = [executor().place(self.values[self.first + j : self.first + j + r].reshape(-1, m)) for j in range(s)]
         for j in range(s):
             found[:, j * m : (j + 1) * m] = rows[0].T @ rows[j]
 

@@ -1,4 +1,4 @@
-"""Compute block matrices of transfer functions on the lines of a band, in the z- and s-plane (Eqs. 82, 89-93).
+"""Block matrices of frequency response functions on the lines of any band, z- and s-domain (Eqs. 82, 89-93, corrected).
 
 The rows are p_k(x_i) H(x_i), with polynomials p_k orthogonal on the measured lines instead of powers of x. From
 x^k H = C A^k X + (a polynomial of degree k whose matrix coefficients are the direct term and the initial values) it follows
@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.blocks.factor import Cost, Factors, costs_of
-from modalscope.blocks.lines import SEEN, LineMatrix, PolynomialRows, kept_block_rows, real_columns
+from modalscope.blocks.lines import LineMatrix, PolynomialRows, kept_block_rows, real_columns
 from modalscope.blocks.matrix import LinePencil, line_pencil
-from modalscope.blocks.polynomials import Leftover, Plane, basis_on, energy, leftover, plane_of, remainders
+from modalscope.blocks.polynomials import Plane, basis_on, plane_of, remainders
 from modalscope.blocks.triple import Eigen, Misfit, ModalFit, Triple
 from modalscope.data.channels import derivatives_between, known_quantity
 from modalscope.data.pole_basis import LineData, line_basis, line_data
@@ -34,12 +34,6 @@ __all__ = ["LineProducts", "Transfer", "transfer"]
 
 # ------------------------------------------------------------------------------------------------------- initial terms
 # The first terms D, CB, CAB, ... of a response where they are known, in the plane of its matrix.
-
-
-def rest_at_start(quantity: str | None, outputs: int, inputs: int) -> RealArray:
-    """Return the initial terms D, CB, ... that vanish for a structure at rest: two for displacements, one for velocities."""
-    own = known_quantity(quantity, "initial_values='rest' was asked")
-    return np.zeros((derivatives_between(own, "acceleration"), outputs, inputs))
 
 
 def initial_terms(given: ArrayLike | str, response: FrequencyResponse, plane: Plane) -> RealArray:
@@ -58,7 +52,9 @@ def initial_terms(given: ArrayLike | str, response: FrequencyResponse, plane: Pl
                 f"there are arrays, and 'rest' in the s-domain (this is the {plane.name})",
                 "Give the terms (K, outputs, inputs), or leave them out.",
             )
-        return rest_at_start(response.quantity, outputs, inputs)
+        # the terms D, CB, ... that vanish for a structure at rest: two for displacements, one for velocities
+        quantity = known_quantity(response.quantity, "initial_values='rest' was asked")
+        return np.zeros((derivatives_between(quantity, "acceleration"), outputs, inputs))
     terms = real_array("initial_values", given, "(terms, outputs, inputs)", 3)
     if terms.shape[1:] != (outputs, inputs):
         raise DataError(
@@ -493,38 +489,6 @@ class Transfer(PolynomialRows, LineMatrix):
         whole = np.vstack([w * (g + mirrored) / 2, w * (g - mirrored) / 2j])
         left = self._project(whole)
         return left, np.asarray(np.linalg.norm(left, axis=0) / np.linalg.norm(whole, axis=0))
-
-    def compared_functions(self, poles: Array, fit: ModalFit) -> tuple[ComplexArray, Array]:
-        """Return `column_functions` on the lines that are compared; see `LineMatrix.compared_functions`.
-
-        Two sums of 1 / (x - s) give what the polynomials leave. Its share on the lines that are compared is the least that it can be on
-        all.
-        """
-        if self.known is not None or not self.orthogonal:
-            return super().compared_functions(poles, fit)
-        left, (sums, whole) = self._left, self._sums(poles, fit)
-        found = left.of_poles(poles, sums, self.compared_lines)
-        seen = energy(found) > SEEN**2 * whole
-        little = np.flatnonzero(~seen)
-        if little.size:
-            seen[little] = energy(left.of_poles(poles[little], sums[:, little], slice(None))) > SEEN**2 * whole[little]
-        return found, seen
-
-    def _sums(self, poles: Array, fit: ModalFit) -> tuple[ComplexArray, RealArray]:
-        """Return the two sums of each 1 / (x - s), (2, k), and its energy at +w and -w, (k,).
-
-        The functions g1 - j g2 of the fit are twice 1 / (x - s) times a factor (once, of a real pole), except under the bilinear map.
-        """
-        if fit.basis is None or self.plane.scale is None:
-            return self._left.of_functions(poles)
-        reach = fit.basis.reach if fit.reach is None else fit.reach
-        size = np.where(poles.imag == 0, 1, 2) / self.plane.scale
-        own, other = np.moveaxis(self._left.sums(fit.basis.functions).reshape(2, -1, 2), 2, 0)
-        return np.asarray((own - 1j * other) / size, dtype=complex), 2 * (reach / size) ** 2
-
-    @cached_property
-    def _left(self) -> Leftover:
-        return leftover(self._points, self.basis, self.weights)
 
     def pencil(self, left: Array, values: Array, *, tall: bool) -> LinePencil:
         """Return rows as functions of the lines."""

@@ -1,4 +1,4 @@
-"""Hold a state-space model (A, B, C) with its eigenvalues, the modes fitted to it, and their misfit."""
+"""Realized models (A, B, C), their eigenvalues, and shapes and participation fitted to the data."""
 
 from __future__ import annotations
 

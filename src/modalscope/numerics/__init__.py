@@ -1,1 +1,1 @@
-"""Below everything, and knowing no modes: checks, linear algebra, sums over chunks, executors, memory and threads."""
+"""Checks of arguments, linear algebra, sums over chunks, executors, memory and threads."""

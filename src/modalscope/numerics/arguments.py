@@ -1,4 +1,4 @@
-"""Check the arguments of public functions: misspelt keywords and wrong values become clear errors."""
+"""Check the arguments of public functions: suggest names for misspelt keywords, and name the argument of a wrong value."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ __all__ = ["named", "plain_methods", "plainly"]
 # ------------------------------------------------------------------------------------------------------------- entries
 # Wrong arguments in plain words: where a public call ends in Python's or numpy's own words, the argument that cannot be meant is named.
 #
-# Nothing is checked while all is well. After a failure the arguments are held against the annotations of the call, and then looked at for
-# values that no computation bears (not finite, empty, of absurd size). Where none is found the error is the library's own fault, and stays.
+# Nothing is checked before a failure. The arguments are then compared with the annotations of the call, and searched for values that no
+# computation bears (not finite, empty, of absurd size). Where none is found the error is the library's and is raised as it is.
 
 #: What Python and numpy raise on values that do not belong.
 _RAISED = (

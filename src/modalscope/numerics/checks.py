@@ -1,4 +1,4 @@
-"""Check numbers, arrays, counts, bands, lists and file names, and name the array types."""
+"""Validate what data classes are given: types, numbers, arrays, counts, bands, lists and file names."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from modalscope.numerics.errors import DataError
 
 __all__ = [
     "Array",
@@ -34,11 +36,8 @@ __all__ = [
     "sealed",
 ]
 
-
-from modalscope.numerics.errors import DataError
-
 # --------------------------------------------------------------------------------------------------------------- kinds
-# Things of the wrong type: what was expected, what was given, and how to make the one of the other.
+# Values of the wrong type: what was expected, what was given, and how to convert it.
 
 #: How arrays become data.
 _WRAPPED = {
@@ -155,7 +154,7 @@ def _one_of(words: Sequence[str]) -> str:
 
 # -------------------------------------------------------------------------------------------------------------- checks
 
-#: From so many numbers on arrays are looked through without one of their size beside them.
+#: Size from which arrays are checked without a temporary array of their size.
 _LONG = 1_000_000
 
 #: What an array holds; `Array` where that is either.
@@ -293,7 +292,7 @@ def check_axes(**arrays: tuple[Any, int]) -> None:
 
 
 def check_index(name: str, index: Any, count: int) -> None:
-    """Raise when an index does not choose from `count` things."""
+    """Raise when an index does not choose from `count` items."""
     try:
         np.empty(count)[index]
     except IndexError as error:

@@ -1,4 +1,4 @@
-"""One form for all errors, and names that are misspelt."""
+"""The error class of the package, and suggestions for misspelt names."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who does work that falls into tasks: this process, or the workers of a Dask scheduler; how far it is, and where what is done is kept."""
+"""Execute tasks in this process or on Dask workers, report progress, and keep partial results."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from importlib import import_module
+from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -15,19 +16,19 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import Device, device_named
 
-__all__ = ["Execution", "each", "execution", "working"]
+__all__ = ["Executor", "each", "executor", "working"]
 
 Task = TypeVar("Task")
 Done = TypeVar("Done")
 Progress = Callable[[int, int], None]
 
-#: Tasks that wait for every thread of the workers: none stands idle, and what is done does not pile up here.
-_WAITING = 2
+#: Tasks queued for every thread of the workers: enough to keep all busy, few enough that results do not pile up here.
+_QUEUED = 2
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Execution:
-    """Who works, and what is told and kept.
+class Executor:
+    """Where tasks are executed, and what is reported and kept.
 
     `client`: of a Dask scheduler; without it this process does everything. `progress`: called with (tasks done, tasks in all). `folder`:
     where what is done is kept, so that a stopped run resumes. `device`: where large products are computed; without it by NumPy.
@@ -43,13 +44,13 @@ class Execution:
         return array if self.device is None else self.device.place(array)
 
 
-_ALONE = Execution()
-_execution: ContextVar[Execution | None] = ContextVar("execution", default=None)
+_ALONE = Executor()
+_executor: ContextVar[Executor | None] = ContextVar("executor", default=None)
 
 
-def execution() -> Execution:
-    """Return who works now."""
-    return _execution.get() or _ALONE
+def executor() -> Executor:
+    """Return the executor in force."""
+    return _executor.get() or _ALONE
 
 
 @named()
@@ -57,7 +58,7 @@ def execution() -> Execution:
 def working(
     client: Any = None, *, progress: Progress | None = None, save: str | Path | None = None, device: str | None = None
 ) -> Iterator[None]:
-    """Let long sums over a record be done by others, be told of, and be kept, and large products be computed elsewhere.
+    """Choose where long sums over a record and large products are computed, and how their progress is reported and kept.
 
     Within the block, what is not given stays as it was outside.
 
@@ -91,9 +92,9 @@ def working(
             f"client is {type(client).__name__}",
             "Give distributed.Client(address).",
         )
-    outer = execution()
-    token = _execution.set(
-        Execution(
+    outer = executor()
+    token = _executor.set(
+        Executor(
             outer.client if client is None else client,
             outer.progress if progress is None else progress,
             outer.folder if save is None else _folder(save),
@@ -103,7 +104,7 @@ def working(
     try:
         yield
     finally:
-        _execution.reset(token)
+        _executor.reset(token)
 
 
 def _folder(path: str | Path) -> Path:
@@ -122,33 +123,32 @@ def _folder(path: str | Path) -> Path:
 def each(work: Callable[[Task], Done], tasks: Sequence[Task]) -> Iterator[tuple[Task, Done]]:
     """Yield every task with what came of it, in the order in which they end.
 
-    A worker that dies costs its own tasks: they are done again by others.
+    Tasks of a worker that dies are executed again by others.
 
     `work`: A function of a module, or a partial of one: it is sent to the workers.
     """
-    if execution().client is None:
+    if executor().client is None:
         for task in tasks:
             yield task, work(task)
         return
-    yield from _by_workers(execution().client, work, tasks)
+    yield from _by_workers(executor().client, work, tasks)
 
 
 def _by_workers(client: Any, work: Callable[[Task], Done], tasks: Sequence[Task]) -> Iterator[tuple[Task, Done]]:
     """Yield what the workers of a scheduler give: a few tasks wait for each, the others are handed out as these end."""
     as_completed = import_module("distributed").as_completed
-    left, handed = iter(tasks), {}
+    remaining, handed = iter(tasks), {}
 
     def hand_out(count: int) -> list[Any]:
         futures = []
-        for _, task in zip(
-            range(count), left, strict=False
-        ):  # in this order: no task is taken without being handed out
+        for task in islice(remaining, count):
             future = client.submit(work, task, pure=False)
             handed[future] = task
             futures.append(future)
         return futures
 
-    ended = as_completed(hand_out(_WAITING * max(_threads(client), 1)))
+    threads = sum(int(count) for count in client.nthreads().values())
+    ended = as_completed(hand_out(_QUEUED * max(threads, 1)))
     try:
         for future in ended:
             result = _result(future)
@@ -178,7 +178,3 @@ def _result(future: Any) -> Any:
             "the scheduler is gone, or has given the work up",
             "Start it again, and the same work: with save or --resume it goes on from the sums that were kept.",
         ) from None
-
-
-def _threads(client: Any) -> int:
-    return sum(int(threads) for threads in client.nthreads().values())

@@ -1,4 +1,4 @@
-"""Packages that are needed for one thing only: imported where they are used, and named when they are missing."""
+"""Import optional packages, and name the extra that installs a missing one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Evaluate transfer functions and recursions of state-space models, their scaling and Gramians."""
+"""Transfer functions D + C (x I - A)^-1 B at many points."""
 
 from __future__ import annotations
 

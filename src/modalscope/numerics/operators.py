@@ -1,4 +1,4 @@
-"""Define matrices by their products, with transposes and plain arrays."""
+"""Linear operators: matrices known by their products, transposes, and plain arrays."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from modalscope.numerics.checks import Array, RealArray
-from modalscope.numerics.executors import execution
+from modalscope.numerics.executors import executor
 from modalscope.numerics.resources import fetched
 
 __all__ = [
@@ -161,7 +161,7 @@ class DenseMatrix:
 
     @cached_property
     def _placed(self) -> Any:
-        return execution().place(self.array)
+        return executor().place(self.array)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -190,11 +190,11 @@ class DenseMatrix:
 
     def times(self, right: Array) -> RealArray:
         """H X."""
-        return fetched(self._placed @ execution().place(right))
+        return fetched(self._placed @ executor().place(right))
 
     def transposed_times(self, left: Array) -> RealArray:
         """H' Z."""
-        return fetched(self._placed.T @ execution().place(left))
+        return fetched(self._placed.T @ executor().place(left))
 
     def gram(self) -> RealArray | None:
         """None: nothing is gained by forming it."""

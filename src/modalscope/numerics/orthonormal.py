@@ -1,4 +1,4 @@
-"""Compute triangular factors and orthonormal bases of tall arrays."""
+"""Triangular factors, orthonormal bases and projection residuals of tall arrays, by Cholesky factors where accurate."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ __all__ = [
 # Triangular factors of tall matrices in chunks: by their Gram matrix where that is accurate, else twice, else by orthogonal steps.
 #
 # R'R = sum of chunk'chunk. The Gram matrix costs a quarter of the time and squares the condition: its factor is taken where every column
-# keeps a ten-thousandth of its length beside the ones before it, which leaves eight digits. Where one keeps less, the Gram matrix S'S of
+# keeps a ten-thousandth of its length given the preceding ones, which leaves eight digits. Where one keeps less, the Gram matrix S'S of
 # chunk R^-1, nearly the identity, gives what is missing: S R is accurate to rounding (Yamamoto and others, "Roundoff error analysis of the
 # CholeskyQR2 algorithm", ETNA 44, 2015), in three quarters of the time of reflections.
 
-#: Length that each column must keep beside the ones before it.
+#: Relative residual norm that each column must keep given the preceding ones.
 _OWN = 1e-4
 
-#: Length from which on a first factor can be bettered by a second, and that each column must then keep: it is nearly one.
+#: Relative residual norm from which a second factor corrects the first, and that each column must then keep: nearly one.
 _SEEN, _NEARLY = 1e-6, 0.5
 
 
@@ -44,8 +44,8 @@ def triangle_of(
     """Return R (at most columns, columns) of all rows that the chunks give together.
 
     `chunks`: gives the chunks, (rows, columns) each, from the first on; it is called again where the Gram matrix is not accurate.
-    `least`: length that each column must keep beside the ones before it for the Gram matrix to be enough; R is then known to 1e-16 /
-    least^2. `gram`: R'R of more rows than columns, where it is known already; its place is used.
+    `least`: relative residual norm that each column must keep for the Gram matrix to be accurate enough; R is then known to
+    1e-16 / least^2. `gram`: R'R of more rows than columns, where it is known already; its place is used.
     """
     if gram is None:
         gram, rows = _gram(chunks(), columns)
@@ -98,10 +98,10 @@ def _reflected(place: RealArray, filled: int) -> int:
 
 
 def factor_of_gram(gram: RealArray, *, overwrite: bool = False, least: float = _OWN) -> RealArray | None:
-    """Return the upper triangular R with R'R = G, columns of zeros left as they are; None where a column is hardly one of its own.
+    """Return the upper triangular R with R'R = G, columns of zeros kept; None where columns are nearly dependent.
 
-    `gram` (n, n): g; its upper triangle is read. `overwrite`: whether its place may be used. `least`: length that each column must keep
-    beside the ones before it.
+    `gram` (n, n): g; its upper triangle is read. `overwrite`: whether its place may be used. `least`: relative residual norm
+    that each column must keep given the preceding ones.
 
     Examples
     --------
@@ -199,7 +199,7 @@ _AT_A_TIME = 256
 #: Eigenvalues of a Gram matrix below this part of the largest are near rounding; what is left below that part of the data is, too.
 _DEPENDENT, _LEAST = 1e-11, 1e-8
 
-#: Largest relative error, by a bound that is met to a hundredth or so, of an energy that is told as a difference.
+#: Largest relative error, by a bound that is met to a hundredth or so, of an energy that is computed as a difference.
 _EXACT = 1e-7
 
 

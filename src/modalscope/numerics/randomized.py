@@ -1,4 +1,4 @@
-"""Leading singular vectors of large matrices by their products: a randomized Krylov range, and Lanczos."""
+"""Compute leading singular triplets of large matrices by a randomized block Krylov range or by Lanczos."""
 
 from __future__ import annotations
 
@@ -58,12 +58,12 @@ class _Basis:
         """Those that there are, (rows, size)."""
         return self._all[:, : self.size]
 
-    def beside(self, block: RealArray) -> RealArray:
-        """Return what a block, (rows, b), has beside the columns that there are."""
+    def residual(self, block: RealArray) -> RealArray:
+        """Return the residual of a block, (rows, b), after projection on the columns."""
         return np.asarray(block - self.columns @ (self.columns.T @ block))
 
     def grow(self, block: RealArray) -> tuple[RealArray, RealArray]:
-        """Add what a block, (rows, b), has beside the columns that there are; return it, orthonormal, and the block in all of them.
+        """Add the orthonormalized residual of a block, (rows, b); return it, and the coordinates of the block in all columns.
 
         Where a block has lost rank directions without meaning take the place of those that it does not have.
         """
@@ -103,7 +103,7 @@ def by_range(matrix: Operator, carried: int, seed: int = 0) -> Triplets:
     while True:
         start, n = U.size, V.size
         left, B[:n, start:n] = U.grow(matrix.times(last))
-        rest = V.beside(matrix.transposed_times(left))
+        rest = V.residual(matrix.transposed_times(left))
         if n >= least:
             X, d, Yt = np.linalg.svd(B[:n, :n])
             d = d[:carried]

@@ -1,4 +1,4 @@
-"""Choose the device, bound the memory, and limit the threads of linear algebra.
+"""Limits of memory and threads, and the device on which large products are computed.
 
 Identification solves hundreds of small problems. Threads of the linear algebra library only wait for each other there: on two
 busy cores they made the same work take ten times as long. The limit holds while a verb runs and is taken back after it.

@@ -1,4 +1,4 @@
-"""Compute robust averages, optimal pairings, and confidence intervals."""
+"""Robust scatter, noise threshold of singular values, optimal pairing, and confidence intervals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Accumulate sums over chunks of data, save them, and resume."""
+"""Accumulate sums and triangular factors over chunks of data, with partial sums kept in files."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope.numerics.checks import BoolArray, RealArray
-from modalscope.numerics.executors import execution
+from modalscope.numerics.executors import executor
 from modalscope.numerics.resources import fetched, namespace
 
 __all__ = ["SavedSums", "Sums", "TriangleSum"]
@@ -72,7 +72,7 @@ class TriangleSum:
 
 def _triangle(rows: RealArray) -> RealArray:
     """Return R of Q R = rows, (columns, columns), computed where large products are."""
-    placed, columns = execution().place(rows), rows.shape[1]
+    placed, columns = executor().place(rows), rows.shape[1]
     if placed is not rows:
         return fetched(namespace(placed).linalg.qr(placed)[1])
     return np.asarray(sla.qr(rows, mode="r", overwrite_a=True, check_finite=False)[0], dtype=float)[:columns]
@@ -109,7 +109,8 @@ class SavedSums:
     def __init__(self, folder: Path | None, work: str, shape: tuple[int, ...], tasks: int) -> None:
         self.sums: RealArray = np.zeros(shape)
         self.done: BoolArray = np.zeros(tasks, dtype=bool)
-        self._path = None if folder is None else folder / f"sums-{_name(work, shape, tasks)}.npz"
+        name = hashlib.sha256(f"{work} {shape} {tasks}".encode()).hexdigest()[:24]
+        self._path = None if folder is None else folder / f"sums-{name}.npz"
         self._next = time.monotonic() + _SECONDS
         self._kept = 0
         if self._path is not None:
@@ -170,7 +171,3 @@ def _digest(file: IO[bytes]) -> bytes:
     while part := file.read(1 << 20):
         digest.update(part)
     return digest.digest()
-
-
-def _name(work: str, shape: tuple[int, ...], tasks: int) -> str:
-    return hashlib.sha256(f"{work} {shape} {tasks}".encode()).hexdigest()[:24]

@@ -14,7 +14,7 @@ from scipy import fft
 from modalscope.data.sizes import check_size
 from modalscope.data.stored import StoredSignals
 from modalscope.numerics.checks import ComplexArray, RealArray
-from modalscope.numerics.executors import each, execution
+from modalscope.numerics.executors import each
 from modalscope.numerics.resources import allowed_memory, check_fits, fetched, namespace, one_thread
 from modalscope.numerics.sums import SavedSums
 
@@ -87,8 +87,8 @@ class LagSum:
     def _sum_spectra(self, total: ComplexArray, chunk: RealArray, times: int, columns: list[int]) -> None:
         """Add the cross spectra of all blocks, (length / 2 + 1, l, r), to `total`."""
         for later, now in self._blocks(chunk, times, columns):
-            if execution().device is not None:
-                total += _cross_spectra(execution().place(later), execution().place(now))
+            if executor().device is not None:
+                total += _cross_spectra(executor().place(later), executor().place(now))
                 continue
             ahead, behind = fft.rfft(later, axis=1), fft.rfft(now, axis=1)
             np.conjugate(behind, out=behind)
@@ -181,7 +181,7 @@ def lag_sums(record: StoredSignals, references: tuple[int, ...], lags: int, edge
     chunk = max(int(most) // channels, 2 * lags, 2)
     work = partial(_sum_over, record, references, lags, offset, chunk)
     tasks = stretches(edges, channels)
-    saved = SavedSums(execution().folder, f"{record.rows.identity} {key}", shape, len(tasks))
+    saved = SavedSums(executor().folder, f"{record.rows.identity} {key}", shape, len(tasks))
     found = _centred(_all_sums(work, tasks, saved), record.samples)
     _latest[record] = (key, found)
     return found
@@ -221,7 +221,7 @@ def _sum_over(
 
 def _all_sums(work: partial[RealArray], tasks: list[Stretch], saved: SavedSums) -> RealArray:
     """Return the sums of all blocks, saved ones and those of the remaining tasks."""
-    progress = execution().progress
+    progress = executor().progress
     try:
         for task, sums in each(work, [task for task in tasks if not saved.done[task.number]]):
             saved.add(task.number, task.block, sums)

@@ -1,4 +1,4 @@
-"""Balanced projection: the eigensystem realization algorithm (Eqs. 24-28) and its form on a small computer (Eqs. 39-41)."""
+"""Realize models by balanced projection: the eigensystem realization algorithm (Eqs. 24-28, 39-41)."""
 
 from __future__ import annotations
 

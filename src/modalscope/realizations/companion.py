@@ -1,4 +1,4 @@
-"""Realize block companion forms from the null space of a data matrix or by least squares (Eqs. 42-54, 95-101).
+"""Realize models in canonical form: block companion matrices by null space or least squares (Eqs. 42-54, 95-101).
 
 The rows V_0, V_1, ..., V_r of the row factor (V_k = C A^k in the time domain) obey V_r = R [V_0; ...; V_{r-1}], and R is the last block row
 of the companion matrix in the basis of the shift. Minimum-norm R = P_r (E P)# uses all columns of the null space and needs none of
@@ -161,7 +161,7 @@ def _output(matrix: DataMatrix, factors: Factors, block: int, states: Array) -> 
     return np.asarray(np.linalg.lstsq(states.T, seen.T, rcond=None)[0].T)
 
 
-def _needs_whole_blocks(matrix: DataMatrix) -> tuple[RowShift, int]:
+def _shift_of_whole_blocks(matrix: DataMatrix) -> RowShift:
     shift = matrix.row_shift
     if not shift.whole:
         raise DataError(
@@ -169,7 +169,7 @@ def _needs_whole_blocks(matrix: DataMatrix) -> tuple[RowShift, int]:
             "its block rows are not whole: channels were left out of some",
             "Leave these channels out altogether with select(), or use method='alternate', 'era' or 'least_squares'.",
         )
-    return shift, matrix.block_rows
+    return shift
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -222,7 +222,7 @@ def null_space_companion(matrix: DataMatrix, factors: Factors) -> NullSpaceCompa
 
     `factors`: of the matrix with one block row more, the largest rank.
     """
-    shift, _ = _needs_whole_blocks(matrix)
+    shift = _shift_of_whole_blocks(matrix)
     gram, _ = shift_grams(matrix, factors)
     P = shift.unweighted(factors.P)
     return NullSpaceCompanion(factors=factors, matrix=matrix, shift=shift, gram=gram, P=P, B=_input(matrix))
@@ -320,7 +320,7 @@ def least_squares_companion(matrix: DataMatrix, factors: Factors) -> LeastSquare
 
     `factors`: of the matrix with one block row more, complete.
     """
-    shift, _ = _needs_whole_blocks(matrix)
+    shift = _shift_of_whole_blocks(matrix)
     stand_in = shift.unweighted(factors.P * factors.d)
     return LeastSquaresCompanion(factors=factors, matrix=matrix, shift=shift, stand_in=stand_in, B=_input(matrix))
 

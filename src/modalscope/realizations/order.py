@@ -1,4 +1,4 @@
-"""How many states stand out of the noise: the singular values read by two rules, and how sure that is."""
+"""Recommend a model order from the singular values of a data matrix."""
 
 from __future__ import annotations
 

@@ -1,12 +1,11 @@
-"""What every realization is: models of all orders, cut from arrays that were computed once."""
+"""Base class of realizations: models of all orders, cut from arrays that are computed once."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -14,20 +13,15 @@ from modalscope.blocks.factor import Factors
 from modalscope.blocks.influence import Influence, Lines
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Eigen, Triple, padded
-from modalscope.numerics.checks import ComplexArray
+from modalscope.numerics.checks import ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.operators import times_real
 
 __all__ = ["Realization", "Sides"]
 
 
 class Sides(NamedTuple):
-    """One row and one column of the data matrix for each of k poles by their coefficients, in bases that serve all orders.
-
-    Attributes
-    ----------
-    left : array of complex, (k, a)
-    right : array of complex, (b, k)
-    """
+    """One row (k, a) and one column (b, k) of the data matrix for each of k poles, by coefficients in bases that serve all orders."""
 
     left: ComplexArray
     right: ComplexArray
@@ -44,6 +38,9 @@ class Realization(ABC):
     factors: Factors
     matrix: DataMatrix
     notes: tuple[str, ...] = ()
+
+    #: Whether `left_basis` has the rows that E0 selects of the matrix with one block row more.
+    left_of_tall: ClassVar[bool] = False
 
     @abstractmethod
     def triple(self, n: int) -> Triple:
@@ -70,12 +67,14 @@ class Realization(ABC):
 
         `values` (k,): the eigenvalues.
         """
-        return ((self.left_rows.pencil(sides.left, values), self.matrix.right_vectors(self.factors, sides.right)),)
+        rows = times_real(sides.left, self.left_basis[:, : sides.left.shape[1]].T)
+        left = self.matrix.pencil(rows, values, tall=self.left_of_tall)
+        return ((left, self.matrix.right_vectors(self.factors, sides.right)),)
 
-    @cached_property
-    def left_rows(self) -> Any:
-        """What the left coefficients are those of: by default of P."""
-        return self.matrix.left_rows(self.factors.P, tall=False)
+    @property
+    def left_basis(self) -> RealArray:
+        """The basis of the left coefficients, (rows, k)."""
+        return self.factors.P
 
     def influence(self, parts: Sequence[tuple[int, Eigen]], lines: Lines | None = None) -> Influence:
         """Return the gradient of eigenvalues of one order, or of several, by the response as it was factored.

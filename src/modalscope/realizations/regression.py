@@ -1,4 +1,4 @@
-"""Least-squares regression on H(0) (Eqs. 65-66), truncated: an n x n problem, whatever the size of the data matrix."""
+"""Realize models by least-squares regression on H(0), truncated to n states (Eqs. 65-66)."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy as np
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Eigen, Triple
-from modalscope.numerics.checks import Array, RealArray
+from modalscope.numerics.checks import RealArray
 from modalscope.realizations.realization import Realization, Sides
 
-__all__ = ["Regression", "regression", "regression_matrix"]
+__all__ = ["Regression", "regression"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -54,8 +54,3 @@ def regression(matrix: DataMatrix, factors: Factors) -> Regression:
     first = matrix.first_columns(factors)
     B = None if first is None else np.ascontiguousarray((first * d).T)
     return Regression(factors=factors, matrix=matrix, A=A, B=B, CA=CA)
-
-
-def regression_matrix(shifted: Array, P: Array, d: Array, Q: Array) -> RealArray:
-    """Return the whole A = H(1) Q d^-1 P' of Eq. 65, of the order of the rows of H(0): for tests and for small problems only."""
-    return np.asarray(shifted @ (np.asarray(Q) / d) @ np.asarray(P).T)

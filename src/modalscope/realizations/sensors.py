@@ -1,4 +1,4 @@
-"""Models in the coordinates of the sensors: M^-1 K and M^-1 D (Eq. 107), and the first-order form (Eqs. 108-109)."""
+"""Transform models to the coordinates of the sensors: M^-1 K and M^-1 D (Eq. 107), first-order form (Eqs. 108-109)."""
 
 from __future__ import annotations
 

@@ -1,10 +1,9 @@
-"""The shift of one factor: the alternate method (Eqs. 55-64 and 110), rows of the table that need no H(1)."""
+"""Realize models from the shift of the row factor: the alternate method (Eqs. 55-64 and 110), which needs no H(1)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.linalg as sla
@@ -54,6 +53,8 @@ class Shift(Realization):
     C: RealArray
     block_rows: int
 
+    left_of_tall = True
+
     @cached_property
     def _sound(self) -> bool:
         """Whether E0 P has full rank at the largest order, and so at all: eigenvalues of leading blocks lie between the whole's."""
@@ -66,16 +67,14 @@ class Shift(Realization):
         if not self._sound:
             check_blocks(self.gram, n, self.block_rows)
         B = None if self.B is None else self.B[:n]
-        return Triple(self._shifted(n), B, self.C[:, :n], n, self.factors)
-
-    def _shifted(self, n: int) -> RealArray:
-        """Return A of order n."""
         if self._sound:
             over, under = self._triangles
-            return np.asarray(over[:n, :n] @ under[:n, :n])
-        root = np.sqrt(self.factors.d[:n])
-        A = sla.solve(self.gram[:n, :n], self.cross[:n, :n], assume_a="pos", check_finite=False)
-        return np.asarray(A * root / root[:, None])
+            A = over[:n, :n] @ under[:n, :n]
+        else:
+            root = np.sqrt(self.factors.d[:n])
+            A = sla.solve(self.gram[:n, :n], self.cross[:n, :n], assume_a="pos", check_finite=False)
+            A = A * root / root[:, None]
+        return Triple(np.asarray(A), B, self.C[:, :n], n, self.factors)
 
     @cached_property
     def _triangles(self) -> tuple[RealArray, RealArray]:
@@ -92,9 +91,9 @@ class Shift(Realization):
         return Sides(states, eigen.vectors / root[:, None])
 
     @cached_property
-    def left_rows(self) -> Any:
+    def left_basis(self) -> RealArray:
         """E0 P."""
-        return self.matrix.left_rows(self.matrix.row_shift.split(self.factors.P)[0], tall=True)
+        return self.matrix.row_shift.split(self.factors.P)[0]
 
 
 def shift(matrix: DataMatrix, factors: Factors) -> Shift:
