@@ -14,7 +14,7 @@ from scipy import fft
 from modalscope.data.sizes import check_size
 from modalscope.data.stored import StoredSignals
 from modalscope.numerics.checks import ComplexArray, RealArray
-from modalscope.numerics.executors import each
+from modalscope.numerics.executors import each, executor
 from modalscope.numerics.resources import allowed_memory, check_fits, fetched, namespace, one_thread
 from modalscope.numerics.sums import SavedSums
 
