@@ -10,8 +10,16 @@ import pytest
 
 from modalscope.data import FrequencyResponse
 from modalscope.data.poles import poles_from
-from modalscope.judging.arena import Arena
-from modalscope.judging.contest import State, _doubtful, contest, gains_beside, noise_beneath, standing, staying
+from modalscope.judging.joint_selection import (
+    State,
+    _doubtful,
+    channel_noise_factors,
+    gains_in_residual,
+    pruned,
+    select_jointly,
+    significant_peaks,
+)
+from modalscope.judging.selection_problem import SelectionProblem
 from modalscope.judging.tracking import ONE_SHAPE, collinear
 from modalscope.likelihood.covariance import deviations_of_poles, pole_blocks
 from modalscope.likelihood.descent import descend, inverse, normal
@@ -47,13 +55,13 @@ def problem_of(response: FrequencyResponse, noise: float = NOISE, *, swift: bool
     return whitened(response, np.zeros(0), (0,), rows, np.full(3, noise), np.ones(2), swift=swift)
 
 
-def arena_of(response: FrequencyResponse, **how: object) -> Arena:
-    made = Arena(problem_of(response), 1.0, search_bound(3, 2, 2 * F.size), (5.0, 25.0))
+def arena_of(response: FrequencyResponse, **how: object) -> SelectionProblem:
+    made = SelectionProblem(problem_of(response), 1.0, search_bound(3, 2, 2 * F.size), (5.0, 25.0))
     return replace(made, **how)  # type: ignore[arg-type]
 
 
-def ends(arena: Arena, start: list[int], **how: bool) -> np.ndarray:
-    found = contest(arena, POLES[start], PARTS[start].astype(complex), **how)
+def ends(selection: SelectionProblem, start: list[int], **how: bool) -> np.ndarray:
+    found = select_jointly(selection, POLES[start], PARTS[start].astype(complex), **how)
     assert found is not None
     return np.sort_complex(found.poles)
 
@@ -71,8 +79,8 @@ def test_the_bound_is_that_of_the_largest_singular_value_over_all_positions() ->
 
 def test_what_noise_explains_at_its_best_place_stays_below_the_bound() -> None:
     for seed in range(5):
-        arena = arena_of(data((), seed=seed))
-        assert ends(arena, []).size == 0
+        selection = arena_of(data((), seed=seed))
+        assert ends(selection, []).size == 0
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -80,8 +88,8 @@ def test_two_of_one_shape_are_parted_though_one_in_their_place_leaves_no_peak(se
     """What one pole leaves of two is of second order in their distance: both together tell it from noise, not the peak that it makes."""
     noise, R, apart = 0.06, np.outer(SHAPES[:, 0], PARTS[0]), -0.5j * POLES[0].real
     response = made([(R, POLES[0] - apart), (R, POLES[0] + apart)], noise, seed)
-    arena = Arena(problem_of(response, noise), 1.0, search_bound(3, 2, 2 * F.size), (5.0, 25.0))
-    found = contest(arena, POLES[[0]], PARTS[[0]].astype(complex))
+    selection = SelectionProblem(problem_of(response, noise), 1.0, search_bound(3, 2, 2 * F.size), (5.0, 25.0))
+    found = select_jointly(selection, POLES[[0]], PARTS[[0]].astype(complex))
     assert found is not None
     assert found.poles.size == 2
 
@@ -94,9 +102,11 @@ def test_noise_of_one_channel_that_is_louder_than_its_levels_makes_no_mode(monke
         values = response.values.copy()
         values[:, 1, 0] = loud.values[:, 1, 0]
         arenas.append(arena_of(replace(response, values=values)))
-    assert [ends(arena, []).size for arena in arenas] == [0, 0, 0]
-    monkeypatch.setattr("modalscope.judging.contest.noise_beneath", lambda state: np.ones(len(state.poles)))
-    assert all(ends(arena, []).size for arena in arenas)
+    assert [ends(selection, []).size for selection in arenas] == [0, 0, 0]
+    monkeypatch.setattr(
+        "modalscope.judging.joint_selection.channel_noise_factors", lambda state: np.ones(len(state.poles))
+    )
+    assert all(ends(selection, []).size for selection in arenas)
 
 
 def test_the_noise_beneath_a_mode_is_that_of_the_channels_it_rests_on() -> None:
@@ -106,12 +116,12 @@ def test_the_noise_beneath_a_mode_is_that_of_the_channels_it_rests_on() -> None:
     H = response.values + size * (
         own.standard_normal(response.values.shape) + 1j * own.standard_normal(response.values.shape)
     )
-    arena = arena_of(replace(response, values=H), variance=float(np.mean((size / NOISE) ** 2)))
-    state = State(descend(arena.problem, POLES, PARTS.astype(complex)), arena.variance, arena)
-    left = (size / NOISE) ** 2 / arena.variance
+    selection = arena_of(replace(response, values=H), variance=float(np.mean((size / NOISE) ** 2)))
+    state = State(descend(selection.problem, POLES, PARTS.astype(complex)), selection.variance, selection)
+    left = (size / NOISE) ** 2 / selection.variance
     R = np.abs(np.einsum("oj,ji->joi", SHAPES, PARTS)) ** 2
     expected = np.sum(R * left, axis=(1, 2)) / np.sum(R, axis=(1, 2))
-    assert noise_beneath(state) == pytest.approx(np.maximum(expected, 1), rel=0.1)
+    assert channel_noise_factors(state) == pytest.approx(np.maximum(expected, 1), rel=0.1)
 
 
 def test_a_mode_that_no_candidate_shows_is_found_in_what_the_others_leave() -> None:
@@ -136,30 +146,30 @@ def test_a_candidate_that_explains_no_more_than_noise_goes() -> None:
 
 def test_two_candidates_of_one_mode_become_one() -> None:
     start = np.append(POLES, POLES[0] * 1.004)
-    found = contest(arena_of(data()), start, np.vstack([PARTS, PARTS[:1]]).astype(complex))
+    found = select_jointly(arena_of(data()), start, np.vstack([PARTS, PARTS[:1]]).astype(complex))
     assert found is not None
     assert close(np.sort_complex(found.poles), POLES)
 
 
 def test_poles_are_looked_for_in_the_band_and_a_tenth_of_its_ends_around() -> None:
-    arena = arena_of(data(), band=(5.0, 18 / 1.1 - NUDGE))
-    assert close(ends(arena, [0, 1, 2, 3]), POLES[:3])
-    arena = arena_of(data(), band=(5.0, 18 / 1.1 + 0.05))
-    assert close(ends(arena, [0, 1, 2, 3]), POLES)
+    selection = arena_of(data(), band=(5.0, 18 / 1.1 - NUDGE))
+    assert close(ends(selection, [0, 1, 2, 3]), POLES[:3])
+    selection = arena_of(data(), band=(5.0, 18 / 1.1 + 0.05))
+    assert close(ends(selection, [0, 1, 2, 3]), POLES)
 
 
 @pytest.mark.slow
 def test_the_gain_is_the_rise_of_the_misfit_without_the_mode_and_deviations_are_those_of_repeated_noise() -> None:
-    found = [contest(arena_of(data(seed=s)), POLES, PARTS.astype(complex)) for s in range(40)]
+    found = [select_jointly(arena_of(data(seed=s)), POLES, PARTS.astype(complex)) for s in range(40)]
     poles = np.array([each.poles for each in found if each is not None])
     told = found[0]
     assert told is not None
     spread = np.std(poles.imag, axis=0) / (2 * np.pi)
     # forty sets know a deviation to 11 %; the frequency is that of Im s but for zeta^2
     assert np.all(np.abs(spread / told.frequency_std - 1) < 0.4)
-    arena = arena_of(data())
-    whole = descend(arena.problem, told.poles, told.descent.point.sides)
-    point = arena.problem.at(np.delete(told.poles, 3), np.delete(told.descent.point.sides, 3, axis=0))
+    selection = arena_of(data())
+    whole = descend(selection.problem, told.poles, told.descent.point.sides)
+    point = selection.problem.at(np.delete(told.poles, 3), np.delete(told.descent.point.sides, 3, axis=0))
     less = point.cost(point.fitted())
     assert told.gain[3] == pytest.approx((less - whole.cost) / told.variance, rel=1e-3)
 
@@ -177,7 +187,7 @@ def test_what_stays_when_the_weakest_go_is_what_refits_say() -> None:
         stay = next((k for k, (_, gain) in enumerate(gone) if gain >= least), len(gone))
         left = {j for j, _ in gone[stay:]} | set(kept)
         if stay < len(gone):
-            assert set(standing(fitted, np.full(4, least))) == left
+            assert set(pruned(fitted, np.full(4, least))) == left
 
 
 def cost_of(problem: Whitened, sides: np.ndarray, which: list[int]) -> float:
@@ -186,13 +196,15 @@ def cost_of(problem: Whitened, sides: np.ndarray, which: list[int]) -> float:
 
 
 def test_what_a_pole_would_explain_beside_the_modes_is_its_own_gain_where_it_is_missing() -> None:
-    arena = arena_of(data())
+    selection = arena_of(data())
     # nothing is taken up beyond the band
-    found = contest(replace(arena, coloured=True, band=(5.0, 15.0)), POLES[[0, 1, 2]], PARTS[[0, 1, 2]].astype(complex))
-    whole = contest(arena, POLES, PARTS.astype(complex))
+    found = select_jointly(
+        replace(selection, coloured=True, band=(5.0, 15.0)), POLES[[0, 1, 2]], PARTS[[0, 1, 2]].astype(complex)
+    )
+    whole = select_jointly(selection, POLES, PARTS.astype(complex))
     assert found is not None
     assert whole is not None
-    gain = gains_beside(arena, found, POLES[[3]])[0] * found.variance
+    gain = gains_in_residual(selection, found, POLES[[3]])[0] * found.variance
     # alone at the true place: less the little that the others have taken up of it
     assert gain == pytest.approx(whole.gain[3] * whole.variance, rel=0.05)
 
@@ -224,11 +236,11 @@ def test_with_one_input_close_poles_are_one_whatever_their_shapes(apart: float, 
 
 
 def test_data_in_doubt_are_given_up_unless_what_is_left_becomes_white() -> None:
-    assert contest(arena_of(data()), POLES[:2], PARTS[:2].astype(complex), doubted=True) is not None
+    assert select_jointly(arena_of(data()), POLES[:2], PARTS[:2].astype(complex), doubted=True) is not None
     e = np.random.default_rng(1).standard_normal((2, F.size, 3, 2))
     smooth = np.apply_along_axis(lambda v: np.convolve(v, np.ones(9) / 3, mode="same"), 1, e)
     coloured = replace(data(noise=0.0), values=data(noise=0.0).values + 3 * NOISE * (smooth[0] + 1j * smooth[1]))
-    assert contest(arena_of(coloured), POLES, PARTS.astype(complex), doubted=True) is None
+    assert select_jointly(arena_of(coloured), POLES, PARTS.astype(complex), doubted=True) is None
 
 
 # -------------------------------------------------------------------------------------------------------------- faster steps
@@ -274,26 +286,26 @@ def test_a_descent_that_is_decided_ends() -> None:
 
 def test_of_new_poles_that_share_one_peak_the_one_that_stands_out_most_stays_for_another_round() -> None:
     poles = poles_from(np.array([10.0, 10.1, 12.0, 13.0]), np.full(4, 0.01))
-    assert staying(poles, np.array([0.7, 0.5, 0.6, 1.2])).tolist() == [True, False, False, True]
-    assert staying(poles, np.array([0.7, 1.5, 0.6, 1.2])).tolist() == [False, True, False, True]
+    assert significant_peaks(poles, np.array([0.7, 0.5, 0.6, 1.2])).tolist() == [True, False, False, True]
+    assert significant_peaks(poles, np.array([0.7, 1.5, 0.6, 1.2])).tolist() == [False, True, False, True]
     # of three on one peak the other two go at once: what a second one does beside the first shows when that is left
     three = poles_from(np.array([10.0, 10.05, 10.1]), np.full(3, 0.01))
-    assert staying(three, np.array([0.6, 0.7, 0.5])).tolist() == [False, True, False]
-    assert staying(poles[:0], np.zeros(0)).tolist() == []
+    assert significant_peaks(three, np.array([0.6, 0.7, 0.5])).tolist() == [False, True, False]
+    assert significant_peaks(poles[:0], np.zeros(0)).tolist() == []
 
 
 def test_below_two_bars_a_mode_that_stands_alone_is_in_doubt() -> None:
     # 10 to 16 Hz with 1 %: far apart; of a bar of 10 gains of 15 and 19 are less than two, 21 and 100 are not
-    poles, arena = (
+    poles, selection = (
         poles_from(np.array([10.0, 12.0, 14.0, 16.0]), np.full(4, 0.01)),
         SimpleNamespace(bar=10.0, coloured=False),
     )
     gain = np.array([19.0, 100.0, 15.0, 21.0])
-    assert _doubtful(SimpleNamespace(poles=poles, gain=gain, arena=arena)) == [2, 0]  # type: ignore[arg-type]
+    assert _doubtful(SimpleNamespace(poles=poles, gain=gain, selection=selection)) == [2, 0]  # type: ignore[arg-type]
 
 
 def test_deviations_of_a_mode_for_its_parts_are_those_of_the_model_without_them() -> None:
-    found = contest(arena_of(data()), POLES, PARTS.astype(complex))
+    found = select_jointly(arena_of(data()), POLES, PARTS.astype(complex))
     assert found is not None
     point, at = found.descent.point, int(np.argmin(np.abs(found.poles - POLES[1])))
     other = int(np.argmin(np.abs(found.poles - POLES[2])))

@@ -9,8 +9,8 @@ import pytest
 
 from modalscope.data.poles import poles_from
 from modalscope.judging import verdict as likely
-from modalscope.judging.arena import Arena
 from modalscope.judging.evidence import evidence_of
+from modalscope.judging.selection_problem import SelectionProblem
 from modalscope.likelihood.reference_model import floor_of
 from tests.judging.made import diagram_of, poles_of
 from tests.judging.test_contest import F, data
@@ -31,8 +31,8 @@ def test_skirts_take_part_only_where_what_is_left_beside_them_is_white(
         values = values + 0.01 * (sums[9:] - sums[:-9]) / 3
     response = replace(data(), values=values)
     diagram, poles = diagram_of(*ALL, response=response, orders=ORDERS), poles_of(*ALL, orders=ORDERS)
-    arenas: list[Arena] = []
-    monkeypatch.setattr(likely, "contest", lambda arena, *_, **__: arenas.append(arena))
+    arenas: list[SelectionProblem] = []
+    monkeypatch.setattr(likely, "select_jointly", lambda selection, *_, **__: arenas.append(selection))
     likely.likely(diagram, poles, evidence_of(diagram))
     assert floor_of(response, POLES * OFF).colour.coloured
     # beside the terms for all that is far outside every pole that takes part has two columns

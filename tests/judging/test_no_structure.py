@@ -9,7 +9,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.judging.evidence import Candidate
-from modalscope.judging.no_structure import CORRELATED, beside_structure, told_of_errors
+from modalscope.judging.no_structure import CORRELATED, with_note_on_errors, with_objections_of_record
 from modalscope.systems import chain5
 from tests.judging.ambient_records import beside_a_machine
 
@@ -66,8 +66,8 @@ def test_modes_of_samples_that_were_not_weighed_against_noise_are_told_to_be_so(
     weighed = ms.select(diagram)
     assert CORRELATED not in [note.kind for note in weighed.notes]
     counted = replace(weighed, reasons=tuple({"text": ""} for _ in weighed.reasons), left_out=())
-    assert [note.kind for note in told_of_errors(counted, diagram).notes][-1] == CORRELATED
-    assert CORRELATED not in [note.kind for note in told_of_errors(counted.take([]), diagram).notes]
+    assert [note.kind for note in with_note_on_errors(counted, diagram).notes][-1] == CORRELATED
+    assert CORRELATED not in [note.kind for note in with_note_on_errors(counted.take([]), diagram).notes]
 
 
 def test_a_mode_beside_a_wandering_line_is_wider_than_its_wandering() -> None:
@@ -76,6 +76,6 @@ def test_a_mode_beside_a_wandering_line_is_wider_than_its_wandering() -> None:
     diagram = replace(ms.stabilize(record, orders=[10, 12, 14]), notes=(line,))
     # half the width of a normal distribution of .012 Hz is .014 Hz; .6 % of 3.224 Hz is .019 Hz
     close = [Candidate(np.zeros(0, int), 3.224, damping, {}, ()) for damping in (0.006, 0.004)]
-    mode, part_of_line = beside_structure(diagram, close)
+    mode, part_of_line = with_objections_of_record(diagram, close)
     assert mode.against == ()
     assert part_of_line.against == ("a harmonic of a machine: a line",)

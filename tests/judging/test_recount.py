@@ -19,17 +19,17 @@ from tests.judging.test_contest import NOISE, PARTS, POLES, SHAPES, F, arena_of,
 
 def errors_of(variance: float = 2.0, correlation: tuple[float, ...] = ()) -> Recount:
     """Return white data with modes where they are, and errors as they are said to be: 2 is what the arena divides by."""
-    arena = arena_of(data(), coloured=True)
-    descent = descend(arena.problem, POLES, PARTS / np.linalg.norm(PARTS, axis=1, keepdims=True) + 0j, most=0)
-    left = arena.problem.data
+    selection = arena_of(data(), coloured=True)
+    descent = descend(selection.problem, POLES, PARTS / np.linalg.norm(PARTS, axis=1, keepdims=True) + 0j, most=0)
+    left = selection.problem.data
     shape = (len(F), *left.shape[1:])
     errors = ColouredErrors(np.full(shape, variance), np.zeros(shape), np.array(correlation), np.zeros(0))
-    return Recount(arena, descent, left, errors)
+    return Recount(selection, descent, left, errors)
 
 
 def test_of_white_errors_a_gain_is_the_rise_of_the_misfit_without_the_mode_and_free_residues() -> None:
     recount = errors_of()
-    problem = recount.arena.problem
+    problem = recount.selection.problem
 
     def misfit(poles: RealArray) -> float:
         columns = np.hstack([problem.columns(poles, slopes=False)[0], problem.terms])
@@ -81,8 +81,8 @@ def test_errors_that_are_a_part_of_the_response_are_told_with_their_correlation(
     problem = whitened(
         replace(data(), values=H + e), np.zeros(0), (0,), np.tile(level, 2), np.ones(3), np.ones(2), swift=False
     )
-    arena = replace(arena_of(data(), coloured=True), problem=problem)
-    errors = recount_of(arena, descend(problem, POLES, PARTS / np.linalg.norm(PARTS, axis=1)[:, None] + 0j)).errors
+    selection = replace(arena_of(data(), coloured=True), problem=problem)
+    errors = recount_of(selection, descend(problem, POLES, PARTS / np.linalg.norm(PARTS, axis=1)[:, None] + 0j)).errors
     told = np.sqrt(errors.variance) / (0.05 * np.abs(H) / level[:, None, None])
     assert np.exp(np.mean(np.log(told))) == pytest.approx(1, abs=0.15)
     assert np.std(np.log(told)) < 0.4
@@ -134,12 +134,12 @@ def test_a_narrow_resonance_lasts_beyond_the_lobe_of_a_window_and_a_coherent_lin
     for extra, lasting in ((resonance, True), (lobe[:, None, None] * np.outer(shape, part), False)):
         size = 40 * noise / np.abs(extra).max()
         response = replace(data(), values=data().values + white + size * extra)
-        arena = arena_of(response, coloured=True)
+        selection = arena_of(response, coloured=True)
         sides = np.vstack([PARTS, part])
         descent = descend(
-            arena.problem, np.append(POLES, beside), sides / np.linalg.norm(sides, axis=1)[:, None] + 0j, most=0
+            selection.problem, np.append(POLES, beside), sides / np.linalg.norm(sides, axis=1)[:, None] + 0j, most=0
         )
-        recount = recount_of(arena, descent)
+        recount = recount_of(selection, descent)
         assert recount.gains(np.array([4]))[0] > recount.bar
         assert recount.lasting(np.array([3, 4])).tolist() == [True, lasting]
 
@@ -164,10 +164,13 @@ def test_a_shoulder_has_the_shape_or_the_participation_of_a_stronger_mode_that_i
     x, beside = 2j * np.pi * F[:, None, None], POLES[3] * 1.012
     R = 0.4 * np.outer(shapes[shape], parts[part])
     response = replace(data(), values=data().values + R / (x - beside) + R / (x - beside.conj()))
-    arena = arena_of(response, coloured=True)
+    selection = arena_of(response, coloured=True)
     poles, sides = np.append(POLES, beside), np.vstack([PARTS, parts[part]])
-    descent = descend(arena.problem, poles, sides / np.linalg.norm(sides, axis=1)[:, None] + 0j, most=1)
-    assert recount_of(arena, descent).hosts(np.array([3, 4])).tolist() == [[False] * 5, [False] * 3 + [not own, False]]
+    descent = descend(selection.problem, poles, sides / np.linalg.norm(sides, axis=1)[:, None] + 0j, most=1)
+    assert recount_of(selection, descent).hosts(np.array([3, 4])).tolist() == [
+        [False] * 5,
+        [False] * 3 + [not own, False],
+    ]
 
 
 def test_a_resonance_that_shifts_from_input_to_input_leaves_nothing_beyond_and_a_second_of_its_participation_does() -> (
@@ -186,13 +189,13 @@ def test_a_resonance_that_shifts_from_input_to_input_leaves_nothing_beyond_and_a
     second = [of(alone, SHAPES[:, 3] * b) + of(beside, rng.standard_normal(3) * 0.3 * b) for b in PARTS[3]]
     for channels, beyond in ((shifted, False), (second, True)):
         response = replace(data(), values=data((0, 1, 2), noise=0.0).values + np.stack(channels, axis=2) + noise)
-        arena = arena_of(response, coloured=True)
+        selection = arena_of(response, coloured=True)
         poles, sides = np.append(POLES, beside), np.vstack([PARTS, PARTS[3]])
-        descent = descend(arena.problem, poles, sides / np.linalg.norm(sides, axis=1)[:, None] + 0j, most=0)
-        recount = recount_of(arena, descent)
+        descent = descend(selection.problem, poles, sides / np.linalg.norm(sides, axis=1)[:, None] + 0j, most=0)
+        recount = recount_of(selection, descent)
         assert recount.gains(np.array([4]))[0] > recount.bar
         assert bool(recount.beyond_shifts(4, np.array([3])) > np.sqrt(recount.bar)) is beyond
-        assert bool(recount.standing(np.array([4]))[0] > 1) is beyond
+        assert bool(recount.relative_gains(np.array([4]))[0] > 1) is beyond
 
 
 def test_information_that_has_vanished_is_none_and_other_is_inverted() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from modalscope.data import FrequencyResponse, ImpulseResponse
 from modalscope.data.poles import poles_from
-from modalscope.likelihood.settling import skirts
+from modalscope.likelihood.settling import out_of_band_poles
 from modalscope.numerics.checks import ComplexArray
 
 F = np.linspace(10, 20, 1001)
@@ -26,7 +26,7 @@ def left_of(mode: complex, beside: ComplexArray) -> float:
 
 
 def test_poles_lie_at_halved_distances_off_both_ends_and_eight_lines_off_at_the_nearest() -> None:
-    found = skirts(EMPTY) / (2 * np.pi)
+    found = out_of_band_poles(EMPTY) / (2 * np.pi)
     # 10 Hz, 5 Hz, ... .156 Hz; the next would be less than .08 Hz off
     away = 10 / 2.0 ** np.arange(7)
     assert np.allclose(np.sort(np.abs(found[found.imag < 15] - 10j)), np.sort(away))
@@ -37,27 +37,27 @@ def test_poles_lie_at_halved_distances_off_both_ends_and_eight_lines_off_at_the_
 @pytest.mark.parametrize("frequency", [5.0, 9.0, 9.8, 20.2, 23.0, 60.0])
 def test_skirts_of_modes_outside_are_told_where_residual_terms_alone_leave_most_of_them(frequency: float) -> None:
     mode = complex(poles_from(frequency, 0.005))
-    assert left_of(mode, skirts(EMPTY)) < 1e-3
-    assert left_of(mode, skirts(EMPTY)[:0]) > 0.15
+    assert left_of(mode, out_of_band_poles(EMPTY)) < 1e-3
+    assert left_of(mode, out_of_band_poles(EMPTY)[:0]) > 0.15
 
 
 def test_modes_inside_are_not_told() -> None:
     for frequency in (11.0, 15.0, 19.0):
-        assert left_of(complex(poles_from(frequency, 0.003)), skirts(EMPTY)) > 0.7
+        assert left_of(complex(poles_from(frequency, 0.003)), out_of_band_poles(EMPTY)) > 0.7
 
 
 def test_no_pole_lies_below_zero_or_above_half_the_sampling_rate() -> None:
     wide = FrequencyResponse(values=np.zeros((500, 1, 1)), frequencies=np.linspace(1, 20, 500), sampling_rate=44.0)
-    f = skirts(wide).imag / (2 * np.pi)
+    f = out_of_band_poles(wide).imag / (2 * np.pi)
     assert f.min() > 0
     assert 20 < f.max() < 22
 
 
 def test_poles_are_those_of_a_structure_whose_data_decay_faster() -> None:
-    assert np.allclose(skirts(replace(EMPTY, added_damping=3.0)), skirts(EMPTY) + 3.0)
+    assert np.allclose(out_of_band_poles(replace(EMPTY, added_damping=3.0)), out_of_band_poles(EMPTY) + 3.0)
 
 
 def test_samples_and_few_lines_have_none() -> None:
-    assert skirts(ImpulseResponse(values=np.zeros((100, 1, 1)), sampling_rate=50.0)).size == 0
-    assert skirts(EMPTY.at_lines(slice(0, 15))).size == 0
-    assert skirts(EMPTY.at_lines(slice(0, 17))).size > 0
+    assert out_of_band_poles(ImpulseResponse(values=np.zeros((100, 1, 1)), sampling_rate=50.0)).size == 0
+    assert out_of_band_poles(EMPTY.at_lines(slice(0, 15))).size == 0
+    assert out_of_band_poles(EMPTY.at_lines(slice(0, 17))).size > 0
