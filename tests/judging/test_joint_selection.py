@@ -13,11 +13,11 @@ from modalscope.data.poles import poles_from
 from modalscope.judging.joint_selection import (
     State,
     _doubtful,
-    gains_given,
-    noise_beneath,
+    channel_noise_factors,
+    gains_in_residual,
+    pruned,
     select_jointly,
-    significant,
-    staying,
+    significant_peaks,
 )
 from modalscope.judging.selection_problem import SelectionProblem
 from modalscope.judging.tracking import ONE_SHAPE, collinear
@@ -96,15 +96,17 @@ def test_two_of_one_shape_are_parted_though_one_in_their_place_leaves_no_peak(se
 
 @pytest.mark.slow
 def test_noise_of_one_channel_that_is_louder_than_its_levels_makes_no_mode(monkeypatch: pytest.MonkeyPatch) -> None:
-    selections = []
+    arenas = []
     for seed in range(3):
         response, loud = data((), seed=seed), data((), noise=3 * NOISE, seed=seed + 50)
         values = response.values.copy()
         values[:, 1, 0] = loud.values[:, 1, 0]
-        selections.append(selection_of(replace(response, values=values)))
-    assert [ends(selection, []).size for selection in selections] == [0, 0, 0]
-    monkeypatch.setattr("modalscope.judging.joint_selection.noise_beneath", lambda state: np.ones(len(state.poles)))
-    assert all(ends(selection, []).size for selection in selections)
+        arenas.append(selection_of(replace(response, values=values)))
+    assert [ends(selection, []).size for selection in arenas] == [0, 0, 0]
+    monkeypatch.setattr(
+        "modalscope.judging.joint_selection.channel_noise_factors", lambda state: np.ones(len(state.poles))
+    )
+    assert all(ends(selection, []).size for selection in arenas)
 
 
 def test_the_noise_beneath_a_mode_is_that_of_the_channels_it_rests_on() -> None:
@@ -119,7 +121,7 @@ def test_the_noise_beneath_a_mode_is_that_of_the_channels_it_rests_on() -> None:
     left = (size / NOISE) ** 2 / selection.variance
     R = np.abs(np.einsum("oj,ji->joi", SHAPES, PARTS)) ** 2
     expected = np.sum(R * left, axis=(1, 2)) / np.sum(R, axis=(1, 2))
-    assert noise_beneath(state) == pytest.approx(np.maximum(expected, 1), rel=0.1)
+    assert channel_noise_factors(state) == pytest.approx(np.maximum(expected, 1), rel=0.1)
 
 
 def test_a_mode_that_no_candidate_shows_is_found_in_what_the_others_leave() -> None:
@@ -185,7 +187,7 @@ def test_what_stays_when_the_weakest_go_is_what_refits_say() -> None:
         stay = next((k for k, (_, gain) in enumerate(gone) if gain >= least), len(gone))
         left = {j for j, _ in gone[stay:]} | set(kept)
         if stay < len(gone):
-            assert set(significant(fitted, np.full(4, least))) == left
+            assert set(pruned(fitted, np.full(4, least))) == left
 
 
 def cost_of(problem: Whitened, sides: np.ndarray, which: list[int]) -> float:
@@ -202,7 +204,7 @@ def test_what_a_pole_would_explain_beside_the_modes_is_its_own_gain_where_it_is_
     whole = select_jointly(selection, POLES, PARTS.astype(complex))
     assert found is not None
     assert whole is not None
-    gain = gains_given(selection, found, POLES[[3]])[0] * found.variance
+    gain = gains_in_residual(selection, found, POLES[[3]])[0] * found.variance
     # alone at the true place: less the little that the others have taken up of it
     assert gain == pytest.approx(whole.gain[3] * whole.variance, rel=0.05)
 
@@ -284,12 +286,12 @@ def test_a_descent_that_is_decided_ends() -> None:
 
 def test_of_new_poles_that_share_one_peak_the_one_that_stands_out_most_stays_for_another_round() -> None:
     poles = poles_from(np.array([10.0, 10.1, 12.0, 13.0]), np.full(4, 0.01))
-    assert staying(poles, np.array([0.7, 0.5, 0.6, 1.2])).tolist() == [True, False, False, True]
-    assert staying(poles, np.array([0.7, 1.5, 0.6, 1.2])).tolist() == [False, True, False, True]
+    assert significant_peaks(poles, np.array([0.7, 0.5, 0.6, 1.2])).tolist() == [True, False, False, True]
+    assert significant_peaks(poles, np.array([0.7, 1.5, 0.6, 1.2])).tolist() == [False, True, False, True]
     # of three on one peak the other two go at once: what a second one does beside the first shows when that is left
     three = poles_from(np.array([10.0, 10.05, 10.1]), np.full(3, 0.01))
-    assert staying(three, np.array([0.6, 0.7, 0.5])).tolist() == [False, True, False]
-    assert staying(poles[:0], np.zeros(0)).tolist() == []
+    assert significant_peaks(three, np.array([0.6, 0.7, 0.5])).tolist() == [False, True, False]
+    assert significant_peaks(poles[:0], np.zeros(0)).tolist() == []
 
 
 def test_below_two_bars_a_mode_that_stands_alone_is_in_doubt() -> None:

@@ -22,7 +22,7 @@ def test_skirts_take_part_only_where_what_is_left_beside_them_is_white(
     white: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # a mode at 26 Hz, 5 % damped, lies outside the band of 5 to 25 Hz and is in no order: what four poles leave is coloured.
-    # Poles for its out-of-band poles leave white noise, but not where neighbouring lines share an error, a mean of nine independent ones
+    # Poles for its skirts leave white noise, but not where neighbouring lines share an error, a mean of nine independent ones
     x, outside = 2j * np.pi * F[:, None, None], poles_from(26.0, 0.05)
     values = data().values + 0.5 * np.ones((3, 2)) * (1 / (x - outside) + 1 / (x - outside.conj()))
     if not white:
@@ -31,10 +31,10 @@ def test_skirts_take_part_only_where_what_is_left_beside_them_is_white(
         values = values + 0.01 * (sums[9:] - sums[:-9]) / 3
     response = replace(data(), values=values)
     diagram, poles = diagram_of(*ALL, response=response, orders=ORDERS), poles_of(*ALL, orders=ORDERS)
-    selections: list[SelectionProblem] = []
-    monkeypatch.setattr(likely, "select_jointly", lambda selection, *_, **__: selections.append(selection))
+    arenas: list[SelectionProblem] = []
+    monkeypatch.setattr(likely, "select_jointly", lambda selection, *_, **__: arenas.append(selection))
     likely.likely(diagram, poles, evidence_of(diagram))
     assert floor_of(response, POLES * OFF).colour.coloured
     # beside the terms for all that is far outside every pole that takes part has two columns
-    columns = selections[0].problem.terms.shape[1]
+    columns = arenas[0].problem.terms.shape[1]
     assert (columns > response.basis(np.zeros(0), response.outside_powers).columns.shape[1]) is white

@@ -9,7 +9,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.judging.evidence import Candidate
-from modalscope.judging.no_structure import CORRELATED, beside_structure, with_note_on_errors
+from modalscope.judging.no_structure import CORRELATED, with_note_on_errors, with_objections_of_record
 from modalscope.systems import chain5
 from tests.judging.ambient_records import beside_a_machine
 
@@ -76,6 +76,6 @@ def test_a_mode_beside_a_wandering_line_is_wider_than_its_wandering() -> None:
     diagram = replace(ms.stabilize(record, orders=[10, 12, 14]), notes=(line,))
     # half the width of a normal distribution of .012 Hz is .014 Hz; .6 % of 3.224 Hz is .019 Hz
     close = [Candidate(np.zeros(0, int), 3.224, damping, {}, ()) for damping in (0.006, 0.004)]
-    mode, part_of_line = beside_structure(diagram, close)
+    mode, part_of_line = with_objections_of_record(diagram, close)
     assert mode.against == ()
     assert part_of_line.against == ("a harmonic of a machine: a line",)

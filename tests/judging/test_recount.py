@@ -18,7 +18,7 @@ from tests.judging.test_joint_selection import NOISE, PARTS, POLES, SHAPES, F, d
 
 
 def errors_of(variance: float = 2.0, correlation: tuple[float, ...] = ()) -> Recount:
-    """Return white data with modes where they are, and errors as they are said to be: 2 is what the selection divides by."""
+    """Return white data with modes where they are, and errors as they are said to be: 2 is what the arena divides by."""
     selection = selection_of(data(), coloured=True)
     descent = descend(selection.problem, POLES, PARTS / np.linalg.norm(PARTS, axis=1, keepdims=True) + 0j, most=0)
     left = selection.problem.data
@@ -195,7 +195,7 @@ def test_a_resonance_that_shifts_from_input_to_input_leaves_nothing_beyond_and_a
         recount = recount_of(selection, descent)
         assert recount.gains(np.array([4]))[0] > recount.bar
         assert bool(recount.beyond_shifts(4, np.array([3])) > np.sqrt(recount.bar)) is beyond
-        assert bool(recount.standing(np.array([4]))[0] > 1) is beyond
+        assert bool(recount.relative_gains(np.array([4]))[0] > 1) is beyond
 
 
 def test_information_that_has_vanished_is_none_and_other_is_inverted() -> None:

@@ -18,7 +18,7 @@ from modalscope.judging.select import select
 from modalscope.judging.selection_problem import SelectionProblem
 from modalscope.judging.stabilize import ORDERS_END
 from modalscope.judging.tracking import Poles
-from modalscope.judging.verdict import Trial, _shown_by, verdicts
+from modalscope.judging.verdict import SelectionResult, _shown_by, verdicts
 from tests.judging.made import Pole, diagram_of, poles_of
 from tests.judging.test_joint_selection import NOISE, PARTS, POLES, SHAPES, F, data, selection_of
 
@@ -35,7 +35,7 @@ def shown(j: int, orders: tuple[int, ...] = ORDERS, factor: complex = OFF) -> li
 
 def trial_of(
     *made: Pole, start: tuple[int, ...] = (0, 1, 2, 3), response: FrequencyResponse | None = None, **how: object
-) -> tuple[Trial, list[np.ndarray]]:
+) -> tuple[SelectionResult, list[np.ndarray]]:
     """Return a trial of hand-made poles, and the groups of those that are equal but for their order."""
     response = data() if response is None else response
     diagram = diagram_of(*made, response=response, orders=ORDERS)
@@ -44,7 +44,7 @@ def trial_of(
     found = select_jointly(selection, POLES[list(start)], PARTS[list(start)].astype(complex))
     assert found is not None
     groups = [np.flatnonzero(np.abs(flat.pole - s) < 1e-9) for s in dict.fromkeys(flat.pole)]
-    return Trial(diagram, flat, evidence_of(diagram), selection, found), groups
+    return SelectionResult(diagram, flat, evidence_of(diagram), selection, found), groups
 
 
 def told(*made: Pole, **how: object) -> list[Candidate]:
@@ -148,7 +148,7 @@ def test_what_data_leave_open_is_no_mode() -> None:
     sure = [c for c in modes(found) if abs(c.frequency - 22) < 1.5]
     assert bool(against) != bool(sure)
     for c in against:
-        assert "leave its frequency open by" in c.against[0] or "beside the modes" in c.against[0]
+        assert "uncertain: standard deviation of" in c.against[0] or "beside the modes" in c.against[0]
 
 
 def test_of_coloured_data_a_mode_that_spans_many_lines_need_not_be_shown_by_orders() -> None:
@@ -214,7 +214,7 @@ def test_a_mode_that_began_too_late_is_a_note_of_the_list() -> None:
     assert not [n for n in modes_of(diagram, poles_of(*made, orders=ORDERS), candidates).notes if n.kind == ORDERS_END]
 
 
-def shifting(factor: float) -> tuple[Trial, list[np.ndarray]]:
+def shifting(factor: float) -> tuple[SelectionResult, list[np.ndarray]]:
     """Return a trial of data whose last resonance shifts: a second pole beside it, of the same shape."""
     x = 2j * np.pi * F[:, None, None]
     shifted = POLES[3] * factor
@@ -229,7 +229,7 @@ def shifting(factor: float) -> tuple[Trial, list[np.ndarray]]:
     assert found is not None
     poles = poles_of(*flat, orders=ORDERS)
     groups = [np.flatnonzero(np.abs(poles.pole - s) < 1e-9) for s in dict.fromkeys(poles.pole)]
-    return Trial(diagram, poles, evidence_of(diagram), selection, found), groups
+    return SelectionResult(diagram, poles, evidence_of(diagram), selection, found), groups
 
 
 def test_a_mode_with_parts_is_as_sure_as_one_mode_of_both_would_be() -> None:
@@ -270,12 +270,12 @@ def test_a_mode_that_one_input_alone_shows_says_so() -> None:
     assert [c.facts.get("rests_on") for c in found] == [None] * 4 + [response.input_dofs[0]]
 
 
-@pytest.mark.parametrize(("standing", "listed"), [(1.1, True), (0.9, False)])
+@pytest.mark.parametrize(("ratio", "listed"), [(1.1, True), (0.9, False)])
 def test_of_coloured_data_what_noise_may_explain_is_no_mode_at_however_many_orders(
-    standing: float, listed: bool, monkeypatch: pytest.MonkeyPatch
+    ratio: float, listed: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     trial, groups = trial_of(*ALL, coloured=True)
-    monkeypatch.setattr(Trial, "recounted", lambda self, which: np.full(len(which), standing))
+    monkeypatch.setattr(SelectionResult, "recounted", lambda self, which: np.full(len(which), ratio))
     gain = trial.found.gain.copy()
     gain[0] = 0.9 * trial.selection.bar
     found = verdicts(replace(trial, found=replace(trial.found, gain=gain)), groups)
@@ -290,26 +290,26 @@ def test_a_group_shows_a_mode_within_a_half_bandwidth(away: float, mode: int) ->
     # 10 Hz with 1 %: .1 Hz; the group's own is as wide and a hundredth more at most
     group = poles_of(*(Pole(n, f=10 + 0.101 * away) for n in ORDERS))
     settled, residues = poles_from(np.array([10.0]), np.array([0.01])), (np.array([[1.0], [0.0]]), None)
-    trial = SimpleNamespace(settled=settled, poles=group, found=SimpleNamespace(residues=residues))
+    trial = SimpleNamespace(refined_poles=settled, poles=group, found=SimpleNamespace(residues=residues))
     assert _shown_by(trial, [np.arange(len(ORDERS))]) == [mode]  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(("standing", "listed"), [(2.0, True), (1.2, False)])
+@pytest.mark.parametrize(("ratio", "listed"), [(2.0, True), (1.2, False)])
 def test_what_tells_more_of_a_mode_tells_more_of_where_it_lies(
-    standing: float, listed: bool, monkeypatch: pytest.MonkeyPatch
+    ratio: float, listed: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # at 4 of 20 orders its gain is counted again: twice the bar, where the first count said one. Deviations of .4 are .2 then, less
     # than the .3 of a mode; at 1.2 bars they are .33
     made = [*(p for j in (1, 2, 3) for p in shown(j)), *shown(0, ORDERS[:4])]
     trial, groups = trial_of(*made, coloured=True)
-    monkeypatch.setattr(Trial, "recounted", lambda self, which: np.full(len(which), standing))
-    monkeypatch.setattr(Trial, "left_open", lambda self, j, host: (0.4, 0.4) if j == at else (0.1, 0.1))
-    at = int(np.argmin(trial.settled.imag))
+    monkeypatch.setattr(SelectionResult, "recounted", lambda self, which: np.full(len(which), ratio))
+    monkeypatch.setattr(SelectionResult, "left_open", lambda self, j, host: (0.4, 0.4) if j == at else (0.1, 0.1))
+    at = int(np.argmin(trial.refined_poles.imag))
     gain = trial.found.gain.copy()
     gain[at] = trial.selection.bar
     found = verdicts(replace(trial, found=replace(trial.found, gain=gain)), groups)
     mode = next(c for c in found if abs(c.frequency - 9) < 0.1)
-    assert mode.gain == pytest.approx(standing * trial.bar)
+    assert mode.gain == pytest.approx(ratio * trial.bar)
     assert (not mode.against) is listed
 
 

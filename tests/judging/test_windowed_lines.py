@@ -7,7 +7,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.data import FrequencyResponse
-from modalscope.likelihood.whitening import colour, told_under_window
+from modalscope.likelihood.whitening import colour, gain_factor_under_window
 from modalscope.numerics.checks import ComplexArray, RealArray
 
 RATE, SAMPLES, LAST = 20.0, 512, 0.01
@@ -57,5 +57,5 @@ def test_a_mode_under_a_window_stands_out_by_what_plain_sums_say() -> None:
     for window, decay in ((4.6, 4.6), (4.6, 30.0), (0.5, 2.0)):
         w, r = np.exp(-2 * window * t), np.exp(-2 * decay * t)
         plain = w.mean() * r.mean() / (w * r).mean()
-        assert told_under_window(window, np.array([decay]))[0] == pytest.approx(plain, rel=1e-4)
-    assert told_under_window(1e-12, np.array([3.0]))[0] == pytest.approx(1)
+        assert gain_factor_under_window(window, np.array([decay]))[0] == pytest.approx(plain, rel=1e-4)
+    assert gain_factor_under_window(1e-12, np.array([3.0]))[0] == pytest.approx(1)

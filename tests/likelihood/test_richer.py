@@ -12,7 +12,7 @@ from modalscope.data import FrequencyResponse, ImpulseResponse
 from modalscope.data.poles import poles_from
 from modalscope.likelihood.matched import amplitudes, strongest_peaks
 from modalscope.likelihood.reference_model import by_line, floor_of, level_of, parts_of_level
-from modalscope.likelihood.whitening import told_apart
+from modalscope.likelihood.whitening import gain_factor_in_correlated_noise
 from modalscope.numerics.checks import RealArray
 
 F = np.linspace(2, 40, 2000)
@@ -176,7 +176,7 @@ def test_a_resonance_stands_out_of_correlated_noise_as_repeated_noise_says(half:
     g = 1 / (half + 1j * lines)
     C = rho ** np.abs(np.subtract.outer(lines, lines))
     variance = (g.conj() @ C @ g).real / np.sum(np.abs(g) ** 2)
-    told = (1 + rho) / (1 - rho) / told_apart(np.array([rho]), np.array([half]))[0]
+    told = (1 + rho) / (1 - rho) / gain_factor_in_correlated_noise(np.array([rho]), np.array([half]))[0]
     # the sum over lines stands for the integral where a resonance spans some: half a line is not resolved
     assert told == pytest.approx(variance, rel=0.35 if half < 1 else 0.03)
 

@@ -42,8 +42,8 @@ __all__ = [
     "certified",
     "matched",
     "nearest_order",
+    "note_on_few",
     "replicates_of",
-    "told_of_few",
 ]
 
 
@@ -392,11 +392,11 @@ def certified(
         found=seen,
         replicates=judged,
         order=made.order,
-        notes=(*notes, *told_of_few(count)),
+        notes=(*notes, *note_on_few(count)),
     )
 
 
-def told_of_few(count: int) -> list[Note]:
+def note_on_few(count: int) -> list[Note]:
     """Return how wrong an interval may be that so few replicates pass; nothing of as many as tell."""
     if count >= _FEW:
         return []

@@ -1,7 +1,7 @@
 """Select poles jointly: refine candidates together, remove those without evidence, add what the residual shows.
 
-What a mode explains, its gain, is the rise of the squared misfit when it goes and the others are fitted again, in variances of the
-noise. The bar it has to pass counts its free shape and participation and the search for the best place: `search_bound`.
+The gain of a mode is the rise of the squared misfit without it, the others refitted, in variances of the noise. Its threshold counts
+the free shape and participation and the search over frequency: `search_bound`.
 """
 
 from __future__ import annotations
@@ -21,19 +21,27 @@ from modalscope.likelihood.matched import amplitudes, strongest_peaks
 from modalscope.likelihood.whitening import colour
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 
-__all__ = ["Outcome", "State", "gains_given", "noise_beneath", "select_jointly", "significant", "staying"]
+__all__ = [
+    "Outcome",
+    "State",
+    "channel_noise_factors",
+    "gains_in_residual",
+    "pruned",
+    "select_jointly",
+    "significant_peaks",
+]
 
 
-# ---------------------------------------------------------------------------------------------------------- contenders
-# Poles that contend, where they stand: refined together, and pruned by what each explains.
+# ---------------------------------------------------------------------------------------------------------- candidates
+# Candidates are refined together and pruned by what each explains.
 
-#: No pole so far outside the band (part of its edge) or so much damped is a mode: it makes up for something else.
+#: Poles farther outside the band (part of its edge) or more damped than this are no modes.
 _OUTSIDE, _DAMPED = 0.1, 0.9
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Optimum:
-    """Where a descent has come to, and the noise as it is known by then."""
+    """The optimum of a descent, and the variance of the noise by then."""
 
     descent: Descent
     variance: float
@@ -51,7 +59,7 @@ class Optimum:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class State(Optimum):
-    """A state of the joint selection: the optimum so far, and the problem that it belongs to."""
+    """The state of a joint selection: the optimum so far, and the problem."""
 
     selection: SelectionProblem
 
@@ -63,43 +71,43 @@ class State(Optimum):
     @property
     def gain(self) -> RealArray:
         """What each pole explains, in variances."""
-        return self.descent.fitted.gain / self.variance * self.selection.worth(self.poles)
+        return self.descent.fitted.gain / self.variance * self.selection.gain_factors(self.poles)
 
     def without(self, gone: int) -> tuple[ComplexArray, ComplexArray]:
         """Return poles and sides of the others."""
         return np.delete(self.poles, gone), np.delete(self.sides, gone, axis=0)
 
 
-def settled(selection: SelectionProblem, variance: float, poles: ComplexArray, sides: ComplexArray) -> State:
-    """Refine jointly, throw out what is no mode, prune at the bar, and again until nothing goes."""
+def converged(selection: SelectionProblem, variance: float, poles: ComplexArray, sides: ComplexArray) -> State:
+    """Refine jointly, drop implausible poles, prune at the threshold, and repeat until nothing changes."""
     while True:
         tolerance, most = (1e-5, 8) if selection.brief else (1e-7, 25)
         descent = descend(selection.problem, poles, sides, tolerance=tolerance, most=most)
         state = State(
-            descent, variance if selection.coloured else min(variance, own_variance(selection, descent)), selection
+            descent, variance if selection.coloured else min(variance, variance_of_fit(selection, descent)), selection
         )
         fit = np.flatnonzero(_possible(selection, state.poles))
         poles, sides = state.poles[fit], state.sides[fit]
         if len(fit) == len(state.poles):
-            kept = significant(descent.fitted, selection.bar * state.variance / selection.worth(poles))
+            kept = pruned(descent.fitted, selection.bar * state.variance / selection.gain_factors(poles))
             if len(kept) == len(poles):
                 return state
             poles, sides = poles[kept], sides[kept]
         variance = state.variance
 
 
-def own_variance(selection: SelectionProblem, descent: Descent) -> float:
-    """Return what the model itself leaves of a row: less than the richer model does where that lacked a mode."""
+def variance_of_fit(selection: SelectionProblem, descent: Descent) -> float:
+    """Return the variance of the model's own residual, by row: below the reference model's where that lacked a mode."""
     q, p = selection.problem.data.shape[1:]
     return descent.cost / max(selection.problem.freedom - 2 * len(descent.point.poles) * int(q + p), 1)
 
 
-def noise_beneath(state: State) -> RealArray:
-    """Return the noise in the channels that each pole rests on, over that by which they were divided, no less than one, (n,).
+def channel_noise_factors(state: State) -> RealArray:
+    """Return the noise variance of the channels that determine each pole, relative to the product of levels; at least one, (n,).
 
     Data are divided by an output's and an input's part of the noise. Where that of a channel is no such product the amplitude u* A v of a
-    pole, A that of all channels, u and v the directions of its shape and participation, has the variance sum |u_o|^2 |v_i|^2 s_oi, s what
-    is left of each channel in variances.
+    pole, A that of all channels, u and v the directions of its shape and participation, has the variance sum |u_o|^2 |v_i|^2 s_oi, s the
+    residual of each channel in variances.
     """
     point, fitted = state.descent.point, state.descent.fitted
     left = point.left_by_channel(fitted)
@@ -117,8 +125,8 @@ def _possible(selection: SelectionProblem, poles: ComplexArray) -> Array:
     return np.asarray((f > low * (1 - _OUTSIDE)) & (f < high * (1 + _OUTSIDE)) & (zeta < _DAMPED))
 
 
-def significant(fitted: Fitted, least: RealArray) -> Array:
-    """Return which modes stay when the weakest goes, one after the other, while it explains less than its `least`, (n,).
+def pruned(fitted: Fitted, least: RealArray) -> Array:
+    """Return which modes stay when the weakest is removed, one by one, while it explains less than its `least` (n,).
 
     The rise of the squared misfit without mode j is c_j' S_jj^-1 c_j, with S the covariance of all coefficients c; without it
     they are c - S_.j S_jj^-1 c_j, and their covariance is S - S_.j S_jj^-1 S_j.
@@ -142,25 +150,25 @@ def significant(fitted: Fitted, least: RealArray) -> Array:
     return kept
 
 
-# ----- joint selection
+# ------------------------------------------------------------------------------------------------------------- joint selection
 
-#: In data that may not be white every round leaves at most this part of what exceeds white noise; of so many values, where a round is
-#: dear, that is asked of the peaks before they are refined with the others.
+#: Where white noise is in doubt, each round leaves at most this part of the excess over white noise. From so many values on, peaks are
+#: asked that before they are refined with the others.
 _WHITER, _LARGE = 0.7, 20_000
 
-#: Two poles are tried for one so many half bandwidths to either side of it.
+#: Two poles replace one, so many half bandwidths to either side of it.
 _SPLIT = 0.5
 
-#: Rounds of looking for what is missing, and poles taken up in each.
+#: Rounds of searching the residual, and poles added in each.
 _ROUNDS, _PEAKS = 8, 6
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Outcome(Optimum):
-    """The poles that stayed, as the data have them.
+    """The significant poles, as they are in the data.
 
-    `variance`: of the noise. `gain` (n,): in variances. `frequency_std`, `damping_std` (n,): hz, ratio: from the information of the data.
-    `noise`: the larger variance, of the noise or of what the model leaves. `recount`: of coloured data whose modes are counted again.
+    `gain` (n,): in variances. `frequency_std`, `damping_std` (n,): Hz, ratio, from Fisher information. `noise`: the larger variance, of
+    the noise or of the residual. `recount`: likelihood ratios under coloured errors.
     """
 
     gain: RealArray
@@ -170,13 +178,13 @@ class Outcome(Optimum):
     recount: Recount | None = None
 
     def as_one(self, first: int, others: Array) -> tuple[float, float]:
-        """Return the deviations of a pole's frequency (Hz) and damping ratio when it stands for others that act as one with it.
+        """Return the standard deviations of frequency (Hz) and damping ratio of a pole that stands for a cluster.
 
-        Where each alone lies depends on the others, whose residues may nearly cancel; where all of them lie is what the data tell.
+        The residues of a cluster may nearly cancel: the data determine only where all of it lies.
         """
         point = self.descent.point
         kept = np.setdiff1d(np.arange(len(point.poles)), others)
-        # what is left of the functions lies in the span of all
+        # the functions that remain lie in the span of all
         less = replace(
             point,
             poles=point.poles[kept],
@@ -193,32 +201,31 @@ class Outcome(Optimum):
 def select_jointly(
     selection: SelectionProblem, poles: ComplexArray, sides: ComplexArray, *, doubted: bool = False
 ) -> Outcome | None:
-    """Return the poles that hold their own, from candidates on.
+    """Return the significant poles among candidates.
 
     `poles` (n,): rad/s, as they are in the data. `sides` (n, p): participation of the side that varies, divided as the data are.
-    `doubted`: whether it is in doubt that the data are white: None when what is left does not become white, or much whiter round by
-    round.
+    `doubted`: white noise is in doubt: return None when the residual does not become white, or much whiter round by round.
     """
     size = np.maximum(np.linalg.norm(sides, axis=1, keepdims=True), 1e-300)
     point = selection.problem.at(poles, sides / size, slopes=False)
-    kept = significant(point.fitted(), selection.bar / 2 * selection.variance / selection.worth(poles))
-    state = settled(selection, selection.variance, poles[kept], (sides / size)[kept])
+    kept = pruned(point.fitted(), selection.bar / 2 * selection.variance / selection.gain_factors(poles))
+    state = converged(selection, selection.variance, poles[kept], (sides / size)[kept])
     if not selection.coloured:
         completed = _completed(state, _excess(state) if doubted else None)
         if completed is None:
             return None
-        state = _parted(completed)
-    state = _one_or_two(state)
+        state = _split_where_needed(completed)
+    state = _without_redundant(state)
     if not selection.coloured:
-        state = _above_own_noise(state)
+        state = _above_channel_noise(state)
     if not (selection.coloured and selection.recounted):
-        return _judged(state)
-    state, recount = _with_coloured_errors(state)
-    return replace(_judged(state), recount=recount)
+        return _finished(state)
+    state, recount = _completed_in_coloured_errors(state)
+    return replace(_finished(state), recount=recount)
 
 
 def _completed(state: State, excess: float | None) -> State | None:
-    """Take up the strongest peaks of the residual, round by round, while they stay; give up where it is to become white and does not."""
+    """Add the strongest peaks of the residual, round by round; return None where it must become white and does not."""
     tried = state.poles
     for _ in range(_ROUNDS):
         more, named = _with_peaks(state, tried)
@@ -228,7 +235,7 @@ def _completed(state: State, excess: float | None) -> State | None:
         if excess is not None and large and _excess(state, named) > max(1.0, _WHITER * excess):
             return None
         before = len(state.poles)
-        state = settled(state.selection, state.variance, *more)
+        state = converged(state.selection, state.variance, *more)
         tried = np.concatenate([tried, named, state.poles])
         if excess is not None:
             left = _excess(state)
@@ -240,8 +247,8 @@ def _completed(state: State, excess: float | None) -> State | None:
     return state if excess is None or excess <= 1 else None
 
 
-def _with_coloured_errors(state: State) -> tuple[State, Recount]:
-    """Take up what stands out of coloured errors, round by round, where it stays when it is refined beside the others."""
+def _completed_in_coloured_errors(state: State) -> tuple[State, Recount]:
+    """Add peaks that exceed coloured errors, round by round, where they stay significant in the joint fit."""
     recount = recount_of(state.selection, state.descent)
     for _ in range(_ROUNDS):
         poles, sides = recount.peaks(_PEAKS)
@@ -251,7 +258,7 @@ def _with_coloured_errors(state: State) -> tuple[State, Recount]:
             descent = descend(state.selection.problem, *more, tolerance=1e-5, most=8)
             point, again = descent.point, recount_of(state.selection, descent)
             new = np.arange(before, len(point.poles))
-            stays = staying(point.poles[new], again.standing(new))
+            stays = significant_peaks(point.poles[new], again.relative_gains(new))
             if np.all(stays):
                 state, recount = State(descent, state.variance, state.selection), again
                 break
@@ -263,7 +270,7 @@ def _with_coloured_errors(state: State) -> tuple[State, Recount]:
 
 
 def _excess(state: State, more: ComplexArray | tuple[()] = ()) -> float:
-    """Return how far what is left exceeds what white noise may do, white up to 1: also without what more poles can explain of it."""
+    """Return the excess of the residual over white noise (white up to 1), after projecting out further poles."""
     point = state.descent.point
     left = residual(point, state.descent.fitted)
     if len(more):
@@ -274,22 +281,22 @@ def _excess(state: State, more: ComplexArray | tuple[()] = ()) -> float:
     return colour(left, point.problem.light.count, unknown, window=state.selection.window).excess
 
 
-def gains_given(selection: SelectionProblem, found: Outcome, poles: Array) -> RealArray:
-    """Return what poles (n,) would explain of the residual, in variances, each alone with its best shape and participation."""
+def gains_in_residual(selection: SelectionProblem, found: Outcome, poles: Array) -> RealArray:
+    """Return what each pole (n,) alone explains of the residual, in variances, with its best shape and participation."""
     left = residual(found.descent.point, found.descent.fitted)
     A = amplitudes(selection.problem.light, left, selection.problem.rows, poles)
-    return np.asarray(np.linalg.norm(A, ord=2, axis=(1, 2)) ** 2 / found.variance * selection.worth(poles))
+    return np.asarray(np.linalg.norm(A, ord=2, axis=(1, 2)) ** 2 / found.variance * selection.gain_factors(poles))
 
 
-def staying(poles: ComplexArray, standing: RealArray) -> Array:
-    """Return which new poles stay, (n,): those that stand out, and of those that share a peak and do not the one that does most.
+def significant_peaks(poles: ComplexArray, ratio: RealArray) -> Array:
+    """Return which new poles stay, (n,): the significant ones, and of others that share a peak the strongest.
 
-    `poles` (n,). `standing` (n,): as in `Recount.standing`.
+    `poles` (n,). `ratio` (n,): as in `Recount.relative_gains`.
     """
     near = overlap(poles, poles)
-    rank = np.argsort(np.argsort(standing))
+    rank = np.argsort(np.argsort(ratio))
     first = np.all(~near | (rank[:, None] >= rank), axis=1)
-    return np.asarray((standing > 1) | (first & (near.sum(axis=1) > 1)))
+    return np.asarray((ratio > 1) | (first & (near.sum(axis=1) > 1)))
 
 
 def _with_peaks(state: State, tried: ComplexArray) -> tuple[tuple[ComplexArray, ComplexArray], ComplexArray]:
@@ -304,10 +311,10 @@ def _with_peaks(state: State, tried: ComplexArray) -> tuple[tuple[ComplexArray, 
     return (np.append(state.poles, named), np.vstack([state.sides, sides])), named
 
 
-def _parted(state: State) -> State:
-    """Put two poles in the place of one where that lowers the misfit by more than noise may.
+def _split_where_needed(state: State) -> State:
+    """Replace one pole by two where that lowers the misfit by more than noise may.
 
-    What one pole leaves of two of the same shape is of second order in their distance, and shows as no peak of the residual.
+    The residual of one pole fitted to two of the same shape is of second order in their distance and shows no peak.
     """
     for pole in state.poles[np.argsort(-state.gain)]:
         j = int(np.argmin(np.abs(state.poles - pole)))
@@ -319,7 +326,7 @@ def _parted(state: State) -> State:
         aim = state.descent.cost - least
         other = descend(state.selection.problem, poles, sides, tolerance=1e-5, most=12, decisive=aim)
         if other.cost < aim:
-            state = settled(state.selection, state.variance, other.point.poles, other.point.sides)
+            state = converged(state.selection, state.variance, other.point.poles, other.point.sides)
     return state
 
 
@@ -331,8 +338,8 @@ def _two_for(state: State, j: int) -> tuple[ComplexArray, ComplexArray]:
     return poles, np.vstack([state.sides, state.sides[[j]]])
 
 
-def _one_or_two(state: State) -> State:
-    """Take out what the others make up for when they are refined without it: of two that overlap the weaker, and all that are weak."""
+def _without_redundant(state: State) -> State:
+    """Remove weak poles, and the weaker of two that overlap, where the others refined without it fit as well."""
     cleared: set[complex] = set()
     while True:
         doubtful = [j for j in _doubtful(state) if complex(state.poles[j]) not in cleared]
@@ -340,26 +347,26 @@ def _one_or_two(state: State) -> State:
             return state
         j = doubtful[0]
         least = state.descent.cost + state.selection.bar * state.variance / float(
-            state.selection.worth(state.poles[[j]])[0]
+            state.selection.gain_factors(state.poles[[j]])[0]
         )
         other = descend(state.selection.problem, *state.without(j), tolerance=1e-5, most=12, decisive=least)
         if other.cost < least:
-            state = settled(state.selection, state.variance, other.point.poles, other.point.sides)
+            state = converged(state.selection, state.variance, other.point.poles, other.point.sides)
         else:
             cleared.add(complex(state.poles[j]))
 
 
-def _above_own_noise(state: State) -> State:
-    """Take out what rests on channels whose noise is louder than the product of their levels, and would be noise there."""
+def _above_channel_noise(state: State) -> State:
+    """Remove poles that are noise by the variance of the channels they rest on, where that exceeds the product of levels."""
     while True:
-        above = state.gain >= state.selection.bar * noise_beneath(state)
+        above = state.gain >= state.selection.bar * channel_noise_factors(state)
         if np.all(above):
             return state
-        state = settled(state.selection, state.variance, state.poles[above], state.sides[above])
+        state = converged(state.selection, state.variance, state.poles[above], state.sides[above])
 
 
 def _doubtful(state: State) -> list[int]:
-    """Return the weak modes and the weaker one of every pair that overlaps, the weakest first; parts of a mode are in no doubt."""
+    """Return the weak modes and the weaker one of every pair that overlaps, the weakest first; parts of one mode excepted."""
     w, half, gain = state.poles.imag, -state.poles.real, state.gain
     near = np.abs(w[:, None] - w) < half[:, None] + half
     if state.selection.coloured:
@@ -368,12 +375,12 @@ def _doubtful(state: State) -> list[int]:
     return [int(j) for j in np.argsort(gain) if weaker[j] or gain[j] < 2 * state.selection.bar]
 
 
-def _judged(state: State) -> Outcome:
-    """Refine to the end and give every mode its deviations."""
+def _finished(state: State) -> Outcome:
+    """Refine to convergence and compute the standard deviations of every mode."""
     descent, coloured = state.descent, state.selection.coloured
     if not coloured:
         descent = descend(state.selection.problem, state.poles, state.sides, tolerance=1e-9, most=40)
-    own = own_variance(state.selection, descent)
+    own = variance_of_fit(state.selection, descent)
     state = replace(state, descent=descent, variance=state.variance if coloured else min(state.variance, own))
     point: Point = descent.point
     n, p = point.sides.shape

@@ -15,7 +15,13 @@ from modalscope.judging.evidence import CERTAIN, Candidate
 from modalscope.preprocess.bands import NOISE, UNSEEN
 from modalscope.preprocess.harmonics import HARMONIC
 
-__all__ = ["CORRELATED", "beside_structure", "harmonics_of_diagram", "with_note_on_errors", "with_reason_for_none"]
+__all__ = [
+    "CORRELATED",
+    "harmonics_of_diagram",
+    "with_note_on_empty",
+    "with_note_on_errors",
+    "with_objections_of_record",
+]
 
 #: The kind of the note that says that errors of a response may pass for modes.
 CORRELATED = "correlated errors"
@@ -44,7 +50,7 @@ def harmonics_of_diagram(diagram: StabilizationDiagram) -> tuple[Harmonic, ...]:
     return tuple(found)
 
 
-def beside_structure(diagram: StabilizationDiagram, candidates: Sequence[Candidate]) -> list[Candidate]:
+def with_objections_of_record(diagram: StabilizationDiagram, candidates: Sequence[Candidate]) -> list[Candidate]:
     """Return candidates with what the record as a whole says against them."""
     lines = [note for note in diagram.notes if note.kind == HARMONIC]
     alone = next((note for note in diagram.notes if note.kind == NOISE), None)
@@ -87,7 +93,7 @@ def with_note_on_errors(modes: ModalModel, diagram: StabilizationDiagram) -> Mod
     return modes.noted((Note(CORRELATED, {}, text),))
 
 
-def with_reason_for_none(modes: ModalModel, diagram: StabilizationDiagram) -> ModalModel:
+def with_note_on_empty(modes: ModalModel, diagram: StabilizationDiagram) -> ModalModel:
     """Return a result with its harmonics, and with a note of why it is empty where it is."""
     modes = replace(modes, harmonics=harmonics_of_diagram(diagram))
     if len(modes):

@@ -24,7 +24,7 @@ from modalscope.modal.shapes import joint_residues
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.statistics import assign, scatter
 
-__all__ = ["left_out", "modes_of", "paired_with", "told_beside"]
+__all__ = ["compared_with", "left_out", "modes_of", "paired_with"]
 
 
 def modes_of(
@@ -223,7 +223,7 @@ def _likeness(reference: ModalModel, candidates: list[Candidate], poles: Poles) 
     return mac(reference.shapes, np.array(shapes, dtype=complex).T)
 
 
-def told_beside(modes: ModalModel, reference: ModalModel, which: Array) -> ModalModel:
+def compared_with(modes: ModalModel, reference: ModalModel, which: Array) -> ModalModel:
     """Return modes whose reasons hold the differences to the reference; what of the reference has no partner is a note.
 
     `which` (n,): the reference mode of each.

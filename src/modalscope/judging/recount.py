@@ -1,7 +1,7 @@
 """Compute likelihood ratios of modes with the error covariance that the residual shows, channel by channel.
 
-The likelihood that poles are refined by divides every channel by one level over the lines. Errors that are a part of the response are
-small where a channel's response is, so that a mode tells more of itself there than that count says.
+Refinement divides every channel by one level over all lines. Errors proportional to the response are small where the response is, so
+that a mode is more significant there.
 """
 
 from __future__ import annotations
@@ -27,14 +27,13 @@ __all__ = ["ChannelFits", "ColouredErrors", "Recount", "errors_of", "inverse", "
 
 
 # ----------------------------------------------------------------------------------------------------- coloured errors
-# Errors of lines that are even noise and, by their own part, error of the response: how large each is, and how far each reaches.
+# Errors of lines: additive noise plus errors proportional to the response, each with its level and correlation over lines.
 #
 #     C = D (q A q + s K s) D
 #
 # of a channel: D its deviations, s^2 the part of the variance that belongs to the response, q^2 = 1 - s^2 that of even noise, A and K what
-# either has in common some lines apart. Noise is large where the response is small, and often white; an error of calibration, of leakage or
-# of nonlinearity is large where the response is, and smooth. One correlation for both would hide modes under errors that are not there,
-# and find some where errors are smooth.
+# either has in common some lines apart. Noise is often white; errors of calibration, leakage or
+# nonlinearity are smooth and large where the response is, so that each has its own correlation.
 
 #: Lines over which the level of all channels together may depart from that of the rule for one.
 _LEVELLED = 41
@@ -81,7 +80,7 @@ class ColouredErrors:
 
 
 def errors_of(left: ComplexArray, data: ComplexArray, even: RealArray, unknown: int) -> ColouredErrors:
-    """Return the errors as a fit shows them by what it leaves.
+    """Estimate the errors from the residual of a fit.
 
     Of every channel a + b |H|^2, the likeliest for squares of complex normal numbers, times what all channels together are of that around
     a line. With u what is left, divided by its deviations, E Re u_k u*_k+i = q_k q_k+i A_i + s_k s_k+i K_i over all lines and channels: two
@@ -282,7 +281,7 @@ def _inverse(M: RealArray) -> RealArray:
 
 # ------------------------------------------------------------------------------------------------------------- recount
 
-#: Errors of channels are no better known than to this factor, in variances: so many bars a mode has to pass.
+#: Factor in variance to which errors of channels are known: the threshold is multiplied by it.
 _SURE = 1.5
 
 #: A coherent line under Hann's window lies within so many lines of its frequency, and leaks less than a thirtieth beyond.
@@ -317,9 +316,9 @@ def inverse(B: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Recount:
-    """The errors of all channels at the end of a joint selection.
+    """Likelihood ratios under coloured errors, at the end of a joint selection.
 
-    `left` (K, q, p): what the poles with free residues leave.
+    `left` (K, q, p): the residual with free residues.
     """
 
     selection: SelectionProblem
@@ -329,7 +328,7 @@ class Recount:
 
     @property
     def bar(self) -> float:
-        """What errors may explain with free residues, in variances, with what is not known of them."""
+        """What errors may explain with free residues, in variances, including their uncertainty."""
         return _SURE * free_bound(self.left[0].size, len(self.left))
 
     @cached_property
@@ -340,15 +339,12 @@ class Recount:
         return ChannelFits(problem.terms, functions, problem.data, self.errors)
 
     def gains(self, which: Array) -> RealArray:
-        """Return what modes explain beside the others, in variances, (k,): the sum of a_j' B_jj^-1 a_j over channels.
-
-        `which` (k,): modes.
-        """
+        """Return the likelihood ratios of modes given the others, in variances, (k,): the sum of a_j' B_jj^-1 a_j over channels."""
         a, B = self.fits.residues(which)
         return np.asarray(np.einsum("cki,ckij,ckj->k", a, np.linalg.pinv(B, hermitian=True), a))
 
     def lasting(self, which: Array) -> Array:
-        """Return which modes are as wide as they are said to be, (k,): what a coherent line is not.
+        """Return which modes are resonances, no coherent lines, (k,).
 
         Such a line lies within the lobe of a window. Of a resonance the lines beyond the lobe tell the same residues: with these, r, and
         their covariance B, and a of all lines, sum a' B^-1 r is normal with the variance sum a' B^-1 a, and that is its mean for a
@@ -357,7 +353,7 @@ class Recount:
         `which` (k,).
         """
         poles = self.descent.point.poles[which]
-        half, lines = self.selection.half_in_lines(poles), self.selection.problem.light.grid
+        half, lines = self.selection.half_bandwidths_in_lines(poles), self.selection.problem.light.grid
         assert lines is not None
         at = np.interp(poles.imag / (2 * np.pi), lines, np.arange(lines.size))
         told = 2 * half >= _NARROWEST
@@ -370,12 +366,9 @@ class Recount:
         return told
 
     def hosts(self, which: Array) -> Array:
-        """Return the stronger modes that each may be a shoulder of, (k, n): they overlap, and have one shape or one participation.
+        """Return the stronger modes that each may be a shoulder of, (k, n): they overlap, with one shape or one participation.
 
-        A resonance that shifts from input to input makes shoulders of its own shape, one that shifts from output to output such of its own
-        participation.
-
-        `which` (k,).
+        A resonance that shifts between inputs makes shoulders of its own shape, between outputs of its own participation.
         """
         s, size = self.descent.point.poles, self.descent.fitted.gain
         shapes, participation = self.selection.problem.scaled_back(self.descent.point, self.descent.fitted)
@@ -385,7 +378,7 @@ class Recount:
         return np.asarray(near & stronger & alike)
 
     def beyond_shifts(self, one: int, hosts: Array) -> float:
-        """Return what a mode explains that stronger ones do not when they shift by other amounts in every channel, in deviations.
+        """Return the significance of a mode beyond shifts of stronger ones that differ by channel, in standard deviations.
 
         What a shift e of a pole s leaves is r e g' + r e^2 g'' / 2 + ... with g = 1 / (x - s): the first two are free in every channel. The
         third is (e / h)^3 sqrt(5 / 16) of the mode, h its half bandwidth, and e^3 of normal e scatters by sqrt(15) e^3: that is taken off.
@@ -407,12 +400,10 @@ class Recount:
         apart = np.sqrt(shifts / np.where(sizes > 0, sizes, np.inf)) / -poles.real
         return float(np.sqrt(strength[0]) - np.sum(_THIRD * apart**3 * np.sqrt(strength[1:])))
 
-    def standing(self, which: Array) -> RealArray:
-        """Return the gains of modes, in deviations and relative to what errors may explain, (k,): above one they stand out.
+    def relative_gains(self, which: Array) -> RealArray:
+        """Return the significance of modes over what errors may explain, (k,): significant above one.
 
-        Zero for those outside the band, coherent lines and such that are damped like what lies outside; a shoulder has what shifts leave.
-
-        `which` (k,).
+        Zero outside the band, for coherent lines and heavy damping; shifts of stronger modes are taken off a shoulder.
         """
         poles, (low, high) = self.descent.point.poles[which], self.selection.band
         f, zeta = frequencies_and_damping(poles)
@@ -429,29 +420,29 @@ class Recount:
         return gains
 
     def peaks(self, most: int) -> tuple[ComplexArray, ComplexArray]:
-        """Return the poles (k,) that may stand out of what is left, the strongest first, and their sides (k, p).
+        """Return the strongest peaks of the residual as poles (k,) and sides (k, p).
 
-        What overlaps with others shows little of itself before they are refined beside it: a quarter of the bar is enough here.
+        Peaks that overlap modes are small before the joint refinement: a quarter of the threshold is enough here.
         """
         problem, known = self.selection.problem, self.descent.point.poles
         grid = grid_of(problem.light)
-        grid = grid[(-grid.real < _DAMPED * np.abs(grid)) & (2 * self.selection.half_in_lines(grid) >= _PEAK)]
+        grid = grid[
+            (-grid.real < _DAMPED * np.abs(grid)) & (2 * self.selection.half_bandwidths_in_lines(grid) >= _PEAK)
+        ]
         grid = grid[~np.any(np.abs(grid[:, None] - known) < -known.real, axis=1)]
         residues, each = amplitudes_by_channel(problem.light, self.left, 2 / self.errors.variance, problem.rows, grid)
         lines = problem.light.grid
         assert lines is not None
         near = np.searchsorted(lines, grid.imag / (2 * np.pi)).clip(max=lines.size - 1)
-        gain = each.sum(axis=(1, 2)) / lag_factor(self.errors.common(near), self.selection.half_in_lines(grid))
+        half = self.selection.half_bandwidths_in_lines(grid)
+        gain = each.sum(axis=(1, 2)) / lag_factor(self.errors.common(near), half)
         first = apart(grid, gain, self.bar / 4, most)
         sides = [np.linalg.svd(residues[k])[2][0] for k in first]
         return grid[first], np.array(sides, dtype=complex).reshape(-1, self.left.shape[2])
 
 
 def recount_of(selection: SelectionProblem, descent: Descent) -> Recount:
-    """Return the errors as what the poles of a descent leave, with free residues, shows them.
-
-    `selection`: of lines whose errors are coloured.
-    """
+    """Estimate coloured errors of lines from the residual of a descent's poles with free residues."""
     problem = selection.problem
     columns = np.hstack([problem.columns(descent.point.poles, slopes=False)[0], problem.terms])
     Q = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))[0]

@@ -12,12 +12,12 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.results import StabilizationDiagram
 from modalscope.judging.evidence import Candidate, Gathered, counted, evidence_of, oscillations
 from modalscope.judging.no_structure import (
-    beside_structure,
     harmonics_of_diagram,
+    with_note_on_empty,
     with_note_on_errors,
-    with_reason_for_none,
+    with_objections_of_record,
 )
-from modalscope.judging.outcome import modes_of, paired_with, told_beside
+from modalscope.judging.outcome import compared_with, modes_of, paired_with
 from modalscope.judging.tracking import Poles
 from modalscope.judging.verdict import has_likelihood, likely
 from modalscope.numerics.arguments import named
@@ -113,7 +113,7 @@ def weighed(diagram: StabilizationDiagram, gathered: Gathered | None = None) -> 
     evidence = evidence_of(diagram) if gathered is None else gathered.of(diagram)
     found = likely(diagram, poles, evidence) if has_likelihood(diagram) else None
     poles, candidates = found or counted(diagram, poles, evidence)
-    return Weighed(poles, beside_structure(diagram, candidates))
+    return Weighed(poles, with_objections_of_record(diagram, candidates))
 
 
 @one_thread
@@ -139,7 +139,7 @@ def chosen_of(
     modes = modes_of(
         diagram, found.poles, sorted(chosen, key=lambda c: c.frequency), sorted(left, key=lambda c: c.frequency)
     )
-    return with_reason_for_none(with_note_on_errors(modes, diagram), diagram)
+    return with_note_on_empty(with_note_on_errors(modes, diagram), diagram)
 
 
 def _check_one_way(wanted: list[float] | None, changes: list[float], reference: ModalModel | None) -> None:
@@ -169,7 +169,7 @@ def _like(reference: ModalModel, diagram: StabilizationDiagram, found: Weighed, 
     others = (c for c in candidates if not any(c is k for k in chosen))
     left = [c if c.against else replace(c, against=("a mode that the reference does not have",)) for c in others]
     modes = modes_of(diagram, poles, chosen, sorted(left, key=lambda c: c.frequency))
-    return told_beside(modes, reference, np.array([k for _, k in pairs], dtype=int))
+    return compared_with(modes, reference, np.array([k for _, k in pairs], dtype=int))
 
 
 def _changed(

@@ -15,44 +15,44 @@ from modalscope.data.poles import frequencies_and_damping, overlap, poles_from
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
 from modalscope.judging.evidence import LEAST_PERSISTENCE, Candidate, Evidence, Own, judge, peaks
-from modalscope.judging.joint_selection import Outcome, gains_given, select_jointly
+from modalscope.judging.joint_selection import Outcome, gains_in_residual, select_jointly
 from modalscope.judging.selection_problem import SelectionProblem
 from modalscope.judging.stabilize import usable_orders
 from modalscope.judging.tracking import GAP, Poles, collinear, consensus, merge_splits, tracks
 from modalscope.likelihood.likelihood import whitened
 from modalscope.likelihood.reference_model import Floor, by_line, floor_of
-from modalscope.likelihood.settling import needed_out_of_band, out_of_band_poles
+from modalscope.likelihood.settling import needed_beside, out_of_band_poles
 from modalscope.likelihood.whitening import search_bound
 from modalscope.modal.indicators import mac
 from modalscope.modal.rebuilt import contributions
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 
-__all__ = ["Trial", "has_likelihood", "likely", "one_residue", "verdicts"]
+__all__ = ["SelectionResult", "has_likelihood", "likely", "one_residue", "verdicts"]
 
 
 # ---------------------------------------------------------------------------------------------------------- objections
-# What speaks against a mode, in words.
+# Reasons against a mode, in words.
 
-#: What is open by more than this tells nothing.
+#: Deviations above this (half bandwidths, damping ratios) carry no information.
 _ANYWHERE = 10.0
 
 
 def left_open(apart: float, damped: float) -> str:
-    """Say how far the data leave open where a mode lies, in half bandwidths and as a part of its damping."""
+    """Say how uncertain a mode is, in half-power half bandwidths and relative to its damping."""
     if not (apart < _ANYWHERE and damped < _ANYWHERE):
-        return "the data leave its frequency open by many half bandwidths, or its damping by many times its value"
-    return f"the data leave its frequency open by {apart:.2g} half bandwidths and its damping by {100 * damped:.2g} %"
+        return "frequency or damping undetermined: standard deviation of many half-power half bandwidths, or of many times the damping"
+    return f"uncertain: standard deviation of {apart:.2g} half-power half bandwidths in frequency, of {100 * damped:.2g} % in damping"
 
 
 def rarely_shown(found: int, tried: int) -> str:
-    """Say that few orders show a mode that does not stand out of coloured errors."""
+    """Say that few orders show a mode that does not exceed coloured errors."""
     return f"shown at {found} of {tried} orders only, in data whose errors are no white noise"
 
 
 def too_little(gain: float, bar: float, *, coloured: bool) -> str:
-    """Return why what a group explains makes no mode: noise may explain it, or errors that are no white noise.
+    """Return why a group is not significant: noise or coloured errors may explain it.
 
-    `gain`, `bar`: what it explains and what noise may, in deviations. `coloured`: whether the errors were counted as such.
+    `gain`, `bar`: what it explains and what noise may, in standard deviations. `coloured`: errors were treated as coloured.
     """
     text = (
         f"beside the modes it explains {gain:.1f} standard deviations of the noise; noise alone may explain {bar:.1f}"
@@ -63,16 +63,15 @@ def too_little(gain: float, bar: float, *, coloured: bool) -> str:
 
 
 # --------------------------------------------------------------------------------------------------------- one residue
-# The residue of a mode that the data need several poles for, beside all others that they need.
+# The residue of a mode that the data need several poles for.
 
 
 def one_residue(response: Response, pole: complex, parts: ComplexArray, residues: ComplexArray) -> ComplexArray:
-    """Return the residue that one pole has in the place of several, (l, m): the nearest to what all of these give together.
+    """Fit the residue of one pole to the joint response of several, (l, m).
 
         min over R, terms of |sum_k (R_k g(s_k) + conjugate) - R g(s) - conjugate - terms|^2
 
-    in every channel. The data themselves do not come in: with the modes of a list alone the weak ones would make up for what shifts of the
-    strong ones leave.
+    in every channel. The data themselves are not fitted: weak modes would compensate for shifts of strong ones.
 
     `response`: one channel of the data. `pole`: s, rad/s, as it is in the data. `parts` (k,): poles s_k. `residues` (k, l, m).
     """
@@ -91,7 +90,7 @@ def one_residue(response: Response, pole: complex, parts: ComplexArray, residues
 
 # ------------------------------------------------------------------------------------------------------------- verdict
 
-#: With more damping than this a mode has to be shown by the diagram: so wide a pole may stand for modes outside the band.
+#: A mode with more damping than this must be shown by orders of the diagram: it may be an out-of-band mode.
 _DAMPED = 0.1
 
 #: A mode is sure when frequency and damping are known to this part of the half bandwidth and of the damping ratio, and values of
@@ -109,8 +108,8 @@ _SHARE = 0.25
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Trial:
-    """All that a verdict rests on."""
+class SelectionResult:
+    """A diagram, its poles and evidence, and the outcome of the joint selection."""
 
     diagram: StabilizationDiagram
     poles: Poles
@@ -119,34 +118,31 @@ class Trial:
     found: Outcome
 
     @property
-    def settled(self) -> ComplexArray:
+    def refined_poles(self) -> ComplexArray:
         """The refined poles as modes have them, rad/s."""
         return self.found.poles + self.diagram.as_measured.added_damping
 
     @property
     def bar(self) -> float:
-        """What noise may explain, in deviations."""
+        """What noise may explain, in standard deviations."""
         return float(np.sqrt(self.selection.bar / 2))
 
     @property
     def gain(self) -> RealArray:
-        """What each mode explains, in deviations."""
+        """What each mode explains, in standard deviations."""
         return np.asarray(np.sqrt(np.maximum(self.found.gain, 0) / 2))
 
     def recounted(self, which: IntArray) -> RealArray:
-        """Return by how much poles that few orders show stand out of coloured errors, (k,): see `Recount.standing`; 1 at what these may do.
-
-        Orders have to show the others: a shift of a resonance makes shoulders, coherent lines and errors of neighbouring lines are narrow.
-        """
+        """Return the gains of poles relative to coloured errors, (k,); see `Recount.relative_gains`."""
         recount = self.found.recount
-        return np.zeros(len(which)) if recount is None or not len(which) else recount.standing(which)
+        return np.zeros(len(which)) if recount is None or not len(which) else recount.relative_gains(which)
 
     def hosts(self) -> IntArray:
-        """Return the mode that each pole is part of, itself where it is none: the strongest of those that act as one.
+        """Return the mode that each pole is part of, by default itself: the strongest of a cluster.
 
-        Of coloured data those of one shape do, which a resonance that shifts needs; of any data two that overlap and that are each open.
+        Coloured data: overlapping poles of one shape, as a shifting resonance needs. Else: overlapping poles that are each uncertain.
         """
-        host, gain, s = np.arange(len(self.settled)), self.found.gain, self.found.poles
+        host, gain, s = np.arange(len(self.refined_poles)), self.found.gain, self.found.poles
         if self.selection.coloured:
             one = collinear(s, *self.found.residues)
         else:
@@ -159,14 +155,14 @@ class Trial:
 
     @property
     def open(self) -> Array:
-        """Which poles the data leave open, each taken alone."""
-        f, zeta = frequencies_and_damping(self.settled)
+        """Which poles are uncertain, each taken alone."""
+        f, zeta = frequencies_and_damping(self.refined_poles)
         known = (self.found.frequency_std < _SURE * f * zeta) & (self.found.damping_std < _SURE * zeta)
         return np.asarray(~known)
 
     def left_open(self, j: int, host: IntArray) -> tuple[float, float]:
         """Return the deviations of a mode with its parts: of frequency in half bandwidths, of damping in damping ratios."""
-        f, zeta = (float(v) for v in frequencies_and_damping(self.settled[j]))
+        f, zeta = (float(v) for v in frequencies_and_damping(self.refined_poles[j]))
         parts = np.flatnonzero((host == j) & (np.arange(len(host)) != j))
         both = float(self.found.frequency_std[j]), float(self.found.damping_std[j])
         if parts.size:
@@ -174,7 +170,7 @@ class Trial:
         return (both[0] / (f * zeta), both[1] / zeta) if zeta > 0 else (np.inf, np.inf)
 
     def residue(self, candidate: Candidate, family: Array) -> ComplexArray | None:
-        """Return the residue of a mode at the values it is listed with, from its poles; None of white data, which the list explains."""
+        """Return the residue of a mode at the values it is listed with, from its poles; None for white data."""
         if not self.selection.coloured:
             return None
         listed = complex(poles_from(candidate.frequency, candidate.damping)) - self.diagram.as_measured.added_damping
@@ -183,10 +179,10 @@ class Trial:
         return one_residue(self.selection.problem.light, listed, self.found.poles[family], each)
 
 
-def verdicts(trial: Trial, groups: list[Array]) -> list[Candidate]:
-    """Return modes and all that was found beside them, these with what speaks against them.
+def verdicts(trial: SelectionResult, groups: list[Array]) -> list[Candidate]:
+    """Return modes and all other candidates, these with the reasons against them.
 
-    `groups`: poles that agree over orders; those that values are preferably taken from first.
+    `groups`: poles that agree over orders, preferred sources of values first.
     """
     peak, fit = peaks(trial.diagram, trial.poles, trial.evidence), usable_orders(trial.diagram)[1]
     known = [judge(trial.poles, group, peak, fit, trial.evidence) for group in groups]
@@ -207,9 +203,9 @@ def verdicts(trial: Trial, groups: list[Array]) -> list[Candidate]:
     return [*modes.values(), *parts, *left]
 
 
-def _shown_by(trial: Trial, groups: list[Array]) -> list[int]:
+def _shown_by(trial: SelectionResult, groups: list[Array]) -> list[int]:
     """Return the pole that each group shows, the nearest one; -1 where there is none."""
-    modes, (shapes, _) = trial.settled, trial.found.residues
+    modes, (shapes, _) = trial.refined_poles, trial.found.residues
     f, zeta = frequencies_and_damping(modes)
     shown = []
     for group in groups:
@@ -223,14 +219,14 @@ def _shown_by(trial: Trial, groups: list[Array]) -> list[int]:
 
 
 def _mode(
-    trial: Trial, j: int, groups: list[Candidate], fit: float, host: IntArray, again: float | None, rare: bool
+    trial: SelectionResult, j: int, groups: list[Candidate], fit: float, host: IntArray, again: float | None, rare: bool
 ) -> Candidate:
-    """Return a mode with its gain, and what speaks against it: values that the data leave open, or too few orders."""
+    """Return a mode with its gain, and the reasons against it: uncertain values, or too few orders."""
     several = bool(np.any(np.delete(host, j) == j))
     reach = _SHIFTED if trial.selection.coloured else _SURE
-    near = groups if several else [c for c in groups if _close(c, complex(trial.settled[j]), reach)]
+    near = groups if several else [c for c in groups if _close(c, complex(trial.refined_poles[j]), reach)]
     best = max(near, key=lambda c: c.members.size) if near else _by_itself(trial, j, fit)
-    f, zeta = (float(v) for v in frequencies_and_damping(trial.settled[j]))
+    f, zeta = (float(v) for v in frequencies_and_damping(trial.refined_poles[j]))
     low, high = trial.diagram.as_measured.reported_band(trial.diagram.settings.band)
     hidden = again is not None and again <= 1
     gain = max(trial.gain[j], again * trial.bar if rare and again is not None and not hidden else 0.0)
@@ -240,7 +236,6 @@ def _mode(
     if hidden:
         few_orders = rarely_shown(int(best.members.size), len(trial.poles.orders))
         against.append(few_orders if rare else too_little(gain, trial.bar, coloured=True))
-    # what tells more of a mode tells more of where it lies
     apart, damped = (deviation * trial.gain[j] / gain for deviation in trial.left_open(j, host))
     if zeta >= _DAMPED and not groups:
         against.append(f"damped by {100 * zeta:.2g} %, which no orders show: it may stand for modes outside the band")
@@ -256,8 +251,8 @@ def _mode(
     return _with_gain(trial, known, gain)
 
 
-def _late(group: Candidate, trial: Trial) -> bool:
-    """Return whether a group is there at most orders since its first one and up to the last: it began too late to be shown at more."""
+def _late(group: Candidate, trial: SelectionResult) -> bool:
+    """Return whether a group persists from its first order to the last: it began too late to be shown at more."""
     if not group.members.size:
         return False
     orders = trial.poles.orders
@@ -266,8 +261,8 @@ def _late(group: Candidate, trial: Trial) -> bool:
     )
 
 
-def _alone(trial: Trial, j: int) -> dict[str, str]:
-    """Return the input that a mode rests on, when without it no more would be left than noise may explain; nothing else."""
+def _alone(trial: SelectionResult, j: int) -> dict[str, str]:
+    """Return the only input that makes a mode significant, if one does."""
     response, (_, participation) = trial.diagram.response, trial.found.residues
     share = np.abs(participation[j] / trial.selection.problem.sides[1]) ** 2
     rest = 1 - share.max() / share.sum()
@@ -277,15 +272,15 @@ def _alone(trial: Trial, j: int) -> dict[str, str]:
 
 
 def _close(group: Candidate, mode: complex, reach: float) -> bool:
-    """Return whether the values of a group can stand for those of a mode: within this part of the wider half bandwidth."""
+    """Return whether a group lies within this part of the wider half bandwidth of a mode."""
     middle = complex(poles_from(group.frequency, group.damping))
     return abs(middle - mode) < reach * max(-middle.real, -mode.real)
 
 
-def _by_itself(trial: Trial, j: int, fit: float) -> Candidate:
+def _by_itself(trial: SelectionResult, j: int, fit: float) -> Candidate:
     """Return a mode that no orders agree on, with refined values."""
     response, orders = trial.diagram.response, trial.poles.orders
-    s, (shapes, participation) = trial.settled[[j]], trial.found.residues
+    s, (shapes, participation) = trial.refined_poles[[j]], trial.found.residues
     shape, part = shapes.T[[j]], participation[[j]]
     own = contributions(response, s, shape, part)
     alone = Poles(orders, np.array([orders[-1]]), s, shape, part, own)
@@ -297,22 +292,22 @@ def _by_itself(trial: Trial, j: int, fit: float) -> Candidate:
     return Candidate(np.zeros(0, dtype=int), known.frequency, known.damping, counted | shown, (), own=values)
 
 
-def _part(trial: Trial, j: int, host: Candidate, fit: float) -> Candidate:
-    """Return a pole that acts as one with a stronger one, or that cannot be told from it."""
+def _part(trial: SelectionResult, j: int, host: Candidate, fit: float) -> Candidate:
+    """Return a pole that is part of a stronger mode, or cannot be separated from it."""
     shifts = "part of the mode at {:.5g} Hz: a resonance that shifts while it is measured needs several poles"
-    close = "one of a cluster with the mode at {:.5g} Hz: the data need both and cannot tell them apart"
+    close = "one of a cluster with the mode at {:.5g} Hz: the data need both and cannot separate them"
     against = ((shifts if trial.selection.coloured else close).format(host.frequency),)
     part = _by_itself(trial, j, fit)
     return _with_gain(trial, replace(part, against=against, residue=trial.residue(part, np.array([j]))), trial.gain[j])
 
 
-def _with_gain(trial: Trial, candidate: Candidate, gain: float) -> Candidate:
+def _with_gain(trial: SelectionResult, candidate: Candidate, gain: float) -> Candidate:
     facts = {**candidate.facts, "gain": float(gain), "noise_gain": trial.bar}
     return replace(candidate, facts=facts, gain=float(gain))
 
 
-def _left(trial: Trial, groups: list[Candidate]) -> list[Candidate]:
-    """Return the groups that no mode answers to, each once, with what they would explain beside the modes."""
+def _left(trial: SelectionResult, groups: list[Candidate]) -> list[Candidate]:
+    """Return the groups that correspond to no mode, each once, with what they explain of the residual."""
     each: list[Candidate] = []
     for c in sorted(groups, key=lambda c: -c.members.size):
         if not any(abs(c.frequency - k.frequency) < _SURE * k.frequency * max(k.damping, c.damping) for k in each):
@@ -320,7 +315,7 @@ def _left(trial: Trial, groups: list[Candidate]) -> list[Candidate]:
     if not each:
         return []
     poles = poles_from([c.frequency for c in each], [c.damping for c in each])
-    gain = np.sqrt(gains_given(trial.selection, trial.found, poles - trial.diagram.as_measured.added_damping) / 2)
+    gain = np.sqrt(gains_in_residual(trial.selection, trial.found, poles - trial.diagram.as_measured.added_damping) / 2)
     coloured = trial.found.recount is not None
     return [
         _with_gain(trial, replace(c, against=(too_little(g, trial.bar, coloured=coloured),)), g)
@@ -329,9 +324,7 @@ def _left(trial: Trial, groups: list[Candidate]) -> list[Candidate]:
 
 
 # -------------------------------------------------------------------------------------------------------------- likely
-# Modes by likelihood: what the data need, whether many orders show it or few, and nothing that noise may explain.
-#
-# The poles of the diagram contend for the data (`select_jointly`); what stays decides which modes there are (`verdict`).
+# Selection by likelihood: poles of the diagram are candidates of `select_jointly`; its outcome is assigned to groups of the diagram.
 
 #: A group of poles has so many orders, where there are as many.
 _LEAST_ORDERS = 3
@@ -339,12 +332,12 @@ _LEAST_ORDERS = 3
 #: Candidates lie further apart than this part of a half bandwidth, unless their shapes differ by this MAC; so many at most.
 _APART, _ALIKE, _MOST = 0.3, 0.95, 60
 
-#: Noise of this part of the data needs no steps that are exact to rounding.
+#: Above this ratio of noise to data, fast least squares are accurate enough.
 _LOUD = 1e-4
 
 
 def has_likelihood(diagram: StabilizationDiagram) -> bool:
-    """Return whether errors of the data are such that modes can maximize a likelihood: those of responses, not of correlations."""
+    """Return whether the data are responses, whose errors have a likelihood, and no correlations."""
     response = diagram.as_measured
     return response.separable and not response.ambient
 
@@ -352,8 +345,8 @@ def has_likelihood(diagram: StabilizationDiagram) -> bool:
 def likely(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> tuple[Poles, list[Candidate]] | None:
     """Return modes and all other groups of poles that agree over orders, these with what speaks against them.
 
-    A reference model that lacks a mode leaves a coloured residual, too: that of the completed modes decides then. Out-of-band poles
-    take part where they make it white. None where samples leave a coloured residual.
+    A coloured residual of the reference model may be a missing mode: the completed joint fit decides. Out-of-band poles take part where
+    they whiten that residual. None where samples leave a coloured one.
 
     `poles`: not merged: of two poles within one bandwidth each is a candidate.
     """
@@ -362,7 +355,7 @@ def likely(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> t
     starts, steady, added = _starts(poles, groups), rich[rich.imag == 0], response.added_damping
 
     def beside(*candidates: ComplexArray) -> ComplexArray:
-        return needed_out_of_band(response, poles.pole[starts], np.concatenate([steady, *candidates])) - added
+        return needed_beside(response, poles.pole[starts], np.concatenate([steady, *candidates])) - added
 
     def outcome(selection: SelectionProblem, doubted: bool) -> Outcome | None:
         sides = (poles.shape if selection.problem.turned else poles.participation)[starts] / selection.problem.varying
@@ -380,7 +373,7 @@ def likely(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> t
     found = outcome(selection, doubted)
     if found is None and response.grid is not None:
         selection = replace(_problem_of(response, by_line(floor, response.count), held), brief=True, coloured=True)
-        # half spectra err as long as their correlations last, by no rule of a + b |H|^2: there orders have to show a mode
+        # errors of half spectra do not follow a + b |H|^2: there orders have to show a mode
         selection = replace(selection, recounted=not response.of_correlations)
         selection = replace(selection, whole=_whole(selection, floor))
         found = outcome(selection, False)
@@ -388,7 +381,11 @@ def likely(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> t
         merged = merge_splits(poles)
         groups = [*_groups(merged), *(group + merged.pole.size for group in groups)]
         poles = merged.beside(poles)
-    return None if found is None else (poles, verdicts(Trial(diagram, poles, evidence, selection, found), groups))
+    return (
+        None
+        if found is None
+        else (poles, verdicts(SelectionResult(diagram, poles, evidence, selection, found), groups))
+    )
 
 
 def _groups(poles: Poles) -> list[Array]:
@@ -398,7 +395,7 @@ def _groups(poles: Poles) -> list[Array]:
 
 
 def _problem_of(response: Response, floor: Floor, steady: ComplexArray) -> SelectionProblem:
-    """Return the data divided by their noise; poles that do not oscillate are free in every channel."""
+    """Pose the selection: divide the data by their noise; poles that do not oscillate are free in every channel."""
     levels = floor.levels
     swift = bool(np.mean(floor.left**2) > _LOUD**2 * np.mean(np.abs(response.values) ** 2))
     problem = whitened(
@@ -411,7 +408,7 @@ def _problem_of(response: Response, floor: Floor, steady: ComplexArray) -> Selec
 
 
 def _whole(selection: SelectionProblem, floor: Floor) -> RealArray:
-    """Return the data as the joint selection divides them, terms and all."""
+    """Return the divided data including the terms."""
     outputs, inputs = selection.problem.sides
     whole = floor.data / selection.problem.rows[:, None, None] / outputs[:, None] / inputs
     return np.asarray(whole.transpose(0, 2, 1) if selection.problem.turned else whole)

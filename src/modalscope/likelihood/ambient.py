@@ -29,7 +29,7 @@ __all__ = [
 
 
 # ------------------------------------------------------------------------------------------------- spectral likelihood
-# The likelihood of an ambient record's lines: Whittle's, of a model of poles, shapes and what drives them beside a smooth background.
+# Whittle's likelihood of the lines of an ambient record: poles, shapes, excitation and a smooth background spectrum.
 #
 #     S(w) = sum_j T_j(w) phi_j g_j + T_j*(w) conj(phi_j g_j) + its conjugate transpose + N0 + N1 x + N2 x^2,     x in [-1, 1] over the band
 #
@@ -49,7 +49,7 @@ _CELLS = 6.0
 #: Powers of the background over the band.
 _POWERS = 3
 
-#: The background that a descent begins with: this quantile of every channel's spectrum.
+#: Initial background: this quantile of every channel's spectrum.
 _QUIET = 0.1
 
 
@@ -87,7 +87,7 @@ class Cells:
 
 
 class Driven(NamedTuple):
-    """What a record has of its own.
+    """Parameters of one record besides the poles.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class Equations(NamedTuple):
     Attributes
     ----------
     information : array, (p, p)
-        Of Re and Im of every pole, then of what the record has of its own.
+        Of Re and Im of every pole, then of the other parameters of the record.
     score : array, (p,)
     misfit : float
         Square of the whitened residual by degrees of freedom; about one where the model is right.
@@ -150,10 +150,7 @@ def unknowns(modes: int, outputs: int) -> int:
 
 
 def begun(cells: Cells, poles: ComplexArray) -> Driven:
-    """Return where to begin: near every pole the leading vector of the periodograms, forces without correlation; S is positive definite.
-
-    `poles` (n,).
-    """
+    """Return initial parameters with positive definite S: leading vectors of the periodograms near poles, uncorrelated forces."""
     outputs = cells.values.shape[1]
     shapes, drives = np.zeros((outputs, len(poles)), complex), np.zeros((len(poles), outputs), complex)
     peaks = 2 * cells.functions(poles).real
@@ -171,10 +168,7 @@ def begun(cells: Cells, poles: ComplexArray) -> Driven:
 
 
 def spectrum(cells: Cells, poles: ComplexArray, own: Driven) -> ComplexArray:
-    """Return S of every cell, (c, l, l).
-
-    `poles` (n,).
-    """
+    """Return S of every cell at poles (n,), (c, l, l)."""
     T, turned = cells.functions(poles), cells.functions(poles.conj())
     half = (T[:, None, :] * own.shapes) @ own.drives + (turned[:, None, :] * own.shapes.conj()) @ own.drives.conj()
     background = np.einsum("pc,pab->cab", cells.powers, own.background)
@@ -182,10 +176,7 @@ def spectrum(cells: Cells, poles: ComplexArray, own: Driven) -> ComplexArray:
 
 
 def loss(cells: Cells, poles: ComplexArray, own: Driven) -> float:
-    """Return -log p, up to a number; infinite where S is not positive definite everywhere.
-
-    `poles` (n,).
-    """
+    """Return -log p, up to a number; infinite where S is not positive definite everywhere."""
     S = spectrum(cells, poles, own)
     try:
         L = np.linalg.cholesky(S)
@@ -198,10 +189,7 @@ def loss(cells: Cells, poles: ComplexArray, own: Driven) -> float:
 
 
 def equations(cells: Cells, poles: ComplexArray, own: Driven) -> Equations:
-    """Return information and score at a point where S is positive definite.
-
-    `poles` (n,).
-    """
+    """Return Fisher information and score at a point where S is positive definite."""
     S = spectrum(cells, poles, own)
     root: ComplexArray = np.asarray(np.linalg.inv(np.linalg.cholesky(S)), dtype=np.complex128)
     weight = np.sqrt(cells.counts)[:, None, None]
@@ -241,7 +229,7 @@ def _directions(cells: Cells, poles: ComplexArray, own: Driven, root: ComplexArr
 
 
 def moved(own: Driven, step: RealArray) -> Driven:
-    """Return what a record has of its own after a step, in the order of `equations` behind the poles."""
+    """Return the parameters of a record after a step, in the order of `equations` behind the poles."""
     l, n = own.shapes.shape
     sides = step[: 4 * n * l].reshape(2, n, l, 2)
     change = sides[..., 0] + 1j * sides[..., 1]
@@ -258,16 +246,16 @@ def moved(own: Driven, step: RealArray) -> Driven:
 
 # ------------------------------------------------------------------------------------------------------------- scoring
 
-#: Steps of scoring at most, as many that a record takes by itself first, and the fall of -log p of a record below which they end.
+#: Steps of scoring at most, first steps of each record alone with fixed poles, and the fall of -log p that ends them.
 _STEPS, _ALONE, _DONE = 20, 6, 1e-3
 
-#: Damping of the first step, what a whole step and none make of it, and where no step helps any more.
+#: Initial damping, its factors after a whole step and after none, and its limit.
 _FIRST, _EASE, _STIFFEN, _STUCK = 1e-2, 1 / 6, 8.0, 1e6
 
-#: The square of a step, in deviations of the poles, that is no matter.
-_LEFT = 0.01
+#: Converged when the squared step, in standard deviations of the poles, is below this.
+_CONVERGED = 0.01
 
-#: How often a step is halved: beyond some part of it S is not positive definite.
+#: Halvings of a step at most: S may not be positive definite beyond some part of it.
 _HALVED = 10
 
 #: Of the information: shape and drive share a factor, of which nothing is known.
@@ -296,7 +284,7 @@ class Scored(NamedTuple):
 
 
 class _Eliminated(NamedTuple):
-    """The equations of a record with what it has of its own eliminated: what a step of the poles asks of that."""
+    """The equations of a record reduced to the poles, and how its other parameters follow a step of the poles."""
 
     information: RealArray
     score: RealArray
@@ -305,22 +293,19 @@ class _Eliminated(NamedTuple):
 
 
 def scored(records: Sequence[Cells], poles: ComplexArray) -> Scored:
-    """Return the poles of greatest likelihood over all records, from a start near them.
-
-    `poles` (n,).
-    """
+    """Maximize the likelihood of all records over common poles (n,), from a start near them."""
     parts = [begun(cells, poles) for cells in records]
     if not np.isfinite(_total(records, poles, parts)):
         nothing = np.zeros((len(records), 2 * len(poles)))
         return Scored(poles, nothing[:, :, None] * nothing[:, None], nothing, np.inf, False)
-    parts = [_descended([cells], poles, [own], hold=True)[1][0] for cells, own in zip(records, parts, strict=True)]
-    found, parts = _descended(records, poles, parts, hold=False)
+    parts = [_descended([cells], poles, [own], fixed=True)[1][0] for cells, own in zip(records, parts, strict=True)]
+    found, parts = _descended(records, poles, parts, fixed=False)
     built = [equations(cells, found, own) for cells, own in zip(records, parts, strict=True)]
     last = [_eliminated(each, len(poles), 0.0) for each in built]
     informations, scores = np.array([e.information for e in last]), np.array([e.score for e in last])
     score = scores.sum(axis=0)
     left = score @ np.linalg.lstsq(informations.sum(axis=0), score, rcond=None)[0]
-    return Scored(found, informations, scores, float(np.mean([each.misfit for each in built])), bool(left < _LEFT))
+    return Scored(found, informations, scores, float(np.mean([each.misfit for each in built])), bool(left < _CONVERGED))
 
 
 def covariance(found: Scored) -> RealArray:
@@ -329,15 +314,15 @@ def covariance(found: Scored) -> RealArray:
 
 
 def _descended(
-    records: Sequence[Cells], poles: ComplexArray, parts: list[Driven], *, hold: bool
+    records: Sequence[Cells], poles: ComplexArray, parts: list[Driven], *, fixed: bool
 ) -> tuple[ComplexArray, list[Driven]]:
-    """Return poles and parts where no further step helps, or steps end; poles stay where they are to be held."""
+    """Return poles and parts at the end of scoring, with poles fixed if asked."""
     cost, damping = _total(records, poles, parts), _FIRST
-    for _ in range(_ALONE if hold else _STEPS):
+    for _ in range(_ALONE if fixed else _STEPS):
         built = [equations(cells, poles, own) for cells, own in zip(records, parts, strict=True)]
         while True:
             each = [_eliminated(one, len(poles), damping) for one in built]
-            whole = np.zeros(2 * len(poles)) if hold else _step(each, damping)
+            whole = np.zeros(2 * len(poles)) if fixed else _step(each, damping)
             part, there, tried, new = _halved(records, poles, parts, each, whole, cost)
             if new < cost or damping > _STUCK:
                 break

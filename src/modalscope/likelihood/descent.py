@@ -1,7 +1,6 @@
 """Maximize the likelihood over poles and participation by Levenberg-Marquardt steps.
 
-The damping follows the fall of the misfit over what the linear model promised: where that holds but in part it stays as it is, so that
-of a curved valley no other step is a trial in vain.
+The damping follows the ratio of actual to predicted reduction of the misfit.
 
 Source: H. B. Nielsen, "Damping parameter in Marquardt's method", IMM-REP-1999-05, Technical University of Denmark.
 """
@@ -38,7 +37,7 @@ __all__ = [
 # Gradient and information of the likelihood, whole and by parts of the data, from the complex columns of a point.
 #
 # The derivative of channel o by the real and the imaginary part of an unknown a is Re(c_oa W_a) and Re(j c_oa W_a), where W_a is its
-# column without what the modes themselves explain; sums over channels then need nothing but the products W'W, W^H W and c'c, c^H c.
+# column projected out of the span of the modes; sums over channels then need only the products W'W, W^H W and c'c, c^H c.
 
 
 def normal(point: Point, fitted: Fitted) -> tuple[RealArray, RealArray]:
@@ -50,10 +49,7 @@ def normal(point: Point, fitted: Fitted) -> tuple[RealArray, RealArray]:
 
 
 def covariance_of_scores(point: Point, fitted: Fitted, noise: RealArray) -> RealArray:
-    """Return the covariance of J'e (2 n p, 2 n p), e of the covariance `noise` (4 n, 4 n) between compressed rows, alike in all channels.
-
-    `noise` (4 n, 4 n).
-    """
+    """Return the covariance of J'e (2 n p, 2 n p), e of the covariance `noise` (4 n, 4 n) of compressed rows, alike in all channels."""
     V = _free(point, fitted).view(np.float64)
     coloured = (noise @ V.reshape(len(noise), -1)).reshape(V.shape)
     return _over_channels(V.T @ coloured, _coefficients(point, fitted))
@@ -130,7 +126,7 @@ def _interleaved(values: ComplexArray) -> RealArray:
 
 
 # -------------------------------------------------------------------------------------------------------- under window
-# Noise under an exponential window: correlated between lines, what it lets through to the unknowns, and how much of it a fit takes up.
+# Noise under an exponential window: its correlation over lines, its covariance of the unknowns, and the degrees of freedom of a fit.
 #
 # With T the correlation of noise on lines, T_fg = 1 / (1 + j pi (f - g) / a) at lines f, g and the rate a of the window, noise
 # e = e_r + j e_i is circular, and compressed rows Q'(e_r, e_i) have the covariance C = Re Z^H T Z with Z = Q_r + j Q_i.
@@ -138,7 +134,7 @@ def _interleaved(values: ComplexArray) -> RealArray:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class WindowNoise:
-    """What noise of variance one does to a fit.
+    """Effect of noise of variance one on a fit.
 
     `covariance` (2 n p, 2 n p): of the unknowns, J'J^-1 J'C J J'J^-1. `free`: expected squared misfit.
     """
@@ -148,10 +144,7 @@ class WindowNoise:
 
 
 def window_noise(point: Point, fitted: Fitted, response: Response) -> WindowNoise | None:
-    """Return what noise under the window of a response does to a fit; None without a window, and of samples, whose rows are divided by it.
-
-    `point`, `fitted`: of the response.
-    """
+    """Return the effect of noise under an exponential window on a fit to lines; None without a window or for samples."""
     window, grid = window_over_lines(response), response.grid
     if window <= 0 or grid is None:
         return None
@@ -191,28 +184,28 @@ def correlated(columns: ComplexArray, grid: RealArray, window: float) -> Complex
 
 # ------------------------------------------------------------------------------------------------------------- descent
 
-#: The model of the misfit's fall may be wrong beyond this part of a decay rate, and no step crosses an axis.
+#: Longest step of a pole, in its distance to the axes: beyond that the linear model may be wrong.
 _LONGEST = 0.9
 
-#: Data that are explained to this part are explained to rounding.
+#: Relative residual at rounding.
 _ROUNDING = 1e-14
 
-#: No descent goes further than so many times what its steps promise.
+#: A decisive misfit farther than so many predicted reductions is out of reach.
 _HOPED = 300.0
 
 #: Columns of J of length one that stand so far out of the span of those before them: their products have digits enough.
 _WELL_APART = 1e-4
 
-#: Damping at first, at least and at most; what it falls to where the misfit falls as promised, and how it rises, faster every time.
+#: Initial, least and largest damping; its least factor after a good step, and its growing factor after a failed one.
 _FIRST, _LEAST, _MOST = 1e-3, 1e-15, 1e10
 _LESS, _MORE = 1 / 3, 2.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Descent:
-    """Where a descent ended.
+    """The end of a descent.
 
-    `cost`: squared misfit. `why`: why not.
+    `cost`: squared misfit. `why`: why it did not converge.
     """
 
     point: Point
@@ -235,10 +228,10 @@ def descend(
 ) -> Descent:
     """Lower the squared misfit from poles (n,) and unit vectors (n, p) on until no step promises more than `tolerance` of it.
 
-    What is promised counts, not what was gained: near the optimum rounding hides the gain.
+    The predicted reduction counts: near the optimum rounding hides the actual one.
 
-    `poles`, `sides`: where to start. `most`: iterations. `decisive`: A squared misfit that decides: the descent ends below it, and where
-    no hundreds of steps like the next would lead there. `progress`: called with (iterations done, iterations at most).
+    `poles`, `sides`: where to start. `most`: iterations. `decisive`: the descent ends below this squared misfit, and
+    where it is out of reach. `progress`: called with (iterations done, iterations at most).
     """
     point = problem.at(poles, sides)
     fitted = point.fitted()
@@ -271,8 +264,7 @@ def descend(
 class _Step:
     """Solutions of (J'J + damping D) step = J'r, D the diagonal of J'J.
 
-    By Cholesky's factor for each damping, a twentieth of the time of the eigenvalues; by these, which serve all, where J has columns near
-    the span of the others.
+    By a Cholesky factor for each damping; by eigenvalues where columns of J are nearly dependent.
     """
 
     def __init__(self, information: RealArray, slope: RealArray) -> None:
@@ -305,7 +297,7 @@ class _Step:
 
 
 def _lessening(fall: float, promised: float) -> float:
-    """Return the factor of the damping after a step: one where the misfit has fallen by half of what was promised, two by nothing of it."""
+    """Return Nielsen's factor of the damping after a step: one at half the predicted reduction, two at none."""
     held = min(fall / promised, 1.0) if promised > 0 else 1.0
     return max(_LESS, 1 - (2 * held - 1) ** 3)
 

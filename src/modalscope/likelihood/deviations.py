@@ -25,22 +25,19 @@ __all__ = ["Asked", "Deviations", "deviations_of", "lines_for_all", "residual_va
 
 
 # ------------------------------------------------------------------------------------------------------------ residual
-# The variance of noise by what the poles of a model leave of the data.
+# The variance of noise from the residual of a model.
 
 
 def unexplained_energy(basis: ModalBasis) -> RealArray:
-    """Return the energy that the best terms and residues of every channel leave, whatever their rank, (l, m)."""
+    """Return the residual energy with free residues and terms in every channel, (l, m)."""
     found = energy_left(basis.data.reshape(len(basis.data), -1), basis.columns)
     return np.asarray(found.reshape(basis.data.shape[1:]))
 
 
 def residual_variance(energy: Array, free: float, is_complex: bool) -> RealArray:
-    """Return the variance E|noise|^2 (l, m) of noise by what a model leaves.
+    """Return the variance E|noise|^2 (l, m) of noise from residual energies (l, m); NaN without degrees of freedom.
 
-    NaN where there are no more values than unknowns.
-
-    `energy` (l, m): sum of squares of what is left of every channel. `free`: real values of a channel less the real numbers that were
-    fitted to it. `is_complex`: whether the values are lines, of two real numbers each.
+    `free`: degrees of freedom of a channel, in real numbers. `is_complex`: values are lines, of two real numbers each.
     """
     return np.asarray((1 + is_complex) * energy / free if free > 0 else np.full(energy.shape, np.nan))
 
@@ -141,7 +138,7 @@ def _fill(matrix: DataMatrix, realization: Realization, some: Sequence[_Some]) -
 
 
 def _moments(influence: PoleInfluence, noises: Sequence[Noise], counts: Sequence[int]) -> Moments:
-    """Return what noise does to the poles of several orders, as it is seen beside each of them."""
+    """Return the moments of poles of several orders, each under its own estimate of noise."""
     first, ends = noises[0], np.cumsum([0, *counts])
     if all(noise is first for noise in noises):
         return first.moments(influence)

@@ -57,7 +57,7 @@ class DrivenWhitened(Whitened):
     def at(self, poles: ComplexArray, sides: ComplexArray, *, slopes: bool = True) -> Point:
         """Return the likelihood at poles (n,) and unit vectors (n, m + R), and all that a step needs unless there is to be none.
 
-        The triangular factor of [terms, columns, data] says it all: of the rows nothing is kept.
+        Only the triangular factor of [terms, columns, data] is kept, not the rows.
         """
         n, p = sides.shape
         t, width = self.terms.shape[1], 2 * n * (1 + p if slopes else 1)
@@ -101,7 +101,7 @@ class DrivenWhitened(Whitened):
 class DrivenPoint(Point):
     """Poles and unit vectors in records; `own` are the columns of the modes (K, n), `derived` those of their unknowns (K, n p).
 
-    `basis` holds what the columns have of the terms (t, c), and the triangular factor of the rest (c, c).
+    `basis`: the part of the columns in the terms (t, c), and the triangular factor of the remainder (c, c).
     """
 
     @property

@@ -1,4 +1,4 @@
-"""Find the pole that stands out of a residual, by filters matched to decaying oscillations."""
+"""Detect the strongest pole in a residual, by filters matched to decaying oscillations."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ _HELD, _AT_A_TIME = 1 << 23, 48_000
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Peak:
-    """A pole that stands out.
+    """A pole detected in a residual.
 
     `pole`: as it is in the data, rad/s. `shape`, `participation` (l,): of length one, of the residual's largest singular value there.
     """
@@ -95,7 +95,7 @@ class Peak:
 def strongest_peaks(
     response: Response, left: RealArray, rows: RealArray, known: Array, least: float, most: int = 1
 ) -> list[Peak]:
-    """Return where a residual holds the strongest oscillations: those that lower the squared misfit by `least`, far from each other.
+    """Detect the strongest oscillations in a residual: those that lower the squared misfit by `least`, far from each other.
 
     A pole's functions g1 and g2 are orthogonal but for their overlap with the mirror image; a residue of rank one lowers the misfit by
     the square of the largest singular value of its `amplitudes`.
@@ -131,7 +131,7 @@ def apart(grid: ComplexArray, gain: RealArray, least: float, most: int) -> list[
 
 
 def amplitudes(response: Response, left: RealArray, rows: RealArray, poles: Array) -> ComplexArray:
-    """Return A = (<g1, E> + j <g2, E>) / |g| of every pole, (n, l, m): its residue beside nothing else, in deviations of a row.
+    """Return A = (<g1, E> + j <g2, E>) / |g| of every pole, (n, l, m): its residue in a fit of it alone, in deviations of a row.
 
     `response`, `left`, `rows`: as in `strongest_peaks`. `poles` (n,): oscillations.
     """
@@ -146,7 +146,7 @@ def amplitudes(response: Response, left: RealArray, rows: RealArray, poles: Arra
 def amplitudes_by_channel(
     response: Response, left: RealArray, weights: RealArray, rows: RealArray, poles: Array
 ) -> tuple[ComplexArray, RealArray]:
-    """Return the residue of every pole beside nothing else by weighted least squares, and what it explains in each channel, (n, l, m) each.
+    """Return the residue of every pole alone by weighted least squares, and what it explains in each channel, (n, l, m) each.
 
     `response`, `left`, `rows`: as in `strongest_peaks`. `weights` (F, l, m): one over the variance of every value that is left, of either
     part of a line. `poles` (n,).
@@ -227,11 +227,10 @@ def grid_of(response: Response) -> ComplexArray:
 
 
 # ----------------------------------------------------------------------------------------------------- matched records
-# The pole that stands out of what a fit leaves of records: a matched filter under every input and the ends of every run.
+# The strongest pole in the residual of records: a matched filter under every input and the ends of every run.
 #
 # With a_i = d_i / (x - p) for every drive i and E the residual, H = a^H a = L L^H and g = a^H E: a mode of shape c under b lowers
-# the squared
-# misfit by the square of the largest singular value of L^-1 g, and b and c are its vectors.
+# the squared misfit by the square of the largest singular value of L^-1 g, and b and c are its vectors.
 
 #: Poles whose lines are cut out together; so many lines at least; numbers held at a time.
 _POLES_TOGETHER, _FEW_IN_RECORDS, _HELD_IN_RECORDS = 32, 16, 1 << 22
@@ -252,7 +251,7 @@ class _Seen(NamedTuple):
 def strongest_driven(
     records: RecordSpectra, lines: DrivenLines, left: RealArray, rows: RealArray, known: Array, least: float
 ) -> list[Peak]:
-    """Return where the residual of records holds the strongest oscillation, if that lowers the squared misfit by `least`.
+    """Detect the strongest oscillation in the residual of records, if it lowers the squared misfit by `least`.
 
     `records`: one output: where the lines are. `lines`: the drives, each in its own size. `left` (2 F, l): whitened residual. `rows` (2
     F,): what rows were divided by. `known`: poles that are there already: nothing is taken within half a half bandwidth of them.

@@ -94,9 +94,9 @@ _LARGEST = 100_000_000
 
 
 class Noise(ABC):
-    """What is known of the noise."""
+    """A model of the noise of a response."""
 
-    of_residual: ClassVar[bool] = False  # whether `beside` has any use for what a model leaves
+    of_residual: ClassVar[bool] = False  # whether `beside` uses the residual of a model
 
     @property
     @abstractmethod
@@ -105,15 +105,15 @@ class Noise(ABC):
 
     @abstractmethod
     def moments(self, influence: PoleInfluence, other: PoleInfluence | None = None) -> Moments:
-        """Return what the noise does to poles, or to poles and as many others together.
+        """Return the moments of poles under the noise, or of poles and as many others.
 
         `other`: of the same response; by default `influence` itself.
         """
 
     def beside(self, residual: RealArray, left: Array | None = None) -> Noise:
-        """Return the noise, given what a model leaves of the data.
+        """Return the noise given the residual of a model.
 
-        `residual` (l, m): its variance. `left` (K, l, m): itself: noise is then drawn with its spectrum.
+        `residual` (l, m): its variance. `left` (K, l, m): the residual, whose spectrum is then that of drawn noise.
         """
         return self
 
@@ -154,7 +154,7 @@ class White(Noise):
         return Note(KIND, {"resolution_hz": self.resolution} if self.resolution else {}, text)
 
     def moments(self, influence: PoleInfluence, other: PoleInfluence | None = None) -> Moments:
-        """Return what the noise does to poles."""
+        """Return the moments of poles."""
         return influence.joint(other or influence, self.variance, self.fading)
 
     def damping_is_told(self, poles: ComplexArray) -> BoolArray:
@@ -174,7 +174,7 @@ class White(Noise):
 
 @dataclass(frozen=True, eq=False)
 class Residual(Noise):
-    """Noise of which only what a model leaves of the data is known: taken as white, of one variance a channel."""
+    """Noise estimated from the residual of a model: white, of one variance a channel."""
 
     of_residual: ClassVar[bool] = True
     is_complex: bool = False
@@ -184,7 +184,7 @@ class Residual(Noise):
     def note(self) -> Note:
         """Where the deviations come from, and what they are not."""
         text = (
-            "standard deviations from what the model leaves of the data, taken as white noise; "
+            "standard deviations from the residual of the model, taken as white noise; "
             "what differs between inputs, runs or setups is not in them"
         )
         return Note(KIND, {}, text)
@@ -242,7 +242,7 @@ class Parts(Noise):
 
 @dataclass(frozen=True, eq=False)
 class Unknown(Noise):
-    """Noise of which nothing is known: every deviation is withheld, and `cure` says what would give some."""
+    """Unknown noise: every standard deviation is withheld; `cure` says which data would give some."""
 
     why: str
     cure: str = "Give other data, or another method."
@@ -264,7 +264,7 @@ class Unknown(Noise):
 
 
 def noise_of(response: Response, records: Signals | StoredSignals | None = None) -> Noise:
-    """Return what is known of the noise in a response.
+    """Return the noise model of a response.
 
     The variance of the estimates where the response has it; else their coherence with the number of averages; for correlations the
     scatter of parts of the record, and nothing for their half spectra; else the residual of whatever model is fitted.

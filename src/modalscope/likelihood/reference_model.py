@@ -1,4 +1,4 @@
-"""The noise of every channel, from a model that is richer than any that is reported."""
+"""Estimate the noise of every channel from an overparameterized reference model."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from modalscope.likelihood.whitening import (
     Levels,
     colour,
     from_variance,
+    gain_factor_under_window,
     levels_of,
     smoothed,
-    told_under_window,
 )
 from modalscope.numerics.checks import Array, RealArray
 
 __all__ = ["Floor", "by_line", "floor_of", "level_of", "parts_of_level"]
 
-#: Columns of the richer model are no more than this part of the rows: the rest tells the noise.
+#: Columns of the reference model are no more than this part of the rows.
 _COLUMNS = 0.5
 
 #: One in so many rows of noise is left at least.
@@ -46,7 +46,7 @@ _ROUNDING = 1e-13
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Floor:
-    """What a richer model leaves: the noise, where the data are of a linear structure.
+    """The noise of data, from the residual of the reference model.
 
     `rows` (K,): deviations of the rows, relative to each other. `levels`: deviations of the channels. `variance`: of a row divided by all
     of these. `left` (K, l, m): the residual, not divided. `data` (K, l, m): not divided. `correlation` (F,): of neighbouring lines around
@@ -116,7 +116,7 @@ def _taken(response: Response, poles: Array, unknown: int) -> float:
     window = window_over_lines(response)
     if window <= 0:
         return unknown
-    each = 1 / told_under_window(window, -poles.real * window / response.added_damping)
+    each = 1 / gain_factor_under_window(window, -poles.real * window / response.added_damping)
     return float(unknown + 2 * np.sum(each - 1))
 
 

@@ -1,4 +1,4 @@
-"""Modes of ambient setups refined to the maximum of the likelihood of the setups' own lines, together or one by one."""
+"""Refine modes of ambient setups by Whittle's likelihood of their lines, jointly or one by one."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ __all__ = ["refine_setups"]
 #: The lines reach so far beyond the first and the last mode: a part of the frequency, and half bandwidths.
 _BEYOND, _HALVES = 0.15, 10.0
 
-#: Lines of machines are left out with this part of their frequency on either side, and so many of their spreads: what leaks from them.
+#: Rotating-machine lines are left out with this part of their frequency on either side, and so many of their spreads: what leaks from them.
 _HUM, _SPREADS = 0.01, 3.0
 
 #: Products of one step of all setups that are worth it, and how much larger than told residuals may be without a word.
@@ -86,7 +86,7 @@ def _cells(setups: Setups, poles: ComplexArray) -> list[Cells]:
 
 
 def _without_lines(cells: Cells, record: Signals) -> Cells:
-    """Return cells without those in which a machine turns: no modes and no noise explain it."""
+    """Return cells without rotating-machine lines."""
     kept = np.ones(cells.frequencies.size, dtype=bool)
     for line in find_lines(record, (float(cells.frequencies[0]), float(cells.frequencies[-1]))):
         kept &= np.abs(cells.frequencies - line.frequency) > _HUM * line.frequency + _SPREADS * line.spread

@@ -1,4 +1,4 @@
-"""What a refinement gives: modes with both deviations, what was lost, and notes on what the deviations rest on."""
+"""Build the modal model of a refinement, with standard deviations, rejected modes and notes."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _ASTRAY = 1.0
 def refined(
     task: Task, before: ModalModel, settled: Settled | None, groups: Groups, lost: list[Candidate], notes: list[Note]
 ) -> ModalModel:
-    """Wrap the optimum: values, deviations, what was lost, and the modes as they were."""
+    """Build the refined modal model: values, standard deviations, rejected modes, and the modes before."""
     response = task.response
     if lost:
         listed = ", ".join(f"{each.frequency:.5g} Hz" for each in lost)

@@ -21,23 +21,22 @@ from modalscope.likelihood.whitening import (
     Levels,
     colour,
     from_variance,
+    gain_factor_under_window,
     levels_of,
     row_deviations,
     search_bound,
-    told_under_window,
 )
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
 
-__all__ = ["Settled", "Task", "least_gain", "needed_out_of_band", "out_of_band_poles", "settle", "task_of"]
+__all__ = ["Settled", "Task", "least_gain", "needed_beside", "out_of_band_poles", "settle", "task_of"]
 
 
 # -------------------------------------------------------------------------------------------------------------- out-of-band poles
-# What modes outside a band leave in it: their out-of-band poles, told by poles beside the band that stay where they are.
+# The response of modes outside a band, approximated by fixed out-of-band poles.
 #
-# A skirt has its only singularities at the poles of its mode and is smooth in the band, the less so the nearer these lie. With d the
-# distance from an end, functions of this kind are told by fixed poles at distances d, d / 2, d / 4, ... to an error that falls with
-# exp(-c sqrt(n)) for n of them, however near the singularity comes, and their residues follow by least squares.
+# It is smooth in the band, less so the nearer its poles lie. With d the distance from an end, it is approximated by n fixed poles at
+# distances d, d / 2, d / 4, ... to an error that falls with exp(-c sqrt(n)); their residues follow by least squares.
 #
 # Source: A. Gopal and L. N. Trefethen, SIAM J. Numer. Anal. 57, 2019.
 
@@ -61,7 +60,7 @@ def out_of_band_poles(response: Response) -> ComplexArray:
 
 
 # -------------------------------------------------------------------------------------------------------------- beside
-# Poles that take part beside the modes: what the data need and no mode is, so that the modes need not make up for it.
+# Significant poles that are no modes take part in the fit, so that the modes need not compensate for them.
 
 #: A pole within so many decay rates of a mode may be part of it, and would take from it.
 _PART = 3.0
@@ -70,8 +69,8 @@ _PART = 3.0
 _FALSE = 1e-3
 
 
-def needed_out_of_band(response: Response, modes: Array, candidates: Array) -> ComplexArray:
-    """Return those of the candidates that explain more than noise does beside the modes, all residues free.
+def needed_beside(response: Response, modes: Array, candidates: Array) -> ComplexArray:
+    """Return the candidates that are significant given the modes, all residues free.
 
     The weakest goes first, and the others are judged again. A pole with free residues in l m channels explains of white noise a
     chi-squared number of k = 2 l m degrees (in records 2 l (m + R), R the ends of runs); what is kept exceeds k + 2 sqrt(k t) + 2 t,
@@ -131,7 +130,7 @@ _ROUNDS, _SETTLED = 30, 1e-7
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Task:
-    """Data to be explained, and what stays as it is while modes are refined.
+    """Data, and what is fixed while modes are refined.
 
     `fixed`: poles, as they are in the data, that are held and free in every channel. `powers`: residual terms. `rows` (K,): standard
     deviations of the rows, relative to each other. `known`: of the channels, where they are known.
@@ -172,7 +171,7 @@ class Settled:
     """The optimum, and the noise that goes with it.
 
     `variance`: of a row of the whitened data. `unknown`: unknowns a channel. `colour`: of the residual. `worth` (n,): what a gain in
-    variances counts beside one in white noise; see `told_under_window`.
+    variances counts beside one in white noise; see `gain_factor_under_window`.
     """
 
     descent: Descent
@@ -255,11 +254,11 @@ def _round(task: Task, start: _Start, most: int, *, last: bool) -> _Start | Sett
 
 
 def _worth(response: Response, poles: ComplexArray) -> RealArray:
-    """Return what gains of poles count beside those in white noise, (n,)."""
+    """Return the factor of each pole's gain relative to white noise, (n,)."""
     window = window_over_lines(response)
     if window <= 0:
         return np.ones(len(poles))
-    return told_under_window(window, -poles.real * window / response.added_damping)
+    return gain_factor_under_window(window, -poles.real * window / response.added_damping)
 
 
 @singledispatch

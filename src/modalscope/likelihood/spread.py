@@ -1,4 +1,4 @@
-"""Deviations of refined modes: what the noise leaves open, white or coloured as the residual is, and what groups disagree by."""
+"""Compute standard deviations of refined modes: from white or coloured noise, and from the scatter between groups."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the data are divided by so that their noise is white: deviations of rows, outputs and inputs; and whether what is left is white."""
+"""Estimate levels that whiten the noise, test residuals for whiteness, and bound what noise alone may explain."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ __all__ = [
     "colour",
     "free_bound",
     "from_variance",
+    "gain_factor_in_correlated_noise",
+    "gain_factor_under_window",
     "lag_factor",
     "levels_of",
     "row_deviations",
     "search_bound",
     "smoothed",
-    "told_apart",
-    "told_under_window",
 ]
 
 #: Quieter channels than this part of the loudest residual are brought to it: what is fitted to rounding must not decide alone.
@@ -161,8 +161,8 @@ def blocks_of(rows: int, count: int, correlation: float) -> Array:
     return np.tile(np.arange(count) // length, rows // count)
 
 
-def told_apart(correlation: RealArray, half: RealArray) -> RealArray:
-    """Return by how much more modes stand out of correlated noise than noise of tau = (1 + rho) / (1 - rho) times the variance says, (n,).
+def gain_factor_in_correlated_noise(correlation: RealArray, half: RealArray) -> RealArray:
+    """Return the factor of gains in correlated noise, relative to white noise of tau = (1 + rho) / (1 - rho) times the variance, (n,).
 
     Of noise with correlations rho^i the matched filter of a resonance of half bandwidth h (in lines) has
     1 + 2 sum_i rho^i / (1 + (i / 2 h)^2) times the variance that white noise gives it: the correlation of 1 / (j w - s) with itself i lines
@@ -174,10 +174,10 @@ def told_apart(correlation: RealArray, half: RealArray) -> RealArray:
     return np.asarray((1 + correlation) / (1 - correlation) / own)
 
 
-def told_under_window(window: float, decay: RealArray) -> RealArray:
-    """Return by how much less modes stand out of noise under an exponential window than out of white noise of the same power, (n,).
+def gain_factor_under_window(window: float, decay: RealArray) -> RealArray:
+    """Return the factor of gains in noise under an exponential window, relative to white noise of the same power, (n,).
 
-    Where the window is large both are: with w = exp(-a t), r = exp(-b t), b >= a the decay in the data, over a length T,
+    With w = exp(-a t), r = exp(-b t), b >= a the decay in the data, over a length T,
     mean(w^2) mean(r^2) / mean(w^2 r^2).
 
     `window`: a T. `decay` (n,): b T.
@@ -211,9 +211,8 @@ def free_bound(channels: int, rows: int) -> float:
 def search_bound(outputs: int, inputs: int, rows: int) -> float:
     """Return 2 (sqrt l + sqrt m + sqrt t)^2, t = ln(positions / 1e-3): the squared misfit, in variances, that a mode of noise may explain.
 
-    That is the bound on the largest singular value of an l x m matrix of complex normal numbers (K. R. Davidson and S. J. Szarek, 2001),
-    over all positions on the frequency axis that a pole may take: half as many as there are rows. So the free shape and participation
-    count, and the search for the best place does.
+    The bound on the largest singular value of an l x m complex normal matrix (K. R. Davidson and S. J. Szarek, 2001), over all
+    frequencies that a pole may take, half as many as rows. It counts the free shape and participation and the search.
 
     `outputs`, `inputs`: channels. `rows`: real values a channel.
     """

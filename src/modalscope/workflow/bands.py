@@ -26,7 +26,7 @@ from modalscope.judging.select import select
 from modalscope.judging.stabilize import Watch, stabilize, usable_orders
 from modalscope.likelihood.refine_setups import refine_setups
 from modalscope.likelihood.refined import astray
-from modalscope.likelihood.settling import needed_out_of_band
+from modalscope.likelihood.settling import needed_beside
 from modalscope.modal.setups import merge_modes, with_repeatability
 from modalscope.modal.shapes import joint_residues
 from modalscope.numerics.checks import ComplexArray
@@ -158,7 +158,7 @@ def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> 
     if why:
         return modes.noted(_kept(why))
     last = usable_orders(diagram)[0][-1]
-    beside = needed_out_of_band(diagram.response, modes.poles, diagram.poles[diagram.order_of_pole == last])
+    beside = needed_beside(diagram.response, modes.poles, diagram.poles[diagram.order_of_pole == last])
     stay = np.ones(len(modes), bool)
     for _ in range(_ROUNDS):
         try:
