@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.likelihood.settling import needed_out_of_band
+from modalscope.likelihood.settling import needed_beside
 from tests.support import FIVE, add_noise, match_poles
 
 
@@ -38,7 +38,7 @@ def test_no_pole_of_noise_takes_part():
     for seed in range(20):
         data = add_noise(clean, 40, seed)
         diagram = ms.stabilize(data, orders=[30])
-        assert needed_out_of_band(data, truth, diagram.poles).size == 0
+        assert needed_beside(data, truth, diagram.poles).size == 0
 
 
 def test_a_mode_that_was_refused_takes_part_all_the_same():
