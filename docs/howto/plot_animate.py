@@ -2,7 +2,7 @@
 Animate a mode shape
 ====================
 
-A picture a frame: the shape times the cosine of the phase. Here four of them. Simulated: a frame of four storeys
+Each frame shows the shape times the cosine of the phase. Here are four frames. Simulated: a frame of four storeys
 (``ms.systems.iasc_asce``). ``ms.plot.animate`` writes a file that moves.
 """
 

@@ -2,7 +2,7 @@
 Use arrays that are already there
 =================================
 
-Nothing needs a file: name what the arrays are. Axes are lines or samples, then outputs, then inputs.
+Arrays need no file: say what they are. Axes are lines or samples, then outputs, then inputs.
 """
 
 import numpy as np

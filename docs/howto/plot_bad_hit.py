@@ -2,7 +2,7 @@
 Leave a bad hammer hit out
 ==========================
 
-Measured (MIT, pyFRF): five hits; the first is overloaded, and found so.
+Measured (MIT, pyFRF): five hits; the first is overloaded, and this is detected.
 """
 
 import modalscope as ms

@@ -2,7 +2,7 @@
 Have the data examined
 ======================
 
-Overloads, swapped signs, dead channels, drift, missing quantities: what was seen, and what to change. Simulated, and spoiled.
+Overloads, swapped signs, dead channels, drift, missing quantities: what was detected, and what to change. Simulated, with faults.
 """
 
 import numpy as np

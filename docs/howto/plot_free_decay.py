@@ -2,7 +2,7 @@
 Identify free decays
 ====================
 
-Released from a displacement, no force measured: Ibrahim's method and its kin. Simulated.
+The structure is released from a displacement, without a measured force. Ibrahim's method and others identify it. Simulated.
 """
 
 import modalscope as ms

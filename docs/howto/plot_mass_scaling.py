@@ -2,7 +2,7 @@
 Scale shapes to unit modal mass
 ===============================
 
-Driving points tell the modal mass. Simulated: the result stands beside the exact one.
+Driving points give the modal mass. Simulated: the result is compared with the exact one.
 """
 
 import numpy as np

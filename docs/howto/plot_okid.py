@@ -2,7 +2,7 @@
 Come from records to Markov parameters: OKID
 ============================================
 
-An observer makes them from records with any inputs; ERA takes them from there. Simulated.
+An observer computes them from records with any inputs, and ERA identifies them. Simulated.
 """
 
 import modalscope as ms

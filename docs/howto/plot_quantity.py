@@ -2,7 +2,7 @@
 Convert the quantity of a record
 ================================
 
-Accelerations to velocities: every line is divided by its circular frequency, and the ends of the record suffer a little
+Accelerations to velocities: every line is divided by its circular frequency, and the ends of the record are slightly wrong
 (``integrate`` says how). Simulated.
 """
 

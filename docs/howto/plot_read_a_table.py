@@ -2,7 +2,7 @@
 Read a table of columns
 =======================
 
-A .csv as a logger writes it: names, a row of units, and times. What was understood is told by ``modalscope info table.csv``.
+A .csv as a logger writes it: names, a row of units, and times. ``modalscope info table.csv`` shows how it was read.
 """
 
 import numpy as np

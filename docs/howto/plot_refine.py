@@ -2,7 +2,7 @@
 Refine modes to the maximum of the likelihood
 =============================================
 
-Done by ``analyze`` by itself; here step by step, with the values before beside it. Simulated: a chain of five masses
+``analyze`` does it automatically. Here it is done step by step and compared with the unrefined values. Simulated: a chain of five masses
 (``ms.systems.chain5``).
 """
 

@@ -2,7 +2,7 @@
 Use several runs of one test
 ============================
 
-Runs are averaged or put side by side; their disagreement tells how far the test repeats. Simulated.
+Runs are averaged or put side by side; their disagreement is the repeatability of the test. Simulated.
 """
 
 import modalscope as ms

@@ -2,7 +2,7 @@
 Identify several bands and merge them
 =====================================
 
-Each band has its own diagram; modes at a border are not told twice. Measured: the beam.
+Each band has its own diagram; modes at a border are listed once. Measured: the beam.
 """
 
 import modalscope as ms

@@ -2,7 +2,7 @@
 Identify ambient records directly: SSI-data
 ===========================================
 
-Records projected on their own past, no correlations between. Simulated.
+Records are projected on their past, without correlations. Simulated.
 """
 
 import modalscope as ms

@@ -1,6 +1,6 @@
 """
-Watch a diagram come order by order
-===================================
+Follow a diagram order by order
+===============================
 
 For programs that draw while they compute, or stop early. Simulated: a chain of five masses (``ms.systems.chain5``).
 """

@@ -2,7 +2,7 @@
 Add a mode to the automatic ones, or refuse one
 ===============================================
 
-What the program left out is told, with the word that brings it in. Simulated: a chain of five masses (``ms.systems.chain5``).
+Every candidate that was left out is listed, with the option that adds it. Simulated: a chain of five masses (``ms.systems.chain5``).
 """
 
 import modalscope as ms

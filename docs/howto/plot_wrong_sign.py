@@ -2,7 +2,7 @@
 Find a sensor that was turned round
 ===================================
 
-A channel of the wrong sign breaks the symmetry of driving points, and is named. Simulated, with one sign wrong.
+A channel of the wrong sign violates the symmetry of driving points, and is named. Simulated, with one sign wrong.
 """
 
 import numpy as np

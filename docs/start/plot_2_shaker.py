@@ -14,16 +14,16 @@ record = structure.simulate(duration=100.0, noise=0.02, seed=1)
 print(record)
 
 # %%
-# Records are taken as they are
-# -----------------------------
-# No window, no averages: the record's own lines are identified, with the inputs and both ends of the record eliminated exactly, so that
-# nothing leaks. See :doc:`/records-on-lines`.
+# Records without windows
+# -----------------------
+# The lines of the whole record are identified, without windows or averages. The inputs and the transients at both ends are
+# eliminated exactly, so there is no leakage. See :doc:`/records-on-lines`.
 result = ms.analyze(record)
 print(result.modes.table())
 ms.plot.stabilization(result.diagram, result.modes)
 
 # %%
-# Beside the truth, which is known here:
+# Compared with the truth, which is known here:
 truth = structure.modes()
 pairs = ms.pair_modes(result.modes, truth)
 print(f"largest error of a frequency {100 * abs(pairs.frequency_change).max():.3f} %, least MAC {pairs.mac.min():.4f}")
@@ -32,7 +32,7 @@ ms.plot.mac(pairs.a, pairs.b)
 # %%
 # Do the intervals hold?
 # ----------------------
-# ``certify`` simulates this very case, with the modes found as the truth and noise like that of the data, and identifies it again.
+# ``certify`` simulates this test many times, with the identified modes as the truth and noise like that of the data, and identifies it.
 certificate = ms.certify(result, replicates=12)
 print(f"{certificate.holds.sum()} of {len(certificate.holds)} intervals hold")
 ms.plot.certificate(certificate)

@@ -17,14 +17,14 @@ print(record)
 # %%
 # A first look
 # ------------
-# Singular values of the spectra: a peak of the first is a mode (frequency-domain decomposition).
+# Peaks of the first singular value of the spectra are modes (frequency-domain decomposition).
 spectra = ms.preprocess.decomposition(record)
 ms.plot.spectra(spectra, peaks=4).set_xlim(0, 5)
 
 # %%
 # The modes
 # ---------
-# Below 1 Hz the sensors drift, so the band is named. Forces were not measured: correlations take the place of responses (SSI-cov).
+# The sensors drift below 1 Hz, so a band is given. Forces were not measured, so correlations take the place of responses (SSI-cov).
 result = ms.analyze(record, band=(1.0, 4.0))
 print(result.modes.table())
 ms.plot.stabilization(result.diagram, result.modes, spectra=spectra)
@@ -34,5 +34,5 @@ ms.plot.stabilization(result.diagram, result.modes, spectra=spectra)
 ms.plot.shape(result.modes, 0)
 
 # %%
-# Damping of ambient data is uncertain, and says so:
+# Damping of ambient data is uncertain. The intervals show how much:
 ms.plot.intervals(result.modes, of="damping")

@@ -3,7 +3,7 @@ An earthquake record
 ====================
 
 **Simulated** by ``ms.systems``: a building of five storeys on moving ground. The accelerometer in the basement is the input, those on
-the floors are the outputs; a record is short and anything but stationary. With a file of your own, the basement's channel first::
+the floors are the outputs. The record is short and not stationary. With a file of your own, the basement's channel first::
 
     modalscope identify quake.csv --columns "time=1,in=2,out=3-7" -o report.html
 """
@@ -18,7 +18,7 @@ t = np.arange(int(rate * seconds)) / rate
 shaking = np.random.default_rng(7).standard_normal(t.size) * t * np.exp(-t / 4)  # m/s^2: rises and dies away
 
 # %%
-# On the moving ground every mass feels -m a(t); a sensor on a floor shows its motion relative to the ground, and that of the ground.
+# On moving ground the force on every mass is -m a(t). A sensor on a floor measures the motion relative to the ground, and that of the ground.
 forces = -np.diag(building.mass) * shaking[:, None]
 relative = building.simulate(inputs=forces, at=building.dofs, sampling_rate=rate, quantity="acceleration")
 floors = relative.outputs + shaking[:, None]
@@ -35,7 +35,7 @@ print("true   [Hz]:", building.modes().frequencies.round(4))
 ms.plot.stabilization(result.diagram, result.modes)
 
 # %%
-# What the modes explain of the response of the roof to the ground:
+# The response of the roof to the ground, measured and synthesized:
 ms.plot.response(result.diagram.response, result.modes, output=4)
 
 # %%

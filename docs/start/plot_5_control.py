@@ -2,8 +2,8 @@
 A model for control
 ===================
 
-**Simulated** by ``ms.systems``: a chain of five masses, one force, a state-space model from its measured responses, and a regulator
-that adds damping to it. With a file of your own::
+**Simulated** by ``ms.systems``: a chain of five masses with one force. A state-space model is identified from its responses, and a
+regulator adds damping. With a file of your own::
 
     modalscope realize test.uff --order 10 -o model.mat
 """
@@ -19,7 +19,7 @@ measured = structure.impulse_response(300, inputs=[0], quantity="velocity", nois
 # %%
 # From responses to A, B, C
 # -------------------------
-# The eigensystem realization algorithm, balanced; the singular values say how many states stand out of the noise.
+# The eigensystem realization algorithm, gives a balanced model. The singular values show how many states stand out of the noise.
 found = ms.identify(measured, method="era", order=10)
 ms.plot.singular_values(found, order=10)
 
@@ -32,7 +32,7 @@ ms.plot.response(measured, found)
 # %%
 # A regulator
 # -----------
-# The model is a matter of arrays (``model.A``), of scipy (``model.to_scipy()``) and of python-control (``model.to_control()``).
+# The model gives arrays (``model.A``), and objects of scipy (``model.to_scipy()``) and of python-control (``model.to_control()``).
 A, B = model.A, model.B
 P = scipy.linalg.solve_discrete_are(A, B, model.C.T @ model.C, 1e-4 * np.eye(B.shape[1]))
 gain = np.linalg.solve(1e-4 * np.eye(B.shape[1]) + B.T @ P @ B, B.T @ P @ A)
@@ -42,7 +42,7 @@ for name, which in (("open", model), ("closed", closed)):
     print(f"{name:6s} least damping {min(-s.real / abs(s)):.4f}")
 
 # %%
-# The response of the closed loop dies away sooner:
+# The response of the closed loop decays faster:
 from matplotlib import pyplot
 
 _, axes = pyplot.subplots()

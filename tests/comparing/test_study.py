@@ -13,7 +13,7 @@ from modalscope.comparing import Comparison, compare
 from tests.comparing.datasets import MEASURED, SIMULATED, Case, simulated, truth
 from tests.studies import Study
 
-PAGE = Path(__file__).parents[2] / "docs" / "techniques-compared.md"
+PAGE = Path(__file__).parents[2] / "docs" / "validation" / "techniques.md"
 BEGIN, END = "<!-- tables: written by `make study` -->", "<!-- end of tables -->"
 
 SCATTER = "Truth within the stated scatter"
@@ -36,7 +36,7 @@ def _reference(case: Case, frequency: float) -> tuple[float, float | None] | Non
 def _table(case: Case, c: Comparison, work: float) -> str:
     ran = [r for r in c.results if r.modes is not None]
     lines = [
-        f"### {case.name}",
+        f"## {case.name}",
         "",
         f"{case.what[0].upper()}{case.what[1:]}. {len(ran)} of {len(c.results)} methods, {work:.0f} s of one processor; "
         f"largest residual of {len(c.identities)} identities {max((i.residual for i in c.identities), default=0):.0e}.",
@@ -125,13 +125,13 @@ def test_the_page_shows_the_tables() -> None:
     """Last in this file: writes what the tests above found; what did not run this time stays as it was."""
     before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
     body, _, after = rest.partition(END)
-    shown = {part.split("\n", 1)[0].strip(): f"### {part.strip()}" for part in body.split("### ")[1:]}
+    shown = {part.split("\n", 1)[0].strip(): f"## {part.strip()}" for part in body.split("## ")[1:]}
     shown |= {case.name: _TABLES[case.name] for case in (*MEASURED, *SIMULATED) if case.name in _TABLES}
     rows = [_TABLES[key] for key in _TABLES if key.startswith("scatter")]
     if rows:
         shown[SCATTER] = "\n".join(
             [
-                f"### {SCATTER}",
+                f"## {SCATTER}",
                 "",
                 f"{SEEDS} seeds of noise at 40 dB each, impulse responses: how often frequency and damping lie within it.",
                 "",

@@ -1,7 +1,7 @@
 """Records and responses of known structures, sound and spoilt: each fault at three strengths.
 
-`python -m tests.preprocess.spoilt` prints the table of docs/doctor.md: how far each fault moves the modes, in their own deviations, and
-how often it is found.
+`python -m tests.preprocess.spoilt` prints the table of docs/validation/spoilt-data.md: how far each fault moves the modes, in standard
+deviations, and how often it is found.
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ def test_sound_records_of_every_kind_are_not_named() -> None:
 @pytest.mark.study("checks")
 @pytest.mark.parametrize("name", FAULTS)
 def test_faults_that_move_a_mode_by_its_deviation_are_found(name: str, study: Callable[[str, str], Study]) -> None:
-    """Strengths and their effects stand in docs/doctor.md; what is not found there is named there."""
+    """Strengths and their effects are listed in docs/validation/spoilt-data.md."""
     fault = FAULTS[name]
     table = study(f"fault: {name}, strength {fault.strengths[2]:g}", "10 records, seeds 0 to 9")
     count = sum(is_found(fault, seed, fault.strengths[2]) for seed in range(10))
