@@ -19,6 +19,7 @@ __all__ = [
     "Role",
     "factor_to_base",
     "ignored_columns",
+    "is_spectrum",
     "is_unit",
     "kind_of_unit",
     "may_be_base",
@@ -222,6 +223,20 @@ _OTHERS = {
     "remark",
 }
 
+#: What is computed from one signal alone: it has no phase against another, and no modes are found in it.
+_SPECTRA = {
+    "fft",
+    "psd",
+    "spectrum",
+    "spectra",
+    "autospectrum",
+    "autospectra",
+    "spektrum",
+    "autopower",
+    "apsd",
+    "spectre",
+    "espectro",
+}
 #: Names that stand for a whole range in `--columns`.
 _RANGE = re.compile(r"(\d+)-(\d*)\Z")
 
@@ -240,6 +255,21 @@ class Role:
 def may_be_base(column: Column) -> bool:
     """Whether a name is one that the motion of a base goes by."""
     return not _BASE.isdisjoint(words_of(column.name))
+
+
+def is_spectrum(column: Column) -> bool:
+    """Whether a name says that a column is the spectrum of one signal, not a record of it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> [
+    ...     is_spectrum(Column(number=1, name=name, values=np.zeros(1)))
+    ...     for name in ("Acc (FFT - (RMS))", "PSD 1", "Acc 1")
+    ... ]
+    [True, True, False]
+    """
+    return not _SPECTRA.isdisjoint(words_of(column.name))
 
 
 def role_by_words(column: Column) -> Role:
