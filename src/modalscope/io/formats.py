@@ -101,6 +101,7 @@ def read(path: str | Path, **options: Any) -> Thing:
 
         For tables: `columns="time=1,in=2,out=3-9"` (the roles are time, frequency, in, out, real, imag, mag, phase, coh, ignore; columns
         are numbers from 1, ranges or names), `ignore=[4, "Temp"]`, `units={"Force": "N"}`, `rows="1101-4000"` to take a part,
+        `resample=100.0` or "auto" where times are uneven (done by itself where the loss is known and below 3 %),
         `transpose=True` where rows are channels; for text `skip=3` lines at the top, `delimiter=";"`, `decimal=","`; for workbooks and
         recorders' files `sheet="Run 2"`.
 
