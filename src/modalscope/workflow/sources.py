@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from modalscope.data import Geometry, ModalModel, Note, StoredSignals
+from modalscope.data import Geometry, ModalModel, Note, Signals, StoredSignals
 from modalscope.data.analysis import SourceFile
 from modalscope.data.setups import Setups, as_test
 from modalscope.data.units import si_form
@@ -19,6 +20,7 @@ from modalscope.io.arrays import to_arrays
 from modalscope.io.frames import is_frame
 from modalscope.numerics.checks import check_each, check_kind
 from modalscope.numerics.errors import DataError
+from modalscope.preprocess.excitation import moved_by_base
 from modalscope.preprocess.merging import merge
 
 __all__ = ["Reading", "are_paths", "opened", "source_of_data", "source_of_file"]
@@ -45,11 +47,30 @@ def opened(data: Any, reading: Reading) -> tuple[Any, tuple[SourceFile, ...], tu
         things, places = named_by_place([part for part, _, _ in parts], [Path(path).stem for path in data])
         thing = things[0] if len(things) == 1 else merge(things)
         thing, units = si_form(thing)
-        told = dict.fromkeys([*(note for _, _, notes in parts for note in notes), *places, *units])
+        thing, base = _moved_by_base(thing)
+        told = dict.fromkeys([*_alike([note for _, _, notes in parts for note in notes]), *places, *units, *base])
         return thing, tuple(source for _, source, _ in parts), tuple(told)
     thing, source, notes = _opened(data, each[0])
     thing, units = si_form(thing)
-    return thing, (source,), (*notes, *units)
+    thing, base = _moved_by_base(thing)
+    return thing, (source,), (*notes, *units, *base)
+
+
+def _alike(notes: Sequence[Note]) -> list[Note]:
+    """Return what files say, what several say alike once, with the first of their names."""
+    together: dict[tuple[str, str], list[Note]] = {}
+    for note in notes:
+        together.setdefault((note.kind, note.text.partition(": ")[2]), []).append(note)
+    return [
+        same[0]
+        if len(same) == 1
+        else replace(same[0], text=f"{same[0].text.partition(': ')[0]} and {len(same) - 1} more: {said}")
+        for (_, said), same in together.items()
+    ]
+
+
+def _moved_by_base(thing: Any) -> tuple[Any, tuple[Note, ...]]:
+    return moved_by_base(thing) if isinstance(thing, Signals) else (thing, ())
 
 
 def _of_each(reading: Reading, count: int) -> list[Mapping[str, Any]]:

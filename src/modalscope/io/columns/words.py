@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from modalscope.data import DataError
+from modalscope.data.channels import names_base
 from modalscope.data.units import FACTORS, plain_unit
 from modalscope.io.columns.table import Column
 
@@ -204,8 +205,6 @@ _ALONE = {
     "t": "time", "T": "time", "X_Value": "time", "x_value": "time", "f": "frequency", "F": "in", "n": "index", "N": "index", "k": "index",
     "i": "index",
 }  # fmt: skip
-#: What may carry the motion of a base: an input, or one output of a structure that only listens; it is asked, not guessed.
-_BASE = {"ground", "base", "table", "shaketable", "basement", "foundation", "freefield", "support", "boden", "suelo"}
 _SENSORS = {"acc", "accel", "acceleration", "vel", "disp", "response", "output", "out"}
 #: Quantities that are no vibration, whatever their unit.
 _OTHERS = {
@@ -254,7 +253,7 @@ class Role:
 
 def may_be_base(column: Column) -> bool:
     """Whether a name is one that the motion of a base goes by."""
-    return not _BASE.isdisjoint(words_of(column.name))
+    return names_base(column.name)
 
 
 def is_spectrum(column: Column) -> bool:
