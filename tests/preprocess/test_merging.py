@@ -1,10 +1,13 @@
 """Merging by labels: runs, roving sensors under measured forces, ambient setups with common references."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, Signals
 from modalscope.preprocess import estimate_frf, merge
+from modalscope.preprocess.excitation import moved_by_base
 from modalscope.systems import chain5
 from tests.support import random_system, relative
 
@@ -123,7 +126,10 @@ def test_ambient_records_with_common_outputs_become_one_correlation():
         ([part(["1Z"]), part(["2Z"]).band(1, 1.5)], "parts on the same lines"),
         ([part(["1Z"], units="m"), part(["1Z"], units="mm")], "in m in one and in mm in another"),
         ([Signals(outputs=np.ones((4, 1)), sampling_rate=f) for f in (1.0, 2.0)], "sampling rates"),
-        ([Signals(outputs=np.ones((4, 1)), sampling_rate=1.0, output_dofs=[d]) for d in "ab"], "no output is common"),
+        (
+            [Signals(outputs=np.ones((4, 2)), sampling_rate=1.0, output_dofs=list(d)) for d in ("ab", "cd")],
+            "no output is common",
+        ),
     ],
 )
 def test_what_cannot_be_merged_is_said(parts, text):
@@ -146,3 +152,47 @@ def _without(part):
         output_dofs=[part.output_dofs[i] for i in keep],
         input_dofs=part.input_dofs,
     )
+
+
+def channel(name: str, values: np.ndarray, rate: float = 100.0, unit: str = "m/s^2") -> Signals:
+    quantity = None if unit == "N" else "acceleration"
+    return Signals(
+        outputs=values[:, None], sampling_rate=rate, output_dofs=[name], units=([unit], []), quantities=quantity
+    )
+
+
+def test_records_of_one_channel_each_are_one_record():
+    t = np.arange(600) / 100.0
+    y = np.sin(2 * np.pi * 3 * t)
+    found = merge([channel("a", y), channel("b", 2 * y[:500]), channel("hammer", 3 * y, unit="N")])
+    assert (found.output_dofs, found.input_dofs, found.samples) == (("a", "b"), ("hammer",), 500)
+    np.testing.assert_array_equal(found.outputs, np.stack([y, 2 * y], axis=1)[:500])
+    np.testing.assert_array_equal(found.inputs[:, 0], 3 * y[:500])
+    assert "cut to the 500 samples of the shortest" in found.processing[-1]
+
+
+def test_channels_of_higher_rates_are_decimated_to_the_lowest():
+    slow, fast = np.arange(600) / 50.0, np.arange(1800) / 150.0
+    found = merge([channel("a", np.sin(7 * slow), 50.0), channel("b", np.sin(7 * fast), 150.0)])
+    assert (found.sampling_rate, found.samples) == (50.0, 600)
+    np.testing.assert_allclose(found.outputs[50:-50, 1], found.outputs[50:-50, 0], atol=2e-3)
+    with pytest.raises(DataError, match="--resample HZ"):
+        merge([channel("a", np.sin(7 * slow), 50.0), channel("b", np.sin(7 * fast), 130.0)])
+
+
+def test_an_event_is_driven_by_its_base_and_ambient_vibration_is_not():
+    rng = np.random.default_rng(0)
+    shaken = np.exp(-(((np.arange(4000) - 800) / 200.0) ** 2))[:, None] * rng.standard_normal((4000, 3))
+    names = ["1 deck", "2 footing 90", "3 free field"]
+    event = Signals(outputs=shaken, sampling_rate=100.0, output_dofs=names, quantities="acceleration")
+    driven, (note,) = moved_by_base(event)
+    assert (driven.output_dofs, driven.input_dofs) == (("1 deck",), ("2 footing 90", "3 free field"))
+    np.testing.assert_array_equal(driven.inputs, shaken[:, 1:])
+    assert "2 footing 90" in note.text
+    for other in (
+        replace(event, outputs=rng.standard_normal((4000, 3))),
+        replace(event, output_dofs=["1 deck", "2 deck", "3 roof"]),
+        replace(event, output_dofs=["1 base", "2 footing", "3 free field"]),
+        replace(event, quantities="displacement"),
+    ):
+        assert moved_by_base(other) == (other, ())

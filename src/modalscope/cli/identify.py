@@ -123,7 +123,7 @@ def _print(result: Result, *, everything: bool = False) -> None:
     from modalscope.modal.rebuilt import explained, fit_of
 
     for note in result.notes:
-        if note.kind in ("file", "places", "units", "units not known", "bands chosen"):
+        if note.kind in ("file", "places", "base", "units", "units not known", "bands chosen"):
             remark(note)
     _print_diagrams(result)
     if result.findings:

@@ -163,6 +163,9 @@ def add_tables(parser: argparse.ArgumentParser) -> None:
         metavar="COL=UNIT",
         help='units of columns or channels, such as "2=N,AccA=m/s^2" or "outputs=100 mV/g,inputs=lbf"; they are converted to SI',
     )
+    group.add_argument(
+        "--resample", metavar="HZ", help='even samples out of uneven times: a rate, or "auto" for that of the samples'
+    )
     group.add_argument("--rows", metavar="FIRST-LAST", help="rows of a table to take, from 1, such as 1101-4000")
     group.add_argument("--skip", type=int, metavar="N", help="lines to leave at the top of a text")
     group.add_argument("--sheet", metavar="NAME", help="sheet of a workbook")

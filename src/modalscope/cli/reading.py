@@ -16,7 +16,18 @@ __all__ = ["parse_delays", "parse_orders", "read_data", "read_modes", "read_test
 
 
 #: Options of reading that are handed on as they are.
-_AS_GIVEN = ("sampling_rate", "columns", "ignore", "rows", "skip", "delimiter", "decimal", "transpose", "sheet")
+_AS_GIVEN = (
+    "sampling_rate",
+    "columns",
+    "ignore",
+    "rows",
+    "resample",
+    "skip",
+    "delimiter",
+    "decimal",
+    "transpose",
+    "sheet",
+)
 
 
 def read_data(options: argparse.Namespace, path: Path) -> tuple[Any, tuple[Note, ...]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -30,6 +31,7 @@ __all__ = [
     "files_of",
     "input_groups",
     "known_quantity",
+    "names_base",
     "run_groups",
     "source_of",
 ]
@@ -189,6 +191,36 @@ def choose_channels(
     if not rows:
         raise DataError("a choice of channels needs at least one output", "none is left", "Exclude fewer channels.")
     return rows, columns
+
+
+#: Words for what carries the motion of a base. English archives of strong motion, and what their channels are called elsewhere.
+_BASE = {
+    *(
+        "ground",
+        "base",
+        "table",
+        "shaketable",
+        "basement",
+        "foundation",
+        "footing",
+        "footings",
+        "freefield",
+        "embankment",
+    ),
+    *("support", "pile", "boden", "fundament", "suelo", "sol"),
+}
+
+
+def names_base(label: str) -> bool:
+    """Whether a label names a place that moves the structure, rather than one that it moves.
+
+    Examples
+    --------
+    >>> names_base("4 base of center column 360"), names_base("South embankment"), names_base("3 deck, near abutment")
+    (True, True, False)
+    """
+    words = {word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", label)}
+    return not _BASE.isdisjoint(words) or "free field" in label.lower()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)

@@ -19,7 +19,7 @@ from modalscope.doctor.samples import frozen, lone_outputs, slips, spikes, wrapp
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_kind
 from modalscope.numerics.errors import DataError
-from modalscope.preprocess.excitation import find_excitation
+from modalscope.preprocess.excitation import EVENT, find_excitation, powers_of_stretches
 from modalscope.preprocess.excited_band import swept_lines, useful_lines
 from modalscope.preprocess.frf import estimate_frf
 from modalscope.preprocess.spectra import Segments, cross_spectra
@@ -141,37 +141,24 @@ def _of_response(signals: Signals, kind: str, short: bool, explained: set[str]) 
 
 # -------------------------------------------------------------------------------------------------------------- events
 
-#: Stretches of a record, and the squared coefficient of variation of their power above which it has an event. Were every stretch's power
-#: exponential, as that of a mode which outlasts it, 25 of a million records would have so much by chance.
-_STRETCHES, _UNEVEN = 40, 4.0
-
 #: A stretch belongs to the event where its power is so many times that of the median stretch.
 _LOUD = 4.0
 
 
 def events(signals: Signals) -> list[Finding]:
-    """Find an earthquake, a blow or a passage that dominates a record without inputs, of one run.
-
-    With p the power of equal stretches, averages over the record scatter as if it lasted T (sum p)^2 / (n sum p^2) = T / (1 + c^2). The
-    power of every channel is divided by its mean; the median over the channels excludes faults of single ones.
-    """
+    """Find an earthquake, a blow or a passage that dominates a record without inputs, of one run (see `powers_of_stretches`)."""
     outputs, inputs = signals.by_run()
-    size = outputs.shape[1] // _STRETCHES
-    if inputs is not None or len(outputs) != 1 or size < 2:
+    if inputs is not None or len(outputs) != 1:
         return []
-    y = outputs[0, : size * _STRETCHES] - outputs[0].mean(axis=0)
-    power = np.mean(y.reshape(_STRETCHES, size, -1) ** 2, axis=1)
-    tiny = np.finfo(float).tiny
-    each = np.median(power / np.maximum(power.mean(axis=0), tiny), axis=1)
-    each = each / max(float(each.mean()), tiny)
+    each = powers_of_stretches(outputs[0])
     uneven = float(np.var(each))
-    if uneven <= _UNEVEN:
+    if uneven <= EVENT:
         return []
     largest = int(np.argmax(each))
     quiet = np.flatnonzero(each <= _LOUD * np.median(each))
     first = int(np.max(quiet[quiet < largest], initial=-1)) + 1
-    last = int(np.min(quiet[quiet > largest], initial=_STRETCHES))
-    seconds = size / signals.sampling_rate
+    last = int(np.min(quiet[quiet > largest], initial=len(each)))
+    seconds = signals.samples // len(each) / signals.sampling_rate
     return [
         finding(
             "event",

@@ -20,7 +20,7 @@ from modalscope.data.analysis import Analysis
 from modalscope.data.channels import files_of
 from modalscope.data.results import Result
 from modalscope.data.shown import summary_of
-from modalscope.io import csv, excel, hdf5, json, mat, mesh, npz, recorders, text, uff, wav, zarr
+from modalscope.io import accelerograms, csv, excel, hdf5, json, mat, mesh, npz, recorders, text, uff, wav, zarr
 from modalscope.io.analysis import write_analysis
 from modalscope.io.atomic import check_texts, replacing
 from modalscope.io.contents import Contents, Format, Options, Survey, Thing
@@ -42,6 +42,9 @@ _UNIVERSAL = Format(
 )
 _TEXT = Format(name="text table", reader=text.read, writer=None, read_options=text.TEXT_OPTIONS)
 _MDF = Format(name="MDF file", reader=recorders.read_mdf, writer=None, read_options=recorders.RECORDER_OPTIONS)
+_ACCELEROGRAM = Format(
+    name="accelerogram", reader=accelerograms.read, writer=None, read_options=accelerograms.ACCELEROGRAM_OPTIONS
+)
 _HDF5 = Format(name="HDF5", reader=hdf5.read, writer=hdf5.write, read_options=(*ARRAY_OPTIONS, *STORED_OPTIONS))
 
 #: Suffix -> format.
@@ -57,6 +60,8 @@ FORMATS: dict[str, Format] = {
     ".dat": _TEXT,
     ".lvm": _TEXT,
     **dict.fromkeys((".at2", ".vt2", ".dt2"), _TEXT),
+    **dict.fromkeys((".v1", ".v2", ".v3", ".v1c", ".v2c", ".cosmos"), _ACCELEROGRAM),
+    ".smc": replace(_ACCELEROGRAM, reader=accelerograms.read_smc),
     ".npy": Format(name="NumPy array", reader=npz.read_npy, writer=None, read_options=npz.NPY_OPTIONS),
     ".parquet": Format(
         name="Parquet table", reader=recorders.read_parquet, writer=None, read_options=recorders.RECORDER_OPTIONS
@@ -96,6 +101,7 @@ def read(path: str | Path, **options: Any) -> Thing:
 
         For tables: `columns="time=1,in=2,out=3-9"` (the roles are time, frequency, in, out, real, imag, mag, phase, coh, ignore; columns
         are numbers from 1, ranges or names), `ignore=[4, "Temp"]`, `units={"Force": "N"}`, `rows="1101-4000"` to take a part,
+        `resample=100.0` or "auto" where times are uneven (done by itself where the loss is known and below 3 %),
         `transpose=True` where rows are channels; for text `skip=3` lines at the top, `delimiter=";"`, `decimal=","`; for workbooks and
         recorders' files `sheet="Run 2"`.
 

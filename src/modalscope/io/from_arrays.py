@@ -161,7 +161,7 @@ def _kind(of: str, arrays: Mapping[str, Array]) -> str:
 # --------------------------------------------------------------------------------------------------------- from arrays
 
 #: Options of the formats that hold named arrays.
-ARRAY_OPTIONS = ("rename", "axes", "ignore", "columns", "transpose", "rows")
+ARRAY_OPTIONS = ("rename", "axes", "ignore", "columns", "transpose", "rows", "resample")
 
 #: Fields of a noun that may be given, or overridden, while it is read from any format.
 FIELD_OPTIONS = (

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy import fft
 
+from modalscope.data.channels import names_base
+from modalscope.data.notes import Note
 from modalscope.data.record_transform import half_transform
 from modalscope.data.records import Signals
 from modalscope.data.sizes import check_size
@@ -13,7 +17,15 @@ from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.resources import scratch
 from modalscope.preprocess.impacts import is_impact
 
-__all__ = ["EXCITATIONS", "driven_records", "find_excitation", "find_period"]
+__all__ = [
+    "EVENT",
+    "EXCITATIONS",
+    "driven_records",
+    "find_excitation",
+    "find_period",
+    "moved_by_base",
+    "powers_of_stretches",
+]
 
 #: Kinds of excitation; `estimate_frf` says how each is averaged.
 EXCITATIONS = ("random", "burst", "sweep", "periodic", "impact")
@@ -35,6 +47,55 @@ _AT_A_TIME = 1 << 16
 
 #: Least correlation coefficient of a periodic force with itself a period later.
 _PERIODIC = 0.99
+
+
+#: Stretches of a record without inputs, and the squared coefficient of variation of their power above which it holds an event. Were every
+#: stretch's power exponential, as that of a mode which outlasts it, 25 of a million records would have so much by chance.
+_PARTS, EVENT = 40, 4.0
+
+
+def powers_of_stretches(y: RealArray) -> RealArray:
+    """Return the power of equal stretches of a record (N, l), mean 1: the median over channels, each divided by its mean.
+
+    Averages over the record scatter as if it lasted T (sum p)^2 / (n sum p^2) = T / (1 + c^2), c^2 the variance of these.
+    """
+    size = len(y) // _PARTS
+    if size < 2:
+        return np.ones(_PARTS)
+    centred = y[: size * _PARTS] - y.mean(axis=0)
+    power = np.mean(centred.reshape(_PARTS, size, -1) ** 2, axis=1)
+    tiny = np.finfo(float).tiny
+    each = np.median(power / np.maximum(power.mean(axis=0), tiny), axis=1)
+    return np.asarray(each / max(float(each.mean()), tiny))
+
+
+def moved_by_base(signals: Signals) -> tuple[Signals, tuple[Note, ...]]:
+    """Return an event of accelerations with the channels that are named for the base as inputs, and a note that says so.
+
+    A base moves the structure in an earthquake; under wind and traffic it is moved as the rest is, and stays an output.
+    """
+    base = np.array([names_base(dof) for dof in signals.output_dofs])
+    accelerations = set(signals.quantities) == {"acceleration"}
+    if signals.inputs is not None or signals.runs > 1 or not base.any() or base.all() or not accelerations:
+        return signals, ()
+    outputs = signals.by_run()[0][0]
+    if np.var(powers_of_stretches(outputs)) <= EVENT:
+        return signals, ()
+    names = [dof for dof, moving in zip(signals.output_dofs, base, strict=True) if moving]
+    driven = replace(
+        signals.select(exclude=names),
+        inputs=outputs[:, base],
+        input_dofs=tuple(names),
+        units=(
+            tuple(unit for unit, moving in zip(signals.units[0], base, strict=True) if not moving),
+            tuple(unit for unit, moving in zip(signals.units[0], base, strict=True) if moving),
+        ),
+    )
+    text = (
+        f"an event whose base was measured: {', '.join(names[:6])}{' ...' if len(names) > 6 else ''} by their names move the structure "
+        "and are taken as inputs. If they are outputs, give them other names: --output-dofs"
+    )
+    return driven, (Note("base", {"inputs": float(len(names))}, text),)
 
 
 def driven_records(signals: Signals, asked: str) -> tuple[RealArray, RealArray]:

@@ -13,8 +13,9 @@ from modalscope.data.channels import AUTO, source_of
 from modalscope.data.records import Records, Signals
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.setups import Setups
+from modalscope.data.units import in_si
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, check_each, check_kind
+from modalscope.numerics.checks import Array, RealArray, check_each, check_kind
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess.correlation import estimate_correlation
 from modalscope.preprocess.frf import estimate_frf
@@ -198,6 +199,8 @@ def merge(parts: Iterable[Part | Test], **options: Any) -> Part | Test:
         All of one kind.
 
         - Records of the same channels and length become one record of several runs, which estimates average.
+        - Records of one channel each, without inputs and of different names, become one record of all channels, at the lowest of their
+          rates and over the samples that all have; forces, by their units, are its inputs.
         - Records of the same outputs, but of other lengths or inputs, become `Records`.
         - Records of different outputs under measured forces (roving sensors) become one frequency response: `estimate_frf`
           of each, put together.
@@ -262,6 +265,8 @@ def merge(parts: Iterable[Part | Test], **options: Any) -> Part | Test:
 
 
 def _merge_records(parts: list[Signals], options: dict[str, Any]) -> Part | Test:
+    if not options and _is_a_channel_each(parts):
+        return _side_by_side(parts)
     first = parts[0]
     check_same(parts, "sampling_rate", "sampling rates", "Decimate the faster records.")
     if all(p.output_dofs == first.output_dofs for p in parts):
@@ -288,6 +293,65 @@ def _merge_records(parts: list[Signals], options: dict[str, Any]) -> Part | Test
         )
     setups = Setups(parts=tuple(parts))
     return merge_setups(correlations(setups, **options)) if options else setups
+
+
+def _is_a_channel_each(parts: Sequence[Signals]) -> bool:
+    """Whether each part is one run of one channel, of another name each: setups of one channel would share no reference."""
+    labels = [*(dof for part in parts for dof in part.output_dofs)]
+    single = all(part.runs == len(part.output_dofs) == 1 and part.inputs is None for part in parts)
+    return single and len(set(labels)) == len(parts)
+
+
+def _side_by_side(parts: Sequence[Signals]) -> Signals:
+    """Put channels that were stored a file each together as one record: at the lowest rate, over the samples that all have.
+
+    Channels in units of a force are inputs.
+    """
+    slowest = min(part.sampling_rate for part in parts)
+    ratios = [part.sampling_rate / slowest for part in parts]
+    factors = [round(ratio) for ratio in ratios]
+    if any(abs(ratio - factor) > 1e-6 * factor for ratio, factor in zip(ratios, factors, strict=True)):
+        check_same(parts, "sampling_rate", "sampling rates", "Resample them to one: --resample HZ.")
+    even = [_slower(part.by_run()[0][0, :, 0], factor) for part, factor in zip(parts, factors, strict=True)]
+    count = min(map(len, even))
+    values = np.stack([channel[:count] for channel in even], axis=1)
+    known = [in_si(part.units[0][0]) for part in parts]
+    forces = np.array([unit is not None and unit.kind == "force" for unit in known])
+    if forces.all():
+        forces[:] = False
+    said = [f"{len(parts)} records of one channel are one record: they are taken to begin together"]
+    said += [f"channels of higher rates were decimated to {slowest:g} Hz"] if max(factors) > 1 else []
+    said += (
+        [f"all were cut to the {count} samples of the shortest"] if len({len(channel) for channel in even}) > 1 else []
+    )
+
+    def of(which: Array) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        some = [part for part, taken in zip(parts, which, strict=True) if taken]
+        return tuple(part.output_dofs[0] for part in some), tuple(part.units[0][0] for part in some)
+
+    (outputs, output_units), (inputs, input_units) = of(~forces), of(forces)
+    return Signals(
+        outputs=values[:, ~forces],
+        inputs=values[:, forces] if forces.any() else None,
+        sampling_rate=slowest,
+        quantities=tuple(part.quantities[0] for part, force in zip(parts, forces, strict=True) if not force),
+        output_dofs=outputs,
+        input_dofs=inputs,
+        units=(output_units, input_units),
+        geometry=next((part.geometry for part in parts if part.geometry is not None), None),
+        source_path=source_of(parts),
+        processing=tuple(said),
+    )
+
+
+def _slower(x: RealArray, factor: int) -> RealArray:
+    """Return one sample in `factor` of a channel, without delay and with the gain of channels that keep their rate.
+
+    The low-pass has a ripple of 1e-4 (Kaiser window, beta 8): the ripple of recursive ones, 1 %, would be one of shapes.
+    """
+    from scipy.signal import resample_poly
+
+    return x if factor == 1 else np.asarray(resample_poly(x, 1, factor, window=("kaiser", 8.0), padtype="line"))
 
 
 def _runs(parts: list[Signals]) -> Signals:

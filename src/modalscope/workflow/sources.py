@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from modalscope.data import Geometry, ModalModel, Note, StoredSignals
+from modalscope.data import Geometry, ModalModel, Note, Signals, StoredSignals
 from modalscope.data.analysis import SourceFile
 from modalscope.data.setups import Setups, as_test
 from modalscope.data.units import si_form
@@ -19,6 +20,7 @@ from modalscope.io.arrays import to_arrays
 from modalscope.io.frames import is_frame
 from modalscope.numerics.checks import check_each, check_kind
 from modalscope.numerics.errors import DataError
+from modalscope.preprocess.excitation import moved_by_base
 from modalscope.preprocess.merging import merge
 
 __all__ = ["Reading", "are_paths", "opened", "source_of_data", "source_of_file"]
@@ -41,11 +43,29 @@ def opened(data: Any, reading: Reading) -> tuple[Any, tuple[SourceFile, ...], tu
         parts = [_opened(path, options) for path, options in zip(data, each, strict=True)]
         named, places = named_by_place([part for part, _, _ in parts], [Path(path).stem for path in data])
         merged, units = si_form(named[0] if len(named) == 1 else merge(named))
-        notes = dict.fromkeys([*(note for _, _, each_notes in parts for note in each_notes), *places, *units])
-        return merged, tuple(source for _, source, _ in parts), tuple(notes)
-    single, source, read_notes = _opened(data, each[0])
+        merged, base = _moved_by_base(merged)
+        said = _alike([note for _, _, read_notes in parts for note in read_notes])
+        return merged, tuple(source for _, source, _ in parts), tuple(dict.fromkeys([*said, *places, *units, *base]))
+    single, source, notes = _opened(data, each[0])
     single, units = si_form(single)
-    return single, (source,), (*read_notes, *units)
+    single, base = _moved_by_base(single)
+    return single, (source,), (*notes, *units, *base)
+
+
+def _alike(notes: Sequence[Note]) -> list[Note]:
+    """Return the notes on files; what several files have in common once, with the name of the first."""
+    together: dict[tuple[str, str], list[Note]] = {}
+    for note in notes:
+        together.setdefault((note.kind, note.text.partition(": ")[2]), []).append(note)
+    found = []
+    for (_, text), same in together.items():
+        name = same[0].text.partition(": ")[0]
+        found.append(same[0] if len(same) == 1 else replace(same[0], text=f"{name} and {len(same) - 1} more: {text}"))
+    return found
+
+
+def _moved_by_base(data: Any) -> tuple[Any, tuple[Note, ...]]:
+    return moved_by_base(data) if isinstance(data, Signals) else (data, ())
 
 
 def _of_each(reading: Reading, count: int) -> list[Mapping[str, Any]]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, Signals
 from modalscope.io.columns.axis import check_numbers, sampling_of, with_rows
+from modalscope.io.columns.clock import nearly_even
 from modalscope.io.columns.lines import frequency_response, part_of, parts_by_name
 from modalscope.io.columns.records import free_decay, records
 from modalscope.io.columns.table import Column, Table, as_word, span
@@ -19,7 +20,7 @@ from modalscope.io.contents import Contents, Finding, Options
 __all__ = ["COLUMN_OPTIONS", "contents_from_table"]
 
 #: Options of every format that gives columns.
-COLUMN_OPTIONS = ("columns", "ignore", "transpose", "rows")
+COLUMN_OPTIONS = ("columns", "ignore", "transpose", "rows", "resample")
 
 #: A first column that rises evenly by less than this is time: nobody measures lines so near each other (s or Hz).
 _FINE = 0.02
@@ -105,6 +106,10 @@ def _axis(
     rising = kept[0] if kept and not roles[kept[0].number].role else None
     rate = options.get("sampling_rate") or table.rate
     step = 0.0 if rising is None or len(kept) < 2 or spoken else _even_step(rising)
+    if rising is not None and not step and not spoken and rate is None and _is_clock(rising, len(kept)):
+        roles[rising.number] = Role(role="time", reason="it rises by nearly even steps")
+        say = f"{rising} rises by nearly even steps: taken as time in s (else: --ignore {rising.number})"
+        return rising, "time", [say]
     if rising is None or not step:
         return None, "", []
     if step == 1.0 and rate != 1.0 and np.array_equal(rising.values, np.rint(rising.values)):
@@ -128,6 +133,13 @@ def _axis(
         f'Say which: --columns "time={rising.number},out={span(rest)}"'
         + (f', or --columns "frequency={rising.number},{pairs}".' if pairs else "."),
     )
+
+
+def _is_clock(column: Column, count: int) -> bool:
+    """Whether a first column is of times whose clock is uneven."""
+    values = np.asarray(column.values)
+    real = not column.textual and not np.iscomplexobj(values) and bool(np.isfinite(values).all())
+    return real and count > 1 and nearly_even(values.astype(float)) and float(np.median(np.diff(values))) < _FINE
 
 
 def _even_step(column: Column) -> float:

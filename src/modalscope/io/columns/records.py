@@ -11,8 +11,9 @@ from modalscope.data import DataError, ImpulseResponse, Signals
 from modalscope.data.channels import QUANTITIES
 from modalscope.data.geometry import label_of
 from modalscope.io.columns.axis import longest_even, parts_of_epoch, same_rate, sampling_of
+from modalscope.io.columns.clock import evened
 from modalscope.io.columns.table import Column, Table, as_word
-from modalscope.io.columns.words import Role, factor_to_base, kind_of_unit, may_be_base
+from modalscope.io.columns.words import Role, factor_to_base, is_spectrum, kind_of_unit, may_be_base
 from modalscope.io.contents import Options
 from modalscope.numerics.checks import RealArray, check_positive
 
@@ -41,8 +42,20 @@ def records(
             f"{wrong[0]} is complex, and no column is of frequencies",
             'Say which it is: --columns "frequency=1".',
         )
+    spectra = [column for column in channels if is_spectrum(column)] if options.get("columns") is None else []
+    if spectra:
+        raise DataError(
+            f"reading {table.where} as a record was asked",
+            f"{spectra[0]} is by its name a spectrum{' in dB' if _in_decibels(spectra[0]) else ''}: the phase between signals is gone",
+            "Save the waveform that it was computed from, or frequency responses with real and imaginary parts; "
+            f'if it is a record: --columns "out={spectra[0].number}"',
+        )
     refuse_transposed(table.where, table.rows, len(channels), bool(options.get("transpose")))
+    evenly: list[str] = []
+    if axis is not None:
+        axis, channels, evenly = evened(table.where, axis, seconds_of(axis), channels, options.get("resample"))
     rate, notes = sampling_rate(table, axis, options)
+    notes = [*evenly, *notes]
     if axis and options.get("columns") is None:
         _refuse_two_clocks(table, axis, [column for column in columns if column.number in twice])
     forces = [column for column in channels if roles[column.number].role == "in"]
@@ -65,6 +78,11 @@ def records(
         units=(tuple(column.unit for column in others), tuple(column.unit for column in forces)),
     )
     return thing, notes, twice
+
+
+def _in_decibels(column: Column) -> bool:
+    """Whether a spectrum is given in dB: powers and magnitudes are never negative."""
+    return bool(np.min(column.values) < 0)
 
 
 def _said(table: Table, rate: float | None) -> float:
@@ -180,7 +198,7 @@ def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[
         raise DataError(
             f"reading {table.where} needs evenly sampled times in {axis}",
             error.found,
-            "Resample the record; or, if only the clock is uneven and not the samples: "
+            "Resample the record: --resample auto; or, if only the clock is uneven and not the samples: "
             f"{way_out} HZ{_even_rows(times, table.first_row - 1)}",
         ) from None
     if said is None and sampling.doubt > _OPEN * sampling.rate:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from modalscope.data import DataError
+from modalscope.data.channels import names_base
 from modalscope.data.units import FACTORS, plain_unit
 from modalscope.io.columns.table import Column
 
@@ -19,6 +20,7 @@ __all__ = [
     "Role",
     "factor_to_base",
     "ignored_columns",
+    "is_spectrum",
     "is_unit",
     "kind_of_unit",
     "may_be_base",
@@ -203,8 +205,6 @@ _ALONE = {
     "t": "time", "T": "time", "X_Value": "time", "x_value": "time", "f": "frequency", "F": "in", "n": "index", "N": "index", "k": "index",
     "i": "index",
 }  # fmt: skip
-#: What may carry the motion of a base: an input, or one output of a structure that only listens; it is asked, not guessed.
-_BASE = {"ground", "base", "table", "shaketable", "basement", "foundation", "freefield", "support", "boden", "suelo"}
 _SENSORS = {"acc", "accel", "acceleration", "vel", "disp", "response", "output", "out"}
 #: Quantities that are no vibration, whatever their unit.
 _OTHERS = {
@@ -222,6 +222,20 @@ _OTHERS = {
     "remark",
 }
 
+#: What is computed from one signal alone: it has no phase against another, and no modes are found in it.
+_SPECTRA = {
+    "fft",
+    "psd",
+    "spectrum",
+    "spectra",
+    "autospectrum",
+    "autospectra",
+    "spektrum",
+    "autopower",
+    "apsd",
+    "spectre",
+    "espectro",
+}
 #: Names that stand for a whole range in `--columns`.
 _RANGE = re.compile(r"(\d+)-(\d*)\Z")
 
@@ -239,7 +253,22 @@ class Role:
 
 def may_be_base(column: Column) -> bool:
     """Whether a name is one that the motion of a base goes by."""
-    return not _BASE.isdisjoint(words_of(column.name))
+    return names_base(column.name)
+
+
+def is_spectrum(column: Column) -> bool:
+    """Whether a name says that a column is the spectrum of one signal, not a record of it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> [
+    ...     is_spectrum(Column(number=1, name=name, values=np.zeros(1)))
+    ...     for name in ("Acc (FFT - (RMS))", "PSD 1", "Acc 1")
+    ... ]
+    [True, True, False]
+    """
+    return not _SPECTRA.isdisjoint(words_of(column.name))
 
 
 def role_by_words(column: Column) -> Role:

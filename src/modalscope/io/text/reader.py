@@ -22,6 +22,7 @@ from modalscope.io.limits import Room, room
 from modalscope.io.text.body import kinds_of, read_body
 from modalscope.io.text.cells import Dialect, is_value, seconds_of, split, uncommented
 from modalscope.io.text.dialect import DELIMITERS, dialect_of, encoding_of, lines_of, words_of_delimiter
+from modalscope.io.text.labview import is_labview, labview_contents
 from modalscope.io.text.layout import Layout, layout_of, rate_of_facts
 from modalscope.io.text.wrapped import gathered, head_of, runs_on, wrapped_contents
 from modalscope.numerics.checks import Array, check_count, check_positive
@@ -70,6 +71,8 @@ def contents_of_lines(
     """
     first = _first(lines, space, _SAMPLES if options.get("transpose") else _COLUMNS)
     bare = [uncommented(line)[0] for _, line in first]
+    if is_labview(bare):
+        return labview_contents(where, chain(first, lines), space, options)
     head = head_of(bare)
     if head is not None:
         below = gathered(head, chain(islice(first, head.lines, None), lines), len(first), space)

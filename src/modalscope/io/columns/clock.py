@@ -1,0 +1,157 @@
+"""Resample records whose times are not even: jitter, drift and gaps of a clock, told apart, and what interpolation loses.
+
+Times are t_k = t_0 + k T + drift + jitter; a step longer than twice the usual one is a gap, in which samples are missing. Between gaps
+values are interpolated by cubic splines on an even grid. Their error falls with the fourth power of the step (de Boor, A Practical Guide
+to Splines, 1978, ch. 5): what splines through every other sample miss at those between, divided by sixteen, is what is lost.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from modalscope.data import DataError
+from modalscope.data.shown import counted
+from modalscope.io.columns.axis import longest_stretch, rises, roundest, sampling_of
+from modalscope.io.columns.table import Column
+from modalscope.numerics.checks import RealArray, check_positive
+
+__all__ = ["Clock", "clock_of", "evened", "nearly_even", "resampled"]
+
+#: A step longer than this times the usual one has a sample missing in it.
+_GAP = 1.9
+#: Without being asked, records are resampled where at most this part of the motion (-30 dB) and a fifth of the rows are lost.
+_LOST, _KEPT = 0.03, 0.8
+#: Splines through every other sample that miss more than this part of the motion say nothing of those through all.
+_KNOWN = 0.5
+#: So much of the usual step nearly even times may vary, and so many of them must not by more.
+_VARIES, _MOST = 0.5, 0.98
+#: Fewer rows than this are no record.
+_LEAST = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """How times differ from an even grid.
+
+    `step`: the usual one, s. `jitter`: root mean square distance from a steady drift, in steps. `drift`: how far the rate changes from
+    the first half to the second, relative. `gaps`: rows before which samples are missing, and how many.
+    """
+
+    step: float
+    jitter: float
+    drift: float
+    gaps: tuple[tuple[int, int], ...]
+
+    def __str__(self) -> str:
+        said = [f"jitter of {self.jitter:.2g} steps", f"drift of {1e6 * self.drift:.0f} ppm"]
+        missing = sum(count for _, count in self.gaps)
+        said += [f"{counted(len(self.gaps), 'gap')} with {missing} samples missing"] if self.gaps else []
+        return ", ".join(said)
+
+
+def nearly_even(values: RealArray) -> bool:
+    """Whether values rise by steps that hardly vary, as times of an uneven clock do.
+
+    Examples
+    --------
+    >>> nearly_even(np.arange(20.0) + 0.1 * np.sin(np.arange(20.0))), nearly_even(np.arange(20.0) ** 2)
+    (True, False)
+    """
+    if values.size < _LEAST or not rises(values):
+        return False
+    steps = np.diff(values)
+    usual = np.median(steps)
+    return bool(np.mean(np.abs(steps - usual) < _VARIES * usual) >= _MOST)
+
+
+def clock_of(times: RealArray) -> Clock:
+    """Return how increasing times differ from an even grid.
+
+    Examples
+    --------
+    >>> clock_of(np.r_[np.arange(10.0), np.arange(15.0, 25.0)]).gaps
+    ((10, 5),)
+    """
+    steps = np.diff(times)
+    usual = float(np.median(steps))
+    places = np.flatnonzero(steps > _GAP * usual) + 1
+    missing = [round(float(steps[place - 1]) / usual) - 1 for place in places]
+    k = np.arange(times.size, dtype=float)
+    for place, count in zip(places, missing, strict=True):
+        k[place:] += count
+    k /= max(k[-1], 1.0)
+    line = np.polynomial.Polynomial.fit(k, times, 2)
+    off = times - line(k)
+    first, second = line.deriv()(np.array([0.25, 0.75]))
+    drift = float(second / first - 1)
+    return Clock(
+        usual, float(np.sqrt(np.mean(off**2))) / usual, drift, tuple(zip(map(int, places), missing, strict=True))
+    )
+
+
+def resampled(times: RealArray, values: RealArray, rate: float) -> tuple[RealArray, float]:
+    """Return values (N, l) on an even grid over the times, and the part of the motion that is lost; NaN where it is not known."""
+    from scipy.interpolate import CubicSpline
+
+    grid = times[0] + np.arange(int(np.floor((times[-1] - times[0]) * rate * (1 + 1e-9))) + 1) / rate
+    found = CubicSpline(times, values)(grid)
+    motion = np.sqrt(np.mean((values - values.mean(axis=0)) ** 2))
+    half = CubicSpline(times[::2], values[::2])(times[1:-1:2]) if times.size > _LEAST else np.full(1, np.nan)
+    missed = float(np.sqrt(np.mean((half - values[1:-1:2]) ** 2)) / motion) if motion > 0 else 0.0
+    coarser = (times.size - 1) / (rate * (times[-1] - times[0]))
+    return np.asarray(found), missed / 16 if missed <= _KNOWN and coarser <= 1.001 else np.nan
+
+
+def evened(
+    where: str, axis: Column, times: RealArray, channels: list[Column], asked: Any
+) -> tuple[Column, list[Column], list[str]]:
+    """Return the axis and the channels on even times, and what to say of it; as they are where times are even and nothing is asked.
+
+    `times`: of the axis, s. `asked`: samples per second, "auto", or None, which resamples where the loss is known and small.
+
+    Raises `DataError`: times that do not increase where resampling was asked, a rate above that of the samples.
+    """
+    given = None if asked in (None, "auto") else check_positive("resample", asked)
+    if given is None and _is_even(times):
+        return axis, channels, []
+    if not np.isfinite(times).all() or not rises(times) or any(np.iscomplexobj(c.values) for c in channels):
+        return axis, channels, []
+    clock = clock_of(times)
+    if given is not None and given * clock.step > 1 + 1e-3:
+        raise DataError(
+            f"resampling {where} to {given:g} Hz was asked",
+            f"its samples follow each other {1 / clock.step:.6g} times a second",
+            "Give a lower rate: nothing stands between the samples.",
+        )
+    whole = np.ones(times.size - 1, bool)
+    whole[[place - 1 for place, _ in clock.gaps]] = False
+    first, last = longest_stretch(whole)
+    last += 1
+    part, rows = slice(first - 1, last), f"{first}-{last}"
+    if asked is None and last - first + 1 < _KEPT * times.size:
+        return axis, channels, []
+    rate = given or roundest(1 / clock.step, 1e-4 / clock.step)
+    kept = times[part]
+    values, lost = resampled(kept, np.stack([c.values[part] for c in channels], axis=1).astype(float), rate)
+    if asked is None and not lost <= _LOST:
+        return axis, channels, []
+    share = (
+        "not known: there is motion near half the sampling rate"
+        if np.isnan(lost)
+        else f"{100 * lost:.2g} % of the motion"
+    )
+    notes = [f"times are uneven ({clock}): resampled to {rate:.6g} Hz by cubic splines; what is lost is {share}"]
+    notes += [f"rows {rows} of {times.size} were taken, the longest stretch without a gap"] if clock.gaps else []
+    even = replace(axis, values=np.arange(len(values)) / rate, unit="s", stamps=False)
+    return even, [replace(c, values=values[:, k]) for k, c in enumerate(channels)], notes
+
+
+def _is_even(times: RealArray) -> bool:
+    try:
+        sampling_of(times)
+    except DataError:
+        return False
+    return True

@@ -1,0 +1,207 @@
+"""Read LabVIEW measurement files (.lvm, also saved as .txt): header, segments, and the comment column that rows may lack.
+
+The layout is National Instruments' "Specification for the LabVIEW Measurement File (.lvm)": keys and values above
+`***End_of_Header***`, then segments, each with a header of one value a channel, a line of names and its rows. X values stand in no
+column, in one, or before every channel; segments whose X values go on are one record, others are runs.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from modalscope.data import DataError
+from modalscope.io.columns import Column, Table, contents_from_table
+from modalscope.io.contents import Contents, Options
+from modalscope.io.limits import Room
+from modalscope.io.loose import stacked_runs
+from modalscope.numerics.checks import RealArray
+
+__all__ = ["is_labview", "labview_contents"]
+
+Line = tuple[int, str]
+
+_FIRST, _END = "labview measurement", "***End_of_Header***"
+_SPECIAL = ("***Start_Special***", "***End_Special***")
+_SEPARATORS = {"tab": "\t", "comma": ","}
+#: Rows that become numbers at a time.
+_PIECE = 20_000
+
+
+@dataclass(slots=True)
+class _Segment:
+    """A header, the names of its columns and its rows as pieces of numbers."""
+
+    head: dict[str, list[str]]
+    names: list[str] = field(default_factory=list)
+    pieces: list[RealArray] = field(default_factory=list)
+    waiting: list[str] = field(default_factory=list)
+
+    @property
+    def channels(self) -> int:
+        said = self.head.get("Channels", [""])[0]
+        return int(said) if said.isdecimal() else 0
+
+    def column(self, key: str, k: int) -> str:
+        """Return what a line of the header says of channel k."""
+        said = self.head.get(key, [])
+        return said[k].strip() if k < len(said) else ""
+
+
+def is_labview(first: Sequence[str]) -> bool:
+    r"""Whether the first lines of a text are those of a LabVIEW measurement file.
+
+    Examples
+    --------
+    >>> is_labview(["LabVIEW Measurement\t", "Writer_Version\t2"]), is_labview(["Time,Force"])
+    (True, False)
+    """
+    return bool(first) and first[0].strip("\ufeff \t,;\r\n").lower() == _FIRST
+
+
+def labview_contents(where: str, lines: Iterable[Line], space: Room, options: Options) -> Contents:
+    """Return the record, or the runs, that a LabVIEW measurement file holds.
+
+    Raises `DataError`: no rows, rows that are no numbers, or what tables are refused for.
+    """
+    head, segments = _segments(where, lines, space)
+    tables = [_table(where, head, segment) for segment in segments if segment.pieces]
+    if not tables:
+        raise DataError(
+            f"reading {where} as a LabVIEW measurement file was asked",
+            "it holds no rows of numbers",
+            "Save the measurement again.",
+        )
+    joined = _joined(tables)
+    found = [contents_from_table(table, options) for table in joined]
+    if len(found) == 1:
+        return found[0]
+    thing = stacked_runs(where, [each.thing for each in found])
+    return replace(found[0], thing=thing, notes=(*found[0].notes, f"{len(found)} segments are as many runs"))
+
+
+def _segments(where: str, lines: Iterable[Line], space: Room) -> tuple[Mapping[str, list[str]], list[_Segment]]:
+    """Return the header of the file and its segments."""
+    rows = iter(lines)
+    head = dict(_header(rows, None))
+    separator = _SEPARATORS.get(head.get("Separator", ["Tab"])[0].strip().lower(), "\t")
+    decimal = head.get("Decimal_Separator", ["."])[0].strip() or "."
+    segments: list[_Segment] = []
+    special = False
+    for number, line in rows:
+        text = line.rstrip("\r\n")
+        if text.startswith(_SPECIAL):
+            special = text.startswith(_SPECIAL[0])
+        elif special or not text.strip(" \t,"):
+            continue
+        elif text.partition(separator)[0] == "Channels":
+            segments.append(_Segment(dict(_header(_again(line, number, rows), separator))))
+            segments[-1].names = [name.strip() for name in next(rows, (0, ""))[1].rstrip("\r\n").split(separator)]
+        elif segments:
+            _add(where, number, text, segments[-1], separator, decimal, space)
+    for segment in segments:
+        _flush(where, 0, segment, separator, space)
+    return head, segments
+
+
+def _again(line: str, number: int, rows: Iterator[Line]) -> Iterator[Line]:
+    yield number, line
+    yield from rows
+
+
+def _header(rows: Iterator[Line], separator: str | None) -> Iterator[tuple[str, list[str]]]:
+    """Yield keys and their values up to the end of a header; without a separator, that of the first line's own."""
+    for _, line in rows:
+        text = line.rstrip("\r\n")
+        if text.startswith(_END):
+            return
+        sign = separator or ("\t" if "\t" in text else ",")
+        key, *values = text.split(sign)
+        if key.strip():
+            yield key.strip(), values
+
+
+def _add(where: str, number: int, text: str, segment: _Segment, separator: str, decimal: str, space: Room) -> None:
+    segment.waiting.append(text.replace(decimal, ".") if decimal != "." else text)
+    if len(segment.waiting) >= _PIECE:
+        _flush(where, number, segment, separator, space)
+
+
+def _flush(where: str, number: int, segment: _Segment, separator: str, space: Room) -> None:
+    """Make numbers of the rows that wait: what stands behind the columns of the channels is a comment."""
+    if not segment.waiting:
+        return
+    width = min(len(segment.names) - (segment.names[-1:] == ["Comment"]), segment.waiting[0].count(separator) + 1)
+    first = int(not segment.waiting[0].partition(separator)[0].strip())  # no X values are saved: the cell is empty
+    space.take("its rows", 8 * width * len(segment.waiting))
+    try:
+        values = np.loadtxt(segment.waiting, delimiter=separator, usecols=range(first, width), comments=None, ndmin=2)
+    except (ValueError, IndexError) as error:
+        raise DataError(
+            f"reading {where} needs {width - first} numbers in every row",
+            f"among the {len(segment.waiting)} rows before line {number or 'the end'}: {str(error)[:100]}",
+            "Correct that row, or save the measurement again.",
+        ) from None
+    segment.pieces.append(values)
+    segment.waiting.clear()
+
+
+def _table(where: str, head: Mapping[str, list[str]], segment: _Segment) -> Table:
+    """Return a segment as columns: the X values of the first channel, and all channels."""
+    values = np.concatenate(segment.pieces)
+    count, width = segment.channels or max(1, values.shape[1] - 1), values.shape[1]
+    multi = head.get("X_Columns", ["One"])[0].strip().lower() == "multi" and width >= 2 * count
+    places = range(1, 2 * count, 2) if multi else range(width - min(count, width), width)
+    names = [name for name in segment.names if name not in ("X_Value", "Comment", "")]
+    columns = []
+    if places[0] > 0:
+        dimension = segment.column("X_Dimension", 0) or "Time"
+        unit = segment.column("X_Unit_Label", 0) or ("Hz" if dimension.lower().startswith("freq") else "s")
+        columns.append(Column(number=1, name="X_Value", unit=unit, values=values[:, 0]))
+    columns += [
+        Column(
+            number=len(columns) + k + 1,
+            name=names[k] if k < len(names) else "",
+            unit=segment.column("Y_Unit_Label", k),
+            values=values[:, place],
+        )
+        for k, place in enumerate(places)
+    ]
+    step = re.sub(",", ".", segment.column("Delta_X", 0))
+    rate = 1 / float(step) if places[0] == 0 and _positive(step) else None
+    begun = " ".join(segment.column(key, 0)[:19] for key in ("Date", "Time"))
+    said = (("segment", f"{len(values)} rows, {count} channels{f', begun {begun}' if begun.strip() else ''}"),)
+    return Table(where=where, columns=tuple(columns), rate=rate, rate_from="Delta_X in its header", layout=said)
+
+
+def _positive(text: str) -> bool:
+    try:
+        return float(text) > 0
+    except ValueError:
+        return False
+
+
+def _joined(tables: Sequence[Table]) -> list[Table]:
+    """Return segments of the same channels whose X values go on as one table."""
+    joined = [tables[0]]
+    for table in tables[1:]:
+        last = joined[-1]
+        if _goes_on(last, table):
+            both = zip(last.columns, table.columns, strict=True)
+            columns = tuple(replace(a, values=np.concatenate([a.values, b.values])) for a, b in both)
+            joined[-1] = replace(last, columns=columns)
+        else:
+            joined.append(table)
+    return joined
+
+
+def _goes_on(last: Table, table: Table) -> bool:
+    """Whether the X values of a segment follow those of the one before by one step."""
+    if last.rate is not None or [c.label for c in last.columns] != [c.label for c in table.columns]:
+        return False
+    before, after = last.columns[0].values, table.columns[0].values
+    step = (before[-1] - before[0]) / max(1, len(before) - 1)
+    return bool(abs(after[0] - before[-1] - step) < 0.5 * step)

@@ -1,0 +1,108 @@
+"""Uneven times: what is told of the clock, what resampling gives back, and what it refuses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import modalscope as ms
+from modalscope.io import read, survey
+from modalscope.io.columns.clock import clock_of, nearly_even, resampled
+from tests.support import DATA
+
+RATE, COUNT = 200.0, 2000
+
+
+def times(jitter: float = 0.0, drift: float = 0.0, gap: int = 0, seed: int = 0) -> np.ndarray:
+    """Times of `COUNT` samples, jitter in steps, the rate drifting by so much over the record, samples missing in the middle."""
+    k = np.arange(COUNT, dtype=float)
+    k[COUNT // 3 :] += gap
+    rng = np.random.default_rng(seed)
+    return (k - drift * k**2 / (2 * COUNT) + jitter * rng.uniform(-1, 1, COUNT)) / RATE
+
+
+def motion(t: np.ndarray) -> np.ndarray:
+    return np.stack([np.sin(2 * np.pi * 7.3 * t), np.cos(2 * np.pi * 11.9 * t + 1)], axis=1)
+
+
+def table(path: Path, t: np.ndarray, y: np.ndarray, head: str = "time [s],a [g],b [g]") -> Path:
+    np.savetxt(path, np.column_stack([t, y]), delimiter=",", header=head, comments="", fmt="%.9f")
+    return path
+
+
+@pytest.mark.parametrize("drift", [0.0, 2e-3])
+@pytest.mark.parametrize("jitter", [0.05, 0.4])
+def test_jitter_drift_and_gaps_are_told_apart(jitter: float, drift: float) -> None:
+    found = clock_of(times(jitter, drift, gap=7))
+    assert found.gaps == ((COUNT // 3, 7),)
+    assert found.jitter == pytest.approx(jitter / np.sqrt(3), rel=0.1)
+    assert found.drift == pytest.approx(-drift / 2, abs=3e-4 * jitter + 1e-5)
+
+
+@pytest.mark.parametrize("drift", [0.0, 5e-3])
+@pytest.mark.parametrize("jitter", [0.05, 0.3])
+def test_an_uneven_record_is_resampled_by_itself_where_little_is_lost(
+    tmp_path: Path, jitter: float, drift: float
+) -> None:
+    t = times(jitter, drift)
+    found = survey(table(tmp_path / "a.csv", t, motion(t)))
+    record = found.thing
+    grid = t[0] + np.arange(record.samples) / record.sampling_rate
+    np.testing.assert_allclose(record.outputs[3:-3], motion(grid)[3:-3], atol=3e-3)
+    assert any("times are uneven" in note and "% of the motion" in note for note in found.notes)
+
+
+def test_of_a_record_with_a_gap_the_longest_stretch_is_taken(tmp_path: Path) -> None:
+    t = times(0.1, gap=40)
+    path = table(tmp_path / "a.csv", t, motion(t))
+    with pytest.raises(ms.DataError, match="--resample auto"):  # a third of the rows would be lost
+        read(path)
+    found = survey(path, resample="auto")
+    assert found.thing.samples == pytest.approx(COUNT - COUNT // 3, abs=4)
+    assert any(f"rows {COUNT // 3 + 1}-{COUNT} of {COUNT} were taken" in note for note in found.notes)
+
+
+def test_motion_near_half_the_rate_is_not_resampled_unless_it_is_asked(tmp_path: Path) -> None:
+    t = times(0.3)
+    path = table(tmp_path / "a.csv", t, np.random.default_rng(1).standard_normal((COUNT, 2)))
+    with pytest.raises(ms.DataError, match="--resample auto"):
+        read(path)
+    found = survey(path, resample="auto")
+    assert any("not known" in note for note in found.notes)
+    with pytest.raises(ms.DataError, match="nothing stands between the samples"):
+        read(path, resample=3 * RATE)
+
+
+def test_even_records_are_resampled_when_it_is_asked(tmp_path: Path) -> None:
+    t = times()
+    path = table(tmp_path / "a.csv", t, motion(t))
+    assert read(path).sampling_rate == RATE
+    found = read(path, resample=150.0)
+    assert found.sampling_rate == 150.0
+    np.testing.assert_allclose(found.outputs, motion(np.arange(found.samples) / 150.0), atol=1e-3)
+
+
+def test_splines_lose_what_their_order_says() -> None:
+    t = np.arange(400) / 100.0
+    for cycles in (0.05, 0.1, 0.15):
+        y = np.sin(2 * np.pi * cycles * 100 * t)[:, None]
+        uneven = t + 0.004 * np.sin(np.arange(400.0) ** 2)
+        found, lost = resampled(uneven, np.sin(2 * np.pi * cycles * 100 * uneven)[:, None], 100.0)
+        count = min(len(found), len(t))
+        grid = uneven[0] + np.arange(count) / 100.0
+        missed = np.sqrt(np.mean((found[5 : count - 5, 0] - np.sin(2 * np.pi * cycles * 100 * grid[5:-5])) ** 2))
+        assert 0.2 < lost * np.std(y) / missed < 8
+
+
+def test_values_that_hardly_vary_in_step_may_be_times() -> None:
+    assert nearly_even(times(0.2, gap=5))
+    assert not nearly_even(motion(times())[:, 0])
+
+
+@pytest.mark.skipif(not (DATA / "footbridge").is_dir(), reason="the measured set footbridge is not there")
+def test_the_clock_of_a_measured_wireless_node() -> None:
+    found = survey(DATA / "footbridge" / "node_p1_000.CSV")
+    assert found.thing.sampling_rate == pytest.approx(7194, abs=1)
+    assert any("2 gaps with 232 samples missing" in note for note in found.notes)

@@ -1,0 +1,101 @@
+"""LabVIEW measurement files, written here after National Instruments' specification of the layout."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import modalscope as ms
+from modalscope.io import read, survey
+from tests.support import DATA
+
+STEP, COUNT = 0.01, 40
+TIMES = STEP * np.arange(COUNT)
+VALUES = np.round(np.stack([np.sin(3 * TIMES), np.cos(5 * TIMES)], axis=1), 6)
+
+
+def written(
+    *segments: np.ndarray,
+    x: str = "One",
+    sign: str = "\t",
+    decimal: str = ".",
+    comments: bool = False,
+    start: float = 0.0,
+) -> str:
+    """A file of two channels in g; segments go on from each other unless `start` is negative."""
+    names = {"\t": "Tab", ",": "Comma"}
+    head = {
+        "Writer_Version": "2",
+        "Separator": names[sign],
+        "Decimal_Separator": decimal,
+        "Multi_Headings": "Yes",
+        "X_Columns": x,
+    }
+    lines = [f"LabVIEW Measurement{sign}", *(f"{key}{sign}{value}" for key, value in head.items())]
+    lines += [f"***End_of_Header***{sign}", sign]
+    for number, values in enumerate(segments):
+        two = [("Channels", "2"), ("Samples", str(len(values)), str(len(values))), ("Date", "2026/01/02", "2026/01/02")]
+        two += [("Y_Unit_Label", "g", "g"), ("X_Dimension", "Time", "Time"), ("Delta_X", f"{STEP}", f"{STEP}")]
+        lines += [sign.join(line) for line in two] + [f"***End_of_Header***{sign * 3}"]
+        lines.append(sign.join(["X_Value", "Acc A", *(["X_Value"] if x == "Multi" else []), "Acc B", "Comment"]))
+        times = STEP * (np.arange(len(values)) + (0 if start < 0 else number * len(values)))
+        for time, row in zip(times, values, strict=True):
+            t = "" if x == "No" else f"{time:.6f}"
+            cells = [t, f"{row[0]:.6f}", *([t] if x == "Multi" else []), f"{row[1]:.6f}"] + ["note"] * comments
+            lines.append(sign.join(cells).replace(".", decimal))
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize("x", ["One", "Multi", "No"])
+@pytest.mark.parametrize("comments", [False, True])
+@pytest.mark.parametrize(("sign", "decimal"), [("\t", "."), ("\t", ","), (",", ".")])
+def test_names_units_and_rate_stand_in_the_header(
+    tmp_path: Path, x: str, comments: bool, sign: str, decimal: str
+) -> None:
+    path = tmp_path / "a.lvm"
+    path.write_text(
+        written(VALUES, x=x, sign=sign, decimal=decimal, comments=comments).replace(
+            f"Delta_X{sign}0.01{sign}0.01", f"Delta_X{sign}0{decimal}01{sign}0{decimal}01"
+        )
+    )
+    found = read(path)
+    assert found.output_dofs == ("Acc A", "Acc B")
+    assert found.units[0] == ("g", "g")
+    assert found.sampling_rate == pytest.approx(1 / STEP)
+    np.testing.assert_array_equal(found.outputs, VALUES)
+
+
+def test_segments_that_go_on_are_one_record_and_others_are_runs(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text(written(VALUES, 2 * VALUES))
+    np.testing.assert_array_equal(read(path).outputs, np.concatenate([VALUES, 2 * VALUES]))
+    path.write_text(written(VALUES, 2 * VALUES, start=-1.0))
+    found = survey(path)
+    np.testing.assert_array_equal(found.thing.outputs, np.stack([VALUES, 2 * VALUES]))
+    assert any("2 segments are as many runs" in note for note in found.notes)
+
+
+def test_a_row_that_is_no_number_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "a.lvm"
+    path.write_text(written(VALUES).replace(f"{VALUES[3, 1]:.6f}", "broken", 1))
+    with pytest.raises(ms.DataError, match=r"needs 3 numbers in every row.*broken"):
+        read(path)
+    path.write_text(written())
+    with pytest.raises(ms.DataError, match="no rows of numbers"):
+        read(path)
+
+
+@pytest.mark.skipif(not (DATA / "footbridge").is_dir(), reason="the measured set footbridge is not there")
+def test_a_measured_hammer_record_has_its_names_units_and_rate() -> None:
+    found = read(DATA / "footbridge" / "impulse_VI0.txt")
+    assert found.output_dofs == ("Acceleration_0", "Acceleration_1", "Acceleration_2")
+    assert found.units[0] == ("g", "g", "g")
+    assert found.sampling_rate == pytest.approx(7314.29, abs=0.01)
+
+
+@pytest.mark.skipif(not (DATA / "labview_spectrum").is_dir(), reason="the set labview_spectrum is not there")
+def test_a_spectrum_in_the_form_of_a_record_is_refused_as_what_it_is() -> None:
+    with pytest.raises(ms.DataError, match="a spectrum in dB: the phase between signals is gone"):
+        read(DATA / "labview_spectrum" / "FFT_data.lvm")
