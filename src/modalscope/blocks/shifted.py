@@ -242,10 +242,15 @@ class Shifted(LineMatrix):
         w = (self.line_weights / np.sqrt(self.window))[:, None]
         return np.vstack([w * (g + mirrored) / 2, w * (g - mirrored) / 2j]), np.ones(len(poles))
 
+    @property
+    def of_lines(self) -> bool:
+        """Whether lines were measured, of which the samples are periodised."""
+        return self.response.grid is not None
+
     def residue_scale(self, poles: Array) -> ComplexArray:
         """Participation at the first sample for that at the impulse: z^(steps between them), (k,)."""
         power = np.asarray(poles, dtype=complex) ** self.response.steps_late
-        if isinstance(self.response, FrequencyResponse):  # periodised: B' = (I - A^M)^-1 B
+        if self.of_lines:  # periodised: B' = (I - A^M)^-1 B
             power = power / (1 - np.asarray(poles) ** (len(self.samples) + 1))
         return power
 
@@ -295,7 +300,7 @@ class Shifted(LineMatrix):
         spectrum[:, -self.used % self.window] += w * (real - 1j * imaginary)
         columns = self.window * np.fft.ifft(spectrum, axis=1)
         L = left.reshape(len(left), -1, self.outputs)
-        if isinstance(self.response, FrequencyResponse):
+        if self.of_lines:
             return self._by_lines(L, columns)
         return convolved(L, columns)
 
@@ -320,7 +325,7 @@ class Shifted(LineMatrix):
     def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
         """Return shapes C X; participation by least squares over the lines of the window, or over those that were measured."""
         shapes = np.asarray(model.C @ eigen.vectors)
-        if isinstance(self.response, FrequencyResponse):
+        if self.of_lines:
             basis = self.response.basis(self.to_s(eigen.values))
             participation, terms = basis.fit_participation(shapes)
             return ModalFit(shapes, participation, terms, reach=basis.reach)
@@ -334,12 +339,12 @@ class Shifted(LineMatrix):
         late = self.response.steps_late
         if late:
             participation = participation / z[:, None] ** late
-        known = self.response.feedthrough if isinstance(self.response, ImpulseResponse) else None
+        known = self.response.feedthrough
         return ModalFit(shapes, participation, (np.zeros(self.samples.shape[1:]) if known is None else known)[None])
 
     def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> Iterator[tuple[Array, Array]]:
         """Yield data and model on the lines of the window; where lines were measured, on those."""
-        if isinstance(self.response, FrequencyResponse):
+        if self.of_lines:
             yield from super().compared(model, poles, fit)
             return
         yield self.transformed(self.judged.values), self.transformed(self.judged.values_of(model))
@@ -347,9 +352,9 @@ class Shifted(LineMatrix):
     def describe(self) -> str:
         """Say what the matrix is, in words."""
         of = (
-            f"{self.window} samples (exact, whatever follows the last one)"
-            if isinstance(self.response, ImpulseResponse)
-            else f"{self.window} periodised samples (exact: the lines are a sampled system's full grid)"
+            f"{self.window} periodised samples (exact: the lines are a sampled system's full grid)"
+            if self.of_lines
+            else f"{self.window} samples (exact, whatever follows the last one)"
         )
         rows = (
             f"shifts to {self.degree}"

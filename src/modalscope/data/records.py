@@ -136,6 +136,15 @@ class Signals(Channels, Convertible):
         """The quantity of all outputs; None when it is not known or not the same for all."""
         return self.quantities[0] if len(set(self.quantities)) == 1 else None
 
+    @property
+    def recordings(self) -> tuple[Signals, ...]:
+        """The record itself: a test is one record or several."""
+        return (self,)
+
+    def load(self) -> Signals:
+        """Return the record itself: its samples are in memory."""
+        return self
+
     def excerpt(self) -> Signals:
         """Return what of it is looked at: all, for it is in memory."""
         return self
@@ -254,6 +263,11 @@ class Records(Shown, Convertible):
         """What was done to the runs so far, each step once."""
         return tuple(dict.fromkeys(step for run in self.runs for step in run.processing))
 
+    @property
+    def recordings(self) -> tuple[Signals, ...]:
+        """The runs: a test is one record or several."""
+        return self.runs
+
     def _mapped(self, each: Callable[[Signals], Signals]) -> Records:
         return replace(self, runs=tuple(map(each, self.runs)), groups=self.groups)
 
@@ -332,14 +346,17 @@ def as_records(data: Any) -> Records:
     """
     if isinstance(data, Records):
         return data
-    if isinstance(data, Signals):
-        return Records(runs=(data,), source_path=data.source_path)
-    parts = check_each("records", data, "Signals, Records, or a list of them")
-    for part in parts:
+    given = (data,) if isinstance(data, Signals) else check_each("records", data, "Signals, Records, or a list of them")
+    for part in given:
         check_kind("each of the records", part, (Signals, Records))
-    if len(parts) == 1:
-        return as_records(parts[0])
-    return Records(runs=tuple(run for part in parts for run in (part.runs if isinstance(part, Records) else (part,))))
+    if len(given) == 1:
+        part = given[0]
+        return (
+            Records(runs=part.recordings, source_path=part.source_path)
+            if isinstance(part, Signals)
+            else as_records(part)
+        )
+    return Records(runs=tuple(run for part in given for run in part.recordings))
 
 
 def _apart(part: Signals) -> list[Signals]:

@@ -98,6 +98,26 @@ class ResponseFacts(Channels, Convertible):
         return getattr(self, "level", None)
 
     @property
+    def coherence(self) -> RealArray | None:
+        """Coherence of the lines; None where it was not estimated."""
+        return None
+
+    @property
+    def variance(self) -> RealArray | None:
+        """Variance of the values; None where it was not estimated."""
+        return None
+
+    @property
+    def averages(self) -> int | None:
+        """Averages behind the values; None where they are not known."""
+        return None
+
+    @property
+    def feedthrough(self) -> RealArray | None:
+        """Response at the impulse itself, (l, m); None where it was not measured apart."""
+        return None
+
+    @property
     def scattered_variance(self) -> bool:
         """Whether that variance is itself an estimate from a number of averages, line by line."""
         return getattr(self, "averages", None) is not None

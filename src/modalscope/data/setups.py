@@ -24,7 +24,7 @@ from modalscope.data.units import Convertible
 from modalscope.numerics.checks import check_each, check_kind, freeze
 from modalscope.numerics.errors import DataError
 
-__all__ = ["Setups", "as_test", "check_setups"]
+__all__ = ["Setups", "as_test", "check_setups", "setups_of"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
@@ -129,6 +129,11 @@ class Setups(Shown, Convertible):
         """What was done to the setups so far, each step once."""
         return tuple(dict.fromkeys(step for part in self.parts for step in part.processing))
 
+    @property
+    def recordings(self) -> tuple[Signals, ...]:
+        """The records of all setups: a test is one record or several."""
+        return self.parts
+
     def _mapped(self, each: Callable[[Any], Any]) -> Setups:
         return replace(self, parts=tuple(map(each, self.parts)))
 
@@ -173,6 +178,11 @@ def as_test(data: Any) -> Records | Setups:
         if silent and len({frozenset(part.output_dofs) for part in data}) > 1:
             return Setups(parts=tuple(data))
     return as_records(data)
+
+
+def setups_of(data: Any) -> tuple[Signals, ...]:
+    """Return the records of ambient setups; none of any other data."""
+    return data.parts if isinstance(data, Setups) else ()
 
 
 def check_setups(parts: list[Signals]) -> None:

@@ -28,15 +28,13 @@ def check_size(data: Signals | Records | Setups | Response) -> None:
     --------
     >>> check_size(Signals(outputs=[[1e-9], [1e-12]], sampling_rate=1.0))
     """
-    if isinstance(data, Records | Setups):
-        for part in data.runs if isinstance(data, Records) else data.parts:
-            check_size(part)
-    elif isinstance(data, Signals):
-        _check("records", _rows(data.outputs), data.output_dofs, _RECORDS)
-        if data.inputs is not None:
-            _check("records", _rows(data.inputs), data.input_dofs, _RECORDS)
-    else:
+    if isinstance(data, Response):
         _check("responses", data.values, data.output_dofs, _RESPONSES, channel=1)
+        return
+    for record in data.recordings:
+        _check("records", _rows(record.outputs), record.output_dofs, _RECORDS)
+        if record.inputs is not None:
+            _check("records", _rows(record.inputs), record.input_dofs, _RECORDS)
 
 
 def _rows(record: Array) -> Array:

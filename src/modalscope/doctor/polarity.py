@@ -183,7 +183,7 @@ def _transforms(response: Response, pairs: list[tuple[int, int, float]]) -> tupl
 def _clear(response: Response, i: int, j: int, s: ComplexArray) -> BoolArray:
     """Return the lines above 0 Hz on which a response is significant, all where its variance is unknown."""
     inside = s.imag > 0
-    if not isinstance(response, FrequencyResponse) or response.variance is None:
+    if response.variance is None:
         return inside
     clear = inside & (np.abs(response.values[:, i, j]) ** 2 > _CERTAIN * response.variance[:, i, j])
     return np.asarray(clear if clear.any() else inside)
@@ -244,10 +244,10 @@ def _certain(difference: Array, response: Response, *pairs: tuple[int, int]) -> 
     One or two lines dominate the sum: at a resonance for which the segments are too short the estimates leak, and scatter
     more than their variance. Of equal estimates |difference|^2 over the sum of both variances has the median .7.
     """
-    if not isinstance(response, FrequencyResponse) or response.variance is None:
+    if response.variance is None:
         return True
-    scatter = sum((response.variance[:, i, j] for i, j in pairs), np.zeros(response.lines))
-    power = sum((np.abs(response.values[:, i, j]) ** 2 for i, j in pairs), np.zeros(response.lines))
+    scatter = sum((response.variance[:, i, j] for i, j in pairs), np.zeros(response.count))
+    power = sum((np.abs(response.values[:, i, j]) ** 2 for i, j in pairs), np.zeros(response.count))
     off, clear = np.abs(difference) ** 2, power > _CERTAIN * scatter
     most = bool(clear.any()) and np.mean(off[clear] > _CERTAIN * scatter[clear]) > 0.5
     return bool(most and off.sum() > _CERTAIN * scatter.sum())

@@ -85,7 +85,7 @@ def response(
     power = np.sum(np.abs(data.values) ** 2, axis=0)
     i = channel("output", output, data.output_dofs, int(np.argmax(power.sum(axis=1))))
     j = channel("input", input, data.input_dofs, int(np.argmax(power[i])))
-    known = isinstance(data, FrequencyResponse) and data.coherence is not None
+    known = data.coherence is not None
     upper, lower, third = _panels(ax, 3 if known else 2)
     measured = data.values[:, i, j]
     fit = None if modes is None else rebuilt(data, modes if isinstance(modes, ModalModel) else modes.modes)[:, i, j]

@@ -11,7 +11,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from modalscope.data.notes import Note
-from modalscope.data.records import Records, Signals
+from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse
 from modalscope.numerics.arguments import named
@@ -70,8 +70,8 @@ def leakage_note(data: Any, response: Response, frequencies: Array, damping_rati
 
 
 def _is_random(data: Any) -> bool:
-    runs = data.runs if isinstance(data, Records) else (data,)
-    return all(isinstance(run, Signals) and run.inputs is not None and find_excitation(run) == "random" for run in runs)
+    runs = getattr(data, "recordings", ())
+    return bool(runs) and all(run.inputs is not None and find_excitation(run) == "random" for run in runs)
 
 
 def narrowest_peak(frequencies: RealArray, power: RealArray) -> float | None:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from modalscope import plot
-from modalscope.data import FrequencyResponse, ModalModel, StabilizationDiagram
+from modalscope.data import ModalModel, StabilizationDiagram
 from modalscope.data.response import Response
 from modalscope.judging.certificate import Certificate
 from modalscope.numerics.checks import RealArray
@@ -61,7 +61,7 @@ def fit_errors_svg(diagram: StabilizationDiagram) -> bytes:
 
 def response_svg(data: Response, modes: ModalModel, output: int, input: int) -> bytes:
     """Draw one channel, measured and rebuilt."""
-    known = isinstance(data, FrequencyResponse) and data.coherence is not None
+    known = data.coherence is not None
     heights = [2.2, 1, 0.6] if known else [2.2, 1]
 
     def paint(figure: Figure) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.comparing import Comparison
-from modalscope.data import FrequencyResponse, ImpulseResponse, Records, Signals, StabilizationDiagram
+from modalscope.data import FrequencyResponse, ImpulseResponse, StabilizationDiagram
 from modalscope.data.analysis import VERSION
 from modalscope.data.response import Response, root_mean_squares
 from modalscope.data.results import Result, Settings
@@ -140,14 +140,12 @@ def data_section(
     return Section("data", "Data and their quality", listing(facts.items()) + _quality(found) + _channels(response))
 
 
-def _recorded(record: object) -> dict[str, str]:
+def _recorded(record: Any) -> dict[str, str]:
     """Return length, rate and processing of what was measured; nothing of responses, which speak for themselves."""
-    if isinstance(record, Signals):
-        runs, lengths = record.runs, [record.samples]
-    elif isinstance(record, Records):
-        runs, lengths = sum(run.runs for run in record.runs), sorted(set(record.samples))
-    else:
+    recordings = getattr(record, "recordings", ())
+    if not recordings:
         return {}
+    runs, lengths = sum(run.runs for run in recordings), sorted({run.samples for run in recordings})
     rate = record.sampling_rate
     several = "" if runs == 1 else f"{runs} runs of "
     ends = tuple(dict.fromkeys((lengths[0], lengths[-1])))
@@ -186,7 +184,7 @@ def _extent(response: Response) -> dict[str, str]:
     step = f", every {steps[0]:.4g} Hz" if even else ", unevenly spaced" if steps.size else ""
     kind = "frequency responses" if isinstance(response, FrequencyResponse) else "records on their own lines"
     facts = {"kind": kind, "lines": f"{f.size} from {f[0]:.6g} to {f[-1]:.6g} Hz{step}"}
-    if isinstance(response, FrequencyResponse) and response.averages is not None:
+    if response.averages is not None:
         facts["averages"] = str(response.averages)
     if response.added_damping:
         facts["exponential window"] = f"added {response.added_damping:.4g} 1/s to every pole; taken out again"
@@ -204,7 +202,7 @@ def _channels(response: Response) -> str:
         "rms": [f"{v:.4g}" for v in rms],
         "level [dB]": [f"{20 * v:.1f}" if np.isfinite(v) else "zero" for v in level],
     }
-    coherence = response.coherence if isinstance(response, FrequencyResponse) else None
+    coherence = response.coherence
     if coherence is not None:
         each = coherence.reshape(*coherence.shape[:2], -1)
         columns["mean coherence"] = [f"{v:.3f}" for v in each.mean(axis=(0, 2))]

@@ -18,7 +18,7 @@ from modalscope.data.record_residual import DELAY, UNMEASURED
 from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
-from modalscope.data.setups import Setups
+from modalscope.data.setups import Setups, setups_of
 from modalscope.identification.refine import in_place, refine
 from modalscope.identification.routes import bands_of_record, bands_of_setups, looked_through
 from modalscope.judging.bands import Part, cut_of, evened, holds_too_little, joined_diagram, joined_modes, merge_bands
@@ -101,7 +101,7 @@ def looked_at(
     bands: tuple[tuple[float, float], ...] = document.bands
     told: tuple[Note, ...] = ()
     if not bands and document.orders is None:
-        if isinstance(seen, Setups):
+        if setups_of(seen):
             bands, told = bands_of_setups(seen.select(exclude=document.exclude) if document.exclude else seen)
         else:
             bands, told = bands_of_record(seen)
@@ -116,14 +116,15 @@ def looked_at(
 
 def setups_apart(data: Any, document: Analysis) -> tuple[Signals, ...]:
     """Return the records of every setup without the excluded channels; raise `DataError` for other data and several bands."""
-    if not isinstance(data, Setups) or len(document.bands) > 1:
-        what = f"{len(document.bands)} bands" if isinstance(data, Setups) else type(data).__name__
+    several = bool(setups_of(data))
+    if not several or len(document.bands) > 1:
+        what = f"{len(document.bands)} bands" if several else type(data).__name__
         raise DataError(
             "an identification of every setup apart was asked",
-            f"there {'are' if isinstance(data, Setups) else 'is'} {what}",
+            f"there {'are' if several else 'is'} {what}",
             "Give several ambient records with common outputs, and one band or none.",
         )
-    return (data.select(exclude=document.exclude) if document.exclude else data).parts
+    return setups_of(data.select(exclude=document.exclude) if document.exclude else data)
 
 
 def _part(choose: Choose, band: Band, diagram: StabilizationDiagram, core: Band = None) -> Part:
@@ -229,7 +230,7 @@ def _kept(why: str) -> Note:
 
 def modes_chosen(data: Any, document: Analysis, looks: Sequence[Look], choose: Choose = select) -> ModalModel:
     """Return the modes of all identified bands, refined where that was asked and helps; `choose`: as in `looked_at`."""
-    if not isinstance(data, Setups):
+    if not setups_of(data):
         return _of_bands(document, looks, choose)
     found = _of_setups(data, replace(document, refine=False), looks, choose)
     kept = data.select(exclude=document.exclude) if document.exclude else data

@@ -10,7 +10,6 @@ import numpy as np
 
 from modalscope.data.records import Signals
 from modalscope.data.results import Result, StabilizationDiagram
-from modalscope.data.stored import StoredSignals
 from modalscope.identification.prepare import measure
 from modalscope.judging.bands import SPLIT
 from modalscope.judging.certificate import Certificate, certified, replicates_of
@@ -101,4 +100,4 @@ def _records(result: Result, diagram: StabilizationDiagram) -> Signals | None:
         return None
     settings = diagram.settings
     records = measure(result.data, settings.band, settings.exclude).records
-    return records.load() if isinstance(records, StoredSignals) else records
+    return None if records is None else records.load()

@@ -12,7 +12,7 @@ import numpy as np
 
 from modalscope.data import Geometry, ModalModel, Note, Signals, StoredSignals
 from modalscope.data.analysis import SourceFile
-from modalscope.data.setups import Setups, as_test
+from modalscope.data.setups import as_test, setups_of
 from modalscope.data.units import si_form
 from modalscope.doctor.places import named_by_place
 from modalscope.io import from_frame, survey
@@ -134,8 +134,8 @@ def source_of_file(path: Path, reading: Mapping[str, Any]) -> SourceFile:
 
 def source_of_data(data: Any) -> SourceFile:
     """Return size and hash of the arrays of a data object, of a stored record those of its name, size and date; empty without arrays."""
-    if isinstance(data, Setups):
-        each = [source_of_data(part) for part in data.parts]
+    if parts := setups_of(data):
+        each = [source_of_data(part) for part in parts]
         whole = sha256(" ".join(part.sha256 for part in each).encode())
         return SourceFile(size=sum(part.size for part in each), sha256=whole.hexdigest())
     if isinstance(data, StoredSignals):

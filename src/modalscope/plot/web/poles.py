@@ -9,7 +9,6 @@ import numpy as np
 
 from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, ModalModel, StabilizationDiagram
 from modalscope.data.poles import frequencies_and_damping
-from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
 from modalscope.data.shown import summary_of
 from modalscope.identification.sweep import Cut, Sweep
@@ -43,13 +42,13 @@ _CURVES, _POINTS = 3, 200_000
 
 def curves_of(data: Any) -> tuple[Array, Array]:
     """Return lines (F,) and indicator curves (F, k) of data of any kind: CMIF, or the singular values of ambient spectra."""
-    if isinstance(data, Records):
-        data = max(data.runs, key=lambda run: run.samples)
-    if isinstance(data, Signals):
-        if data.inputs is None:
-            found = decomposition(data)
+    runs = getattr(data, "recordings", ())
+    if runs:
+        longest = max(runs, key=lambda run: run.samples)
+        if longest.inputs is None:
+            found = decomposition(longest)
             return found.frequencies, np.sqrt(found.singular_values)
-        data = estimate_frf(data)
+        data = estimate_frf(longest)
     return indicator_curves(data.picture())
 
 
