@@ -1,4 +1,4 @@
-"""What a person does on the page, as functions from one document to the next."""
+"""Change the document of an analysis by one action of the page: a function for each action, from document to document."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All documents of a server, kept on the disk from one start to the next."""
+"""Store all documents of the server, on disk from one start to the next."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the page asks of the server, address by address."""
+"""Answer the requests of the page: a function for each address."""
 
 from __future__ import annotations
 

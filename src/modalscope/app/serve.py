@@ -1,4 +1,4 @@
-"""The server of the page: on this machine alone, for the person who started it."""
+"""Serve the page on this machine, for the user who started it."""
 
 from __future__ import annotations
 

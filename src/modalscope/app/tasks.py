@@ -1,4 +1,4 @@
-"""What may be asked of a finished analysis: a channel, a file, a comparison."""
+"""Answer questions about a finished analysis: one channel, a file to export, a comparison."""
 
 from __future__ import annotations
 

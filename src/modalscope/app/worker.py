@@ -1,4 +1,4 @@
-"""The process that computes one document: commands come by a pipe, what is found goes back by it."""
+"""Run the process that computes one document: it receives commands by a pipe and sends back what it finds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The list of commands, and the parser of them all."""
+"""List the commands and build the parser of them all."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Options from a file: `--config options.toml`, a table a command.
+"""Read options from a file: `--config options.toml`, with a table for each command.
 
     [identify]
     band = [100, 4500]

@@ -1,4 +1,4 @@
-"""Results written where the user asked for them: any number of files, or JSON on stdout."""
+"""Write results to the files that were asked for, or as JSON to stdout."""
 
 from __future__ import annotations
 

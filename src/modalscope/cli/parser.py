@@ -1,4 +1,4 @@
-"""What the parser of every command is made of: errors in one line, and what several commands let users write."""
+"""Build the parser of a command: errors in one line, and options that several commands share."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files and ranges as users write them."""
+"""Interpret the files, ranges and reading options of the command line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who sums over records that stay in their file: this process, others of this machine, or the workers of a Dask scheduler."""
+"""Choose who sums over stored records: this process, other processes, or the workers of a Dask scheduler."""
 
 from __future__ import annotations
 

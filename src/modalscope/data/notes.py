@@ -1,4 +1,4 @@
-"""Notes: what a result has to tell, as a kind that programs ask for, its numbers, and a text for people."""
+"""Define notes: kind, numbers and text of what a result has to say."""
 
 from __future__ import annotations
 

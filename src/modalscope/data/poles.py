@@ -1,4 +1,4 @@
-"""Poles, frequencies and damping ratios, and the words for poles that are not oscillations.
+"""Convert poles to frequencies and damping ratios, and classify poles that do not oscillate.
 
 A pole `s` (rad/s) of a continuous system has the undamped frequency `|s| / 2 pi` (Hz) and the damping ratio `-Re s / |s|`;
 a pole `z` of the system sampled every `dt` seconds is `exp(s dt)`. Nothing is dropped here: poles that have no frequency

@@ -1,4 +1,4 @@
-"""What a fit leaves of records near resonances and away from them, and poles that are none of the structure's.
+"""Split the residual of records into parts near resonances and away from them, and find poles that are not the structure's.
 
 Forces that were not measured, and noise on the measured ones, shake the structure: what they leave is resonant. Noise of the output
 sensors is not.

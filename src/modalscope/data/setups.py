@@ -1,4 +1,4 @@
-"""Ambient setups: one structure measured part by part, a few sensors staying where they are."""
+"""Hold ambient setups: records of one structure with some sensors moved and others fixed as references."""
 
 from __future__ import annotations
 

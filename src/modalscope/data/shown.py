@@ -1,4 +1,4 @@
-"""Data and results that show themselves: one line at a prompt, a small picture and a table in a notebook.
+"""Show data and results: one line at a prompt, a picture and a table in a notebook.
 
 What users wrote is escaped; the pictures are lines of SVG, made of at most a few hundred points.
 """

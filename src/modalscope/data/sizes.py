@@ -1,4 +1,4 @@
-"""Sizes of what was measured: beyond them the squares and fourth powers that verbs form are no numbers any more."""
+"""Check that the magnitudes of data allow squares and fourth powers, and that no channel is zero."""
 
 from __future__ import annotations
 

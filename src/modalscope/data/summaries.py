@@ -1,4 +1,4 @@
-"""What the data classes show of themselves: one line, a small picture, a table."""
+"""Summarize each data class in one line, a picture and a table."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an exponential window makes of steady noise, over samples and from line to line."""
+"""Compute the effect of an exponential window on stationary noise, over samples and lines."""
 
 from __future__ import annotations
 

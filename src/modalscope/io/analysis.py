@@ -1,4 +1,4 @@
-"""Analyses as JSON: a document of their own, `x.analysis.json`, or a part of the modes that came of them.
+"""Read and write analyses as JSON, alone (`x.analysis.json`) or inside a file of modes.
 
     {"modalscope": version, "analysis": {"schema", "version", "files": [{"path", "size", "sha256", "reading"}], "bands", "exclude",
      "route", "method", "domain", "orders", "options", "frequencies", "taken", "refused", "refine", "names", "remarks"}}

@@ -1,4 +1,4 @@
-"""Stabilization diagrams as named arrays and as JSON, with the response they belong to: read back, `select` gives the same modes.
+"""Read and write stabilization diagrams, as named arrays and as JSON, with their response.
 
 Arrays stand under the names of the diagram's fields, those of its response behind `response_`, of the lines that it was made of behind
 `measured_`, of its settings behind `setting_`;

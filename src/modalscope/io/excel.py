@@ -1,4 +1,4 @@
-"""Excel workbooks (.xlsx): a sheet is a table as text is one, its cells taken with every digit."""
+"""Read the sheets of Excel workbooks (.xlsx) as tables."""
 
 from __future__ import annotations
 

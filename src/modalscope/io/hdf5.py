@@ -1,4 +1,4 @@
-"""HDF5: the arrays of `modalscope.io.arrays` as datasets of the root group, read as well by h5py, xarray and MATLAB.
+"""Read and write HDF5: the arrays of `modalscope.io.arrays` as datasets of the root group.
 
 Layout: a complex array `values` is two datasets, `values_real` and `values_imag`; texts are variable-length UTF-8; single
 values are scalar datasets. The axes carry dimension scales (`line` = `frequencies`, `output`, `input`, `sample`, `run`,

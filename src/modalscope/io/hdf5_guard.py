@@ -1,4 +1,4 @@
-"""What an HDF5 file must pass before it is read: its own checksum, or a walk through it in another process.
+"""Check an HDF5 file before it is read: by its checksum, or by a walk through it in another process.
 
 Files that are written here end in a seal, the SHA-256 of all before it, behind what HDF5 takes for the file. Where the seal
 holds, nothing is damaged; where it does not, something is. Files without one are walked by a Python of their own first

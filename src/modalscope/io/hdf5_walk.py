@@ -1,4 +1,4 @@
-"""A walk through an HDF5 file before anything is read from it: what leads out of it, and sizes that cannot be.
+"""Walk through an HDF5 file and refuse links that leave it and impossible sizes.
 
 The HDF5 library trusts what a file says, and a damaged one can end or hold up the process that reads it. So this module also
 runs as a program, in a Python of its own that loads h5py alone (it imports nothing of modalscope): what happens there happens

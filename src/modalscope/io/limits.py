@@ -1,4 +1,4 @@
-"""How much a file may become in memory: bounds that every reader keeps, so that no small file fills the machine or holds it up.
+"""Bound the memory that reading a file may take.
 
 A file says how many numbers it holds, and packed ones say little in many bytes. Before anything of that size is made it is
 weighed here: reading may take 500 MB, or twenty times the file where that is more. The arrays alone may take a quarter, for

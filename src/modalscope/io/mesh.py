@@ -1,4 +1,4 @@
-"""Meshes of finite elements as geometry, through meshio (an extra): nodes, beams as lines, shells as faces, solids by their edges."""
+"""Read finite element meshes as geometry through meshio (an extra): nodes, beams, shells, edges of solids."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files of recorders through other packages: TDMS (npTDMS), MDF 3 and 4 (asammdf), netCDF (xarray), Parquet (pandas); each is an extra.
+"""Read files of recorders through optional packages: TDMS, MDF 3 and 4, netCDF, Parquet.
 
 An adapter hands on columns, units and rate; what becomes of them is the same for all (`columns`). npTDMS and asammdf are under the LGPL.
 """

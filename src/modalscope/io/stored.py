@@ -1,4 +1,4 @@
-"""Records that are too large for memory: the samples stay in the file, what stands beside them is read."""
+"""Open records that are too large for memory: the samples stay in the file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Geometry of sensors from small text tables, as operational modal analysis programs keep them in a folder."""
+"""Read geometry from the small text tables of operational modal analysis programs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sound files (.wav) of data recorders: a rate and channels; whole numbers are parts of the full scale."""
+"""Read sound files (.wav) of data recorders."""
 
 from __future__ import annotations
 

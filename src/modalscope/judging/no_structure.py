@@ -1,4 +1,4 @@
-"""What in an ambient record is no structure: lines of machines, and noise alone; and why a result is empty."""
+"""Explain ambient lists: harmonics of machines, noise alone, and why no mode is reported."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which of the poles of a stabilization diagram are modes, and why."""
+"""Select the modes among the poles of a stabilization diagram (`select`)."""
 
 from __future__ import annotations
 

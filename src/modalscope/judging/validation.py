@@ -1,4 +1,4 @@
-"""Modes tried on data that they were not fitted to: a part of the channels left out in turn; and how white what is left is."""
+"""Validate modes on channels that they were not fitted to, and test the residual for whiteness."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The likelihood of modes in records: every pole is driven by all inputs and by the ends of every run, in one column of outputs.
+"""Compute the likelihood of modes in records with inputs, transients of every run included.
 
     Y_o(x) = sum_j c_oj (b_j' d(x)) / (x - p_j) + conjugate + D_o U(x),      d = [U; ends]
 

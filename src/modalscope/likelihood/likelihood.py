@@ -1,4 +1,4 @@
-"""The likelihood of a modal model, by variable projection: poles and one side of the residues vary, the rest is eliminated.
+"""Compute the likelihood of a modal model by variable projection.
 
     Y_o(k) = Re sum_j c_oj (b_j g_j(k)) + terms,      noise white after division by a deviation a row, an output and an input
 

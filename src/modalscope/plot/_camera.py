@@ -1,4 +1,4 @@
-"""Where nodes land on the paper: along a line, in a plane, or seen from above and aside."""
+"""Project nodes to the paper: along a line, in a plane, or in perspective."""
 
 from __future__ import annotations
 

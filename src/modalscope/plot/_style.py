@@ -1,4 +1,4 @@
-"""One look for all pictures: colours that colour-blind people tell apart, thin grids, units on the axes.
+"""Define the style of all pictures: colours, grids, units on the axes.
 
 Everything is set on the axes themselves, so that a picture looks the same on the caller's own axes and no global
 setting of Matplotlib changes. Matplotlib is imported where a figure is made, which keeps `import modalscope` fast.

@@ -1,4 +1,4 @@
-"""Mode shapes that move, as a file: GIF, MP4 or a page of its own."""
+"""Write animated mode shapes as GIF, MP4 or HTML."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The stabilization diagram: poles of all orders over the mode indicator."""
+"""Draw the stabilization diagram over the mode indicator."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers side by side: the MAC matrix and the singular values of the data matrix."""
+"""Draw the MAC matrix and the singular values of the data matrix."""
 
 from __future__ import annotations
 

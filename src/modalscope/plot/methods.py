@@ -1,4 +1,4 @@
-"""Methods side by side: the map of which are the same on the data at hand, their distances, and how far each is from the consensus."""
+"""Draw the distances between methods, their map, and their differences from the consensus."""
 
 from __future__ import annotations
 

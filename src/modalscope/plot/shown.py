@@ -1,4 +1,4 @@
-"""What `.plot()` draws of each kind of data and results."""
+"""Choose what `.plot()` draws of each kind of data and results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The sections of a report on a comparison: verdict, consensus, methods, map, identities, disagreements, and how to repeat it."""
+"""Write the sections of a report on a comparison of methods."""
 
 from __future__ import annotations
 

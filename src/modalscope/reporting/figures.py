@@ -1,4 +1,4 @@
-"""The pictures of a report, as SVG: drawn on figures of their own, in Matplotlib's default style whatever the user's is."""
+"""Draw the pictures of a report as SVG."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A grade for each mode, in one word and with the one reason that decides it.
+"""Grade each mode by one word and the reason that decides it.
 
 The first rule that speaks decides; every limit is one that another rule of the library rests on, or a bound of its own meaning:
 

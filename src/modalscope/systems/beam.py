@@ -1,4 +1,4 @@
-"""A clamped beam by Euler-Bernoulli finite elements, and its closed-form frequencies."""
+"""Model a clamped beam by Euler-Bernoulli finite elements, with closed-form frequencies."""
 
 from __future__ import annotations
 

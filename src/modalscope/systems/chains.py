@@ -1,4 +1,4 @@
-"""Spring chains: masses in a row, and the five-storey chain whose modes are known for any number of masses."""
+"""Model spring chains: masses in a row, and the five-storey chain with known modes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Exact modes of M q'' + D q' + K q = f."""
+"""Compute the exact modes of M q'' + D q' + K q = f."""
 
 from __future__ import annotations
 

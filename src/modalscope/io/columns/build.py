@@ -1,4 +1,4 @@
-"""A table becomes records or frequency responses, and every column is accounted for."""
+"""Build records or frequency responses from a table, with an account of every column."""
 
 from __future__ import annotations
 

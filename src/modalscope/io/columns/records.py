@@ -1,4 +1,4 @@
-"""Records out of columns: forces are inputs, everything else outputs; the rate by times, header or option, each held against the others."""
+"""Build records from columns: forces are inputs; the rate is checked between times, header and option."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every reader of tables hands on: columns with name and unit, and what else the file said."""
+"""Define a table of columns with names, units and rate, as all readers of tables return it."""
 
 from __future__ import annotations
 

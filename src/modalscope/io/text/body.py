@@ -1,4 +1,4 @@
-"""The rows of values of a text table as arrays, in pieces: a list of cells takes many times the file."""
+"""Parse the rows of a text table to arrays, in pieces."""
 
 from __future__ import annotations
 

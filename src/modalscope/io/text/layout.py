@@ -1,4 +1,4 @@
-"""Where a text table begins, what its columns are called, in which units, and what the lines above it say."""
+"""Find where a text table begins, its names and units, and the facts in the lines above it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Text tables as instruments and people write them: .csv, .txt, .asc, .tsv, .dat.
+"""Read text tables (.csv, .txt, .asc, .tsv, .dat) by their content.
 
 What stands in the file decides: which sign parts cells and which is the decimal one (`dialect`), where the body begins, what its columns
 are called and in which units (`layout`), and which of them is time, an input or half of a complex value (`columns`). Options say what

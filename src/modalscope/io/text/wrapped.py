@@ -1,4 +1,4 @@
-"""Accelerograms as archives of strong motion write them: one channel whose samples run on over the lines, below a head that counts them.
+"""Read accelerograms with samples that continue over the lines (PEER .at2, .vt2, .dt2).
 
 The head says `NPTS= 4000, DT= .0100 SEC`, or in older files `4000 0.0100 NPTS, DT`, and often `TIME SERIES IN UNITS OF G`.
 """

@@ -1,4 +1,4 @@
-"""Reading universal files: sets to findings, findings to one data object."""
+"""Read universal files: data sets to findings, findings to one data object."""
 
 from __future__ import annotations
 

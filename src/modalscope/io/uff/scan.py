@@ -1,4 +1,4 @@
-"""The guard: where the sets of a universal file begin and end, found by their own counts and nothing else.
+"""Find the data sets of a universal file by their own counts, and guard against damaged ones.
 
 Readers that search for the delimiter `    -1` take a truncated or foreign file for an empty one, and a delimiter inside
 binary data for the end of it. Here a set that is not closed, data outside any set, or a payload that is not as long as

@@ -1,4 +1,4 @@
-"""Writing universal files: header (151), units (164), geometry, then functions (58) or modes (55, 2414)."""
+"""Write universal files: header, units, geometry, functions (58) or modes (55, 2414)."""
 
 from __future__ import annotations
 

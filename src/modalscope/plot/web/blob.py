@@ -1,4 +1,4 @@
-"""Arrays for the page: one binary blob with a JSON head.
+"""Pack arrays for the page as one binary blob with a JSON head.
 
 Four bytes give the length of the head (little-endian); the head follows, filled up with blanks so that all that comes is a multiple of
 eight, then the arrays, each beginning at such a multiple. The head is the given mapping with "arrays": [{"name", "type", "shape", "at"}],

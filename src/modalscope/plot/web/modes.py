@@ -1,4 +1,4 @@
-"""Modes as the page lists and moves them: values with intervals, reasons, what was left out; shapes on the geometry."""
+"""Collect the modes as the page lists and animates them: values, intervals, reasons, shapes."""
 
 from __future__ import annotations
 
