@@ -136,12 +136,19 @@ def _measured(data: Any, band: tuple[float, float] | None, asked: _Asked) -> Mea
 @_measured.register
 def _(data: Response, band: tuple[float, float] | None, asked: _Asked) -> Measured:
     check_size(data)
-    row, domain = _USUAL.get((data.origin, data.held_input), ("era", "time"))
-    if isinstance(data, ImpulseResponse):
-        return Measured(
-            data if band is None else slower_correlation(data, band[1]), None, type(data).__name__, row, domain
-        )
-    return Measured(data.in_band(band), None, type(data).__name__, row, domain)
+    return Measured(data.in_band(band), None, type(data).__name__, *_usual(data))
+
+
+@_measured.register
+def _(data: ImpulseResponse, band: tuple[float, float] | None, asked: _Asked) -> Measured:
+    check_size(data)
+    slower = data if band is None else slower_correlation(data, band[1])
+    return Measured(slower, None, type(data).__name__, *_usual(data))
+
+
+def _usual(data: Response) -> tuple[str, str]:
+    """Return the row and the domain by default."""
+    return _USUAL.get((data.origin, data.held_input), ("era", "time"))
 
 
 @_measured.register

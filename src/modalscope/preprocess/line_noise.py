@@ -18,7 +18,6 @@ from dataclasses import replace
 
 import numpy as np
 import scipy.linalg as sla
-from scipy import optimize
 
 from modalscope.data.notes import Note
 from modalscope.data.record_spectra import RecordSpectra
@@ -135,12 +134,14 @@ def _residual_power(spectra: RecordSpectra, lines: slice) -> RealArray:
 
 def _coefficients(known: RealArray, power: RealArray) -> RealArray:
     """Return the coefficients of the powers that fit the noise of the groups, by non-negative least squares relative to the fit."""
+    from scipy.optimize import nnls  # slow to load
+
     fit = np.minimum.accumulate(power)
     for _ in range(_ROUNDS):
         weights = np.sqrt(np.minimum(_OUTLIER * fit / power, 1)) / fit
         weighted = known * weights[:, None]
         size = np.linalg.norm(weighted, axis=0)
-        found = optimize.nnls(weighted / size, power * weights)[0] / size
+        found = nnls(weighted / size, power * weights)[0] / size
         before, fit = fit, np.maximum(known @ found, np.finfo(float).tiny)
         if np.allclose(fit, before, rtol=1e-4):
             break

@@ -98,11 +98,20 @@ def resampled(times: RealArray, values: RealArray, rate: float) -> tuple[RealArr
 
     grid = times[0] + np.arange(int(np.floor((times[-1] - times[0]) * rate * (1 + 1e-9))) + 1) / rate
     found = CubicSpline(times, values)(grid)
-    motion = np.sqrt(np.mean((values - values.mean(axis=0)) ** 2))
-    half = CubicSpline(times[::2], values[::2])(times[1:-1:2]) if times.size > _LEAST else np.full(1, np.nan)
-    missed = float(np.sqrt(np.mean((half - values[1:-1:2]) ** 2)) / motion) if motion > 0 else 0.0
+    missed = _missed(times, values)
     coarser = (times.size - 1) / (rate * (times[-1] - times[0]))
     return np.asarray(found), missed / 16 if missed <= _KNOWN and coarser <= 1.001 else np.nan
+
+
+def _missed(times: RealArray, values: RealArray) -> float:
+    """Return the part of the motion that splines through every other sample miss at those between."""
+    from scipy.interpolate import CubicSpline
+
+    motion = np.sqrt(np.mean((values - values.mean(axis=0)) ** 2))
+    if motion == 0:
+        return 0.0
+    between = CubicSpline(times[::2], values[::2])(times[1:-1:2])
+    return float(np.sqrt(np.mean((between - values[1 : 2 * len(between) : 2]) ** 2)) / motion)
 
 
 def evened(
@@ -117,7 +126,8 @@ def evened(
     given = None if asked in (None, "auto") else check_positive("resample", asked)
     if given is None and _is_even(times):
         return axis, channels, []
-    if not np.isfinite(times).all() or not rises(times) or any(np.iscomplexobj(c.values) for c in channels):
+    usable = times.size >= _LEAST and bool(np.isfinite(times).all()) and rises(times)
+    if not usable or any(np.iscomplexobj(c.values) for c in channels):
         return axis, channels, []
     clock = clock_of(times)
     if given is not None and given * clock.step > 1 + 1e-3:
@@ -134,9 +144,12 @@ def evened(
     if asked is None and last - first + 1 < _KEPT * times.size:
         return axis, channels, []
     rate = given or roundest(1 / clock.step, 1e-4 / clock.step)
-    kept = times[part]
-    values, lost = resampled(kept, np.stack([c.values[part] for c in channels], axis=1).astype(float), rate)
-    if asked is None and not lost <= _LOST:
+    kept, taken = times[part], np.stack([c.values[part] for c in channels], axis=1).astype(float)
+    values, lost = resampled(kept, taken, rate)
+    even_samples = _missed(np.arange(kept.size, dtype=float), taken) <= _missed(
+        kept, taken
+    )  # then the clock alone is uneven
+    if asked is None and (even_samples or not lost <= _LOST):
         return axis, channels, []
     share = (
         "not known: there is motion near half the sampling rate"

@@ -198,7 +198,7 @@ def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[
         raise DataError(
             f"reading {table.where} needs evenly sampled times in {axis}",
             error.found,
-            "Resample the record: --resample auto; or, if only the clock is uneven and not the samples: "
+            "Resample the record, or leave its clock out where that alone is uneven, not the samples: --resample auto, or "
             f"{way_out} HZ{_even_rows(times, table.first_row - 1)}",
         ) from None
     if said is None and sampling.doubt > _OPEN * sampling.rate:
