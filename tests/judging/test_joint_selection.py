@@ -13,6 +13,7 @@ from modalscope.data.poles import poles_from
 from modalscope.judging.joint_selection import (
     State,
     _doubtful,
+    _with_significant_peaks,
     channel_noise_factors,
     gains_in_residual,
     pruned,
@@ -292,6 +293,36 @@ def test_of_new_poles_that_share_one_peak_the_one_that_stands_out_most_stays_for
     three = poles_from(np.array([10.0, 10.05, 10.1]), np.full(3, 0.01))
     assert significant_peaks(three, np.array([0.6, 0.7, 0.5])).tolist() == [False, True, False]
     assert significant_peaks(poles[:0], np.zeros(0)).tolist() == []
+
+
+@pytest.mark.parametrize("coloured", [False, True])
+def test_what_cannot_be_a_mode_is_far_outside_the_band_damped_or_narrower_than_a_part_of_a_line(coloured: bool) -> None:
+    selection = replace(selection_of(data()), coloured=coloured, band=(10.0, 20.0))
+    most, line = 0.3 if coloured else 0.9, F[1] - F[0]
+    limits = [(9.0, 0.01, 1), (22.0, 0.01, -1)]
+    for f, zeta, inwards in limits:
+        near = poles_from(f * (1 + inwards * np.array([1e-6, -1e-6])), np.full(2, zeta))
+        assert selection.possible(near).tolist() == [True, False]
+    damped = poles_from(np.full(2, 15.0), most * (1 + np.array([-1e-6, 1e-6])))
+    assert selection.possible(damped).tolist() == [True, False]
+    # the bandwidth at half the power is 2 zeta f
+    narrow = poles_from(np.full(2, 15.0), 0.1 * line / 30 * (1 + np.array([1e-6, -1e-6])))
+    assert selection.possible(narrow).tolist() == [True, not coloured]
+
+
+def test_a_peak_of_an_earlier_round_goes_when_a_later_one_leaves_it_nothing() -> None:
+    selection = selection_of(data((0, 1, 3)), coloured=True)
+    two = descend(selection.problem, POLES[:2], PARTS[:2].astype(complex))
+    state = State(two, selection.variance, selection)
+    # in the first round a peak was added at 15 Hz, where there is nothing; in the second the mode at 18 Hz
+    poles = np.append(POLES[:2], [poles_from(15.0, 0.01), POLES[3]])
+    sides = PARTS[[0, 1, 2, 3]].astype(complex)
+    found = _with_significant_peaks(state, (poles, sides), np.array([0, 0, 1, 2]), 2)
+    assert found is not None
+    assert found[2].tolist() == [0, 0, 2]
+    assert close(np.sort_complex(found[0].poles), POLES[[0, 1, 3]])
+    # nothing of the last round is left: the state before stands
+    assert _with_significant_peaks(state, (poles[[0, 1, 3, 2]], sides), np.array([0, 0, 1, 2]), 2) is None
 
 
 def test_below_two_bars_a_mode_that_stands_alone_is_in_doubt() -> None:

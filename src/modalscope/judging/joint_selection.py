@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from modalscope.data.poles import frequencies_and_damping, overlap
+from modalscope.data.poles import overlap
 from modalscope.judging.recount import Recount, recount_of
 from modalscope.judging.selection_problem import SelectionProblem
 from modalscope.judging.tracking import collinear
@@ -19,7 +19,7 @@ from modalscope.likelihood.descent import Descent, descend, inverse, normal, res
 from modalscope.likelihood.likelihood import Fitted, Point
 from modalscope.likelihood.matched import amplitudes, strongest_peaks
 from modalscope.likelihood.whitening import colour
-from modalscope.numerics.checks import Array, ComplexArray, RealArray
+from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 
 __all__ = [
     "Outcome",
@@ -34,9 +34,6 @@ __all__ = [
 
 # ---------------------------------------------------------------------------------------------------------- candidates
 # Candidates are refined together and pruned by what each explains.
-
-#: Poles farther outside the band (part of its edge) or more damped than this are no modes.
-_OUTSIDE, _DAMPED = 0.1, 0.9
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -79,21 +76,31 @@ class State(Optimum):
 
 
 def converged(selection: SelectionProblem, variance: float, poles: ComplexArray, sides: ComplexArray) -> State:
-    """Refine jointly, drop implausible poles, prune at the threshold, and repeat until nothing changes."""
+    """Refine jointly, prune at the threshold, and repeat until nothing changes."""
     while True:
         tolerance, most = (1e-5, 8) if selection.brief else (1e-7, 25)
-        descent = descend(selection.problem, poles, sides, tolerance=tolerance, most=most)
+        descent = _descended(selection, poles, sides, tolerance=tolerance, most=most)
         state = State(
             descent, variance if selection.coloured else min(variance, variance_of_fit(selection, descent)), selection
         )
-        fit = np.flatnonzero(_possible(selection, state.poles))
-        poles, sides = state.poles[fit], state.sides[fit]
-        if len(fit) == len(state.poles):
-            kept = pruned(descent.fitted, selection.bar * state.variance / selection.gain_factors(poles))
-            if len(kept) == len(poles):
-                return state
-            poles, sides = poles[kept], sides[kept]
-        variance = state.variance
+        kept = pruned(descent.fitted, selection.bar * state.variance / selection.gain_factors(state.poles))
+        if len(kept) == len(state.poles):
+            return state
+        poles, sides, variance = state.poles[kept], state.sides[kept], state.variance
+
+
+def _descended(
+    selection: SelectionProblem,
+    poles: ComplexArray,
+    sides: ComplexArray,
+    *,
+    tolerance: float,
+    most: int,
+    decisive: float | None = None,
+) -> Descent:
+    """Refine poles jointly, those that cannot be modes dropped on the way."""
+    problem, stays = selection.problem, selection.possible
+    return descend(problem, poles, sides, tolerance=tolerance, most=most, decisive=decisive, stays=stays)
 
 
 def variance_of_fit(selection: SelectionProblem, descent: Descent) -> float:
@@ -117,12 +124,6 @@ def channel_noise_factors(state: State) -> RealArray:
     u, v = np.abs(fitted.linear) ** 2, np.abs(point.sides) ** 2
     seen = np.einsum("qn,np,qp->n", u, v, by_channel) / np.maximum(u.sum(axis=0) * v.sum(axis=1), 1e-300)
     return np.asarray(np.maximum(seen, 1.0))
-
-
-def _possible(selection: SelectionProblem, poles: ComplexArray) -> Array:
-    low, high = selection.band
-    f, zeta = frequencies_and_damping(poles)
-    return np.asarray((f > low * (1 - _OUTSIDE)) & (f < high * (1 + _OUTSIDE)) & (zeta < _DAMPED))
 
 
 def pruned(fitted: Fitted, least: RealArray) -> Array:
@@ -248,25 +249,45 @@ def _completed(state: State, excess: float | None) -> State | None:
 
 
 def _completed_in_coloured_errors(state: State) -> tuple[State, Recount]:
-    """Add peaks that exceed coloured errors, round by round, where they stay significant in the joint fit."""
+    """Add peaks that exceed coloured errors, round by round, where they stay significant in the joint fit.
+
+    Peaks of earlier rounds are judged again with those of each round: what one explained may be that of a later one.
+    """
     recount = recount_of(state.selection, state.descent)
-    for _ in range(_ROUNDS):
+    rounds = np.zeros(len(state.poles), dtype=int)  # in which each pole was added, zero for those of the diagram
+    for this in range(1, _ROUNDS + 1):
         poles, sides = recount.peaks(_PEAKS)
-        before = len(state.poles)
-        more = np.append(state.poles, poles), np.vstack([state.sides, sides])
-        while len(more[0]) > before:
-            descent = descend(state.selection.problem, *more, tolerance=1e-5, most=8)
-            point, again = descent.point, recount_of(state.selection, descent)
-            new = np.arange(before, len(point.poles))
-            stays = significant_peaks(point.poles[new], again.relative_gains(new))
-            if np.all(stays):
-                state, recount = State(descent, state.variance, state.selection), again
-                break
-            kept = np.append(np.arange(before), new[stays])
-            more = point.poles[kept], point.sides[kept]
-        if len(state.poles) == before:
+        candidates = np.append(state.poles, poles), np.vstack([state.sides, sides])
+        trial = _with_significant_peaks(state, candidates, np.append(rounds, np.full(len(poles), this)), this)
+        if trial is None:
             break
+        state, recount, rounds = trial
     return state, recount
+
+
+def _with_significant_peaks(
+    state: State, candidates: tuple[ComplexArray, ComplexArray], rounds: IntArray, last: int
+) -> tuple[State, Recount, IntArray] | None:
+    """Refine poles jointly and remove peaks until all that remain are significant; return None where none of the last round is.
+
+    Peaks of the last round are judged first, then the weakest of earlier ones, one at a time: it may be significant without another.
+
+    `candidates`: poles (n,) and sides (n, p). `rounds` (n,): in which each was added; those of round zero are judged elsewhere.
+    `last`: the last round.
+    """
+    while np.any(rounds == last):
+        descent = _descended(state.selection, *candidates, tolerance=1e-5, most=8)
+        point, rounds = descent.point, rounds[descent.kept]
+        recount, added = recount_of(state.selection, descent), np.flatnonzero(rounds)
+        ratio, new = recount.relative_gains(added), rounds[added] == last
+        gone = added[new][~significant_peaks(point.poles[added[new]], ratio[new])]
+        if not gone.size:
+            gone = added[ratio <= min(1.0, ratio.min(initial=np.inf))]
+        if not gone.size:
+            return State(descent, state.variance, state.selection), recount, rounds
+        kept = np.setdiff1d(np.arange(len(rounds)), gone)
+        candidates, rounds = (point.poles[kept], point.sides[kept]), rounds[kept]
+    return None
 
 
 def _excess(state: State, more: ComplexArray | tuple[()] = ()) -> float:
@@ -324,7 +345,7 @@ def _split_where_needed(state: State) -> State:
         if state.gain[j] < state.selection.bar or state.descent.cost - point.cost(point.fitted()) < least / 2:
             continue
         aim = state.descent.cost - least
-        other = descend(state.selection.problem, poles, sides, tolerance=1e-5, most=12, decisive=aim)
+        other = _descended(state.selection, poles, sides, tolerance=1e-5, most=12, decisive=aim)
         if other.cost < aim:
             state = converged(state.selection, state.variance, other.point.poles, other.point.sides)
     return state
@@ -349,7 +370,7 @@ def _without_redundant(state: State) -> State:
         least = state.descent.cost + state.selection.bar * state.variance / float(
             state.selection.gain_factors(state.poles[[j]])[0]
         )
-        other = descend(state.selection.problem, *state.without(j), tolerance=1e-5, most=12, decisive=least)
+        other = _descended(state.selection, *state.without(j), tolerance=1e-5, most=12, decisive=least)
         if other.cost < least:
             state = converged(state.selection, state.variance, other.point.poles, other.point.sides)
         else:
@@ -379,7 +400,7 @@ def _finished(state: State) -> Outcome:
     """Refine to convergence and compute the standard deviations of every mode."""
     descent, coloured = state.descent, state.selection.coloured
     if not coloured:
-        descent = descend(state.selection.problem, state.poles, state.sides, tolerance=1e-9, most=40)
+        descent = _descended(state.selection, state.poles, state.sides, tolerance=1e-9, most=40)
     own = variance_of_fit(state.selection, descent)
     state = replace(state, descent=descent, variance=state.variance if coloured else min(state.variance, own))
     point: Point = descent.point

@@ -6,11 +6,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from modalscope.data.poles import frequencies_and_damping
 from modalscope.likelihood.likelihood import Whitened
 from modalscope.likelihood.whitening import gain_factor_in_correlated_noise, gain_factor_under_window
-from modalscope.numerics.checks import ComplexArray, RealArray
+from modalscope.numerics.checks import Array, ComplexArray, RealArray
 
 __all__ = ["SelectionProblem"]
+
+#: A pole farther outside the band (part of its edge) or more damped than this is no mode.
+_MAX_OUTSIDE, _MAX_DAMPING = 0.1, 0.9
+
+#: Among coloured errors poles of more damping fit the smooth part of the errors: from other starts they end at other optima.
+_MAX_DAMPING_COLOURED = 0.3
+
+#: Minimum half-power bandwidth among coloured errors, in lines: what is narrower fits a single line.
+_MIN_BANDWIDTH = 0.1
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -45,6 +55,16 @@ class SelectionProblem:
             # b / (2 pi) is the half bandwidth, so that b T is 2 pi of it in lines
             return gain_factor_under_window(self.window, 2 * np.pi * self.half_bandwidths_in_lines(poles))
         return np.ones(len(poles))
+
+    def possible(self, poles: ComplexArray) -> Array:
+        """Return which poles may be modes, (n,): near the band, not too damped; among coloured errors wider than a part of a line."""
+        low, high = self.band
+        f, zeta = frequencies_and_damping(poles)
+        near = (f > low * (1 - _MAX_OUTSIDE)) & (f < high * (1 + _MAX_OUTSIDE))
+        if not self.coloured:
+            return np.asarray(near & (zeta < _MAX_DAMPING))
+        wide = 2 * self.half_bandwidths_in_lines(poles) > _MIN_BANDWIDTH
+        return np.asarray(near & (zeta < _MAX_DAMPING_COLOURED) & wide)
 
     def half_bandwidths_in_lines(self, poles: ComplexArray) -> RealArray:
         """Return the half bandwidths of poles in lines, (n,)."""

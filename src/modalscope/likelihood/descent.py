@@ -18,7 +18,7 @@ from scipy.linalg.lapack import dpotrf
 from modalscope.data.response import Response
 from modalscope.data.window import window_over_lines
 from modalscope.likelihood.likelihood import Fitted, Point, Whitened
-from modalscope.numerics.checks import Array, ComplexArray, RealArray
+from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 
 __all__ = [
     "Descent",
@@ -97,10 +97,30 @@ def residual(point: Point, fitted: Fitted) -> RealArray:
     return np.subtract(point.problem.data, left, out=left)
 
 
+#: Eigenvalues of products of columns of length one below this part of the largest are rounding.
+_ROUNDING_OF_PRODUCTS = 1e-12
+
+#: An unknown belongs to a direction that has at least this share of its square.
+_MIN_SHARE_OF_DIRECTION = 0.01
+
+#: Variance of unknowns that the data do not determine, relative to that of each taken alone: infinite beside any other, yet finite, so
+#: that products with it are no NaN.
+_UNDETERMINED = float(np.finfo(float).eps) ** -2
+
+
 def inverse(information: RealArray) -> RealArray:
-    """Return the inverse, columns brought to one level first; directions that the data say nothing about are left at zero."""
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    found = np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-13, hermitian=True)
+    """Return the inverse, columns brought to one level first.
+
+    A direction below the rounding of the products, about which the data say nothing, gives the variance `_UNDETERMINED` to the unknowns
+    that it consists of, and nothing to others.
+    """
+    scale = np.sqrt(np.diag(information))
+    scale[scale < 1e-150] = 1  # a column of nothing
+    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    known = values > _ROUNDING_OF_PRODUCTS * values.max(initial=0.0)
+    found = (vectors[:, known] / values[known]) @ vectors[:, known].T
+    lost = np.any(vectors[:, ~known] ** 2 >= _MIN_SHARE_OF_DIRECTION, axis=1)
+    found[lost, lost] = _UNDETERMINED
     return np.asarray(found / np.outer(scale, scale))
 
 
@@ -205,7 +225,7 @@ _LESS, _MORE = 1 / 3, 2.0
 class Descent:
     """The end of a descent.
 
-    `cost`: squared misfit. `why`: why it did not converge.
+    `cost`: squared misfit. `why`: why it did not converge. `kept` (n,): which of the poles at the start it ends with.
     """
 
     point: Point
@@ -214,6 +234,7 @@ class Descent:
     converged: bool
     why: str
     iterations: int
+    kept: IntArray
 
 
 def descend(
@@ -224,6 +245,7 @@ def descend(
     tolerance: float = 1e-12,
     most: int = 60,
     decisive: float | None = None,
+    stays: Callable[[ComplexArray], Array] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Descent:
     """Lower the squared misfit from poles (n,) and unit vectors (n, p) on until no step promises more than `tolerance` of it.
@@ -231,19 +253,21 @@ def descend(
     The predicted reduction counts: near the optimum rounding hides the actual one.
 
     `poles`, `sides`: where to start. `most`: iterations. `decisive`: the descent ends below this squared misfit, and
-    where it is out of reach. `progress`: called with (iterations done, iterations at most).
+    where it is out of reach. `stays`: returns which of some poles (n,) may remain. It is asked after every step: a pole on its way to the
+    real axis or to no width promises long steps for ever, and what it leaves undetermined spoils the covariance of all. The descent
+    goes on without it, with the damping of the start. `progress`: called with (iterations done, iterations at most).
     """
     point = problem.at(poles, sides)
     fitted = point.fitted()
     cost, size = point.cost(fitted), float(np.vdot(problem.data, problem.data))
-    damping = _FIRST
+    damping, kept = _FIRST, np.arange(len(poles))
     for iteration in range(most):
         if progress is not None:
             progress(iteration, most)
         step = _Step(*normal(point, fitted))
         decided = decisive is not None and not decisive <= cost <= decisive + _HOPED * step.promised
         if decided or step.promised <= tolerance * cost or cost <= _ROUNDING**2 * size:
-            return Descent(point, fitted, cost, True, "", iteration)
+            return Descent(point, fitted, cost, True, "", iteration, kept)
         more = _MORE
         while True:
             moved = _held(step.damped(damping), point, problem.light.sampling_rate)
@@ -257,8 +281,14 @@ def descend(
             damping, more = damping * more, more * _MORE
             if damping > _MOST:
                 steep = step.promised > 1e-8 * cost
-                return Descent(point, fitted, cost, not steep, "no step lowers the misfit" if steep else "", iteration)
-    return Descent(point, fitted, cost, False, f"{most} iterations were not enough", most)
+                why = "no step lowers the misfit" if steep else ""
+                return Descent(point, fitted, cost, not steep, why, iteration, kept)
+        remain = None if stays is None else stays(point.poles)
+        if remain is not None and not np.all(remain):
+            point = problem.at(point.poles[remain], point.sides[remain])
+            fitted = point.fitted()
+            cost, damping, kept = point.cost(fitted), _FIRST, kept[remain]
+    return Descent(point, fitted, cost, False, f"{most} iterations were not enough", most, kept)
 
 
 class _Step:
@@ -278,7 +308,7 @@ class _Step:
             return
         self.values, self.vectors = np.linalg.eigh(self.whole)
         self.along = self.vectors.T @ self.slope
-        known = self.values > 1e-12 * max(self.values.max(initial=0.0), 1e-300)
+        known = self.values > _ROUNDING_OF_PRODUCTS * max(self.values.max(initial=0.0), 1e-300)
         self.promised = float(np.sum(self.along[known] ** 2 / self.values[known]))
 
     def damped(self, damping: float) -> ComplexArray:
