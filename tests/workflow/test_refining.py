@@ -7,6 +7,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.likelihood.settling import needed_beside
+from modalscope.workflow.bands import _with_others
 from tests.support import FIVE, add_noise, match_poles
 
 
@@ -75,3 +76,15 @@ def test_an_optimum_far_away_is_not_reported_as_the_mode(monkeypatch):
     found = ms.analyze(data).modes
     assert "the optimum lies far from" in told(found, "not refined")
     assert found.unrefined is None
+
+
+def test_modes_that_a_refinement_leaves_out_have_no_values_before_it_either():
+    """Of five one is kept as it was, for a stronger neighbour draws it away, and one is left out as no more than noise."""
+    data = add_noise(ms.systems.chain5().frequency_response(np.linspace(0.3, 8, 340)), 40, 3)
+    modes = ms.select(ms.stabilize(data))
+    assert len(modes) == 5
+    found = ms.refine(data, modes.take([0, 1, 3]))
+    merged = _with_others(data, modes, found, modes.take([4]), np.zeros(0, complex))
+    assert len(merged) == 4
+    assert merged.unrefined is not None
+    assert np.array_equal(merged.unrefined.poles, modes.poles[[0, 1, 3, 4]])

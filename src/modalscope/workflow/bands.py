@@ -195,12 +195,15 @@ def _with_others(
     merged = joined([parts[0], replace(parts[1], **known, converged=True)])
     order = np.argsort(merged.frequencies, kind="stable")
     merged = merged.take(order)
+    # the refinement may have left modes out, and frequencies may have passed each other
+    started = others.poles if found.unrefined is None else np.append(found.unrefined.poles, others.poles)
+    before = modes.take([int(np.argmin(np.abs(modes.poles - s))) for s in started[order]])
     shapes, fitted = joint_residues(response, merged.poles, merged.shapes)
     where = ", ".join(f"{f:.5g} Hz" for f in others.frequencies)
     text = f"values are not refined at {where}: a stronger neighbour that shifts would draw them to its place"
     note = Note("not refined", {"modes": len(others)}, text)
     both = replace(merged, shapes=shapes, left_out=found.left_out, **fitted).normalized("unit")
-    return replace(both, unrefined=modes).noted(note)
+    return replace(both, unrefined=before).noted(note)
 
 
 def _unfit(diagram: StabilizationDiagram) -> str:
