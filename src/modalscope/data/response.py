@@ -169,8 +169,12 @@ class ResponseFacts(Channels, Convertible):
 
     @property
     def refined_powers(self) -> tuple[int, ...]:
-        """Powers that a refinement carries beside the modes."""
+        """Powers that a refinement carries beside the modes; more where the residual needs them, see `further_powers`."""
         return self.outside_powers
+
+    def further_powers(self, powers: tuple[int, ...]) -> tuple[int, ...] | None:
+        """Return the next larger set of powers that may be tried in a refinement; None where the form of the terms is known."""
+        return None
 
     @property
     def separable(self) -> bool:

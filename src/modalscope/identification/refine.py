@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -246,6 +247,7 @@ def _significant(task: Task, modes: ModalModel) -> tuple[Settled | None, list[in
     poles, shapes, rows = modes.poles - task.response.added_damping, modes.shapes, _participation(task, modes)
     while kept:
         settled = settle(task, poles, shapes, rows)
+        task = replace(task, powers=settled.powers)
         gain = settled.gain
         weakest = int(np.argmin(gain))
         if gain[weakest] >= least_gain(task):

@@ -19,6 +19,7 @@ from modalscope.likelihood.likelihood import Whitened, whitened
 from modalscope.likelihood.whitening import (
     Colour,
     Levels,
+    chi_squared_bound,
     colour,
     from_variance,
     gain_factor_under_window,
@@ -93,8 +94,7 @@ def needed_beside(response: Response, modes: Array, candidates: Array) -> Comple
     flat = data.reshape(rows, channels)
     Z = Q.T @ flat
     variance = float(np.sum((flat - Q @ Z) ** 2)) / free
-    t = np.log(rows / 2 / _FALSE)
-    least = variance * (width * channels + 2 * np.sqrt(width * channels * t) + 2 * t)
+    least = variance * chi_squared_bound(width * channels, np.log(rows / 2 / _FALSE))
     before = basis.terms.shape[1] + width * len(modes)
     kept = np.arange(poles.size)
     while kept.size:
@@ -171,7 +171,7 @@ class Settled:
     """The optimum, and the noise that goes with it.
 
     `variance`: of a row of the whitened data. `unknown`: unknowns a channel. `colour`: of the residual. `worth` (n,): what a gain in
-    variances counts beside one in white noise; see `gain_factor_under_window`.
+    variances counts beside one in white noise; see `gain_factor_under_window`. `levels`: of the channels' noise. `powers`: of the terms.
     """
 
     descent: Descent
@@ -179,6 +179,8 @@ class Settled:
     unknown: int
     colour: Colour
     worth: RealArray
+    levels: Levels
+    powers: tuple[int, ...]
 
     @property
     def gain(self) -> RealArray:
@@ -207,7 +209,7 @@ def settle(
 
     The first descent divides the channels by their own size. What it leaves tells the noise of each channel where it is white, and
     further descents and levels settle together. Where it is coloured it is model error, and no second descent: channels that happen
-    to fit well would draw all weight to themselves.
+    to fit well would draw all weight to themselves. Terms get further powers as long as these explain more than noise.
 
     `poles` (n,): as they are in the data. `shapes`, `participation` (l, n): the side with fewer channels is where the descent starts; the
     other follows. `most`: iterations of a descent.
@@ -215,12 +217,39 @@ def settle(
     Raises `DataError`: no more data than unknowns.
     """
     levels = task.known or levels_of(np.sqrt(np.mean(np.abs(task.response.values) ** 2, axis=0)))
-    found: _Start | Settled = _Start(poles, shapes, participation, levels)
+    settled = _optimum(task, _Start(poles, shapes, participation, levels), most)
+    while len(powers := _needed_powers(task, settled)) > len(task.powers):
+        task = replace(task, powers=powers)
+        settled = _optimum(task, _Start(settled.descent.point.poles, *settled.residues, settled.levels), most)
+    return settled
+
+
+def _optimum(task: Task, start: _Start, most: int) -> Settled:
+    """Return the optimum with the terms of a task."""
+    found: _Start | Settled = start
     later = _ROUNDS
     while not isinstance(found, Settled):
         later -= 1
         found = _round(task, found, most, last=not later)
     return found
+
+
+def _needed_powers(task: Task, settled: Settled) -> tuple[int, ...]:
+    """Return the powers that the terms need at an optimum, poles and participation held.
+
+    Further powers are added while they lower the squared misfit by more than noise lets them, `chi_squared_bound` of their unknowns.
+    """
+    point, powers, cost = settled.descent.point, task.powers, settled.descent.cost
+    terms, t = point.problem.terms.shape[1], -np.log(_FALSE)
+    while (more := task.response.further_powers(powers)) is not None:
+        problem = _divided(task.response, replace(task, powers=more), settled.levels)
+        trial = problem.at(point.poles, point.sides, slopes=False)
+        lower, unknowns = trial.cost(trial.fitted()), (problem.terms.shape[1] - terms) * task.channels[0]
+        free = problem.freedom - 2 * len(point.poles) * sum(task.channels)
+        if free <= 0 or cost - lower <= chi_squared_bound(unknowns, t) * lower / free:
+            break
+        powers, cost, terms = more, lower, problem.terms.shape[1]
+    return powers
 
 
 def _round(task: Task, start: _Start, most: int, *, last: bool) -> _Start | Settled:
@@ -250,7 +279,7 @@ def _round(task: Task, start: _Start, most: int, *, last: bool) -> _Start | Sett
         task.known is not None and variance <= 1
     ):  # what is left is no more than the noise that is known: its colour is none of a model's
         variance, seen = 1.0, replace(seen, excess=0.0)
-    return Settled(descent, variance, unknown, seen, _worth(task.response, point.poles))
+    return Settled(descent, variance, unknown, seen, _worth(task.response, point.poles), levels, task.powers)
 
 
 def _worth(response: Response, poles: ComplexArray) -> RealArray:

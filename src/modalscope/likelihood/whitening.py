@@ -13,6 +13,7 @@ __all__ = [
     "Colour",
     "Levels",
     "blocks_of",
+    "chi_squared_bound",
     "colour",
     "free_bound",
     "from_variance",
@@ -204,8 +205,15 @@ def free_bound(channels: int, rows: int) -> float:
 
     `rows`: real values a channel; half as many positions.
     """
-    k, t = 2 * channels, np.log(max(rows / 2, 2.0) / _FALSE)
-    return float(k + 2 * np.sqrt(k * t) + 2 * t)
+    return chi_squared_bound(2 * channels, np.log(max(rows / 2, 2.0) / _FALSE))
+
+
+def chi_squared_bound(unknowns: int, t: float) -> float:
+    """Return k + 2 sqrt(k t) + 2 t, which a chi-squared number of k degrees of freedom exceeds with probability exp(-t) at most.
+
+    Source: B. Laurent and P. Massart, Ann. Statist. 28, 2000, Lemma 1.
+    """
+    return float(unknowns + 2 * np.sqrt(unknowns * t) + 2 * t)
 
 
 def search_bound(outputs: int, inputs: int, rows: int) -> float:
