@@ -58,11 +58,17 @@ _WEAK = {"1", "-", "A", "C", "F", "G", "K", "W"}
 #: Characters of a head that are looked at: nobody writes longer ones.
 LONGEST = 400
 
-_BRACKETED = re.compile(r"^(?P<name>.*?)\s*[\[<{](?P<unit>[^\[\]<>{}]*)[\]>}]\s*(?P<rest>\S*)$")
+#: Two numbers in the brackets are places, as in `H[1/1]`.
+_BRACKETED = re.compile(r"^(?P<name>.*?)\s*[\[<{](?!\d+/\d+[\]>}])(?P<unit>[^\[\]<>{}]*)[\]>}]\s*(?P<rest>\S*)$")
+#: A head with one pair of brackets, at its end: they hold the unit, whatever strokes there are.
+_ENDS_BRACKETED = re.compile(r"^[^\[\]<>{}]+[\[<{][^\[\]<>{}]*[\]>}]$")
 _ROUND = re.compile(r"^(?P<name>.*\S)\s*\((?P<unit>[^()]*(?:\([^()]*\)[^()]*)*)\)\s*$")
 _SLASH = re.compile(r"^(?P<name>.*\S)(?:\s+(?:/|in|,)\s*|,\s+)(?P<unit>\S+)$")
-#: DIN 1313 without blanks, `F/N` or `a_1/(m/s^2)`; the names of pairs (`3Z/1Z`) have no unit behind the stroke.
-_STROKE = re.compile(r"^(?P<name>[^\s/]+)/(?:\((?P<round>[^()]+)\)|(?P<plain>[^()]+))$")
+#: DIN 1313 without blanks, `F/N` or `a_1/(m/s^2)`; the names of pairs (`3Z/1Z`) have no unit behind the stroke. One inside of brackets,
+#: as in `ax[m/s2]`, parts nothing.
+_STROKE = re.compile(
+    r"^(?P<name>(?:[^\s/\[<{]|[\[<{][^\[\]<>{}]*[\]>}])+)/(?:\((?P<round>[^()]+)\)|(?P<plain>[^()]+))$"
+)
 _PART_OF = re.compile(r"^(?P<part>re|im|real|imag|abs|arg|mag|phase)\{(?P<name>[^{}]*)\}", re.IGNORECASE)
 _UNDERSCORE = re.compile(r"^(?P<name>.*[A-Za-z0-9])_(?P<unit>s|ms|us|hz|Hz|kHz|N|kN|g|deg|rad|mm|um)$")
 _WORD = re.compile(r"[A-ZÀ-Þ]?[a-zà-ÿ]+|[A-ZÀ-Þ]+(?![a-zà-ÿ])|\d+|#")
@@ -115,11 +121,12 @@ def split_head(head: str) -> tuple[str, str]:
     ...     split_head("time_s"),
     ...     split_head("a_1/(m/s^2)"),
     ...     split_head("3Z/1Z"),
+    ...     split_head("3Z/1Z[m/s2/N]"),
     ... )
-    (('AccA', 'm/s^2'), ('Force', 'N'), ('H (1)', ''), ('Zeit', 's'), ('time', 's'), ('a_1', 'm/s^2'), ('3Z/1Z', ''))
+    (('AccA', 'm/s^2'), ('Force', 'N'), ('H (1)', ''), ('Zeit', 's'), ('time', 's'), ('a_1', 'm/s^2'), ('3Z/1Z', ''), ('3Z/1Z', 'm/s2/N'))
     """
     text = _PART_OF.sub(r"\g<part>(\g<name>)", head.strip()[:LONGEST].strip("\"'").strip())
-    found = _STROKE.match(text)
+    found = None if _ENDS_BRACKETED.match(text) else _STROKE.match(text)
     if found:
         unit = (found["round"] or found["plain"]).strip()
         whole = plain_unit(text) in _KIND or (found["name"] not in _WEAK and is_unit(text))  # m/s is no column `m` in s
