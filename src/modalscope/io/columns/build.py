@@ -24,6 +24,8 @@ COLUMN_OPTIONS = ("columns", "ignore", "transpose", "rows", "resample")
 
 #: A first column that rises evenly by less than this is time: nobody measures lines so near each other (s or Hz).
 _FINE = 0.02
+#: Why a column is what `--columns` says.
+_SPOKEN = "--columns says so"
 
 
 def contents_from_table(table: Table, options: Options) -> Contents:
@@ -87,7 +89,7 @@ def _with_units(table: Table, units: Any) -> Table:
 
 def _role(column: Column, spoken: Mapping[int, str], said: Mapping[int, str]) -> Role:
     if column.number in spoken:
-        return Role(role=spoken[column.number], reason="--columns says so")
+        return Role(role=spoken[column.number], reason=_SPOKEN)
     if {"out", "decay", "real", "mag"} & set(spoken.values()):
         return Role(role="ignore", reason="--columns does not name it")
     if column.number in said:
@@ -175,8 +177,9 @@ def _finding(
     name = f"{column.label} [{column.unit}]" if column.unit else column.label
     if column.number in left:
         return Finding(part=f"column {column.number}", what=name, taken=False, reason=left[column.number])
-    part = part_of(column.name) if kind == "frequency" else None
-    reason = _WORDS[part[1]] if part is not None else reasons.get(column.number)
+    reason = reasons.get(column.number)
+    part = part_of(column.name) if kind == "frequency" and reason != _SPOKEN else None
+    reason = reason if part is None else _WORDS[part[1]]
     why = f" ({reason})" if reason else ""
     if axis is not None and column.number == axis.number:
         return Finding(part=f"column {column.number}", what=f"{name}: {kind}{why}")
