@@ -12,12 +12,12 @@ from modalscope.data.channels import QUANTITIES
 from modalscope.data.geometry import label_of
 from modalscope.io.columns.axis import longest_even, parts_of_epoch, same_rate, sampling_of
 from modalscope.io.columns.clock import evened
-from modalscope.io.columns.table import Column, Table, as_word
-from modalscope.io.columns.words import Role, factor_to_base, is_spectrum, kind_of_unit, may_be_base
+from modalscope.io.columns.table import Column, Table, as_word, span
+from modalscope.io.columns.words import Role, factor_to_base, ignored_columns, is_spectrum, kind_of_unit, may_be_base
 from modalscope.io.contents import Options
 from modalscope.numerics.checks import RealArray, check_positive
 
-__all__ = ["free_decay", "records", "refuse_transposed", "sampling_rate"]
+__all__ = ["free_decay", "nothing_measured", "records", "refuse_transposed", "sampling_rate"]
 
 #: The digits of times may leave so much of their rate open: frequencies would be as wrong.
 _OPEN = 1e-3
@@ -35,6 +35,8 @@ def records(
     """
     twice = {c.number: "a second column of times" for c in columns if axis and roles[c.number].role == "time"}
     channels = [column for column in columns if column.number not in twice]
+    if not channels:
+        raise nothing_measured(table, axis, "time", options)
     wrong = [column for column in channels if np.iscomplexobj(column.values)]
     if wrong:
         raise DataError(
@@ -78,6 +80,29 @@ def records(
         units=(tuple(column.unit for column in others), tuple(column.unit for column in forces)),
     )
     return thing, notes, twice
+
+
+def nothing_measured(table: Table, axis: Column | None, kind: str, options: Options) -> DataError:
+    """Return the error of a table of which no column is left but the axis; the example names columns that may be measured after all.
+
+    `kind`: of the axis, "time" or "frequency".
+    """
+    ignored = {column.number for column in ignored_columns(table.columns, options.get("ignore"))}
+    left = ignored | ({axis.number} if axis is not None else set())
+    others = [column.number for column in table.columns if not column.textual and column.number not in left]
+    change = "Export the measured channels, too."
+    if others and kind == "frequency":
+        change = "Export real and imaginary parts beside the frequencies."
+    elif others:
+        time, rate = (f"time={axis.number},", "") if axis is not None else ("", " --sampling-rate HZ")
+        change = f'If they are measured, say so: --columns "{time}out={span(others)}"{rate}'
+    elif ignored:
+        change = "Leave fewer columns out with --ignore."
+    return DataError(
+        f"reading {table.where} needs a column of measured values",
+        f"its columns are {', '.join(map(str, table.columns[:6])) or '(none)'}",
+        change,
+    )
 
 
 def _in_decibels(column: Column) -> bool:

@@ -6,9 +6,20 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from modalscope.data import DataError
 from modalscope.io.columns.lines import part_of
-from modalscope.io.columns.words import factor_to_base, is_unit, kind_of_unit, plain_unit, split_head
+from modalscope.io.columns.table import Column
+from modalscope.io.columns.words import (
+    factor_to_base,
+    is_unit,
+    is_weak,
+    kind_of_unit,
+    plain_unit,
+    role_by_words,
+    split_head,
+)
 from modalscope.io.text.cells import Dialect, is_missing, is_number, number_of, split
 from modalscope.io.text.dialect import DELIMITERS, value_rows
 
@@ -109,18 +120,23 @@ def _head(
             heads.append((k, cells))
         elif heads and lines[k].strip():
             break
-    unit_line = next((k for k, cells in heads if _are_units(cells)), -1)
+    unit_line, heading = next(
+        ((k, heading) for k, cells in heads if (heading := _units_after(cells)) is not None), (-1, 0)
+    )
     named = [(k, cells) for k, cells in heads if k != unit_line and not all(map(is_missing, cells))]
     if not named:
         alone = dict(heads).get(unit_line, [""] * width)
-        return ("",) * width, tuple(_bare(cell) for cell in alone), -1, unit_line
+        first = [split_head(cell) for cell in alone[:heading]]
+        names = (*(name for name, _ in first), *[""] * (width - heading))
+        return names, (*(unit for _, unit in first), *map(_bare, alone[heading:])), -1, unit_line
     line, cells = named[0]
     if len(named) > 1 and _are_parts(cells) and len(set(named[1][1])) < width:  # a name stands over each of its parts
         cells = [f"{above} {below}".strip() for above, below in zip(named[1][1], cells, strict=True)]
     split_cells = [split_head(cell) for cell in cells]
     units = [unit for _, unit in split_cells]
     if unit_line >= 0:
-        units = [_bare(cell) or unit for cell, unit in zip(dict(heads)[unit_line], units, strict=True)]
+        below = [split_head(cell)[1] if k < heading else _bare(cell) for k, cell in enumerate(dict(heads)[unit_line])]
+        units = [own or unit for own, unit in zip(below, units, strict=True)]
     return tuple(name for name, _ in split_cells), tuple(units), line, unit_line
 
 
@@ -152,12 +168,29 @@ def _bare(cell: str) -> str:
     return "" if is_missing(text) else text
 
 
-def _are_units(cells: Sequence[str]) -> bool:
-    """Whether a row holds units: each is known or in brackets, and one at least is there."""
+def _units_after(cells: Sequence[str]) -> int | None:
+    """Return how many cells stand before the units of a row of units: none, or the name of the axis; None where it is no such row.
+
+    Each is known or in brackets, and one at least is there. Behind the name of an axis (`t,N,g`) there are two, none of which may be a
+    letter of a channel.
+    """
     held = [cell for cell in cells if _bare(cell)]
     bracketed = [cell for cell in held if cell[0] + cell[-1] in ("[]", "()")]
     known = [cell for cell in held if is_unit(_bare(cell)) or cell in bracketed or _CLOCK.match(_bare(cell))]
-    return bool(known) and len(known) == len(held) and (len(held) > 1 or len(cells) == 1 or bool(bracketed))
+    if known and len(known) == len(held) and (len(held) > 1 or len(cells) == 1 or bracketed):
+        return 0
+    sure = [cell for cell in held[1:] if is_unit(_bare(cell)) and not is_weak(_bare(cell))]
+    return 1 if len(sure) > 1 and sure == held[1:] and held[0] == cells[0] and _names_axis(cells[0]) else None
+
+
+def _names_axis(cell: str) -> bool:
+    """Whether a cell is the name of a column of times, frequencies or places."""
+    name, unit = split_head(cell)
+    return role_by_words(Column(number=1, name=name, unit=unit, values=np.arange(3.0))).role in (
+        "time",
+        "frequency",
+        "index",
+    )
 
 
 def _are_parts(cells: Sequence[str]) -> bool:
