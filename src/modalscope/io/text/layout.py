@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import takewhile
 
 import numpy as np
 
@@ -28,11 +29,18 @@ __all__ = ["Layout", "layout_of", "rate_of_facts"]
 #: So many rows of values in a row are the body; fewer where the file ends before.
 _BODY = 3
 _LONGEST_KEY, _LONGEST = 60, 400
-_FACT = re.compile(r"\s*\"?(?P<key>[^:=;,\t\"]{1,60}?)\"?\s*(?:[:=;,\t]|\s{2,})\s*(?P<value>\S.*)\Z")
+#: Signs may follow each other: `Sample rate:,4096` is a key and the cell behind it.
+_FACT = re.compile(
+    r"\s*\"?(?P<key>[^:=;,\t\"]{1,60}?)\"?\s*(?:[:=;,\t][\s:=;,\t\"]*|\s{2,})(?P<value>[^\s:=;,\t\"].*)\Z"
+)
 _LOOSE_FACT = re.compile(r"\s*(?P<key>[A-Za-z][^\d:=]{0,59}?)\s+(?P<value>[+-]?\d.*)\Z")
 #: Without a way back: a line may be long.
 _NAME_AND_UNIT = re.compile(r"\S++(?:\s*+[\[(][^\[\]()]*+[\])])?")
-_QUANTITY = re.compile(r"\s*\"?([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s*([A-Za-z/]*)")
+#: A number, whose thousands one sign may part, and its unit.
+_QUANTITY = re.compile(
+    r"\s*\"?(?P<number>[+-]?(?:[1-9]\d{0,2}(?:(?P<sign>[.,'])\d{3})(?:(?P=sign)\d{3})*(?!\d)(?:[.,]\d+)?|\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)"
+    r"\s*(?P<unit>[A-Za-z/]*)"
+)
 _RATE = re.compile(
     r"(?:sampl?\w*|scan|acquisition|acq\.?|data|abtast)[\s_]*(?:rate|freq\w*)|\b(?:fs|f_s|rate|sr|abtastrate|abtastfrequenz)\b"
     r"|fr[eé]quence d.[eé]chantillonnage|frecuencia de muestreo|samples? per sec\w*|samples/s",
@@ -100,13 +108,26 @@ def layout_of(lines: Sequence[str], dialect: Dialect) -> Layout | None:
     names, units, name_line, unit_line = _head(lines, rows, body, width, dialect)
     used = {name_line, unit_line}
     facts = tuple(
-        (k, found["key"].strip(), found["value"].strip())
+        (k, *fact)
         for k, line in enumerate(lines[:body])
-        if k not in used and (found := _FACT.match(line[:_LONGEST]) or _LOOSE_FACT.match(line[:_LONGEST]))
+        if k not in used and (fact := _fact(line[:_LONGEST], dialect)) is not None
     )
     return Layout(
         width=width, body=body, names=names, units=units, name_line=name_line, unit_line=unit_line, facts=facts
     )
+
+
+def _fact(line: str, dialect: Dialect) -> tuple[str, str] | None:
+    """Return the key and the value of a line above a table; None where it has none.
+
+    Cells that the table's own sign parts go first: the first is the key, the others are value and unit.
+    """
+    cells = [bare for cell in split(line, dialect) if (bare := cell.strip(' "'))] if dialect.delimiter else []
+    key = cells[0].rstrip(":= ") if cells else ""
+    if len(cells) > 1 and key and len(key) <= _LONGEST_KEY and not _FACT.match(cells[0]):
+        return key, " ".join(cells[1:])
+    found = _FACT.match(line) or _LOOSE_FACT.match(line)
+    return (found["key"].strip(), found["value"].strip()) if found else None
 
 
 def _head(
@@ -219,21 +240,33 @@ def rate_of_facts(where: str, facts: Sequence[tuple[int, str, str]], decimal: st
         kind = "rate" if _RATE.search(name) else "step" if _STEP.search(name) else ""
         if match is None or not kind or len(key) > _LONGEST_KEY:
             continue
-        number = _number(match[1], decimal)
-        unit = plain_unit(match[2] or unit)
+        unit = plain_unit(match["unit"] or unit)
+        scale = factor_to_base(unit)
+        text = match["number"]
+        if (
+            kind == "rate" and scale == 1
+        ):  # a thousand samples a second are likelier than one; of kHz and of steps it is not so
+            text = _ungrouped(text, match["sign"] or "", decimal)
+        number = _number(text, decimal)
         if number is None or number <= 0:
             continue
-        scale = factor_to_base(unit)
+        if len(set(takewhile(is_number, value.split()))) > 1:
+            raise _several_rates(where, [f"{key} {value[:_LONGEST_KEY]}"])
         if kind == "step" and kind_of_unit(unit) in ("time", ""):
             found.append((1 / (number * scale), line, f"{key} {value[:_LONGEST_KEY]}"))
         elif kind == "rate" and (kind_of_unit(unit) == "frequency" or unit.lower() in _WORDS_OF_RATE):
             found.append((number * scale, line, f"{key} {value[:_LONGEST_KEY]}"))
     if found and max(rate for rate, *_ in found) > 1.001 * min(rate for rate, *_ in found):
-        said = ", ".join(repr(words) for _, _, words in found[:4])
-        raise DataError(
-            f"reading {where} needs one sampling rate", f"its header says several: {said}", "Say it: --sampling-rate HZ"
-        )
+        raise _several_rates(where, [words for _, _, words in found[:4]])
     return found[0] if found else None
+
+
+def _several_rates(where: str, said: Sequence[str]) -> DataError:
+    return DataError(
+        f"reading {where} needs one sampling rate",
+        f"its header says several: {', '.join(map(repr, said))}",
+        "Say it: --sampling-rate HZ",
+    )
 
 
 def _number(text: str, decimal: str) -> float | None:
@@ -244,3 +277,18 @@ def _number(text: str, decimal: str) -> float | None:
         except ValueError:
             continue
     return None
+
+
+def _ungrouped(text: str, sign: str, decimal: str) -> str:
+    """Return a number without what parts its thousands.
+
+    `sign`: what stands before groups of three digits. It parts thousands where it is not the decimal sign of the table, stands twice, or
+    another sign follows it.
+
+    Examples
+    --------
+    >>> _ungrouped("1,024", ",", "."), _ungrouped("1.024", ".", "."), _ungrouped("1,024.5", ",", ",")
+    ('1024', '1.024', '1024.5')
+    """
+    grouped = sign != decimal or text.count(sign) > 1 or bool((set(".,") - {sign}) & set(text))
+    return text.replace(sign, "") if sign and grouped else text
