@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from modalscope.data import DataError, ImpulseResponse, Signals
 from modalscope.data.channels import QUANTITIES
 from modalscope.data.geometry import label_of
-from modalscope.io.columns.axis import longest_even, parts_of_epoch, same_rate, sampling_of
+from modalscope.io.columns.axis import longest_even, parts_of_second, same_rate, sampling_of
 from modalscope.io.columns.clock import evened
 from modalscope.io.columns.table import Column, Table, as_word, span
 from modalscope.io.columns.words import Role, factor_to_base, ignored_columns, is_spectrum, kind_of_unit, may_be_base
@@ -55,7 +56,9 @@ def records(
     refuse_transposed(table.where, table.rows, len(channels), bool(options.get("transpose")))
     evenly: list[str] = []
     if axis is not None:
+        axis, said = _with_seconds(table, axis, options)
         axis, channels, evenly = evened(table.where, axis, seconds_of(axis), channels, options.get("resample"))
+        evenly = [*said, *evenly]
     rate, notes = sampling_rate(table, axis, options)
     notes = [*evenly, *notes]
     if axis and options.get("columns") is None:
@@ -196,10 +199,28 @@ def refuse_transposed(where: str, samples: int, channels: int, transposed: bool)
 
 
 def seconds_of(axis: Column) -> RealArray:
-    """Return times in seconds from the first, of a column in its unit, or without one counted from 1970 in parts of seconds."""
+    """Return times in seconds, of a column in its unit; without one, counted from the first in the parts of a second that they say."""
     times = np.asarray(axis.values, float)
-    parts = 1.0 if axis.unit else parts_of_epoch(times)
+    parts = 1.0 if axis.unit else parts_of_second(times)
     return times * factor_to_base(axis.unit) if parts == 1.0 else (times - times[:1]) / parts
+
+
+def _with_seconds(table: Table, axis: Column, options: Options) -> tuple[Column, list[str]]:
+    """Return times without a unit in seconds from the first where they count parts of a second, and what to say of it."""
+    times = np.asarray(axis.values, float)
+    given = options.get("sampling_rate")
+    rate = table.rate if given is None else check_positive("sampling_rate", given)
+    parts = 1.0 if axis.unit else parts_of_second(times, rate)
+    if parts == 1.0:
+        return axis, []
+    since = parts == parts_of_second(times[:1])
+    why = (
+        " since 1970"
+        if since
+        else f' by their step of {float(np.median(np.diff(times))):.6g} (else: --units "{axis.label}=s")'
+    )
+    note = f"the times of column {axis.number} have no unit: taken as {_PARTS[parts]}{why}"
+    return replace(axis, values=(times - times[:1]) / parts, unit="s"), [note]
 
 
 def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[float, list[str]]:
@@ -242,6 +263,4 @@ def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[
         )
     rate = sampling.rate if said is None else said
     coarse = " (rounded more coarsely than they follow each other)" if sampling.off > 0.5 else ""
-    parts = 1.0 if axis.unit else parts_of_epoch(np.asarray(axis.values, float))
-    since = "" if parts == 1.0 else f" ({_PARTS[parts]} since 1970)"
-    return rate, [f"sampling rate {rate:.9g} Hz by the times of column {axis.number}{since}{coarse}"]
+    return rate, [f"sampling rate {rate:.9g} Hz by the times of column {axis.number}{coarse}"]
