@@ -9,7 +9,7 @@ import pytest
 
 import modalscope as ms
 from tests.io.columns.test_words import T, write
-from tests.support import refused
+from tests.support import measured, refused
 
 MOTION = (np.sin(T), np.cos(T), np.cos(2 * T))
 
@@ -54,3 +54,30 @@ def test_rates_that_differ_from_channel_to_channel_are_asked_for(tmp_path: Path,
     path = write(tmp_path / "a.csv", f"{line}\nForce [N],a [g],b [g]", *MOTION)
     refused("(?s)its header says several.*--sampling-rate HZ", ms.read, path)
     assert ms.read(path, sampling_rate=100.0).sampling_rate == 100
+
+
+# ------------------------------------------------------------------------------------------------------- rows about channels
+
+HEAD = "CH No.,{}\nRange,2000,1000,5\nOffset,-97.5,-1025.0,-13.2\nUnit,cm/s2,cm/s2,V"
+
+
+@pytest.mark.parametrize("names", ["CH2,CH3,CH8", "2,3,8"])
+def test_rows_of_ranges_and_offsets_are_no_names(tmp_path: Path, names: str) -> None:
+    found = ms.read(write(tmp_path / "a.csv", HEAD.format(names), T, *MOTION))
+    assert found.output_dofs == tuple(names.split(","))
+    assert found.units[0] == ("cm/s2", "cm/s2", "V")
+    assert found.sampling_rate == 100.0
+
+
+@pytest.mark.parametrize(("row", "units"), [("Unit,N,A,C", ("A", "C")), ("Units:,lbf,g,", ("g", ""))])
+def test_behind_the_name_of_a_row_of_units_any_unit_is_one(tmp_path: Path, row: str, units: tuple[str, ...]) -> None:
+    found = ms.read(write(tmp_path / "a.csv", f"Zeit,Kraft,a1,a2\n{row}", T, *MOTION), columns="time=1,in=2,out=3-")
+    assert (found.input_dofs, found.output_dofs, found.units[0]) == (("Kraft",), ("a1", "a2"), units)
+
+
+@pytest.mark.parametrize("which", [1, 2])
+def test_a_measured_frame_as_its_logger_writes_it(which: int) -> None:
+    found = ms.read(measured("kyowa_frame", f"imp_ham_set{which}_nomass.CSV"))
+    assert found.output_dofs == ("CH2", "CH3", "CH5", "CH6", "CH8")
+    assert found.units[0] == ("cm/s2",) * 4 + ("V",)
+    assert found.sampling_rate == 50.0

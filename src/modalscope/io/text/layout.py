@@ -67,6 +67,9 @@ _ROW_NAMES = {
     "label",
     "title",
     "channel name",
+    "ch no.",
+    "ch no",
+    "ch name",
     "y-unit",
 }
 
@@ -137,6 +140,8 @@ def _head(
     heads: list[tuple[int, list[str]]] = []
     for k in range(body - 1, max(-1, body - 6), -1):
         cells = _fitted(lines[k], rows[k], width, dialect)
+        if cells is not None and _are_numbers_of_channels(cells):
+            continue
         if cells is not None:
             heads.append((k, cells))
         elif heads and lines[k].strip():
@@ -147,13 +152,13 @@ def _head(
     named = [(k, cells) for k, cells in heads if k != unit_line and not all(map(is_missing, cells))]
     if not named:
         alone = dict(heads).get(unit_line, [""] * width)
-        first = [split_head(cell) for cell in alone[:heading]]
+        first = [("", "") if _is_row_name(cell) else split_head(cell) for cell in alone[:heading]]
         names = (*(name for name, _ in first), *[""] * (width - heading))
         return names, (*(unit for _, unit in first), *map(_bare, alone[heading:])), -1, unit_line
     line, cells = named[0]
     if len(named) > 1 and _are_parts(cells) and len(set(named[1][1])) < width:  # a name stands over each of its parts
         cells = [f"{above} {below}".strip() for above, below in zip(named[1][1], cells, strict=True)]
-    split_cells = [split_head(cell) for cell in cells]
+    split_cells = [split_head("" if k == 0 and _is_row_name(cell) else cell) for k, cell in enumerate(cells)]
     units = [unit for _, unit in split_cells]
     if unit_line >= 0:
         below = [split_head(cell)[1] if k < heading else _bare(cell) for k, cell in enumerate(dict(heads)[unit_line])]
@@ -168,7 +173,7 @@ def _fitted(line: str, cells: list[str], width: int, dialect: Dialect) -> list[s
         ways += [re.split(r"\s{2,}|\t", line.strip()), _NAME_AND_UNIT.findall(line)]
     for way in ways:
         fitted = [cell.strip().strip('"').strip() for cell in way]
-        if len(fitted) == width + 1 and (fitted[0].lower().strip(":") in _ROW_NAMES):
+        if len(fitted) == width + 1 and _is_row_name(fitted[0]):
             fitted = fitted[1:]
         while len(fitted) > width and not fitted[-1]:
             fitted = fitted[:-1]
@@ -193,15 +198,28 @@ def _units_after(cells: Sequence[str]) -> int | None:
     """Return how many cells stand before the units of a row of units: none, or the name of the axis; None where it is no such row.
 
     Each is known or in brackets, and one at least is there. Behind the name of an axis (`t,N,g`) there are two, none of which may be a
-    letter of a channel.
+    letter of a channel; behind what the row is called (`Unit,g,V`) any.
     """
     held = [cell for cell in cells if _bare(cell)]
     bracketed = [cell for cell in held if cell[0] + cell[-1] in ("[]", "()")]
     known = [cell for cell in held if is_unit(_bare(cell)) or cell in bracketed or _CLOCK.match(_bare(cell))]
     if known and len(known) == len(held) and (len(held) > 1 or len(cells) == 1 or bracketed):
         return 0
-    sure = [cell for cell in held[1:] if is_unit(_bare(cell)) and not is_weak(_bare(cell))]
-    return 1 if len(sure) > 1 and sure == held[1:] and held[0] == cells[0] and _names_axis(cells[0]) else None
+    if not held or held[0] != cells[0]:
+        return None
+    named = _is_row_name(cells[0])
+    sure = [cell for cell in held[1:] if is_unit(_bare(cell)) and (named or not is_weak(_bare(cell)))]
+    return 1 if len(sure) > 1 - named and sure == held[1:] and (named or _names_axis(cells[0])) else None
+
+
+def _is_row_name(cell: str) -> bool:
+    """Whether a cell says what its row holds."""
+    return cell.lower().strip(": ") in _ROW_NAMES
+
+
+def _are_numbers_of_channels(cells: Sequence[str]) -> bool:
+    """Whether a row is numbers behind what they are (`Range,2000,1000`), which are no names; channels may be called by numbers."""
+    return len(cells) > 2 and not is_number(cells[0]) and not _is_row_name(cells[0]) and all(map(is_number, cells[1:]))
 
 
 def _names_axis(cell: str) -> bool:
