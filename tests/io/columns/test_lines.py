@@ -46,7 +46,7 @@ def test_a_name_that_both_share_is_kept(tmp_path: Path) -> None:
     assert (found.output_dofs, found.input_dofs) == (("5:+Z", "6:+Z"), ("1:+Z",))
 
 
-@pytest.mark.parametrize("head", ["f,Re_1x,Im_1y", "f,H1 Real,H2 Imag", "f,Mag 1,Phase A [deg]"])
+@pytest.mark.parametrize("head", ["f,a,b", "f,Re_1x,Im_1y", "f,H1 Real,H2 Imag", "f,Mag 1,Phase A [deg]"])
 def test_the_example_of_the_message_reads_the_file(tmp_path: Path, head: str) -> None:
     parts = (RESPONSE.real, RESPONSE.imag)
     if "Mag" in head:
@@ -65,3 +65,9 @@ def test_a_part_without_its_other_may_be_left_where_whole_responses_are(tmp_path
     refused(r"leave the column out with --ignore \"Re\(b\)\"", ms.read, path)
     assert ms.read(path, ignore="Re(b)").output_dofs == ("a",)
     refused("Name as many columns imag= as real=", ms.read, path, columns="frequency=1,real=2,4,imag=3")
+
+
+def test_of_spectra_no_pair_is_made(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.csv", "f,PSD 1,PSD 2", FREQUENCIES, np.abs(RESPONSE), np.abs(OTHER))
+    error = refused("spectra alone hold no phases", ms.read, path)
+    assert "--columns" not in str(error)

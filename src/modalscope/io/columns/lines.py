@@ -12,7 +12,7 @@ from modalscope.data import DataError, FrequencyResponse
 from modalscope.data.geometry import label_of
 from modalscope.io.arrays import joined
 from modalscope.io.columns.table import Column, Table, as_word, span
-from modalscope.io.columns.words import LONGEST, factor_to_base, kind_of_unit, plain_unit
+from modalscope.io.columns.words import LONGEST, factor_to_base, is_spectrum, kind_of_unit, plain_unit
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 
 __all__ = ["frequency_response", "part_of", "parts_by_name"]
@@ -292,15 +292,15 @@ def _incomplete(
 def _no_phases(table: Table, axis: Column, columns: Sequence[Column]) -> DataError:
     numbers = [column.number for column in columns]
     alone = len(numbers) == 1
-    if len(numbers) % 2 == 0 and numbers and not any(column.name for column in columns):
+    change = "Export real and imaginary parts, or magnitudes and phases; spectra alone hold no phases to identify from."
+    if len(numbers) % 2 == 0 and numbers and not any(map(is_spectrum, columns)):
         example = ",".join(f"real={a},imag={b}" for a, b in zip(numbers[::2], numbers[1::2], strict=True))
         polar = example.replace("real", "mag").replace("imag", "phase")
+        said = f'--columns "frequency={axis.number},{example}", or --columns "frequency={axis.number},{polar}"'
         change = (
-            f'Say what they are: --columns "frequency={axis.number},{example}", or "frequency={axis.number},{polar}".'
-        )
-    else:
-        change = (
-            "Export real and imaginary parts, or magnitudes and phases; spectra alone hold no phases to identify from."
+            f"{change} If they are such parts: {said}."
+            if any(column.name for column in columns)
+            else f"Say what they are: {said}."
         )
     return DataError(
         f"reading {table.where} needs complex values beside its frequencies",
