@@ -115,7 +115,7 @@ def short_unit(unit: str) -> str:
     ...     short_unit("Newtons"),
     ...     short_unit("pounds force"),
     ...     short_unit("LBF"),
-    ...     short_unit("m/s^2/Newton"),
+    ...     short_unit("m/s^2/Newtons"),
     ...     short_unit("m/s²"),
     ... )
     ('N', 'lbf', 'lbf', 'm/s^2/N', 'm/s²')
