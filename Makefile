@@ -41,7 +41,7 @@ help:
 	@echo "make versions      formats, data classes and methods with the earliest and the newest packages (minutes)"
 	@echo "make release-check archive and wheel built, installed into empty environments, and tested there (minutes)"
 	@echo "make licences      what modalscope needs, and under which licences"
-	@echo "make results       small jobs of every kind, held against the results in tests/results (a minute or two)"
+	@echo "make results       small jobs of every kind and all real tests, held against the results in tests/results (a minute or two)"
 	@echo "make mutants       faults put in on purpose, each of which its tests must notice (minutes)"
 	@echo "make lint          ruff, mypy, floors"
 	@echo "make format        let ruff write what it can"
@@ -144,7 +144,7 @@ release-check: setup
 mutants: setup
 	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m tests.mutants --processes $(WORKERS) $(if $(PART),--part $(PART))
 
-# WORD=analyze runs the jobs whose names hold it; WRITE=1 writes the reference instead.
+# WORD=analyze runs the jobs whose names hold it; WRITE=1 writes the reference instead: WORD=real: WRITE=1 stores the lists of all real tests.
 results: setup
 	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m tools.results --jobs $(WORKERS) $(if $(WRITE),--write) $(WORD)
 

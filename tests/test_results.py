@@ -6,7 +6,9 @@ import json
 
 import pytest
 
-from tools.results import REFERENCE, differences, written
+from tests.support import DATA
+from tools.real_tests import JOBS
+from tools.results import REFERENCE, differences, lacks_data, written
 
 MODES = {
     "modes": {
@@ -74,3 +76,43 @@ def test_no_job_of_the_reference_was_broken():
     reference = json.loads(REFERENCE.read_text("utf-8"))
     assert len(reference) >= 60
     assert not [name for name, found in reference.items() if "broken" in found or "skipped" in found]
+
+
+@pytest.mark.parametrize(
+    ("key", "below", "above"),
+    [("f", 1 + 9e-6, 1 + 1.1e-5), ("zeta", 1 + 4e-3, 1 - 6e-3), ("explained", 1 - 9e-4, 1 + 2e-3)],
+)
+def test_lists_of_real_tests_hold_on_every_processor(key, below, above):
+    held = {"f": [20.0], "zeta": [0.01], "explained": 0.9, "bands": 2}
+
+    def scaled(by):
+        value = held[key]
+        return {**held, key: [by * each for each in value] if isinstance(value, list) else by * value}
+
+    assert not list(differences(held, scaled(below)))
+    (said,) = differences(held, scaled(above))
+    assert said.startswith(key)
+
+
+def test_a_mode_that_is_lost_or_new_is_named():
+    told = list(differences({"f": [12.0, 17.4, 26.0]}, {"f": [12.000001, 26.0, 29.5, 31.0]}))
+    assert told == ["f: 3 -> 4 values; lost [17.4], new [29.5, 31.0]"]
+
+
+def test_data_that_must_be_there_fail_a_job(monkeypatch):
+    skipped = {"skipped": "meloland/CHAN01.V2 is not there"}
+    monkeypatch.delenv("MODALSCOPE_NEED_DATA", raising=False)
+    assert not lacks_data(skipped)
+    monkeypatch.setenv("MODALSCOPE_NEED_DATA", "1")
+    assert lacks_data(skipped)
+    assert not lacks_data({"skipped": "npTDMS is not installed"})
+    assert not lacks_data({"f": [1.0]})
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="the measured data are not there")
+def test_every_measured_set_is_among_the_real_tests():
+    sets = {place.name for place in DATA.iterdir() if place.is_dir()} - {"mast_months"}  # lists of modes, no records
+    named = {name.removeprefix("real: ").partition(",")[0] for name in JOBS if name.startswith("real: ")}
+    assert sets <= named
+    reference = json.loads(REFERENCE.read_text("utf-8"))
+    assert {name for name in JOBS if name.startswith("real: ")} <= set(reference)

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import html
 import json
+import re
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import modalscope as ms
 from modalscope.cli import main
+from modalscope.cli.identify import _print
+from modalscope.reporting.document import Origin, stabilization_sections
+from modalscope.systems import chain5
 
 
 def test_identify_writes_modes_that_read_back_as_they_were_printed(test_file, tmp_path, capsys):
@@ -97,3 +103,28 @@ def test_a_delay_is_taken_out_unless_the_command_line_refuses(tmp_path, capsys):
     models = {name: ms.read(tmp_path / f"{name}.npz") for name in ("back", "left", "known")}
     np.testing.assert_array_equal(models["back"].A, models["known"].A)
     assert not np.allclose(models["back"].A, models["left"].A)
+
+
+@pytest.mark.parametrize("kind", ["frf", "ambient"])
+def test_the_terminal_says_of_merged_bands_what_the_report_says(kind, capsys):
+    made = chain5()
+    if kind == "frf":  # two sensors beside each other: shapes are alike
+        full = made.frequency_response(np.linspace(0.3, 7.5, 300), noise=0.01, seed=0)
+        few = {"values": full.values[:, :2], "output_dofs": full.output_dofs[:2], "units": (("", ""), full.units[1])}
+        data, bands = replace(full, **few), ((0.3, 3.4), (3.4, 7.5))
+    else:
+        data = made.simulate(inputs="ambient", samples=4000, sampling_rate=20.0, noise=0.05, seed=0)
+        bands = ((0.5, 3.4), (3.4, 7.5))
+    result = ms.analyze(data, band=bands, orders=range(4, 13, 4), refine=False)
+    _print(result)
+    out = capsys.readouterr().out
+    summary = next(stabilization_sections(result.modes, result.diagram, Origin(diagrams=result.diagrams))).body
+    words = " ".join(html.unescape(re.sub(r"<[^>]+>", " ", summary)).split())
+    assert "2 bands merged" in out
+    start = r"The modes explain|WARNING: |No force was measured"
+    said = [line for line in out.splitlines() if re.match(start, line)]
+    assert any("of the measured mean square" in line for line in said)
+    assert any("are alike (MAC" in line for line in said) == (kind == "frf")
+    assert any("taken as ambient" in line for line in said) == (kind == "ambient")
+    assert all(line in words for line in said)
+    assert len(said) == len(re.findall(start, words))

@@ -10,6 +10,7 @@ import modalscope as ms
 from modalscope.data import Signals
 from modalscope.data.poles import poles_from
 from modalscope.data.record_spectra import RecordSpectra
+from modalscope.data.record_transform import record_spectra
 from modalscope.identification.prepare import measure
 from modalscope.preprocess.bands import CHOSEN
 from modalscope.preprocess.excited_band import polynomial_residuals, resonant_band
@@ -131,3 +132,9 @@ def test_a_weak_mode_is_found_at_thirty_times_the_rate():
     record, f = sampled(300.0, 0.05)
     modes = ms.select(ms.stabilize(record))
     assert modes.frequencies == pytest.approx(f, rel=2e-3)
+
+
+def test_a_record_of_a_few_samples_has_no_band_and_no_traceback() -> None:
+    rng = np.random.default_rng(0)
+    record = ms.Signals(outputs=rng.standard_normal((10, 1)), inputs=rng.standard_normal((10, 1)), sampling_rate=100.0)
+    assert resonant_band(record_spectra(ms.Records(runs=(record,)))) is None

@@ -119,13 +119,19 @@ def _refuse_page_of(what: str) -> None:
 
 
 def _print(result: Result, *, everything: bool = False) -> None:
-    """Print how the modes were found, what was noted, and the modes."""
-    from modalscope.modal.rebuilt import explained, fit_of
+    """Print how the modes were found, what was noted, and the modes; of all bands together what a report says of them."""
+    from modalscope.plot.web.poles import fit_of_bands
+    from modalscope.reporting.modes import verdict_of
 
     for note in result.notes:
         if note.kind in ("file", "places", "base", "units", "units not known", "bands chosen"):
             remark(note)
     _print_diagrams(result)
+    known = len(result.modes) > 0 and not result.analysis.apart
+    fit = fit_of_bands(result.modes, result.diagrams) if known else None
+    verdict = verdict_of(result.modes, result.diagrams[0].response, fit)
+    for text in verdict.taken:
+        remark(text)
     if result.findings:
         remark("quality:")
         for finding in result.findings:
@@ -143,9 +149,10 @@ def _print(result: Result, *, everything: bool = False) -> None:
     for note in result.modes.notes:
         if note not in shown:
             remark(f"  {note}")
-    if len(result.diagrams) == 1:
-        say(f"\n{explained(fit_of(result.modes, result.diagram.response))}")
-        _print_of_noise(result)
+    say("")
+    for text in (*verdict.explained, *verdict.warnings):
+        say(text)
+    _print_of_noise(result)
     _print_left_out(result, everything)
     for index, reasons in enumerate(result.modes.reasons):
         explain(f"mode {index + 1}: {reasons}")

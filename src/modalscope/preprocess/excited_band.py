@@ -129,6 +129,8 @@ class Residuals(NamedTuple):
     @property
     def in_peak(self) -> BoolArray:
         """In which bins the residual over a wide range exceeds the noise, (b,): in one output, or in the mean of all."""
+        if not len(self.narrow):  # runs of too few lines
+            return np.zeros(0, bool)
         tiny = np.finfo(float).tiny
         around = np.median(_windows(np.log(np.maximum(self.narrow, tiny)), _AROUND), axis=2)
         heights = np.exp(np.clip(np.log(np.maximum(self.wide, tiny)) - around, -50.0, 50.0))

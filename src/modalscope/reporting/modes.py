@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from modalscope.data import ModalModel, StabilizationDiagram
 from modalscope.data.mode_fields import told
+from modalscope.data.response import Response
 from modalscope.identification.table import cell_label
 from modalscope.judging.certificate import Certificate
 from modalscope.modal.rebuilt import explained, explains_enough
@@ -16,7 +18,7 @@ from modalscope.reporting.figures import certificate_svg, intervals_svg
 from modalscope.reporting.grades import GRADES, Grade, alike_pairs, grades, half_widths
 from modalscope.reporting.html import Section, decimals, folded, frequency, paragraph, percent, picture, table
 
-__all__ = ["certificate_section", "intervals_section", "loud", "modes_section", "summary_section"]
+__all__ = ["certificate_section", "intervals_section", "modes_section", "summary_section", "verdict_of"]
 
 
 # ----------------------------------------------------------------------------------------------------------- intervals
@@ -128,11 +130,12 @@ def summary_section(
     count = f"{len(modes)} mode{'' if len(modes) == 1 else 's'}"
     orders = f"orders {diagram.orders[0]} to {diagram.orders[-1]}" if diagram.orders else "no order"
     verdict = f"{count} between {low:.5g} and {high:.5g} Hz, by {cell_label(diagram.method, diagram.domain)}, {orders}."
-    if fit is not None and explains_enough(fit[0]):
-        verdict += f" {explained(fit[0])}"
+    said = verdict_of(modes, diagram.response, fit)
+    verdict += "".join(f" {text}" for text in said.explained)
     odd = [f"mode {i + 1} is {kind}" for i, kind in enumerate(modes.kinds) if kind != "mode"]
-    lines = (_counted(grades(modes) if judged is None else judged), band, _least_sure(modes), "; ".join(odd))
-    warned = loud(fit) + "".join(paragraph(text, "loud") for text in _alike(modes))
+    graded = _counted(grades(modes) if judged is None else judged)
+    lines = (graded, band, *said.taken, _least_sure(modes), "; ".join(odd))
+    warned = "".join(paragraph(text, "loud") for text in said.warnings)
     return Section(
         "summary",
         "Summary",
@@ -140,9 +143,28 @@ def summary_section(
     )
 
 
-def loud(fit: Fit) -> str:
-    """Return the warning that the modes explain too little, set off; nothing where they explain enough."""
-    return "" if fit is None or explains_enough(fit[0]) else paragraph(explained(fit[0]), "loud")
+class Verdict(NamedTuple):
+    """Sentences on a list of modes, which a report and the terminal give alike.
+
+    `taken`: what the data were taken as, where that is a choice. `explained`: how much the modes explain, where it is enough. `warnings`:
+    that they explain too little, and that shapes are alike.
+    """
+
+    taken: tuple[str, ...]
+    explained: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+
+def verdict_of(modes: ModalModel, response: Response, fit: Fit) -> Verdict:
+    """Return the sentences on a list of modes.
+
+    `response`: what they were identified from; of several bands the first. `fit`: fit error in all and per channel, of all bands; None
+    where it is not known.
+    """
+    share = () if fit is None else (explained(fit[0]),)
+    enough = fit is None or explains_enough(fit[0])
+    taken = ("No force was measured: taken as ambient vibration.",) if response.ambient else ()
+    return Verdict(taken, share if enough else (), (*(() if enough else share), *_alike(modes)))
 
 
 def _alike(modes: ModalModel) -> list[str]:

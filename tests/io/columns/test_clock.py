@@ -9,6 +9,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.io import read, survey
+from modalscope.io.columns.axis import parts_of_second
 from modalscope.io.columns.clock import clock_of, nearly_even, resampled
 from tests.support import DATA
 
@@ -106,3 +107,63 @@ def test_the_clock_of_a_measured_wireless_node() -> None:
     found = survey(DATA / "footbridge" / "node_p1_000.CSV")
     assert found.thing.sampling_rate == pytest.approx(7194, abs=1)
     assert any("2 gaps with 232 samples missing" in note for note in found.notes)
+
+
+# ------------------------------------------------------------------------------------------------- times without a unit
+
+
+def counted(path: Path, t: np.ndarray, parts: float, head: str = "time,a [g],b [g]") -> Path:
+    """A table whose times are whole parts of a second."""
+    rows = zip(np.rint(t * parts).astype(np.int64), *motion(t).T, strict=True)
+    path.write_text("\n".join([head, *(f"{k},{a:.6f},{b:.6f}" for k, a, b in rows)]) + "\n")
+    return path
+
+
+@pytest.mark.parametrize("start", [0.0, 1.7e9])
+@pytest.mark.parametrize("parts", [1e3, 1e6])
+def test_uneven_times_in_parts_of_a_second_are_resampled_as_such(tmp_path: Path, start: float, parts: float) -> None:
+    white = np.random.default_rng(2).standard_normal((COUNT, 2))
+    k = np.rint((start + times(0.3) - times(0.3)[0]) * parts).astype(np.int64)
+    path = tmp_path / "a.csv"
+    path.write_text(
+        "\n".join(["time,a,b", *(f"{n},{a:.6f},{b:.6f}" for n, (a, b) in zip(k, white, strict=True))]) + "\n"
+    )
+    with pytest.raises(ms.DataError, match="--resample auto"):
+        read(path)
+    found = survey(path, resample="auto")
+    assert found.thing.sampling_rate == pytest.approx(RATE, rel=0.02)
+    assert any({1e3: "milliseconds", 1e6: "microseconds"}[parts] in note for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    "head", ["time_us,a,b", "micros,a,b", "Time (µs),a,b", "time[us],a,b", "elapsed microseconds,a,b"]
+)
+def test_names_and_units_of_microseconds(tmp_path: Path, head: str) -> None:
+    found = survey(counted(tmp_path / "a.csv", times(), 1e6, head))
+    assert found.thing.sampling_rate == RATE
+    assert not any("have no unit" in note for note in found.notes)
+
+
+def test_the_note_on_times_without_a_unit_names_the_way_out(tmp_path: Path) -> None:
+    path = counted(tmp_path / "a.csv", times(), 1e6)
+    found = survey(path)
+    assert found.thing.sampling_rate == RATE
+    assert any('taken as microseconds by their step of 5000 (else: --units "time=s")' in note for note in found.notes)
+    assert read(path, units={"time": "s"}).sampling_rate == pytest.approx(RATE / 1e6)
+
+
+@pytest.mark.parametrize(
+    ("step", "rate", "parts"),
+    [
+        (2.0, None, 1.0), (2.01, None, 1e3), (200.0, None, 1e3), (201.0, None, 1e6), (2e5, None, 1e6), (2.01e5, None, 1e9),
+        (2.1e8, None, 1.0), (10.0, 0.1, 1.0), (10.0, 100.0, 1e3), (10.0, 1e5, 1e6), (1.0, 1000.0, 1e3), (10.0, 77.0, 1.0),
+    ],
+)  # fmt: skip
+def test_parts_of_a_second_by_the_step_or_by_the_rate(step: float, rate: float | None, parts: float) -> None:
+    assert parts_of_second(step * np.arange(9.0), rate) == parts
+
+
+def test_a_rate_in_the_header_says_what_times_count(tmp_path: Path) -> None:
+    path = counted(tmp_path / "a.csv", times(), 1e3, "Sample rate:,200\ntime,a,b")
+    assert read(path).sampling_rate == RATE
+    assert read(counted(tmp_path / "b.csv", times(), 1e3), sampling_rate=RATE).sampling_rate == RATE

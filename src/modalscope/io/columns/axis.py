@@ -17,7 +17,7 @@ __all__ = [
     "check_numbers",
     "grain_of",
     "longest_even",
-    "parts_of_epoch",
+    "parts_of_second",
     "rises",
     "roundest",
     "same_rate",
@@ -35,6 +35,10 @@ _SAME = 1e-3
 _GAP, _FEW = 1.9, 0.01
 #: Seconds since 1970 between 1990 and 2100; nobody counts so many milliseconds, or more, from the start of a test.
 _EPOCH = (631152000.0, 4102444800.0)
+#: Parts of a second that clocks count, the longest step in s between samples of a vibration, and the fewest samples a second where times
+#: are no seconds: the slowest towers sway in 10 s, which 2 s follow; 5 Hz is the slowest rate of recorders that count milliseconds.
+_PARTS = (1e3, 1e6, 1e9)
+_LONGEST_STEP, _SLOWEST = 2.0, 5.0
 #: No clock of a sampler is better known.
 _CLOCK = 1e-6
 #: So many times at each end tell the digits; printed ones have at most so many behind the point.
@@ -86,17 +90,33 @@ def grain_of(times: RealArray) -> float:
     return max(of(times[:_ENDS]), of(times[-_ENDS:]))
 
 
-def parts_of_epoch(times: RealArray) -> float:
-    """Return by what times that count from 1970 are finer than seconds: 1e3, 1e6 or 1e9; 1 for seconds and for all other times.
+def parts_of_second(times: RealArray, rate: float | None = None) -> float:
+    """Return by what times without a unit are finer than seconds: 1, 1e3, 1e6 or 1e9.
+
+    `times` (N,). `rate`: samples per second, where a header or an option says it.
+
+    Times that count from 1970 say it by their size, others by the rate where one is known. Otherwise steps of up to 2 are seconds: nobody
+    measures vibrations more slowly. Longer ones are in the coarsest part of a second in which there are 5 samples a second and more.
 
     Examples
     --------
-    >>> parts_of_epoch(np.array([1.7e12, 1.7e12 + 5])), parts_of_epoch(np.array([0.0, 5.0]))
+    >>> parts_of_second(np.array([1.7e12, 1.7e12 + 5])), parts_of_second(np.array([0.0, 1.0]))
     (1000.0, 1.0)
+    >>> parts_of_second(np.array([0.0, 10.0])), parts_of_second(np.array([0.0, 10.0]), rate=1e5)
+    (1000.0, 1000000.0)
     """
     low, high = _EPOCH
     ends = times[[0, -1]] if times.size else np.zeros(2)
-    return next((parts for parts in (1e3, 1e6, 1e9) if np.all((low * parts < ends) & (ends < high * parts))), 1.0)
+    since = next((parts for parts in _PARTS if np.all((low * parts < ends) & (ends < high * parts))), 1.0)
+    if since > 1 or times.size < 2:
+        return since
+    with np.errstate(all="ignore"):
+        step = float(np.median(np.diff(times)))
+    if not 0 < step < np.inf:
+        return 1.0
+    if rate is not None:
+        return next((parts for parts in (1.0, *_PARTS) if same_rate(rate, parts / step)), 1.0)
+    return 1.0 if step <= _LONGEST_STEP else next((parts for parts in _PARTS if parts / step >= _SLOWEST), 1.0)
 
 
 def sampling_of(times: RealArray) -> Sampling:

@@ -12,9 +12,9 @@ from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, Signa
 from modalscope.io.columns.axis import check_numbers, sampling_of, with_rows
 from modalscope.io.columns.clock import nearly_even
 from modalscope.io.columns.lines import frequency_response, part_of, parts_by_name
-from modalscope.io.columns.records import free_decay, records
+from modalscope.io.columns.records import free_decay, nothing_measured, records
 from modalscope.io.columns.table import Column, Table, as_word, span
-from modalscope.io.columns.words import Role, ignored_columns, named_columns, role_by_words, spoken_roles
+from modalscope.io.columns.words import Role, ignored_columns, named_columns, role_by_words, short_unit, spoken_roles
 from modalscope.io.contents import Contents, Finding, Options
 
 __all__ = ["COLUMN_OPTIONS", "contents_from_table"]
@@ -24,6 +24,8 @@ COLUMN_OPTIONS = ("columns", "ignore", "transpose", "rows", "resample")
 
 #: A first column that rises evenly by less than this is time: nobody measures lines so near each other (s or Hz).
 _FINE = 0.02
+#: Why a column is what `--columns` says.
+_SPOKEN = "--columns says so"
 
 
 def contents_from_table(table: Table, options: Options) -> Contents:
@@ -51,11 +53,7 @@ def contents_from_table(table: Table, options: Options) -> Contents:
     _check_axis(table, axis, kind)
     check_numbers(table, others)
     if not others:
-        raise DataError(
-            f"reading {table.where} needs a column of measured values",
-            f"its columns are {', '.join(map(str, table.columns[:6])) or '(none)'}",
-            'Say what they are: --columns "time=1,in=2,out=3-".',
-        )
+        raise nothing_measured(table, axis, kind, options)
     thing: FrequencyResponse | ImpulseResponse | Signals
     if kind == "frequency" and axis is not None:
         thing, more, unused = frequency_response(table, axis, others, spoken)
@@ -72,22 +70,20 @@ def contents_from_table(table: Table, options: Options) -> Contents:
 
 
 def _with_units(table: Table, units: Any) -> Table:
-    if not isinstance(units, Mapping):
-        return table
+    """Return a table with the units that the option names, all written short."""
     given = {
         column.number: str(unit)
-        for name, unit in units.items()
+        for name, unit in (units.items() if isinstance(units, Mapping) else ())
         if name not in ("outputs", "inputs")
         for column in named_columns(table.columns, [str(name)], "units")
     }
-    return replace(
-        table, columns=tuple(replace(column, unit=given.get(column.number, column.unit)) for column in table.columns)
-    )
+    columns = (replace(column, unit=short_unit(given.get(column.number, column.unit))) for column in table.columns)
+    return replace(table, columns=tuple(columns))
 
 
 def _role(column: Column, spoken: Mapping[int, str], said: Mapping[int, str]) -> Role:
     if column.number in spoken:
-        return Role(role=spoken[column.number], reason="--columns says so")
+        return Role(role=spoken[column.number], reason=_SPOKEN)
     if {"out", "decay", "real", "mag"} & set(spoken.values()):
         return Role(role="ignore", reason="--columns does not name it")
     if column.number in said:
@@ -175,8 +171,9 @@ def _finding(
     name = f"{column.label} [{column.unit}]" if column.unit else column.label
     if column.number in left:
         return Finding(part=f"column {column.number}", what=name, taken=False, reason=left[column.number])
-    part = part_of(column.name) if kind == "frequency" else None
-    reason = _WORDS[part[1]] if part is not None else reasons.get(column.number)
+    reason = reasons.get(column.number)
+    part = part_of(column.name) if kind == "frequency" and reason != _SPOKEN else None
+    reason = reason if part is None else _WORDS[part[1]]
     why = f" ({reason})" if reason else ""
     if axis is not None and column.number == axis.number:
         return Finding(part=f"column {column.number}", what=f"{name}: {kind}{why}")

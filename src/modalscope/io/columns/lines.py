@@ -12,7 +12,7 @@ from modalscope.data import DataError, FrequencyResponse
 from modalscope.data.geometry import label_of
 from modalscope.io.arrays import joined
 from modalscope.io.columns.table import Column, Table, as_word, span
-from modalscope.io.columns.words import LONGEST, factor_to_base, kind_of_unit, plain_unit
+from modalscope.io.columns.words import LONGEST, factor_to_base, is_spectrum, kind_of_unit, plain_unit
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 
 __all__ = ["frequency_response", "part_of", "parts_by_name"]
@@ -130,6 +130,8 @@ def joined_polar(where: str, magnitude: Array, phase: Array, unit: str, example:
 
 # --------------------------------------------------------------------------------------------------------------- lines
 
+#: Parts that `--columns` may name, and which of them make one complex value.
+_FAMILY = {"real": "parts", "imag": "parts", "mag": "polar", "phase": "polar", "coh": "coherence"}
 #: The parts of one response by what they are.
 Parts = dict[str, Column]
 
@@ -142,14 +144,14 @@ _PAIR = re.compile(r"^(?P<out>[^/]+?)\s*(?:/|<-|->)\s*(?P<in>[^/]+?)$")
 def parts_by_name(columns: Sequence[Column], spoken: Mapping[int, str]) -> dict[tuple[str, int], Parts]:
     """Return parts by the name of what they belong to; where names repeat, the first real part goes with the first imaginary one.
 
-    `spoken`: what `--columns` says.
+    `spoken`: what `--columns` says. It pairs, too, whatever the names are: the first real part with the first imaginary one.
     """
-    found: dict[tuple[str, int], Parts] = {}
+    found = _spoken_parts(columns, spoken)
     for column in columns:
         named = part_of(column.name)
-        if column.number in spoken and spoken[column.number] in ("real", "imag", "mag", "phase", "coh"):
-            base, part = ("" if named is None else named[0]), spoken[column.number]
-        elif np.iscomplexobj(column.values):
+        if spoken.get(column.number) in _FAMILY:
+            continue
+        if np.iscomplexobj(column.values):
             base, part = column.name, "complex"
         elif named is not None:
             base, part = named
@@ -160,6 +162,29 @@ def parts_by_name(columns: Sequence[Column], spoken: Mapping[int, str]) -> dict[
             place += 1
         found[base, place][part] = column
     return found
+
+
+def _spoken_parts(columns: Sequence[Column], spoken: Mapping[int, str]) -> dict[tuple[str, int], Parts]:
+    """Return the parts that `--columns` names: the k-th real part and the k-th imaginary one are one response, likewise polar ones."""
+    order: dict[str, list[Column]] = {part: [] for part in _FAMILY}
+    for column in columns:
+        if spoken.get(column.number) in _FAMILY:
+            order[spoken[column.number]].append(column)
+    groups: dict[tuple[str, int], Parts] = {}
+    for part, held in order.items():
+        for k, column in enumerate(held):
+            groups.setdefault((_FAMILY[part], k), {})[part] = column
+    found: dict[tuple[str, int], Parts] = {}
+    for parts in sorted(groups.values(), key=lambda parts: min(column.number for column in parts.values())):
+        base = _shared_stem(parts)
+        found[base, sum(name == base for name, _ in found)] = parts
+    return found
+
+
+def _shared_stem(parts: Parts) -> str:
+    """Return the name that columns share without their parts; empty where they share none."""
+    names = {column.name if (named := part_of(column.name)) is None else named[0] for column in parts.values()}
+    return names.pop() if len(names) == 1 else ""
 
 
 def frequency_response(
@@ -181,7 +206,9 @@ def frequency_response(
             coherences.append((base, parts["coh"]))
             continue
         pair = _pair_of(base if place == 0 else f"{base} {place + 1}".strip(), len(responses) + 1)
-        values = _values(table, axis, parts, notes)
+        values = _values(table, parts, notes)
+        if values is None:
+            raise _incomplete(table, axis, parts, found, spoken)
         first = next(iter(parts.values()))
         responses[pair] = (values, first.unit)
         used |= {column.number: "" for column in parts.values()}
@@ -215,7 +242,8 @@ def _pair_of(base: str, count: int) -> tuple[str, str]:
     return label_of(base) if base else f"y{count}", _ONE
 
 
-def _values(table: Table, axis: Column, parts: Parts, notes: list[str]) -> Array:
+def _values(table: Table, parts: Parts, notes: list[str]) -> Array | None:
+    """Return complex values; None where a part lacks its other."""
     if "complex" in parts:
         return parts["complex"].values
     if {"real", "imag"} <= set(parts):
@@ -229,28 +257,50 @@ def _values(table: Table, axis: Column, parts: Parts, notes: list[str]) -> Array
         notes.append(f"magnitudes are read as {words}, phases as {'degrees' if unit == 'deg' else 'radians'} ({why})")
         size = from_decibels(magnitude.values) if levels else magnitude.values
         return joined_polar(table.where, size, phase.values, unit, phase.name or str(phase.number))
-    other = {"real": "imaginary part", "imag": "real part", "mag": "phase", "phase": "magnitude"}
-    part = next(part for part in parts if part in other)
-    raise DataError(
-        f"reading {table.where} needs complex values",
-        f"{parts[part]} has no {other[part]} beside it",
-        f"Export it, leave the column out with --ignore {as_word(parts[part].label)}, or say what the columns are: "
-        f'--columns "frequency={axis.number},real=...,imag=..."',
+    return None
+
+
+_OTHER = {"real": "imag", "imag": "real", "mag": "phase", "phase": "mag"}
+_WORDS = {"real": "real part", "imag": "imaginary part", "mag": "magnitude", "phase": "phase"}
+
+
+def _incomplete(
+    table: Table, axis: Column, parts: Parts, found: Mapping[tuple[str, int], Parts], spoken: Mapping[int, str]
+) -> DataError:
+    """Return the error of a part that lacks its other; the example names columns where as many of both kinds are left."""
+    part = next(part for part in parts if part in _OTHER)
+    first = part if part in ("real", "mag") else _OTHER[part]
+    second = _OTHER[first]
+    alone = {
+        kind: [held[kind].number for held in found.values() if {first, second} & set(held) == {kind}]
+        for kind in (first, second)
+    }
+    pairs = zip(alone[first], alone[second], strict=False)
+    example = ",".join(f"{first}={a},{second}={b}" for a, b in pairs) or f"{first}=...,{second}=..."
+    whole = any(len(held) > 1 or "complex" in held for held in found.values())
+    change = (
+        f"Export it, {f'leave the column out with --ignore {as_word(parts[part].label)}, ' if whole else ''}or say what the columns are: "
+        f'--columns "frequency={axis.number},{example}"'
+    )
+    if spoken.get(parts[part].number) == part:
+        change = f"Name as many columns {_OTHER[part]}= as {part}= in --columns, in the same order."
+    return DataError(
+        f"reading {table.where} needs complex values", f"{parts[part]} has no {_WORDS[_OTHER[part]]} beside it", change
     )
 
 
 def _no_phases(table: Table, axis: Column, columns: Sequence[Column]) -> DataError:
     numbers = [column.number for column in columns]
     alone = len(numbers) == 1
-    if len(numbers) % 2 == 0 and numbers and not any(column.name for column in columns):
+    change = "Export real and imaginary parts, or magnitudes and phases; spectra alone hold no phases to identify from."
+    if len(numbers) % 2 == 0 and numbers and not any(map(is_spectrum, columns)):
         example = ",".join(f"real={a},imag={b}" for a, b in zip(numbers[::2], numbers[1::2], strict=True))
         polar = example.replace("real", "mag").replace("imag", "phase")
+        said = f'--columns "frequency={axis.number},{example}", or --columns "frequency={axis.number},{polar}"'
         change = (
-            f'Say what they are: --columns "frequency={axis.number},{example}", or "frequency={axis.number},{polar}".'
-        )
-    else:
-        change = (
-            "Export real and imaginary parts, or magnitudes and phases; spectra alone hold no phases to identify from."
+            f"{change} If they are such parts: {said}."
+            if any(column.name for column in columns)
+            else f"Say what they are: {said}."
         )
     return DataError(
         f"reading {table.where} needs complex values beside its frequencies",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,14 +11,14 @@ import numpy as np
 from modalscope.data import DataError, ImpulseResponse, Signals
 from modalscope.data.channels import QUANTITIES
 from modalscope.data.geometry import label_of
-from modalscope.io.columns.axis import longest_even, parts_of_epoch, same_rate, sampling_of
+from modalscope.io.columns.axis import longest_even, parts_of_second, same_rate, sampling_of
 from modalscope.io.columns.clock import evened
-from modalscope.io.columns.table import Column, Table, as_word
-from modalscope.io.columns.words import Role, factor_to_base, is_spectrum, kind_of_unit, may_be_base
+from modalscope.io.columns.table import Column, Table, as_word, span
+from modalscope.io.columns.words import Role, factor_to_base, ignored_columns, is_spectrum, kind_of_unit, may_be_base
 from modalscope.io.contents import Options
 from modalscope.numerics.checks import RealArray, check_positive
 
-__all__ = ["free_decay", "records", "refuse_transposed", "sampling_rate"]
+__all__ = ["free_decay", "nothing_measured", "records", "refuse_transposed", "sampling_rate"]
 
 #: The digits of times may leave so much of their rate open: frequencies would be as wrong.
 _OPEN = 1e-3
@@ -35,6 +36,8 @@ def records(
     """
     twice = {c.number: "a second column of times" for c in columns if axis and roles[c.number].role == "time"}
     channels = [column for column in columns if column.number not in twice]
+    if not channels:
+        raise nothing_measured(table, axis, "time", options)
     wrong = [column for column in channels if np.iscomplexobj(column.values)]
     if wrong:
         raise DataError(
@@ -53,7 +56,9 @@ def records(
     refuse_transposed(table.where, table.rows, len(channels), bool(options.get("transpose")))
     evenly: list[str] = []
     if axis is not None:
+        axis, said = _with_seconds(table, axis, options)
         axis, channels, evenly = evened(table.where, axis, seconds_of(axis), channels, options.get("resample"))
+        evenly = [*said, *evenly]
     rate, notes = sampling_rate(table, axis, options)
     notes = [*evenly, *notes]
     if axis and options.get("columns") is None:
@@ -78,6 +83,29 @@ def records(
         units=(tuple(column.unit for column in others), tuple(column.unit for column in forces)),
     )
     return thing, notes, twice
+
+
+def nothing_measured(table: Table, axis: Column | None, kind: str, options: Options) -> DataError:
+    """Return the error of a table of which no column is left but the axis; the example names columns that may be measured after all.
+
+    `kind`: of the axis, "time" or "frequency".
+    """
+    ignored = {column.number for column in ignored_columns(table.columns, options.get("ignore"))}
+    left = ignored | ({axis.number} if axis is not None else set())
+    others = [column.number for column in table.columns if not column.textual and column.number not in left]
+    change = "Export the measured channels, too."
+    if others and kind == "frequency":
+        change = "Export real and imaginary parts beside the frequencies."
+    elif others:
+        time, rate = (f"time={axis.number},", "") if axis is not None else ("", " --sampling-rate HZ")
+        change = f'If they are measured, say so: --columns "{time}out={span(others)}"{rate}'
+    elif ignored:
+        change = "Leave fewer columns out with --ignore."
+    return DataError(
+        f"reading {table.where} needs a column of measured values",
+        f"its columns are {', '.join(map(str, table.columns[:6])) or '(none)'}",
+        change,
+    )
 
 
 def _in_decibels(column: Column) -> bool:
@@ -171,10 +199,28 @@ def refuse_transposed(where: str, samples: int, channels: int, transposed: bool)
 
 
 def seconds_of(axis: Column) -> RealArray:
-    """Return times in seconds from the first, of a column in its unit, or without one counted from 1970 in parts of seconds."""
+    """Return times in seconds, of a column in its unit; without one, counted from the first in the parts of a second that they say."""
     times = np.asarray(axis.values, float)
-    parts = 1.0 if axis.unit else parts_of_epoch(times)
+    parts = 1.0 if axis.unit else parts_of_second(times)
     return times * factor_to_base(axis.unit) if parts == 1.0 else (times - times[:1]) / parts
+
+
+def _with_seconds(table: Table, axis: Column, options: Options) -> tuple[Column, list[str]]:
+    """Return times without a unit in seconds from the first where they count parts of a second, and what to say of it."""
+    times = np.asarray(axis.values, float)
+    given = options.get("sampling_rate")
+    rate = table.rate if given is None else check_positive("sampling_rate", given)
+    parts = 1.0 if axis.unit else parts_of_second(times, rate)
+    if parts == 1.0:
+        return axis, []
+    since = parts == parts_of_second(times[:1])
+    why = (
+        " since 1970"
+        if since
+        else f' by their step of {float(np.median(np.diff(times))):.6g} (else: --units "{axis.label}=s")'
+    )
+    note = f"the times of column {axis.number} have no unit: taken as {_PARTS[parts]}{why}"
+    return replace(axis, values=(times - times[:1]) / parts, unit="s"), [note]
 
 
 def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[float, list[str]]:
@@ -217,6 +263,4 @@ def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[
         )
     rate = sampling.rate if said is None else said
     coarse = " (rounded more coarsely than they follow each other)" if sampling.off > 0.5 else ""
-    parts = 1.0 if axis.unit else parts_of_epoch(np.asarray(axis.values, float))
-    since = "" if parts == 1.0 else f" ({_PARTS[parts]} since 1970)"
-    return rate, [f"sampling rate {rate:.9g} Hz by the times of column {axis.number}{since}{coarse}"]
+    return rate, [f"sampling rate {rate:.9g} Hz by the times of column {axis.number}{coarse}"]

@@ -10,10 +10,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 
+import numpy as np
+
 from modalscope.data import DataError
 from modalscope.data.channels import names_base
 from modalscope.data.units import FACTORS, plain_unit
 from modalscope.io.columns.table import Column
+from modalscope.numerics.checks import Array
 
 __all__ = [
     "UNITS",
@@ -22,11 +25,13 @@ __all__ = [
     "ignored_columns",
     "is_spectrum",
     "is_unit",
+    "is_weak",
     "kind_of_unit",
     "may_be_base",
     "named_columns",
     "plain_unit",
     "role_by_words",
+    "short_unit",
     "split_head",
     "spoken_roles",
     "words_of",
@@ -52,17 +57,37 @@ _FACTORS = {
 
 _KIND = {unit: kind for kind, units in UNITS.items() for unit in units}
 
+#: Units written out or in capitals: in small letters, without the sign of several, and how they are written short.
+_WRITTEN_OUT = {
+    "newton": "N", "kilonewton": "kN", "lb": "lbf", "lbf": "lbf", "pound": "lbf", "poundforce": "lbf", "poundsforce": "lbf", "kip": "kip",
+    "dyne": "dyn", "kilogramforce": "kgf", "kilopond": "kp", "g": "g", "volt": "V", "millivolt": "mV", "pascal": "Pa",
+    "kilopascal": "kPa", "psi": "psi", "meter": "m", "metre": "m", "millimeter": "mm", "millimetre": "mm", "micrometer": "um",
+    "micrometre": "um", "micron": "um", "feet": "ft", "sec": "s", "second": "s", "millisecond": "ms", "microsecond": "us",
+    "nanosecond": "ns", "minute": "min", "hour": "h", "hertz": "Hz", "kilohertz": "kHz", "radian": "rad", "degree": "deg",
+}  # fmt: skip
+#: The word that a name of times ends with, and the unit that it says.
+_ENDS_OF_TIMES = {
+    "millis": "ms", "millisecond": "ms", "milliseconds": "ms", "msec": "ms", "micros": "us", "microsecond": "us", "microseconds": "us",
+    "usec": "us", "nanos": "ns", "nanosecond": "ns", "nanoseconds": "ns", "nsec": "ns",
+}  # fmt: skip
+
 #: Units that are as often a number or letter of a channel, outside of square brackets.
 _WEAK = {"1", "-", "A", "C", "F", "G", "K", "W"}
 
 #: Characters of a head that are looked at: nobody writes longer ones.
 LONGEST = 400
 
-_BRACKETED = re.compile(r"^(?P<name>.*?)\s*[\[<{](?P<unit>[^\[\]<>{}]*)[\]>}]\s*(?P<rest>\S*)$")
+#: Two numbers in the brackets are places, as in `H[1/1]`.
+_BRACKETED = re.compile(r"^(?P<name>.*?)\s*[\[<{](?!\d+/\d+[\]>}])(?P<unit>[^\[\]<>{}]*)[\]>}]\s*(?P<rest>\S*)$")
+#: A head with one pair of brackets, at its end: they hold the unit, whatever strokes there are.
+_ENDS_BRACKETED = re.compile(r"^[^\[\]<>{}]+[\[<{][^\[\]<>{}]*[\]>}]$")
 _ROUND = re.compile(r"^(?P<name>.*\S)\s*\((?P<unit>[^()]*(?:\([^()]*\)[^()]*)*)\)\s*$")
 _SLASH = re.compile(r"^(?P<name>.*\S)(?:\s+(?:/|in|,)\s*|,\s+)(?P<unit>\S+)$")
-#: DIN 1313 without blanks, `F/N` or `a_1/(m/s^2)`; the names of pairs (`3Z/1Z`) have no unit behind the stroke.
-_STROKE = re.compile(r"^(?P<name>[^\s/]+)/(?:\((?P<round>[^()]+)\)|(?P<plain>[^()]+))$")
+#: DIN 1313 without blanks, `F/N` or `a_1/(m/s^2)`; the names of pairs (`3Z/1Z`) have no unit behind the stroke. One inside of brackets,
+#: as in `ax[m/s2]`, parts nothing.
+_STROKE = re.compile(
+    r"^(?P<name>(?:[^\s/\[<{]|[\[<{][^\[\]<>{}]*[\]>}])+)/(?:\((?P<round>[^()]+)\)|(?P<plain>[^()]+))$"
+)
 _PART_OF = re.compile(r"^(?P<part>re|im|real|imag|abs|arg|mag|phase)\{(?P<name>[^{}]*)\}", re.IGNORECASE)
 _UNDERSCORE = re.compile(r"^(?P<name>.*[A-Za-z0-9])_(?P<unit>s|ms|us|hz|Hz|kHz|N|kN|g|deg|rad|mm|um)$")
 _WORD = re.compile(r"[A-ZÀ-Þ]?[a-zà-ÿ]+|[A-ZÀ-Þ]+(?![a-zà-ÿ])|\d+|#")
@@ -74,19 +99,50 @@ def kind_of_unit(unit: str) -> str:
 
     Examples
     --------
-    >>> kind_of_unit("m/s^2"), kind_of_unit("lbf"), kind_of_unit("furlong")
-    ('acceleration', 'force', '')
+    >>> kind_of_unit("m/s^2"), kind_of_unit("lbf"), kind_of_unit("Newtons"), kind_of_unit("furlong")
+    ('acceleration', 'force', 'force', '')
     """
-    return _KIND.get(plain_unit(unit), "")
+    return _KIND.get(plain_unit(short_unit(unit)), "")
+
+
+@cache
+def short_unit(unit: str) -> str:
+    """Return a unit that is written out, or in capitals, as it is written short; any other as it stands.
+
+    Examples
+    --------
+    >>> (
+    ...     short_unit("Newtons"),
+    ...     short_unit("pounds force"),
+    ...     short_unit("LBF"),
+    ...     short_unit("m/s^2/Newtons"),
+    ...     short_unit("m/s²"),
+    ... )
+    ('N', 'lbf', 'lbf', 'm/s^2/N', 'm/s²')
+    """
+    plain = plain_unit(unit)
+    if plain in _KIND:
+        return unit
+    word = plain.lower().replace("-", "").replace("'", "")
+    short = _WRITTEN_OUT.get(word) or _WRITTEN_OUT.get(word.removesuffix("s"))
+    if short is not None:
+        return short
+    above, slash, below = unit.strip().rpartition("/")
+    return f"{short_unit(above)}/{short_unit(below)}" if slash and kind_of_unit(above) and kind_of_unit(below) else unit
 
 
 def is_unit(text: str) -> bool:
     """Whether a text is a unit that is known, or a ratio of such."""
     plain = plain_unit(text)
-    if plain in _KIND:
+    if kind_of_unit(text):
         return True
     above, slash, below = plain.rpartition("/")
     return bool(slash) and kind_of_unit(above) != "" and kind_of_unit(below) != ""
+
+
+def is_weak(text: str) -> bool:
+    """Whether a unit is as often a number or letter of a channel."""
+    return text in _WEAK
 
 
 def factor_to_base(unit: str) -> float:
@@ -97,11 +153,11 @@ def factor_to_base(unit: str) -> float:
     >>> factor_to_base("ms"), factor_to_base("kHz"), factor_to_base("")
     (0.001, 1000.0, 1.0)
     """
-    return _FACTORS.get(plain_unit(unit), 1.0)
+    return _FACTORS.get(plain_unit(short_unit(unit)), 1.0)
 
 
 def split_head(head: str) -> tuple[str, str]:
-    """Return name and unit of a head such as `AccA [m/s^2]`, `Force (N)`, `Time / s`, `F/N` or `freq_hz`.
+    """Return name and unit of a head such as `AccA [m/s^2]`, `Force (N)`, `Time / s`, `F/N`, `freq_hz` or `micros`.
 
     In round brackets, behind a slash, a comma or `in` a text is a unit only where it is known as one.
 
@@ -115,11 +171,12 @@ def split_head(head: str) -> tuple[str, str]:
     ...     split_head("time_s"),
     ...     split_head("a_1/(m/s^2)"),
     ...     split_head("3Z/1Z"),
+    ...     split_head("3Z/1Z[m/s2/N]"),
     ... )
-    (('AccA', 'm/s^2'), ('Force', 'N'), ('H (1)', ''), ('Zeit', 's'), ('time', 's'), ('a_1', 'm/s^2'), ('3Z/1Z', ''))
+    (('AccA', 'm/s^2'), ('Force', 'N'), ('H (1)', ''), ('Zeit', 's'), ('time', 's'), ('a_1', 'm/s^2'), ('3Z/1Z', ''), ('3Z/1Z', 'm/s2/N'))
     """
     text = _PART_OF.sub(r"\g<part>(\g<name>)", head.strip()[:LONGEST].strip("\"'").strip())
-    found = _STROKE.match(text)
+    found = None if _ENDS_BRACKETED.match(text) else _STROKE.match(text)
     if found:
         unit = (found["round"] or found["plain"]).strip()
         whole = plain_unit(text) in _KIND or (found["name"] not in _WEAK and is_unit(text))  # m/s is no column `m` in s
@@ -131,7 +188,7 @@ def split_head(head: str) -> tuple[str, str]:
         found = pattern.match(text)
         if found and is_unit(found["unit"]) and found["unit"] not in _WEAK:
             return found["name"].strip(), found["unit"].strip()
-    return text, ""
+    return text, _ENDS_OF_TIMES.get(next(reversed(words_of(text)), ""), "")
 
 
 def words_of(name: str) -> list[str]:
@@ -236,6 +293,8 @@ _SPECTRA = {
     "spectre",
     "espectro",
 }
+#: Times turn back in fewer of their steps than this: half way from a clock (none) to a vibration (every second one).
+_TURNS = 0.25
 #: Names that stand for a whole range in `--columns`.
 _RANGE = re.compile(r"(\d+)-(\d*)\Z")
 
@@ -274,7 +333,8 @@ def is_spectrum(column: Column) -> bool:
 def role_by_words(column: Column) -> Role:
     """Return what unit and name say about a column.
 
-    The unit goes first: a column of N is a force, whatever it is called. A name is only asked where the unit is silent.
+    The unit goes first: a column of N is a force, whatever it is called. A name is only asked where the unit is silent. Values are asked
+    where words leave it open: times go one way, and what counts rows is no force.
     """
     if column.textual:
         return Role(role="ignore", reason="it holds text")
@@ -284,13 +344,51 @@ def role_by_words(column: Column) -> Role:
         return Role(role="time", reason="it holds dates and times" if column.stamps else "its unit is a time")
     if unit == "frequency" and column.unit.strip() != "1/s":
         return Role(role="frequency", reason=f"its unit is {column.unit}")
+    if unit == "force" and whole in ("", "N", "n") and counts_rows(column.values):
+        return Role(role="index", reason="it counts rows")
     if unit == "force":
         return Role(role="in", reason=f"its unit is that of a force, {column.unit}")
     if unit == "no vibration" or (not unit and set(words) & _OTHERS and not set(words) & _SENSORS):
         return Role(role="ignore", reason=f"{column.unit or words[0]} is no vibration")
     if unit in ("acceleration", "velocity", "displacement", "strain", "pressure", "angle"):
         return Role(role="out", reason=f"its unit is that of {'an' if unit[0] in 'a' else 'a'} {unit}, {column.unit}")
-    return _by_name(whole, words)
+    found = _by_name(whole, words)
+    vibrates = found.role == "time" and not goes_one_way(column.values)
+    letter = found.role == "index" and whole in _ALONE and not counts_rows(column.values)
+    return Role() if vibrates or letter else found
+
+
+def goes_one_way(values: Array) -> bool:
+    """Whether values rise, or fall, but for a few steps, as times do; a vibration rises as often as it falls.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> goes_one_way(np.array([0.0, 0.1, 0.1, 0.2])), goes_one_way(np.sin(np.arange(50.0)))
+    (True, False)
+    """
+    if np.iscomplexobj(values):
+        return False
+    with np.errstate(all="ignore"):
+        steps = np.diff(values.astype(float))
+    ups, downs = np.count_nonzero(steps > 0), np.count_nonzero(steps < 0)
+    return bool(min(ups, downs) <= _TURNS * (ups + downs))
+
+
+def counts_rows(values: Array) -> bool:
+    """Whether values are whole numbers that rise by the same step from row to row.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> counts_rows(np.arange(1.0, 9.0)), counts_rows(np.array([0.0, 0.0, 3.0]))
+    (True, False)
+    """
+    if np.iscomplexobj(values) or not np.array_equal(values, np.rint(values)):
+        return False
+    with np.errstate(all="ignore"):
+        steps = np.diff(values.astype(float))
+    return bool(steps.size and steps[0] > 0 and np.all(steps == steps[0]))
 
 
 def _by_name(whole: str, words: Sequence[str]) -> Role:

@@ -5,10 +5,22 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import takewhile
+
+import numpy as np
 
 from modalscope.data import DataError
 from modalscope.io.columns.lines import part_of
-from modalscope.io.columns.words import factor_to_base, is_unit, kind_of_unit, plain_unit, split_head
+from modalscope.io.columns.table import Column
+from modalscope.io.columns.words import (
+    factor_to_base,
+    is_unit,
+    is_weak,
+    kind_of_unit,
+    plain_unit,
+    role_by_words,
+    split_head,
+)
 from modalscope.io.text.cells import Dialect, is_missing, is_number, number_of, split
 from modalscope.io.text.dialect import DELIMITERS, value_rows
 
@@ -17,11 +29,18 @@ __all__ = ["Layout", "layout_of", "rate_of_facts"]
 #: So many rows of values in a row are the body; fewer where the file ends before.
 _BODY = 3
 _LONGEST_KEY, _LONGEST = 60, 400
-_FACT = re.compile(r"\s*\"?(?P<key>[^:=;,\t\"]{1,60}?)\"?\s*(?:[:=;,\t]|\s{2,})\s*(?P<value>\S.*)\Z")
+#: Signs may follow each other: `Sample rate:,4096` is a key and the cell behind it.
+_FACT = re.compile(
+    r"\s*\"?(?P<key>[^:=;,\t\"]{1,60}?)\"?\s*(?:[:=;,\t][\s:=;,\t\"]*|\s{2,})(?P<value>[^\s:=;,\t\"].*)\Z"
+)
 _LOOSE_FACT = re.compile(r"\s*(?P<key>[A-Za-z][^\d:=]{0,59}?)\s+(?P<value>[+-]?\d.*)\Z")
 #: Without a way back: a line may be long.
 _NAME_AND_UNIT = re.compile(r"\S++(?:\s*+[\[(][^\[\]()]*+[\])])?")
-_QUANTITY = re.compile(r"\s*\"?([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s*([A-Za-z/]*)")
+#: A number, whose thousands one sign may part, and its unit.
+_QUANTITY = re.compile(
+    r"\s*\"?(?P<number>[+-]?(?:[1-9]\d{0,2}(?:(?P<sign>[.,'])\d{3})(?:(?P=sign)\d{3})*(?!\d)(?:[.,]\d+)?|\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)"
+    r"\s*(?P<unit>[A-Za-z/]*)"
+)
 _RATE = re.compile(
     r"(?:sampl?\w*|scan|acquisition|acq\.?|data|abtast)[\s_]*(?:rate|freq\w*)|\b(?:fs|f_s|rate|sr|abtastrate|abtastfrequenz)\b"
     r"|fr[eé]quence d.[eé]chantillonnage|frecuencia de muestreo|samples? per sec\w*|samples/s",
@@ -48,6 +67,9 @@ _ROW_NAMES = {
     "label",
     "title",
     "channel name",
+    "ch no.",
+    "ch no",
+    "ch name",
     "y-unit",
 }
 
@@ -89,13 +111,26 @@ def layout_of(lines: Sequence[str], dialect: Dialect) -> Layout | None:
     names, units, name_line, unit_line = _head(lines, rows, body, width, dialect)
     used = {name_line, unit_line}
     facts = tuple(
-        (k, found["key"].strip(), found["value"].strip())
+        (k, *fact)
         for k, line in enumerate(lines[:body])
-        if k not in used and (found := _FACT.match(line[:_LONGEST]) or _LOOSE_FACT.match(line[:_LONGEST]))
+        if k not in used and (fact := _fact(line[:_LONGEST], dialect)) is not None
     )
     return Layout(
         width=width, body=body, names=names, units=units, name_line=name_line, unit_line=unit_line, facts=facts
     )
+
+
+def _fact(line: str, dialect: Dialect) -> tuple[str, str] | None:
+    """Return the key and the value of a line above a table; None where it has none.
+
+    Cells that the table's own sign parts go first: the first is the key, the others are value and unit.
+    """
+    cells = [bare for cell in split(line, dialect) if (bare := cell.strip(' "'))] if dialect.delimiter else []
+    key = cells[0].rstrip(":= ") if cells else ""
+    if len(cells) > 1 and key and len(key) <= _LONGEST_KEY and not _FACT.match(cells[0]):
+        return key, " ".join(cells[1:])
+    found = _FACT.match(line) or _LOOSE_FACT.match(line)
+    return (found["key"].strip(), found["value"].strip()) if found else None
 
 
 def _head(
@@ -105,22 +140,29 @@ def _head(
     heads: list[tuple[int, list[str]]] = []
     for k in range(body - 1, max(-1, body - 6), -1):
         cells = _fitted(lines[k], rows[k], width, dialect)
+        if cells is not None and _are_numbers_of_channels(cells):
+            continue
         if cells is not None:
             heads.append((k, cells))
         elif heads and lines[k].strip():
             break
-    unit_line = next((k for k, cells in heads if _are_units(cells)), -1)
+    unit_line, heading = next(
+        ((k, heading) for k, cells in heads if (heading := _units_after(cells)) is not None), (-1, 0)
+    )
     named = [(k, cells) for k, cells in heads if k != unit_line and not all(map(is_missing, cells))]
     if not named:
         alone = dict(heads).get(unit_line, [""] * width)
-        return ("",) * width, tuple(_bare(cell) for cell in alone), -1, unit_line
+        first = [("", "") if _is_row_name(cell) else split_head(cell) for cell in alone[:heading]]
+        names = (*(name for name, _ in first), *[""] * (width - heading))
+        return names, (*(unit for _, unit in first), *map(_bare, alone[heading:])), -1, unit_line
     line, cells = named[0]
     if len(named) > 1 and _are_parts(cells) and len(set(named[1][1])) < width:  # a name stands over each of its parts
         cells = [f"{above} {below}".strip() for above, below in zip(named[1][1], cells, strict=True)]
-    split_cells = [split_head(cell) for cell in cells]
+    split_cells = [split_head("" if k == 0 and _is_row_name(cell) else cell) for k, cell in enumerate(cells)]
     units = [unit for _, unit in split_cells]
     if unit_line >= 0:
-        units = [_bare(cell) or unit for cell, unit in zip(dict(heads)[unit_line], units, strict=True)]
+        below = [split_head(cell)[1] if k < heading else _bare(cell) for k, cell in enumerate(dict(heads)[unit_line])]
+        units = [own or unit for own, unit in zip(below, units, strict=True)]
     return tuple(name for name, _ in split_cells), tuple(units), line, unit_line
 
 
@@ -131,7 +173,7 @@ def _fitted(line: str, cells: list[str], width: int, dialect: Dialect) -> list[s
         ways += [re.split(r"\s{2,}|\t", line.strip()), _NAME_AND_UNIT.findall(line)]
     for way in ways:
         fitted = [cell.strip().strip('"').strip() for cell in way]
-        if len(fitted) == width + 1 and (fitted[0].lower().strip(":") in _ROW_NAMES):
+        if len(fitted) == width + 1 and _is_row_name(fitted[0]):
             fitted = fitted[1:]
         while len(fitted) > width and not fitted[-1]:
             fitted = fitted[:-1]
@@ -152,12 +194,42 @@ def _bare(cell: str) -> str:
     return "" if is_missing(text) else text
 
 
-def _are_units(cells: Sequence[str]) -> bool:
-    """Whether a row holds units: each is known or in brackets, and one at least is there."""
+def _units_after(cells: Sequence[str]) -> int | None:
+    """Return how many cells stand before the units of a row of units: none, or the name of the axis; None where it is no such row.
+
+    Each is known or in brackets, and one at least is there. Behind the name of an axis (`t,N,g`) there are two, none of which may be a
+    letter of a channel; behind what the row is called (`Unit,g,V`) any.
+    """
     held = [cell for cell in cells if _bare(cell)]
     bracketed = [cell for cell in held if cell[0] + cell[-1] in ("[]", "()")]
     known = [cell for cell in held if is_unit(_bare(cell)) or cell in bracketed or _CLOCK.match(_bare(cell))]
-    return bool(known) and len(known) == len(held) and (len(held) > 1 or len(cells) == 1 or bool(bracketed))
+    if known and len(known) == len(held) and (len(held) > 1 or len(cells) == 1 or bracketed):
+        return 0
+    if not held or held[0] != cells[0]:
+        return None
+    named = _is_row_name(cells[0])
+    sure = [cell for cell in held[1:] if is_unit(_bare(cell)) and (named or not is_weak(_bare(cell)))]
+    return 1 if len(sure) > 1 - named and sure == held[1:] and (named or _names_axis(cells[0])) else None
+
+
+def _is_row_name(cell: str) -> bool:
+    """Whether a cell says what its row holds."""
+    return cell.lower().strip(": ") in _ROW_NAMES
+
+
+def _are_numbers_of_channels(cells: Sequence[str]) -> bool:
+    """Whether a row is numbers behind what they are (`Range,2000,1000`), which are no names; channels may be called by numbers."""
+    return len(cells) > 2 and not is_number(cells[0]) and not _is_row_name(cells[0]) and all(map(is_number, cells[1:]))
+
+
+def _names_axis(cell: str) -> bool:
+    """Whether a cell is the name of a column of times, frequencies or places."""
+    name, unit = split_head(cell)
+    return role_by_words(Column(number=1, name=name, unit=unit, values=np.arange(3.0))).role in (
+        "time",
+        "frequency",
+        "index",
+    )
 
 
 def _are_parts(cells: Sequence[str]) -> bool:
@@ -186,21 +258,33 @@ def rate_of_facts(where: str, facts: Sequence[tuple[int, str, str]], decimal: st
         kind = "rate" if _RATE.search(name) else "step" if _STEP.search(name) else ""
         if match is None or not kind or len(key) > _LONGEST_KEY:
             continue
-        number = _number(match[1], decimal)
-        unit = plain_unit(match[2] or unit)
+        unit = plain_unit(match["unit"] or unit)
+        scale = factor_to_base(unit)
+        text = match["number"]
+        if (
+            kind == "rate" and scale == 1
+        ):  # a thousand samples a second are likelier than one; of kHz and of steps it is not so
+            text = _ungrouped(text, match["sign"] or "", decimal)
+        number = _number(text, decimal)
         if number is None or number <= 0:
             continue
-        scale = factor_to_base(unit)
+        if len(set(takewhile(is_number, value.split()))) > 1:
+            raise _several_rates(where, [f"{key} {value[:_LONGEST_KEY]}"])
         if kind == "step" and kind_of_unit(unit) in ("time", ""):
             found.append((1 / (number * scale), line, f"{key} {value[:_LONGEST_KEY]}"))
         elif kind == "rate" and (kind_of_unit(unit) == "frequency" or unit.lower() in _WORDS_OF_RATE):
             found.append((number * scale, line, f"{key} {value[:_LONGEST_KEY]}"))
     if found and max(rate for rate, *_ in found) > 1.001 * min(rate for rate, *_ in found):
-        said = ", ".join(repr(words) for _, _, words in found[:4])
-        raise DataError(
-            f"reading {where} needs one sampling rate", f"its header says several: {said}", "Say it: --sampling-rate HZ"
-        )
+        raise _several_rates(where, [words for _, _, words in found[:4]])
     return found[0] if found else None
+
+
+def _several_rates(where: str, said: Sequence[str]) -> DataError:
+    return DataError(
+        f"reading {where} needs one sampling rate",
+        f"its header says several: {', '.join(map(repr, said))}",
+        "Say it: --sampling-rate HZ",
+    )
 
 
 def _number(text: str, decimal: str) -> float | None:
@@ -211,3 +295,18 @@ def _number(text: str, decimal: str) -> float | None:
         except ValueError:
             continue
     return None
+
+
+def _ungrouped(text: str, sign: str, decimal: str) -> str:
+    """Return a number without what parts its thousands.
+
+    `sign`: what stands before groups of three digits. It parts thousands where it is not the decimal sign of the table, stands twice, or
+    another sign follows it.
+
+    Examples
+    --------
+    >>> _ungrouped("1,024", ",", "."), _ungrouped("1.024", ".", "."), _ungrouped("1,024.5", ",", ",")
+    ('1024', '1.024', '1024.5')
+    """
+    grouped = sign != decimal or text.count(sign) > 1 or bool((set(".,") - {sign}) & set(text))
+    return text.replace(sign, "") if sign and grouped else text
