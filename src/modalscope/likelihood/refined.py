@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from modalscope.likelihood.noise import KIND
 from modalscope.likelihood.settling import Settled, Task
 from modalscope.likelihood.spread import LEAST_GROUPS, Spread, spread_of
 from modalscope.likelihood.whitening import Colour
+from modalscope.modal.shapes import joint_residues
 from modalscope.numerics.checks import BoolArray, ComplexArray
 
 __all__ = ["astray", "refined"]
@@ -45,14 +45,14 @@ def refined(
     poles = point.poles + response.added_damping
     spread = spread_of(point, fitted, poles, settled.variance, response, groups, settled.colour)
     order = np.argsort(np.abs(poles), kind="stable")
-    shapes, participation = settled.residues
+    # what is reported explains the data as far as these poles can: the likelihood had more terms and fixed poles beside them
+    shapes, fit = joint_residues(response, poles, settled.residues[0], rows=task.rows if task.weighted else None)
     dt = 1 / response.sampling_rate if response.held_input and response.sampling_rate else before.dt
-    beside: dict[str, Any] = {**dict.fromkeys(DIRECT), **_terms(task, point.poles, shapes, participation)}
     model = replace(
         before,
         poles=poles,
         shapes=shapes,
-        participation=response.told_of(response.of_inputs(participation)),
+        participation=response.told_of(fit.pop("participation")),
         dt=dt,
         held_input=response.held_input,
         frequencies_std=spread.frequency,
@@ -64,7 +64,7 @@ def refined(
         left_out=(*before.left_out, *lost),
         converged=settled.descent.converged,
         notes=(*(note for note in before.notes if note.kind not in _SAID_ANEW), *response.untold),
-        **beside,
+        **{**dict.fromkeys(DIRECT), **fit},
     )
     scaled = replace(model.normalized(_scale(before)), unrefined=before)
     notes = [*notes, *_moved_far(before.poles, poles)]
@@ -77,22 +77,6 @@ _SCALES = {"unit modal mass": "mass", "largest component": "max"}
 
 def _scale(before: ModalModel) -> str:
     return next((scale for words, scale in _SCALES.items() if before.scaling.startswith(words)), "unit")
-
-
-def _terms(task: Task, poles: ComplexArray, shapes: ComplexArray, participation: ComplexArray) -> dict[str, Any]:
-    """Fit what stands beside the modes, and return the residual terms by name."""
-    powers = task.response.outside_powers
-    beside = task.response.whole_basis(task.fixed, powers)
-    columns, count = beside.columns / task.rows[:, None], beside.terms.shape[1]
-    # of long records the data are as large as what is left: only their shape is asked
-    beside = replace(beside, data=beside.data[:0].copy())
-    size = np.where((norm := np.linalg.norm(columns, axis=0)) > 0, norm, 1)
-    left = task.response.left_of(poles, shapes, participation, powers)
-    flat = left.reshape(len(left), -1)
-    flat /= task.rows[:, None]
-    Q, R = np.linalg.qr(columns / size)  # of long records the data are large: they are not copied
-    found = np.linalg.lstsq(R, Q.T @ flat, rcond=None)[0] / size[:, None]
-    return task.response.named_terms(beside.of_terms(found[:count]), powers)
 
 
 def astray(before: ComplexArray, after: ComplexArray) -> BoolArray:

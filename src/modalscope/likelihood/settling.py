@@ -134,6 +134,7 @@ class Task:
 
     `fixed`: poles, as they are in the data, that are held and free in every channel. `powers`: residual terms. `rows` (K,): standard
     deviations of the rows, relative to each other. `known`: of the channels, where they are known.
+    `weighted`: whether the rows' were given.
     """
 
     response: Response
@@ -142,6 +143,7 @@ class Task:
     rows: RealArray
     known: Levels | None
     progress: Callable[[int, int], None] | None = None
+    weighted: bool = False
 
     @property
     def channels(self) -> tuple[int, int]:
@@ -163,7 +165,8 @@ def task_of(
         by_row, known = from_variance(variance, rows, scattered=response.scattered_variance)
         return Task(response, fixed, powers, by_row, known, progress)
     faded = fading(response) if weights is None else None
-    return Task(response, fixed, powers, row_deviations(rows, weights) if faded is None else faded, None, progress)
+    by_row = row_deviations(rows, weights) if faded is None else faded
+    return Task(response, fixed, powers, by_row, None, progress, weights is not None)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -27,11 +27,11 @@ __all__ = ["fit_residues", "fitted_shapes", "free_residues", "joint_residues"]
 # --------------------------------------------------------------------------------------------------------------- joint
 # Residues of all modes fitted together: shapes and participation in turn, each by least squares with the other held.
 
-#: The fit goes on while a round lowers the squared misfit by this part of it ...
-_GAIN = 1e-3
+#: The fit ends where a round lowers the squared misfit by less than this part of it: residues then change by about 1e-5 of the residual ...
+_MIN_DECREASE = 1e-10
 
-#: ... and this many rounds at most: each costs as much as one fit of participation on the compressed data.
-_ROUNDS = 30
+#: ... and after so many rounds at most; each is a small fit on the compressed data.
+_MAX_ROUNDS = 200
 
 
 #: Poles (n,), shapes (l, n) and participation (n, m).
@@ -39,7 +39,7 @@ _Modes = tuple[Array, Array, Array]
 
 
 def joint_residues(
-    response: Response, poles: Array, shapes: Array, held: _Modes | None = None
+    response: Response, poles: Array, shapes: Array, held: _Modes | None = None, rows: RealArray | None = None
 ) -> tuple[ComplexArray, dict[str, Any]]:
     """Fit residues of rank one, R_j = c_j l_j, of all modes together to all data; poles are kept.
 
@@ -48,7 +48,8 @@ def joint_residues(
     least what the given shapes explain. The data are compressed once to as many rows as there are functions.
 
     `poles` (n,): rad/s, as the modes have them. `shapes` (l, n): where to start. `held`: poles, shapes and participation of modes whose
-    residues are known: they are taken off the data.
+    residues are known: they are taken off the data. `rows` (K,): what the rows of `whole_basis` are divided by, by default
+    nothing.
 
     Returns
     -------
@@ -57,23 +58,30 @@ def joint_residues(
         `participation` and the direct term or residuals, as a `ModalModel` has them.
     """
     powers = response.outside_powers
-    basis = response.basis(poles - response.added_damping, powers)
+    own = poles - response.added_damping
+    basis = response.basis(own, powers) if rows is None else _divided(response.whole_basis(own, powers), rows)
     if held is not None:
         left = response.left_of(held[0] - response.added_damping, *held[1:], powers)
         basis = replace(basis, data=left, whole=None)
     basis = basis.compressed()
     participation, terms = basis.fit_participation(shapes)
     best = float(np.linalg.norm(basis.data - basis.rebuilt(shapes, participation, terms))) ** 2
-    for _ in range(_ROUNDS if len(poles) else 0):
+    for _ in range(_MAX_ROUNDS if len(poles) else 0):
         turned, _ = basis.fit_shapes(participation)
         again, more = basis.fit_participation(turned)
         now = float(np.linalg.norm(basis.data - basis.rebuilt(turned, again, more))) ** 2
         if not now < best:
             break
         shapes, participation, terms, gained, best = turned, again, more, best - now, now
-        if gained < _GAIN * best:
+        if gained < _MIN_DECREASE * best:
             break
     return shapes, {"participation": response.of_inputs(participation), **response.named_terms(terms, powers)}
+
+
+def _divided(basis: ModalBasis, rows: RealArray) -> ModalBasis:
+    """Return a basis with its rows divided, (K,)."""
+    terms, functions = basis.terms / rows[:, None], basis.functions / rows[:, None]
+    return replace(basis, terms=terms, functions=functions, data=basis.data / rows[:, None, None], whole=None)
 
 
 def free_residues(basis: ModalBasis) -> ComplexArray:
