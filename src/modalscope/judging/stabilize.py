@@ -327,6 +327,7 @@ def collected(
     outside = sum(cut.modal.poles.size - cut.reported.size for cut in cuts)
     text = f"{counted(outside, 'pole')} outside the band or extraneous left out of the diagram"
     left = [Note("poles left out", {"poles": outside}, text)] if outside else []
+    whitening = pipeline.problem.whitening
     return StabilizationDiagram(
         response=pipeline.response,
         method=pipeline.method.name,
@@ -349,6 +350,8 @@ def collected(
         notes=(*pipeline.notes, *notes, *left, *_doubts(pipeline, cuts, stable)),
         dt=pipeline.matrix.dt,
         measured=pipeline.transformed,
+        output_whitening=None if whitening is None else whitening.outputs,
+        reference_whitening=None if whitening is None else whitening.references,
     )
 
 
