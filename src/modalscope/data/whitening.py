@@ -12,19 +12,32 @@ from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.numerics.checks import Array, RealArray
 
-__all__ = ["Whitening", "whitening_matrix"]
+__all__ = ["Whitening", "normed_covariance", "whitening_matrix"]
 
 #: Eigenvalues of the normed covariance are held above this part of the largest: channels may depend on each other to rounding.
 _SMALLEST = 1e-10
+
+#: Components are raised.
+import os
+_RAISED = float(os.environ.get('TAU','0.1'))
 
 #: Responses of one kind.
 Some = TypeVar("Some", bound=Response)
 
 
-def whitening_matrix(covariance: Array) -> RealArray:
-    """Return W = C^-1/2 D^-1 with C = D^-1 S D^-1, so that W S W' = I; a dead channel keeps its unit.
+def normed_covariance(covariance: Array) -> tuple[RealArray, RealArray]:
+    """Return C = D^-1 S D^-1 and the diagonal of D, the root mean squares of the channels; a dead channel keeps its unit."""
+    S = np.asarray(covariance, dtype=float)
+    size = np.sqrt(np.maximum(np.diag(S), 0.0))
+    size = np.where(size > 0, size, 1.0)
+    C = S / np.outer(size, size)
+    return (C + C.T) / 2, size
 
-    `covariance` (l, l): S. D: root mean squares of the channels. Eigenvalues of C are held above 1e-10 of the largest.
+
+def whitening_matrix(covariance: Array, least: float = _SMALLEST) -> RealArray:
+    """Return W = C^-1/2 D^-1 with C = D^-1 S D^-1, so that W S W' = I.
+
+    `covariance` (l, l): S. D: root mean squares of the channels. `least`: eigenvalues of C are held above this part of the largest.
 
     Examples
     --------
@@ -32,12 +45,10 @@ def whitening_matrix(covariance: Array) -> RealArray:
     >>> bool(np.allclose(W @ [[4.0, 1.0], [1.0, 1.0]] @ W.T, np.eye(2)))
     True
     """
-    S = np.asarray(covariance, dtype=float)
-    size = np.sqrt(np.maximum(np.diag(S), 0.0))
-    size = np.where(size > 0, size, 1.0)
-    C = S / np.outer(size, size)
-    values, vectors = np.linalg.eigh((C + C.T) / 2)
-    held = np.maximum(values, _SMALLEST * max(float(values[-1]), np.finfo(float).tiny))
+    C, size = normed_covariance(covariance)
+    values, vectors = np.linalg.eigh(C)
+    largest = max(float(values[-1]), np.finfo(float).tiny)
+    held = np.clip(values / largest, max(least, _SMALLEST), _RAISED) / _RAISED
     return np.asarray((vectors / np.sqrt(held)) @ vectors.T / size)
 
 

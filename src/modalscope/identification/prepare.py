@@ -34,12 +34,8 @@ from modalscope.identification.sizes import setup_blocks
 from modalscope.identification.table import check_form, find_method, options_of
 from modalscope.numerics.checks import check_band, check_kind
 from modalscope.numerics.errors import DataError, check_choice
-from modalscope.preprocess.correlation import (
-    correlation_whitening,
-    estimate_correlation,
-    slower_correlation,
-    spanning_outputs,
-)
+from modalscope.preprocess.bands import whitening_of
+from modalscope.preprocess.correlation import estimate_correlation, slower_correlation, spanning_outputs
 from modalscope.preprocess.setups import joined_setups
 
 __all__ = ["Data", "Measured", "measure", "pose", "prepare"]
@@ -150,7 +146,7 @@ def _(data: Response, band: tuple[float, float] | None, asked: _Asked) -> Measur
 def _(data: ImpulseResponse, band: tuple[float, float] | None, asked: _Asked) -> Measured:
     check_size(data)
     slower = data if band is None else slower_correlation(data, band[1])
-    return Measured(slower, None, type(data).__name__, *_usual(data), whitening=correlation_whitening(data))
+    return Measured(slower, None, type(data).__name__, *_usual(data))
 
 
 def _usual(data: Response) -> tuple[str, str]:
@@ -203,16 +199,15 @@ def _ambient(taken: Conditioned, seen: Signals, given: str) -> Measured:
         which = f"{len(references)} of {len(labels)} channels, which explain most of all others,"
     text = f"correlations with {which} as references were estimated from the records"
     note = Note("estimated", {"references": float(len(references))}, text)
-    response = estimate_correlation(taken.records, references=references)
     return Measured(
-        response,
+        estimate_correlation(taken.records, references=references),
         taken.records,
         given,
         "alternate",
         "time",
         band=taken.band,
         notes=(*taken.notes, note),
-        whitening=correlation_whitening(response, taken.records),
+        whitening=whitening_of(taken.records.excerpt(), references, taken.band),
     )
 
 

@@ -56,6 +56,8 @@ LEAST_PROMINENCE_AMBIENT, LEAST_PEAK_AMBIENT, WHOLE_PEAK = 1.5, 0.1, 0.9
 CERTAIN, CERTAIN_SHARE = 0.3, 0.25
 #: Of correlations nothing is a mode that is known to this part only: what noise leaves by chance is not known better.
 UNCERTAIN = 0.7
+#: Share of a group's members whose deviation is given, for that of the group to be known.
+_KNOWN = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -320,8 +322,13 @@ def _left_open(diagram: StabilizationDiagram, poles: Poles, group: Array) -> flo
         return float("nan")
     members = poles.index[group]
     f, zeta = np.median(poles.frequency[group]), np.median(poles.damping[group])
-    apart = typical_deviation(diagram.frequencies_std[members]) / (f * zeta)
-    return float(max(apart, typical_deviation(diagram.damping_ratios_std[members]) / zeta))
+    apart = _of_most(diagram.frequencies_std[members]) / (f * zeta)
+    return float(max(apart, _of_most(diagram.damping_ratios_std[members]) / zeta))
+
+
+def _of_most(values: RealArray) -> float:
+    """Return the typical deviation of a group; NaN where it is withheld at most of its members: the others are those that split."""
+    return typical_deviation(values) if np.isfinite(values).mean() >= _KNOWN else float("nan")
 
 
 def _none_twice(poles: Poles, candidates: list[Candidate]) -> list[Candidate]:

@@ -17,7 +17,6 @@ from modalscope.data.response import CORRELATED, HALF
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.sizes import check_size
 from modalscope.data.stored import StoredSignals
-from modalscope.data.whitening import Whitening, whitening_matrix
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, RealArray, check_count, check_kind
 from modalscope.numerics.errors import DataError
@@ -29,7 +28,6 @@ __all__ = [
     "BLOCKS",
     "CorrelationBlocks",
     "correlation_blocks",
-    "correlation_whitening",
     "estimate_correlation",
     "half_spectra",
     "slower_correlation",
@@ -344,26 +342,6 @@ def _windowed(
             total += _products(cut, cut, references, lags)
     R = total / (signals.runs * len(starts) * weight)[:, None, None]
     return R, f"{signals.runs * len(starts)} segments of {length} samples, {window} window"
-
-
-def correlation_whitening(correlation: ImpulseResponse, record: Signals | StoredSignals | None = None) -> Whitening | None:
-    """Return what whitens the channels and references of a correlation; None where their covariance is not known.
-
-    R(0) of all channels with all is their covariance. Where some are references alone it is that of the record, of a stored one that of
-    its excerpt.
-    """
-    R = correlation.feedthrough
-    if correlation.kind != "correlation" or R is None or len(R) < 2:
-        return None
-    references = [correlation.output_dofs.index(dof) for dof in correlation.input_dofs]
-    if references == list(range(len(R))):
-        W = whitening_matrix((R + R.T) / 2)
-        return Whitening(W, W)
-    if record is None:
-        return None
-    y = np.concatenate(list(_centred(record.excerpt())))
-    V = whitening_matrix((R[references] + R[references].T) / 2)
-    return Whitening(whitening_matrix(y.T @ y / len(y)), V)
 
 
 # -------------------------------------------------------------------------------------------------- slower correlation
