@@ -12,10 +12,8 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.results import StabilizationDiagram
 from modalscope.judging.evidence import CERTAIN, Candidate
-from modalscope.judging.tracking import Poles
 from modalscope.preprocess.bands import NOISE, UNSEEN
 from modalscope.preprocess.harmonics import HARMONIC
-from modalscope.preprocess.peak_test import PEAK
 
 __all__ = [
     "CORRELATED",
@@ -52,20 +50,16 @@ def harmonics_of_diagram(diagram: StabilizationDiagram) -> tuple[Harmonic, ...]:
     return tuple(found)
 
 
-def with_objections_of_record(
-    diagram: StabilizationDiagram, candidates: Sequence[Candidate], poles: Poles
-) -> list[Candidate]:
-    """Return candidates, groups of these poles, with what the record as a whole says against them."""
+def with_objections_of_record(diagram: StabilizationDiagram, candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Return candidates with what the record as a whole says against them."""
     lines = [note for note in diagram.notes if note.kind == HARMONIC]
     alone = next((note for note in diagram.notes if note.kind == NOISE), None)
     unseen = next((note for note in diagram.notes if note.kind == UNSEEN), None)
-    heights = diagram.indicators.get(PEAK)
     judged = []
     for c in candidates:
         against = [f"a harmonic of a machine: {line.text}" for line in lines if _is_line(c, line)]
-        height = np.inf if heights is None or not c.members.size else float(np.median(heights[poles.index[c.members]]))
-        if height < 1:
-            against.append(f"no peak of the record's spectra in any combination of the channels: {height:.2f} of what chance allows")
+        if c.facts.get("peak_height", np.inf) < 1:
+            against.append("no peak of the record's spectra in any combination of the channels")
         if alone is not None:
             against.append(alone.text)
         elif unseen is not None and not c.facts.get("left_open", np.inf) < CERTAIN:

@@ -114,7 +114,7 @@ def weighed(diagram: StabilizationDiagram, gathered: Gathered | None = None) -> 
     evidence = evidence_of(diagram) if gathered is None else gathered.of(diagram)
     found = likely(diagram, poles, evidence) if has_likelihood(diagram) else None
     poles, candidates = found or counted(diagram, poles, evidence)
-    return Weighed(poles, with_objections_of_record(diagram, candidates, poles))
+    return Weighed(poles, with_objections_of_record(diagram, candidates))
 
 
 @one_thread

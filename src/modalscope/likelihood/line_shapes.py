@@ -31,6 +31,9 @@ _MOST, _FEWEST = 1000, 8
 #: Noise of a channel relative to its level beside the mode, at least: channels may depend on each other.
 _LEAST_NOISE = 1e-8
 
+#: Power of a mode at the start, at least, as a part of what its lines have in its shape.
+_LEAST_POWER = 0.05
+
 
 class _Lines(NamedTuple):
     """Lines of a record, channels at a root mean square of one: transforms Y (R, F, l), Hz (F,), powers |h|^2 of all modes (n, F)."""
@@ -59,13 +62,12 @@ def line_shapes(record: Signals, modes: ModalModel, avoided: Sequence[tuple[floa
     size = np.sqrt(np.mean(np.abs(lines.Y) ** 2, axis=(0, 1)))
     size = np.where(size > 0, size, 1.0)
     lines = lines._replace(Y=lines.Y / size)
-    shapes = _with_power(lines, modes, (modes.shapes / size[:, None]))
+    shapes = _with_power(lines, modes, modes.shapes / size[:, None])
     before = shapes.copy()
     overlaid = _overlaid(lines, modes, shapes)
     for _ in range(_ROUNDS if overlaid.any() else 0):
         for j in np.argsort(-np.linalg.norm(shapes, axis=0)):
-            found = _estimated(lines, modes, shapes, int(j))
-            shapes[:, j] = shapes[:, j] if found is None else found
+            shapes[:, j] = _estimated(lines, modes, shapes, int(j))
     changed = overlaid & np.any(shapes != before, axis=0)
     return np.asarray(np.where(changed, shapes * size[:, None], modes.shapes))
 
@@ -84,19 +86,22 @@ def _lines_of(record: Signals, modes: ModalModel, avoided: Sequence[tuple[float,
 
 
 def _with_power(lines: _Lines, modes: ModalModel, shapes: ComplexArray) -> RealArray:
-    """Return real shapes whose lengths are the roots of the power of the modal forces, from the lines at each peak."""
+    """Return real shapes whose lengths are the roots of the power of the modal forces: the strongest first, which weaker ones are seen through."""
     angle = np.angle(np.sum(shapes**2, axis=0)) / 2
     real = (shapes * np.exp(-1j * angle)).real
     real = real / np.linalg.norm(real, axis=0)
-    for j, (f, zeta) in enumerate(zip(modes.frequencies, modes.damping_ratios, strict=True)):
-        own = _within(lines, f, 0.0, f * zeta)
-        # seen along what is orthogonal to the others, the strongest of which would be taken for it
-        others = np.delete(real, j, axis=1)
-        part = real[:, j] - others @ np.linalg.lstsq(others, real[:, j], rcond=1e-3)[0] if others.size else real[:, j]
-        gain = float(part @ part) or 1.0
-        seen = np.abs(lines.Y[:, own] @ part) ** 2 / gain**2 if own.size else np.zeros((1, 1))
-        real[:, j] *= np.sqrt(seen.mean() / max(lines.powers[j, own].mean() if own.size else 1.0, 1e-12))
-    return np.asarray(real)
+    own = [_within(lines, f, 0.0, f * z) for f, z in zip(modes.frequencies, modes.damping_ratios, strict=True)]
+    seen = [float(np.mean(np.abs(lines.Y[:, k] @ phi) ** 2)) if k.size else 0.0 for k, phi in zip(own, real.T, strict=True)]
+    found = np.zeros_like(real)
+    for j in np.argsort(seen)[::-1]:
+        near = _near(lines, modes, found, int(j))
+        if near is None:
+            continue
+        v = 1 / np.einsum("a,fab,b->f", real[:, j], near.inverse, real[:, j])
+        power = np.mean(np.abs(v * (near.weighted @ real[:, j])) ** 2, axis=0)
+        excess = max(float(np.sum(power - v)), _LEAST_POWER * float(np.sum(power)))
+        found[:, j] = real[:, j] * np.sqrt(excess / max(float(np.sum(lines.powers[j, near.own])), 1e-300))
+    return np.asarray(found)
 
 
 def _overlaid(lines: _Lines, modes: ModalModel, shapes: RealArray) -> BoolArray:
@@ -115,25 +120,38 @@ def _within(lines: _Lines, f: float, near: float, far: float) -> IntArray:
     return found[:: -(-found.size // _MOST)] if found.size else found
 
 
-def _estimated(lines: _Lines, modes: ModalModel, shapes: RealArray, j: int) -> RealArray | None:
-    """Return the shape of one mode given all others; None where it has too few lines."""
-    f, half = float(modes.frequencies[j]), float(modes.frequencies[j] * modes.damping_ratios[j])
-    step = lines.frequencies[1] - lines.frequencies[0]
-    half = max(half, 2 * step)
+class _Near(NamedTuple):
+    """Lines of one mode `own` (f,), E^-1 of all others and of the noise there (f, l, l), and E^-1 Y (R, f, l)."""
+
+    own: IntArray
+    inverse: RealArray
+    weighted: ComplexArray
+
+
+def _near(lines: _Lines, modes: ModalModel, shapes: RealArray, j: int) -> _Near | None:
+    """Return the lines of a mode given all others; None where they are too few."""
+    f, outputs = float(modes.frequencies[j]), len(shapes)
+    half = max(f * float(modes.damping_ratios[j]), 2 * float(lines.frequencies[1] - lines.frequencies[0]))
     own, beside = _within(lines, f, 0.0, _REACH * half), _within(lines, f, _BESIDE[0] * half, _BESIDE[1] * half)
-    outputs = len(shapes)
     if len(lines.Y) * min(own.size, beside.size) < max(_FEWEST, 2 * outputs):
         return None
     inverse = _inverse_of_others(lines, shapes, j, own, _noise(lines.Y[:, beside].reshape(-1, outputs)))
-    Y, P, phi = lines.Y[:, own], lines.powers[j, own], shapes[:, j]
-    weighted = np.einsum("fab,rfb->rfa", inverse, Y)
+    return _Near(own, inverse, np.einsum("fab,rfb->rfa", inverse, lines.Y[:, own]))
+
+
+def _estimated(lines: _Lines, modes: ModalModel, shapes: RealArray, j: int) -> RealArray:
+    """Return the shape of one mode given all others; as it is where its lines are too few, or it has no power in them."""
+    near, phi = _near(lines, modes, shapes, j), shapes[:, j]
+    if near is None or not np.any(phi):
+        return phi
+    runs, P = len(lines.Y), lines.powers[j, near.own]
     for _ in range(_STEPS):
-        v = 1 / np.einsum("a,fab,b->f", phi, inverse, phi)
+        v = 1 / np.einsum("a,fab,b->f", phi, near.inverse, phi)
         share = P / (P + v)
-        m = v * share * (weighted @ phi)
-        p = np.sum(np.abs(m) ** 2, axis=0) + len(Y) * v * share
-        left = np.einsum("f,fab->ab", p, inverse)
-        phi = np.linalg.solve(left, np.einsum("rfa,rf->a", weighted, m.conj()).real)
+        m = share * v * (near.weighted @ phi)
+        p = np.sum(np.abs(m) ** 2, axis=0) + runs * v * share
+        left = np.einsum("f,fab->ab", p, near.inverse)
+        phi = np.linalg.solve(left, np.einsum("rfa,rf->a", near.weighted, m.conj()).real)
     return np.asarray(phi)
 
 
