@@ -30,7 +30,11 @@ class WhitenedChannels(DerivedMatrix):
     def judged(self) -> Response:
         """The response of the channels, over the lags or lines that the inner matrix takes."""
         count = self.inner.judged.count
-        return self.response if count == self.response.count else replace(self.response, values=self.response.values[:count])
+        return (
+            self.response
+            if count == self.response.count
+            else replace(self.response, values=self.response.values[:count])
+        )
 
     @property
     def fitted(self) -> DataMatrix:

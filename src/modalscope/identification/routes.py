@@ -30,15 +30,7 @@ from modalscope.identification.sizes import SETUP_ROWS
 from modalscope.identification.table import find_method, methods
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess import estimate_markov
-from modalscope.preprocess.bands import (
-    Levels,
-    OwnBands,
-    levels_in,
-    noise_notes,
-    own_bands,
-    taken_down,
-    uncorrelated,
-)
+from modalscope.preprocess.bands import Levels, OwnBands, levels_in, noise_notes, own_bands, taken_down, uncorrelated
 from modalscope.preprocess.conditioning import straightened
 from modalscope.preprocess.excitation import find_excitation, find_period
 from modalscope.preprocess.excited_band import resonant_band, struck_band

@@ -46,9 +46,9 @@ class _Lines(NamedTuple):
 def line_shapes(record: Signals, modes: ModalModel, avoided: Sequence[tuple[float, float]] = ()) -> ComplexArray:
     """Return the shapes of modes (l, n): those that other modes overlay as the lines of the record have them, all others as they are.
 
-    Lines are Y = sum_j h_j phi_j a_j + e under independent white modal forces a_j, with h = 2 zeta r^p / (1 - r^2 + 2 i zeta r), r = f / f_j,
-    p = 0, 1, 2 of displacement, velocity and acceleration. For one mode at a time, the strongest first, with E the spectral matrix of all
-    others and of the noise and P = |h|^2, ten steps of
+    Lines are Y = sum_j h_j phi_j a_j + e under independent white modal forces a_j, with h = 2 zeta r^p / (1 - r^2 + 2 i zeta r),
+    r = f / f_j, p = 0, 1, 2 of displacement, velocity and acceleration. For one mode at a time, the strongest first, with E the spectral
+    matrix of all others and of the noise and P = |h|^2, ten steps of
 
         v = 1 / (phi' E^-1 phi),  q = v phi' E^-1 Y,  m = q P / (P + v),  p = |m|^2 + P v / (P + v),
         phi = (sum p E^-1)^-1 Re sum E^-1 Y m*
@@ -82,16 +82,18 @@ def _lines_of(record: Signals, modes: ModalModel, avoided: Sequence[tuple[float,
     zeta = modes.damping_ratios[:, None]
     power = QUANTITIES.get(record.quantity or "acceleration", 2)
     h = 2 * zeta * r**power / (1 - r**2 + 2j * zeta * r)
-    return _Lines(spectrum.lines[:, kept], f[kept], np.abs(h) ** 2)
+    return _Lines(spectrum.lines[:, kept], f[kept], np.asarray(np.abs(h) ** 2))
 
 
 def _with_power(lines: _Lines, modes: ModalModel, shapes: ComplexArray) -> RealArray:
-    """Return real shapes whose lengths are the roots of the power of the modal forces: the strongest first, which weaker ones are seen through."""
+    """Return real shapes whose lengths are the roots of the power of the modal forces, each given the stronger ones."""
     angle = np.angle(np.sum(shapes**2, axis=0)) / 2
     real = (shapes * np.exp(-1j * angle)).real
     real = real / np.linalg.norm(real, axis=0)
     own = [_within(lines, f, 0.0, f * z) for f, z in zip(modes.frequencies, modes.damping_ratios, strict=True)]
-    seen = [float(np.mean(np.abs(lines.Y[:, k] @ phi) ** 2)) if k.size else 0.0 for k, phi in zip(own, real.T, strict=True)]
+    seen = [
+        float(np.mean(np.abs(lines.Y[:, k] @ phi) ** 2)) if k.size else 0.0 for k, phi in zip(own, real.T, strict=True)
+    ]
     found = np.zeros_like(real)
     for j in np.argsort(seen)[::-1]:
         near = _near(lines, modes, found, int(j))

@@ -295,9 +295,7 @@ def noise_of(
     return Residual(is_complex, fading)
 
 
-def _of_parts(
-    response: Response, records: Signals | StoredSignals | None, whitening: Whitening | None
-) -> Noise:
+def _of_parts(response: Response, records: Signals | StoredSignals | None, whitening: Whitening | None) -> Noise:
     """Return D_k = (R_k - R) pairs_k / sum pairs sqrt(K / (K - 1)) over the lags of the correlation."""
     if records is None:
         why = "the errors of a correlation are themselves correlated, and its records are not there"

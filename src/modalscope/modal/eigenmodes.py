@@ -107,6 +107,7 @@ def state_space(matrix: DataMatrix, model: Triple, modes: Eigenmodes) -> StateSp
     """Return the model as it was realized; from lines in real modal coordinates, which do not depend on the polynomials."""
     if model.B is not None:
         whole = matrix.of_all_outputs(model)
+        assert whole.B is not None
         return StateSpace(A=whole.A, B=whole.B, C=whole.C, D=modes.direct, dt=matrix.dt)
     z = modes.eigen.values
     # samples: Y(0) is the first sample there is

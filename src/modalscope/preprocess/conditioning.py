@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import scipy
@@ -133,9 +134,10 @@ def detrend(signals: Signals, *, kind: str = "linear") -> Signals:
 _STRETCHES = 64
 
 
-def straightened(record: Record) -> Record:
+def straightened(record: Any) -> Any:
     """Return a record without inputs as what a line leaves of every channel and run; a stored one is straightened while it is read.
 
+    `record`: signals, or stored ones.
     The line of a stored record is that of 64 stretches which are evenly spread, and of all samples where these are no more than an excerpt.
     """
     if isinstance(record, StoredSignals):

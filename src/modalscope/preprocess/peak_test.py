@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from scipy import special
 
 from modalscope.data.records import Signals
-from modalscope.numerics.checks import ComplexArray, RealArray
+from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
 from modalscope.preprocess.harmonics import Spectrum
 
 __all__ = ["PEAK", "peak_heights"]
@@ -74,7 +74,7 @@ def _height(X: ComplexArray, place: float, half: float) -> float:
     return float(max(height / _HIGH, rise / special.chdtri(2 * outputs, _CHANCE / trials)))
 
 
-def _between(low: float, high: float, count: int) -> RealArray:
+def _between(low: float, high: float, count: int) -> IntArray:
     """Return the lines from one place to another, but the first two, in which the rest of a straight line is."""
     return np.arange(max(int(np.ceil(low)), 2), min(int(np.floor(high)), count - 1) + 1)
 

@@ -66,34 +66,31 @@ def _record(data: Any, exclude: Any) -> Signals | None:
 
 def _refitted(modes: ModalModel, shapes: ComplexArray, diagrams: Sequence[StabilizationDiagram]) -> ModalModel:
     """Return modes with other shapes, and participation fitted to the response of their band, whitened as it was identified."""
-    assert modes.participation is not None
-    participation = modes.participation.copy()
+    participation = modes.known_participation("shapes of the record's lines").copy()
     fields: dict[str, Any] = {}
     for diagram in diagrams:
         low, high = diagram.response.reported_band(diagram.settings.band)
         here = np.flatnonzero((modes.frequencies >= low) & (modes.frequencies <= high))
-        if not here.size:
-            continue
-        some = replace(modes.take(here), shapes=shapes[:, here])
-        fitted = _participation(diagram, some)
-        participation[here] = fitted.participation
-        if len(diagrams) == 1:
-            fields = {"feedthrough": fitted.feedthrough}
-    indicators = {**modes.indicators}
+        participation[here], terms = _participation(diagram, modes.poles[here], shapes[:, here])
+        fields = terms if len(diagrams) == 1 else {}
     changed = np.any(shapes != modes.shapes, axis=0)
-    for name, value in (("mpc", mpc(shapes)), ("mpd", mpd(shapes))):
-        if name in indicators:
-            indicators[name] = np.where(changed, value, indicators[name])
+    told = {"mpc": mpc, "mpd": mpd}
+    indicators = {
+        name: np.where(changed, told[name](shapes), values) if name in told else values
+        for name, values in modes.indicators.items()
+    }
     return replace(modes, shapes=shapes, participation=participation, indicators=indicators, **fields)
 
 
-def _participation(diagram: StabilizationDiagram, modes: ModalModel) -> ModalModel:
-    inside, whitening = diagram.whitened(), diagram.whitening
-    response = inside.response
-    powers = response.outside_powers
-    shapes = modes.shapes if whitening is None else whitening.of_shapes(modes.shapes)
-    basis = response.basis(modes.poles - response.added_damping, powers).compressed()
-    participation, terms = basis.fit_participation(shapes)
-    named = response.named_terms(terms, powers)
-    found = replace(modes, shapes=shapes, participation=response.of_inputs(participation), **named)
-    return found if whitening is None else whitening.modes_back(found)
+def _participation(
+    diagram: StabilizationDiagram, poles: ComplexArray, shapes: ComplexArray
+) -> tuple[ComplexArray, dict[str, Any]]:
+    """Return participation (n, m) of modes with these shapes by least squares on the response, and the terms beside them by name."""
+    whitening, response = diagram.whitening, diagram.whitened().response
+    inside = shapes if whitening is None else whitening.of_shapes(shapes)
+    basis = response.basis(poles - response.added_damping, response.outside_powers).compressed()
+    participation, terms = basis.fit_participation(inside)
+    found = response.of_inputs(participation)
+    if whitening is not None:
+        found, terms = whitening.references_back(found), whitening.values_back(terms)
+    return found, dict(diagram.response.named_terms(terms, response.outside_powers))
