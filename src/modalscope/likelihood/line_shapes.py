@@ -82,7 +82,7 @@ def _lines_of(record: Signals, modes: ModalModel, avoided: Sequence[tuple[float,
     zeta = modes.damping_ratios[:, None]
     power = QUANTITIES.get(record.quantity or "acceleration", 2)
     h = 2 * zeta * r**power / (1 - r**2 + 2j * zeta * r)
-    return _Lines(spectrum.lines[:, kept], f[kept], np.asarray(np.abs(h) ** 2))
+    return _Lines(spectrum.lines[:, kept], np.asarray(f[kept], dtype=np.float64), np.asarray(np.abs(h) ** 2))
 
 
 def _with_power(lines: _Lines, modes: ModalModel, shapes: ComplexArray) -> RealArray:
