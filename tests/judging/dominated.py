@@ -23,18 +23,20 @@ NEAR = 0.012
 
 
 class Hidden(NamedTuple):
-    """A record, and what is true of it: frequencies (n,) in Hz, shapes (l, n), and the least MAC of a shape that is right."""
+    """A record, and what is true of it: frequencies (n,) in Hz, shapes (l, n), the least MAC of a shape that is right, and units (l,)."""
 
     record: Signals
     frequencies: Array
     shapes: Array
     least: float
+    units: Array | float = 1.0
 
     def judged(self, modes: ModalModel) -> tuple[int, int]:
         """Return how many modes are right, and how many of those found are near none: false."""
         f = modes.frequencies
         near = np.abs(f[None, :] / self.frequencies[:, None] - 1) < NEAR
-        alike = mac(self.shapes.astype(complex), modes.shapes) if len(modes) else np.zeros(near.shape)
+        shapes = modes.shapes / np.reshape(self.units, (-1, 1))
+        alike = mac(self.shapes.astype(complex), shapes) if len(modes) else np.zeros(near.shape)
         right = int(np.any(near & (alike > self.least), axis=1).sum()) if len(modes) and len(self.frequencies) else 0
         return right, int((~near.any(axis=0)).sum()) if len(self.frequencies) else len(modes)
 
@@ -47,7 +49,9 @@ def dominated(seed: int, ratio: float = 300.0) -> Hidden:
     f = rng.uniform(0.6, 1.2) * np.cumprod(np.r_[1, rng.uniform(1.2, 1.9, n - 1)])
     sizes = np.exp(-rng.uniform(0, np.log(ratio), n))
     sizes[rng.integers(n)] = 1.0
-    return _hidden(rng, f, np.exp(rng.uniform(np.log(0.005), np.log(0.02), n)), _independent(rng, l, n), sizes, 20.0)
+    return hidden_modes(
+        rng, f, np.exp(rng.uniform(np.log(0.005), np.log(0.02), n)), _independent(rng, l, n), sizes, 20.0
+    )
 
 
 def control(seed: int) -> Hidden:
@@ -64,7 +68,7 @@ def tower(seed: int) -> Hidden:
     pair = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)], [0.0, 0.0]])
     shapes = np.column_stack([pair + 0.2 * rng.standard_normal((3, 1)) * [[0], [0], [1]], rng.standard_normal(3)])
     sizes = np.array([1.0, np.exp(rng.uniform(np.log(0.05), 0)), 0.05])
-    return _hidden(rng, f, rng.uniform(0.004, 0.008, 3), shapes, sizes, 5.0, least=0.85)
+    return hidden_modes(rng, f, rng.uniform(0.004, 0.008, 3), shapes, sizes, 5.0, least=0.85)
 
 
 def spoilt(seed: int) -> Hidden:
@@ -73,16 +77,15 @@ def spoilt(seed: int) -> Hidden:
     made = control(seed)
     y = np.asarray(made.record.outputs)
     l = y.shape[1]
-    kind = seed % 3
+    kind, units = seed % 3, np.ones(l)
     if kind == 0:  # a straight line
         y = y + rng.uniform(3, 300, l) * y.std(axis=0) * np.linspace(-1, 1, len(y))[:, None]
     elif kind == 1:
         y = y + rng.uniform(10, 1000, l) * y.std(axis=0)
-    shapes = made.shapes
-    if kind == 2:
+    else:
         units = 10.0 ** rng.uniform(-3, 3, l)
-        y, shapes = y * units, shapes * units[:, None]
-    return made._replace(record=Signals(outputs=y, sampling_rate=made.record.sampling_rate), shapes=shapes)
+        y = y * units
+    return made._replace(record=Signals(outputs=y, sampling_rate=made.record.sampling_rate), units=units)
 
 
 def noise(seed: int) -> Hidden:
@@ -112,7 +115,7 @@ def _independent(rng: np.random.Generator, l: int, n: int) -> Array:
             return unit
 
 
-def _hidden(
+def hidden_modes(
     rng: np.random.Generator, f: Array, zeta: Array, shapes: Array, sizes: Array, rate: float, least: float = 0.9
 ) -> Hidden:
     """Return accelerations of modes under independent white forces, with sensor noise of a thousandth of each channel."""

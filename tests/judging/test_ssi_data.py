@@ -48,9 +48,7 @@ def test_participation_is_the_least_squares_fit_to_the_correlation_of_the_record
     whitening = prepare(record_of(0), "ssi-data", None, band=(0.3, 8)).whitening
     assert whitening is not None
     modes = replace(
-        modes,
-        shapes=whitening.of_shapes(modes.shapes),
-        participation=whitening.of_participation(modes.participation),
+        modes, shapes=whitening.of_shapes(modes.shapes), participation=whitening.of_participation(modes.participation)
     )
     response = whitening.of_response(response)
     assert response.kind == "correlation"

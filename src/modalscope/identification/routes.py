@@ -279,6 +279,10 @@ def bands_of_setups(setups: Setups) -> tuple[tuple[Band, ...], tuple[Note, ...]]
     return own.parts, (own.note(own.parts),)
 
 
+#: Part of a channel's power from which a straight line in a setup is drift.
+_DRIFT = 1e-3
+
+
 class InBand(NamedTuple):
     """Setups in a band (Hz, None for all); `lowest`: Hz, the lowest frequency with a peak above the noise, if any."""
 
@@ -290,7 +294,7 @@ class InBand(NamedTuple):
 
 def conditioned_setups(setups: Setups, band: Band | None) -> InBand:
     """Return setups decimated to a band and without drift; by default the band in which any of them has peaks."""
-    setups = replace(setups, parts=tuple(map(straightened, setups.parts)))
+    setups = replace(setups, parts=tuple(map(_without_drift, setups.parts)))
     own = _own(setups)
     chosen = own.whole if band is None else band
     lowest = None if own.span is None else max(own.span[0], 0.0 if band is None else band[0])
@@ -298,6 +302,13 @@ def conditioned_setups(setups: Setups, band: Band | None) -> InBand:
         return InBand(setups, None, lowest, ())
     parts = tuple(taken_down(part, chosen[1], own.drift) for part in setups.parts)
     return InBand(replace(setups, parts=parts), chosen, lowest, (own.note((chosen,)),) if band is None else ())
+
+
+def _without_drift(part: Signals) -> Signals:
+    """Return a setup without straight lines where one holds a thousandth of its channel's power: less is chance."""
+    straight: Signals = straightened(part)
+    whole, left = (np.var(record.outputs, axis=-2) for record in (part, straight))
+    return straight if np.any(whole - left > _DRIFT * whole) else part
 
 
 def _own(setups: Setups) -> OwnBands:

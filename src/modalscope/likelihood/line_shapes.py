@@ -64,11 +64,10 @@ def line_shapes(record: Signals, modes: ModalModel, avoided: Sequence[tuple[floa
     lines = lines._replace(Y=lines.Y / size)
     shapes = _with_power(lines, modes, modes.shapes / size[:, None])
     before = shapes.copy()
-    overlaid = _overlaid(lines, modes, shapes)
-    for _ in range(_ROUNDS if overlaid.any() else 0):
+    for _ in range(_ROUNDS):
         for j in np.argsort(-np.linalg.norm(shapes, axis=0)):
             shapes[:, j] = _estimated(lines, modes, shapes, int(j))
-    changed = overlaid & np.any(shapes != before, axis=0)
+    changed = _overlaid(lines, modes, shapes) & np.any(shapes != before, axis=0)
     return np.asarray(np.where(changed, shapes * size[:, None], modes.shapes))
 
 
