@@ -38,8 +38,8 @@ def peak_heights(record: Signals, frequencies: ArrayLike, damping_ratios: ArrayL
     S_i is the mean of Y Y* over the lines within h = f zeta (four lines at least), S_o over those from 1.5 h to 5 h on both sides. The
     largest lambda of S_i w = lambda S_o w is the height in the combination w of the outputs that shows it best, and
     r = 2 n (lambda - 1 - log lambda), n = n_i n_o / (n_i + n_o) / 1.5, its likelihood ratio, about chi-squared with 2 l degrees of
-    freedom where there is no peak. The result is the larger of lambda / 2 and r over the quantile 1 - .01 / trials, where as many windows as
-    fit in the record's lines are trials. Other modes in the surroundings lower it in their own combinations alone, so that a single
+    freedom where there is no peak. The result is the larger of lambda / 2 and r over the quantile 1 - .01 / trials, as many
+    trials as windows fit in the record's lines. Other modes in the surroundings lower it in their own combinations alone, so that a single
     output is not tested, nor are surroundings with fewer than four lines an output.
 
     `frequencies` (n,): hz. `damping_ratios` (n,).
