@@ -40,3 +40,11 @@ def test_a_single_channel_and_few_lines_are_not_tested() -> None:
     assert np.isinf(peak_heights(Signals(outputs=y[:, :1], sampling_rate=20.0), 4.0, 0.01))
     assert np.isinf(peak_heights(Signals(outputs=y[:60], sampling_rate=20.0), 0.4, 0.01))
     assert np.isfinite(peak_heights(Signals(outputs=y, sampling_rate=20.0), 4.0, 0.01))
+
+
+@pytest.mark.parametrize(("lines", "clear"), [(0.9, False), (1.1, True)])
+def test_a_peak_narrower_than_a_line_may_be_a_sinusoid(lines: float, clear: bool) -> None:
+    rng, t = np.random.default_rng(0), np.arange(20_000) / 20.0
+    y = 0.1 * rng.standard_normal((t.size, 2)) + np.sin(2 * np.pi * 4.0 * t)[:, None]
+    height = peak_heights(Signals(outputs=y, sampling_rate=20.0), 4.0, lines / (4.0 * t.size / 20.0))[0]
+    assert (height > 1) == clear

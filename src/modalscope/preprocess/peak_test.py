@@ -40,7 +40,8 @@ def peak_heights(record: Signals, frequencies: ArrayLike, damping_ratios: ArrayL
     r = 2 n (lambda - 1 - log lambda), n = n_i n_o / (n_i + n_o) / 1.5, its likelihood ratio, about chi-squared with 2 l degrees of
     freedom where there is no peak. The result is the larger of lambda / 2 and r over the quantile 1 - .01 / trials, as many
     trials as windows fit in the record's lines. Other modes in the surroundings lower it in their own combinations alone, so that a single
-    output is not tested, nor are surroundings with fewer than four lines an output.
+    output is not tested, nor are surroundings with fewer than four lines an output. A pole with a half bandwidth of less than a line has
+    1 at most: a sinusoid looks like that.
 
     `frequencies` (n,): hz. `damping_ratios` (n,).
     """
@@ -49,8 +50,10 @@ def peak_heights(record: Signals, frequencies: ArrayLike, damping_ratios: ArrayL
         return np.full(f.size, np.inf)
     spectrum = Spectrum.of(record)
     X = spectrum.lines / np.sqrt(np.maximum(np.mean(np.abs(spectrum.lines) ** 2, axis=(0, 1)), np.finfo(float).tiny))
-    halves = np.maximum(np.abs(f * zeta) / spectrum.step, _OWN_LINES)
-    return np.array([_height(X, place, half) for place, half in zip(f / spectrum.step, halves, strict=True)])
+    widths = np.abs(f * zeta) / spectrum.step
+    places = zip(f / spectrum.step, np.maximum(widths, _OWN_LINES), strict=True)
+    found = np.array([_height(X, place, half) for place, half in places])
+    return np.where((widths < 1) & np.isfinite(found), np.minimum(found, 1.0), found)
 
 
 def _height(X: ComplexArray, place: float, half: float) -> float:
