@@ -81,4 +81,4 @@ def test_it_is_a_row_of_the_table_by_any_of_its_names(record: Signals) -> None:
     assert find_method("CVA", None, "time").name == "ssi-cva"
     pipeline = built(record, method="canonical variate analysis", order=10)
     assert pipeline.settings["weighting"] == "cva"
-    assert isinstance(pipeline.matrix, CanonicalProjection)
+    assert isinstance(pipeline.matrix.fitted, CanonicalProjection)

@@ -43,9 +43,9 @@ def test_the_published_modes_of_a_timber_building_and_nothing_below(band):
     # published by stochastic subspace identification of the same record
     assert np.allclose(modes.frequencies[:3], [1.88202, 2.42170, 2.68704], rtol=0.003)
     assert np.allclose(modes.damping_ratios[:3], [0.0159, 0.0146, 0.0152], rtol=0.15)
-    # the next one was not published; the spectra peak there, too
+    # the next one was not published; the spectra peak there, too: within half a half bandwidth of 2.6 %
     peaks, _ = ms.preprocess.decomposition(record, segment=4000).peaks(8)
-    assert np.min(np.abs(peaks / modes.frequencies[3] - 1)) < 0.01
+    assert np.min(np.abs(peaks / modes.frequencies[3] - 1)) < 0.013
 
 
 @pytest.mark.parametrize("setup", range(3))

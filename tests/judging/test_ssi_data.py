@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import modalscope as ms
+from modalscope.identification.prepare import prepare
 from tests.judging.test_ambient_selection import measured
 
 
@@ -41,6 +44,13 @@ def test_the_five_storeys_are_found_as_well_as_from_correlations():
 def test_participation_is_the_least_squares_fit_to_the_correlation_of_the_record():
     found = ms.identify(record_of(0), method="ssi-data", order=10, band=(0.3, 8))
     modes, response = found.modes, found.response
+    # which is made in the channels and references in which the record is identified
+    whitening = prepare(record_of(0), "ssi-data", None, band=(0.3, 8)).whitening
+    assert whitening is not None
+    modes = replace(
+        modes, shapes=whitening.of_shapes(modes.shapes), participation=whitening.of_participation(modes.participation)
+    )
+    response = whitening.of_response(response)
     assert response.kind == "correlation"
     assert response.samples == found.settings["block_rows"] + found.settings["block_columns"]
     basis = response.basis(modes.poles)
@@ -52,7 +62,8 @@ def test_participation_is_the_least_squares_fit_to_the_correlation_of_the_record
         change = np.outer(g1, c.real) + np.outer(g2, c.imag)
         inner = np.einsum("kl,klm->m", change, left)
         assert np.max(np.abs(inner)) < 1e-9 * np.linalg.norm(change) * np.linalg.norm(response.values)
-    assert np.allclose(found.rebuild().values, response.values - left, atol=1e-9 * np.abs(response.values).max())
+    rebuilt = whitening.of_values(found.rebuild().values)
+    assert np.allclose(rebuilt, response.values - left, atol=1e-9 * np.abs(response.values).max())
 
 
 def test_a_comparison_of_records_has_the_row_and_one_of_a_response_says_why_not():

@@ -152,11 +152,12 @@ def test_projected_records_by_their_correlation(method):
     step = 1e-3 * record.outputs.std() * np.random.default_rng(2).standard_normal(record.outputs.shape)
     row = {"method": method, "block_rows": 12, "block_columns": 12}
     pipeline = built(record, 10, **row)
-    cut = cut_order(pipeline, 10)
-    found = influence_on(pipeline.matrix, pipeline.realization, cut.order, cut.triple, cut.modal.eigen)
+    cut, whitening = cut_order(pipeline, 10), pipeline.problem.whitening
+    assert whitening is not None
+    found = influence_on(pipeline.matrix.fitted, pipeline.realization, cut.order, cut.triple, cut.modal.eigen)
     moved = [replace(record, outputs=record.outputs + sign * step) for sign in (1, -1)]
     ends = [estimate_correlation(r, lags=pipeline.response.samples).values for r in moved]
-    predicted = found.of((ends[0] - ends[1])[None] / 2)[0]
+    predicted = found.of(whitening.of_values(ends[0] - ends[1])[None] / 2)[0]
     poles = [cut_order(built(r, 10, **row), 10).modal.poles for r in moved]
     assert relative(predicted, (poles[0] - poles[1]) / 2) < 0.1
 

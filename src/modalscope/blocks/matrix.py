@@ -294,7 +294,7 @@ class DataMatrix(ABC):
         return triple
 
     def of_all_outputs(self, model: Triple) -> Triple:
-        """The same model with the outputs of the response, where it has combinations of them."""
+        """The same model with the outputs and inputs of the response, where it has combinations of them."""
         return model
 
     def with_noise(self, model: StateSpace) -> StateSpace:

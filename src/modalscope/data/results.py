@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from modalscope.data.notes import Note, notes_of
 from modalscope.data.poles import HasPoles
 from modalscope.data.response import Response
 from modalscope.data.shown import Shown
+from modalscope.data.whitening import Whitening
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, freeze, locked
 from modalscope.numerics.errors import DataError
 
@@ -109,6 +110,9 @@ class StabilizationDiagram(Shown, HasPoles):
         Sampling interval of the identified system.
     measured : FrequencyResponse, optional
         The lines that the samples of `response` were made of; None where it was not transformed.
+    output_whitening, reference_whitening : array, (l, l) and (m, m), optional
+        W and V of ambient channels: poles were found, and fit errors are those, in W R V', and modes are selected there; shapes,
+        participation and `response` are those of the channels.
     """
 
     response: Response
@@ -134,6 +138,8 @@ class StabilizationDiagram(Shown, HasPoles):
     notes: tuple[Note, ...] = ()
     dt: float | None = None
     measured: Response | None = None
+    output_whitening: RealArray | None = None
+    reference_whitening: RealArray | None = None
 
     def __post_init__(self) -> None:
         count = np.shape(self.poles)[0]
@@ -161,6 +167,27 @@ class StabilizationDiagram(Shown, HasPoles):
             indicators={k: locked(np.asarray(v)) for k, v in self.indicators.items()},
             fit_errors=locked(np.asarray(self.fit_errors)),
             singular_values=locked(np.asarray(self.singular_values)),
+        )
+
+    @property
+    def whitening(self) -> Whitening | None:
+        """What whitens the channels; None where they were taken as they are."""
+        if self.output_whitening is None or self.reference_whitening is None:
+            return None
+        return Whitening(self.output_whitening, self.reference_whitening)
+
+    def whitened(self) -> StabilizationDiagram:
+        """Return the diagram of the whitened channels, in which modes are selected; itself where there are none."""
+        whitening = self.whitening
+        if whitening is None:
+            return self
+        return replace(
+            self,
+            response=whitening.of_response(self.response),
+            shapes=whitening.of_shapes(self.shapes),
+            participation=whitening.of_participation(self.participation),
+            output_whitening=None,
+            reference_whitening=None,
         )
 
     @property

@@ -189,9 +189,14 @@ class StoredSignals(Channels):
             **self.labelled(),
         )
 
+    @property
+    def excerpt_samples(self) -> int:
+        """How many samples are small beside memory: of a short record, all."""
+        return min(self.samples, max(_EXCERPT // (8 * len(self.output_dofs)), 2))
+
     def excerpt(self) -> Signals:
         """Return a stretch from the middle that is small beside memory: of a short record, all of it."""
-        count = min(self.samples, max(_EXCERPT // (8 * len(self.output_dofs)), 2))
+        count = self.excerpt_samples
         start = (self.samples - count) // 2
         return self.part(start, start + count)
 

@@ -17,6 +17,7 @@ from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
 from modalscope.data.results import Settings
 from modalscope.data.stored import StoredSignals
+from modalscope.data.whitening import Whitening
 from modalscope.identification.options import Options
 from modalscope.identification.orders import OrderRule
 from modalscope.numerics.errors import DataError
@@ -147,6 +148,7 @@ class Problem:
 
     `response`: as the row takes it, in the band. `measured`: as measured or estimated, in the band, the same for all rows. `records`:
     records without inputs, filtered to the band. `driven`: records with inputs. `options`: as asked; default sizes follow the order.
+    `whitening`: of ambient channels; response and records are those of the channels as they were measured.
     """
 
     method: Method
@@ -156,6 +158,7 @@ class Problem:
     options: Any
     notes: tuple[Note, ...]
     driven: Records | None = None
+    whitening: Whitening | None = None
 
 
 class Built(NamedTuple):

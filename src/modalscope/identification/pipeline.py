@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Triple
+from modalscope.blocks.whitened import WhitenedChannels
 from modalscope.data.notes import Note
+from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.identification.method import Built, Method, Problem
 from modalscope.numerics.checks import check_count
@@ -83,8 +85,14 @@ def factor(problem: Problem, largest: int) -> Pipeline:
 
 
 def built(problem: Problem, largest: int) -> Built:
-    """Return the data matrix of a row."""
-    return problem.method.matrix(problem, check_count("order", largest))
+    """Return the data matrix of a row, of ambient data that of their whitened channels."""
+    order, whitening = check_count("order", largest), problem.whitening
+    if whitening is None:
+        return problem.method.matrix(problem, order)
+    response, records = whitening.of_response(problem.response), problem.records
+    records = whitening.of_record(records) if problem.method.of_past and isinstance(records, Signals) else records
+    inside = problem.method.matrix(replace(problem, response=response, records=records), order)
+    return inside._replace(matrix=WhitenedChannels(problem.response, whitening, inside.matrix))
 
 
 def factored(problem: Problem, largest: int, given: Built | None = None) -> Factored:

@@ -15,6 +15,7 @@ from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.setups import Setups, as_test
 from modalscope.data.sizes import check_alive, check_size
 from modalscope.data.stored import StoredResponse, StoredSignals
+from modalscope.data.whitening import Whitening
 from modalscope.identification.method import Method, Problem, Takes
 from modalscope.identification.options import ROUTES, delays_of
 from modalscope.identification.routes import (
@@ -33,6 +34,7 @@ from modalscope.identification.sizes import setup_blocks
 from modalscope.identification.table import check_form, find_method, options_of
 from modalscope.numerics.checks import check_band, check_kind
 from modalscope.numerics.errors import DataError, check_choice
+from modalscope.preprocess.bands import whitening_of
 from modalscope.preprocess.correlation import estimate_correlation, slower_correlation, spanning_outputs
 from modalscope.preprocess.setups import joined_setups
 
@@ -48,7 +50,7 @@ class Measured:
 
     `records`: without inputs, filtered to the band. `driven`: with inputs, without delays. `given`: the kind of data in words. `row`,
     `domain`: defaults for these data. `band`: Hz, as asked or automatic. `route`: from records with inputs. `delays`: samples by output.
-    `sizes`: default block sizes that suit the response.
+    `sizes`: default block sizes that suit the response. `whitening`: of ambient channels.
     """
 
     response: Response
@@ -63,6 +65,7 @@ class Measured:
     delays: Mapping[str, int] | None = None
     notes: tuple[Note, ...] = ()
     sizes: Mapping[str, int] = field(default_factory=dict)
+    whitening: Whitening | None = None
 
     @property
     def held(self) -> Signals | None:
@@ -204,6 +207,7 @@ def _ambient(taken: Conditioned, seen: Signals, given: str) -> Measured:
         "time",
         band=taken.band,
         notes=(*taken.notes, note),
+        whitening=whitening_of(taken.records.excerpt(), references, taken.band),
     )
 
 
@@ -276,9 +280,19 @@ def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem
         measured=response,
         records=measured.records,
         driven=measured.driven,
+        whitening=_of_row(measured, row, chosen),
         options=chosen,
         notes=(*measured.notes, *([Note("transformed", {}, note)] if note else [])),
     )
+
+
+def _of_row(measured: Measured, row: Method, options: Any) -> Whitening | None:
+    """Return the whitening of a row; none where single channels were asked of it, or rows of the record are the references' alone."""
+    asked = [*getattr(options, "general", {}).values(), getattr(options, "initial_values", None)]
+    whole = len(measured.response.input_dofs) == len(measured.response.output_dofs)
+    if any(value is not None for value in asked) or (row.of_past and (not whole or options.references is not None)):
+        return None
+    return measured.whitening
 
 
 #: What each kind of row is given.

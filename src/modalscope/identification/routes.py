@@ -30,7 +30,8 @@ from modalscope.identification.sizes import SETUP_ROWS
 from modalscope.identification.table import find_method, methods
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess import estimate_markov
-from modalscope.preprocess.bands import Levels, OwnBands, levels_in, levels_of, noise_notes, own_bands, taken_down
+from modalscope.preprocess.bands import Levels, OwnBands, levels_in, noise_notes, own_bands, taken_down, uncorrelated
+from modalscope.preprocess.conditioning import straightened
 from modalscope.preprocess.excitation import find_excitation, find_period
 from modalscope.preprocess.excited_band import resonant_band, struck_band
 from modalscope.preprocess.harmonics import Line, Spectrum, harmonic_notes, lines_in
@@ -207,11 +208,12 @@ class SeenRecord:
 
 
 def seen_record(record: Signals | StoredSignals) -> SeenRecord:
-    """Examine the spectrum of a record without inputs, of a stored record that of an excerpt."""
-    excerpt = record.excerpt()
+    """Examine the spectrum of a record without inputs, of a stored record that of an excerpt; straight lines are taken out first."""
+    straight = straightened(record)
+    excerpt = straight.excerpt()
     spectrum = Spectrum.of(excerpt)
-    levels = levels_in(spectrum)
-    return SeenRecord(record, excerpt, levels, own_bands(levels, record.sampling_rate), lines_in(spectrum))
+    levels = levels_in(spectrum).beside(levels_in(uncorrelated(spectrum)))
+    return SeenRecord(straight, excerpt, levels, own_bands(levels, record.sampling_rate), lines_in(spectrum))
 
 
 def looked_through(data: Any, exclude: Any = None) -> Any:
@@ -277,6 +279,10 @@ def bands_of_setups(setups: Setups) -> tuple[tuple[Band, ...], tuple[Note, ...]]
     return own.parts, (own.note(own.parts),)
 
 
+#: Part of a channel's power from which a straight line in a setup is drift.
+_DRIFT = 1e-3
+
+
 class InBand(NamedTuple):
     """Setups in a band (Hz, None for all); `lowest`: Hz, the lowest frequency with a peak above the noise, if any."""
 
@@ -288,6 +294,7 @@ class InBand(NamedTuple):
 
 def conditioned_setups(setups: Setups, band: Band | None) -> InBand:
     """Return setups decimated to a band and without drift; by default the band in which any of them has peaks."""
+    setups = replace(setups, parts=tuple(map(_without_drift, setups.parts)))
     own = _own(setups)
     chosen = own.whole if band is None else band
     lowest = None if own.span is None else max(own.span[0], 0.0 if band is None else band[0])
@@ -297,9 +304,17 @@ def conditioned_setups(setups: Setups, band: Band | None) -> InBand:
     return InBand(replace(setups, parts=parts), chosen, lowest, (own.note((chosen,)),) if band is None else ())
 
 
+def _without_drift(part: Signals) -> Signals:
+    """Return a setup without straight lines where one holds a thousandth of its channel's power: less is chance."""
+    straight: Signals = straightened(part)
+    whole, left = (np.var(record.outputs, axis=-2) for record in (part, straight))
+    return straight if np.any(whole - left > _DRIFT * whole) else part
+
+
 def _own(setups: Setups) -> OwnBands:
     """Return the bands of the outputs of all setups side by side, over the samples that all have."""
     count = min(setups.samples)
-    each = [levels_of(replace(part, outputs=part.outputs[..., :count, :])) for part in setups.parts]
-    together = replace(each[0], levels=np.hstack([levels.levels for levels in each]))
-    return own_bands(together, setups.sampling_rate)
+    spectra = [Spectrum.of(replace(part, outputs=part.outputs[..., :count, :])) for part in setups.parts]
+    channels = [*map(levels_in, spectra)]
+    levels = channels[0].with_channels(channels[1:]).beside(*(levels_in(uncorrelated(each)) for each in spectra))
+    return own_bands(levels, setups.sampling_rate)

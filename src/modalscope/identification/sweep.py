@@ -14,6 +14,7 @@ import numpy as np
 from modalscope.blocks.triple import Misfit, Triple
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
+from modalscope.data.pole_basis import ModalBasis
 from modalscope.data.poles import frequencies_and_damping
 from modalscope.data.response import output_scale
 from modalscope.identification.options import AllOptions
@@ -119,10 +120,12 @@ class Shared:
     def __init__(self, pipeline: Pipeline, deviations: bool) -> None:
         self._pipeline, self._matrix = pipeline, pipeline.matrix.fitted
         self._response = self._matrix.judged
-        self._misfit = Misfit(pipeline.response, output_scale(pipeline.response))
+        whitening = pipeline.problem.whitening
+        self._compared = pipeline.response if whitening is None else self._response
+        self._misfit = Misfit(self._compared, output_scale(self._compared))
         self._complex = bool(np.iscomplexobj(self._response.values))
         self._weighted = getattr(self._matrix, "weights", None) is not None
-        self.noise = noise_of(self._response, pipeline.problem.records) if deviations else None
+        self.noise = noise_of(self._response, pipeline.problem.records, whitening) if deviations else None
         self._known: dict[int, _Known] = {}
 
     def cuts(self, parts: Sequence[tuple[int, Triple, Eigenmodes]]) -> list[Cut]:
@@ -171,7 +174,7 @@ class Shared:
         std: Deviations | None,
     ) -> Cut:
         order, model, modal = part
-        bare = replace(modal, fit=replace(modal.fit, basis=None))  # every order's columns together would be large
+        bare = _with_basis(modal, None)  # every order's columns together would be large
         return Cut(
             order=order,
             triple=model,
@@ -192,31 +195,42 @@ class Shared:
 
     def with_bases(self, several: Sequence[Eigenmodes]) -> list[Eigenmodes]:
         """Return modes of one order or several with the basis of their poles, computed once, where the fit has no misfit yet."""
-        if self._weighted or self._response is not self._pipeline.response:
+        if self._weighted or self._response is not self._compared:
             return list(several)
-        if not several or any(modes.fit.misfit is not None or modes.fit.basis is not None for modes in several):
+        fits = [modes.fit.fitted or modes.fit for modes in several]
+        if not several or any(fit.misfit is not None or fit.basis is not None for fit in fits):
             return list(several)
-        basis = self._response.basis(np.concatenate([modes.poles for modes in several]), several[0].fit.powers)
+        basis = self._response.basis(np.concatenate([modes.poles for modes in several]), fits[0].powers)
         ends = 2 * np.cumsum([0, *(modes.poles.size for modes in several)])
         each = (replace(basis, functions=basis.functions[:, a:b]) for a, b in pairwise(ends))
         parts = each if len(several) > 1 else [basis]  # which may have columns of inputs and ends, too
-        return [replace(m, fit=replace(m.fit, basis=part)) for m, part in zip(several, parts, strict=True)]
+        return [_with_basis(modes, part) for modes, part in zip(several, parts, strict=True)]
 
     def misfit(self, modes: Eigenmodes) -> float:
         """Return norm(residual) / norm(data), outputs divided by their root mean square: from the fit where known, else rebuilt."""
-        return self._misfit.of_fit(modes.poles, modes.fit) if modes.fit.misfit is None else modes.fit.misfit
+        if modes.fit.misfit is not None:
+            return modes.fit.misfit
+        return self._misfit.of_fit(modes.poles, modes.fit.fitted or modes.fit)
 
     def noise_beside(self, modal: Eigenmodes) -> Noise | None:
         """Return the noise of the residual of free residues at the poles of a model."""
         if self.noise is None or not self.noise.of_residual:
             return self.noise
-        fit, rows = modal.fit, self._response.count * (1 + self._complex)  # of compressed ones there are fewer
+        fit = modal.fit if self._pipeline.problem.whitening is None else modal.fit.fitted or modal.fit
+        rows = self._response.count * (1 + self._complex)  # of compressed ones there are fewer
         if fit.unexplained is not None and np.all(np.isfinite(fit.unexplained)):
             unknown = len(fit.terms) + 2 * modal.poles.size
             return self.noise.beside(residual_variance(fit.unexplained, rows - unknown, self._complex))
         basis = (None if self._weighted else fit.basis) or self._response.basis(modal.poles, fit.powers)
         unknown = basis.terms.shape[1] + basis.functions.shape[1]
         return self.noise.beside(residual_variance(unexplained_energy(basis), rows - unknown, self._complex))
+
+
+def _with_basis(modes: Eigenmodes, basis: ModalBasis | None) -> Eigenmodes:
+    """Return modes whose fit has a basis of their poles: that of the whitened channels where they were fitted there."""
+    if modes.fit.fitted is None:
+        return replace(modes, fit=replace(modes.fit, basis=basis))
+    return replace(modes, fit=replace(modes.fit, basis=None, fitted=replace(modes.fit.fitted, basis=basis)))
 
 
 # --------------------------------------------------------------------------------------------------------------- sweep

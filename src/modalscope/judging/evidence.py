@@ -16,9 +16,11 @@ from modalscope.likelihood.noise import typical_deviation
 from modalscope.modal.indicators import cmif, mac, prominence
 from modalscope.modal.rebuilt import of_diagram, peak_sizes
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
+from modalscope.preprocess.peak_test import PEAK
 
 __all__ = [
     "CERTAIN",
+    "CLEAR",
     "LEAST_ORDERS",
     "LEAST_PEAK",
     "LEAST_PERSISTENCE",
@@ -56,6 +58,10 @@ LEAST_PROMINENCE_AMBIENT, LEAST_PEAK_AMBIENT, WHOLE_PEAK = 1.5, 0.1, 0.9
 CERTAIN, CERTAIN_SHARE = 0.3, 0.25
 #: Of correlations nothing is a mode that is known to this part only: what noise leaves by chance is not known better.
 UNCERTAIN = 0.7
+#: ... unless the record's own lines have a peak there this many times as high as chance allows: that is not noise.
+CLEAR = 2.0
+#: Share of a group's members whose deviation is given, for that of the group to be known.
+_KNOWN = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,12 +165,19 @@ def peaks(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> Re
 
 
 def judge(
-    poles: Poles, group: Array, peak: RealArray, fit: float, evidence: Evidence, left_open: float = np.nan
+    poles: Poles,
+    group: Array,
+    peak: RealArray,
+    fit: float,
+    evidence: Evidence,
+    left_open: float = np.nan,
+    height: float = np.inf,
 ) -> Candidate:
     """Weigh a group of poles that agree: what speaks for it, and what against.
 
     `peak` (p,): of every pole, see `peaks`. `fit`: what the best fit leaves of the data. `left_open`: the larger standard deviation of
-    frequency in half bandwidths and of damping in damping ratios; NaN where it is not known.
+    frequency in half bandwidths and of damping in damping ratios; NaN where it is not known. `height`: of the peak of the record's own
+    lines, see `peak_heights`.
     """
     f, zeta = float(np.median(poles.frequency[group])), float(np.median(poles.damping[group]))
     first, orders = int(poles.order[group].min()), np.array(poles.orders)
@@ -185,7 +198,7 @@ def judge(
         against.append(f"within the noise: {signal:.1f} standard deviations")
     if not certain and not _visible(stands_out, share, found, evidence.ambient):
         against.append("weak, and no peak of the mode indicator")
-    if evidence.ambient and left_open >= UNCERTAIN:
+    if evidence.ambient and left_open >= UNCERTAIN and not CLEAR <= height < np.inf:
         against.append(f"the record leaves it open by {left_open:.2g} of its bandwidth or damping")
     facts = {
         "orders_found": int(group.size),
@@ -197,6 +210,7 @@ def judge(
         "share_of_peak": share,
         "indicator_prominence": stands_out,
         **({"left_open": left_open} if np.isfinite(left_open) else {}),
+        **({"peak_height": height} if np.isfinite(height) else {}),
     }
     return Candidate(group, f, zeta, facts, tuple(against))
 
@@ -268,7 +282,7 @@ def counted(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> 
     groups = [group for group in (consensus(poles, t) for t in tracks(poles)) if group.size >= min(3, len(orders))]
     peak = peaks(diagram, poles, evidence)
     candidates = [
-        judge(poles, group, peak, fit, evidence, _left_open(diagram, poles, group))
+        judge(poles, group, peak, fit, evidence, _left_open(diagram, poles, group), _height(diagram, poles, group))
         for group in join_broken(poles, groups)
     ]
     found = _none_twice(poles, candidates)
@@ -320,8 +334,19 @@ def _left_open(diagram: StabilizationDiagram, poles: Poles, group: Array) -> flo
         return float("nan")
     members = poles.index[group]
     f, zeta = np.median(poles.frequency[group]), np.median(poles.damping[group])
-    apart = typical_deviation(diagram.frequencies_std[members]) / (f * zeta)
-    return float(max(apart, typical_deviation(diagram.damping_ratios_std[members]) / zeta))
+    apart = _of_most(diagram.frequencies_std[members]) / (f * zeta)
+    return float(max(apart, _of_most(diagram.damping_ratios_std[members]) / zeta))
+
+
+def _height(diagram: StabilizationDiagram, poles: Poles, group: Array) -> float:
+    """Return the typical height of the record's peak at the poles of a group; infinity where it was not tested."""
+    heights = diagram.indicators.get(PEAK)
+    return np.inf if heights is None else float(np.median(heights[poles.index[group]]))
+
+
+def _of_most(values: RealArray) -> float:
+    """Return the typical deviation of a group; NaN where it is withheld at most of its members: the others are those that split."""
+    return typical_deviation(values) if np.isfinite(values).mean() >= _KNOWN else float("nan")
 
 
 def _none_twice(poles: Poles, candidates: list[Candidate]) -> list[Candidate]:

@@ -11,7 +11,7 @@ from modalscope.data.mode_fields import Harmonic
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.results import StabilizationDiagram
-from modalscope.judging.evidence import CERTAIN, Candidate
+from modalscope.judging.evidence import CERTAIN, UNCERTAIN, Candidate
 from modalscope.preprocess.bands import NOISE, UNSEEN
 from modalscope.preprocess.harmonics import HARMONIC
 
@@ -58,6 +58,8 @@ def with_objections_of_record(diagram: StabilizationDiagram, candidates: Sequenc
     judged = []
     for c in candidates:
         against = [f"a harmonic of a machine: {line.text}" for line in lines if _is_line(c, line)]
+        if c.facts.get("peak_height", np.inf) < 1:
+            against.append("no peak of the record's spectra in any combination of the channels")
         if alone is not None:
             against.append(alone.text)
         elif unseen is not None and not c.facts.get("left_open", np.inf) < CERTAIN:
@@ -67,11 +69,12 @@ def with_objections_of_record(diagram: StabilizationDiagram, candidates: Sequenc
 
 
 def _is_line(c: Candidate, line: Note) -> bool:
-    """Whether poles lie on a line, and are no more damped than its wandering explains."""
+    """Whether poles lie on a line, and are no more damped than its wandering explains or not known at all: a peak there is the line's."""
     f = line.numbers["frequency_hz"]
     spread = line.numbers["spread_hz"]
     near = abs(c.frequency - f) < _SPREADS * spread + _MORE * f
-    return near and c.damping * c.frequency < max(_HALF * spread, _MORE * f)
+    open_there = c.facts.get("left_open", 0.0) >= UNCERTAIN
+    return near and (open_there or c.damping * c.frequency < max(_HALF * spread, _MORE * f))
 
 
 def with_note_on_errors(modes: ModalModel, diagram: StabilizationDiagram) -> ModalModel:

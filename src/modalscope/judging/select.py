@@ -107,6 +107,7 @@ def weighed(diagram: StabilizationDiagram, gathered: Gathered | None = None) -> 
 
     `gathered`: what data show, where several diagrams of the same ones are weighed.
     """
+    diagram = diagram.whitened()
     poles = oscillations(diagram)
     if diagram.exact_rank is not None:
         return Weighed(poles, _exact(diagram, poles))
@@ -129,7 +130,7 @@ def chosen_of(
 
     `found`: of the same diagram. `wanted`, `added`, `refused`: hz, as `frequencies`, `take` and `refuse` of `select`.
     """
-    candidates = found.candidates
+    measured, diagram, candidates = diagram, diagram.whitened(), found.candidates
     if wanted is not None:
         chosen = _by_hand(candidates, list(wanted), tolerance, diagram)
     else:
@@ -139,7 +140,13 @@ def chosen_of(
     modes = modes_of(
         diagram, found.poles, sorted(chosen, key=lambda c: c.frequency), sorted(left, key=lambda c: c.frequency)
     )
-    return with_note_on_empty(with_note_on_errors(modes, diagram), diagram)
+    return with_note_on_empty(with_note_on_errors(_of_channels(modes, measured), diagram), diagram)
+
+
+def _of_channels(modes: ModalModel, diagram: StabilizationDiagram) -> ModalModel:
+    """Return modes that were selected in whitened channels as those of the channels."""
+    whitening = diagram.whitening
+    return modes if whitening is None else whitening.modes_back(modes).normalized("unit")
 
 
 def _check_one_way(wanted: list[float] | None, changes: list[float], reference: ModalModel | None) -> None:
@@ -164,11 +171,15 @@ def _check_one_way(wanted: list[float] | None, changes: list[float], reference: 
 def _like(reference: ModalModel, diagram: StabilizationDiagram, found: Weighed, tolerance: float) -> ModalModel:
     """Return the candidates that are modes of a reference, with the differences."""
     poles, candidates = found
-    pairs = sorted(paired_with(reference, candidates, poles, tolerance), key=lambda pair: pair[0].frequency)
+    measured, diagram, whitening = diagram, diagram.whitened(), diagram.whitening
+    asked = reference
+    if whitening is not None and len(reference.shapes) == len(diagram.shapes):
+        asked = replace(reference, shapes=whitening.of_shapes(reference.shapes))
+    pairs = sorted(paired_with(asked, candidates, poles, tolerance), key=lambda pair: pair[0].frequency)
     chosen = [c for c, _ in pairs]
     others = (c for c in candidates if not any(c is k for k in chosen))
     left = [c if c.against else replace(c, against=("a mode that the reference does not have",)) for c in others]
-    modes = modes_of(diagram, poles, chosen, sorted(left, key=lambda c: c.frequency))
+    modes = _of_channels(modes_of(diagram, poles, chosen, sorted(left, key=lambda c: c.frequency)), measured)
     return compared_with(modes, reference, np.array([k for _, k in pairs], dtype=int))
 
 

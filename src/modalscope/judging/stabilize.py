@@ -23,10 +23,11 @@ from modalscope.identification.routes import looked_through
 from modalscope.identification.sweep import Cut, Sweep, start
 from modalscope.modal.indicators import mac
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, check_kind, check_positive
+from modalscope.numerics.checks import Array, RealArray, check_kind, check_positive
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.executors import working
 from modalscope.numerics.resources import one_thread
+from modalscope.preprocess.peak_test import PEAK, peak_heights
 
 __all__ = [
     "ORDERS_END",
@@ -327,6 +328,7 @@ def collected(
     outside = sum(cut.modal.poles.size - cut.reported.size for cut in cuts)
     text = f"{counted(outside, 'pole')} outside the band or extraneous left out of the diagram"
     left = [Note("poles left out", {"poles": outside}, text)] if outside else []
+    whitening = pipeline.problem.whitening
     return StabilizationDiagram(
         response=pipeline.response,
         method=pipeline.method.name,
@@ -340,7 +342,10 @@ def collected(
         stable_damping=flags[1],
         stable_shape=flags[2],
         **_deviations(cuts),
-        indicators={name: np.concatenate([c.indicators[name][c.reported] for c in cuts]) for name in sorted(names)},
+        indicators={
+            **{name: np.concatenate([c.indicators[name][c.reported] for c in cuts]) for name in sorted(names)},
+            **_peaks(pipeline, cuts),
+        },
         singular_values=factors.spectrum,
         fit_errors=np.array([cut.misfit for cut in cuts]),
         exact_rank=factors.rank if _exact(pipeline, cuts[-1]) else None,
@@ -349,7 +354,18 @@ def collected(
         notes=(*pipeline.notes, *notes, *left, *_doubts(pipeline, cuts, stable)),
         dt=pipeline.matrix.dt,
         measured=pipeline.transformed,
+        output_whitening=None if whitening is None else whitening.outputs,
+        reference_whitening=None if whitening is None else whitening.references,
     )
+
+
+def _peaks(pipeline: Pipeline, cuts: Sequence[Cut]) -> dict[str, RealArray]:
+    """Return how high the record's own lines peak at each pole, where there is a record without inputs."""
+    records = pipeline.problem.records
+    if records is None:
+        return {}
+    f, zeta = frequencies_and_damping(np.concatenate([cut.modal.poles[cut.reported] for cut in cuts]))
+    return {PEAK: peak_heights(records.excerpt(), f, zeta)}
 
 
 def _exact(pipeline: Pipeline, last: Cut) -> bool:

@@ -17,6 +17,7 @@ from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.data.stored import StoredSignals
+from modalscope.data.whitening import Whitening
 from modalscope.data.window import faded_noise, line_step
 from modalscope.likelihood.covariance import PoleInfluence
 from modalscope.numerics.checks import Array, BoolArray, ComplexArray, RealArray
@@ -263,16 +264,18 @@ class Unknown(Noise):
         raise DataError("a certificate was asked", f"nothing is known of the noise: {self.why}", self.cure)
 
 
-def noise_of(response: Response, records: Signals | StoredSignals | None = None) -> Noise:
+def noise_of(
+    response: Response, records: Signals | StoredSignals | None = None, whitening: Whitening | None = None
+) -> Noise:
     """Return the noise model of a response.
 
     The variance of the estimates where the response has it; else their coherence with the number of averages; for correlations the
     scatter of parts of the record, and nothing for their half spectra; else the residual of whatever model is fitted.
 
-    `records`: that correlations were made from.
+    `records`: that correlations were made from. `whitening`: of their channels, where the response is that of whitened ones.
     """
     if response.ambient:
-        return _of_parts(response, records)
+        return _of_parts(response, records, whitening)
     if response.of_correlations:
         return Unknown(
             "the errors of half spectra are correlated from line to line and with each other, as those of correlations are",
@@ -292,7 +295,7 @@ def noise_of(response: Response, records: Signals | StoredSignals | None = None)
     return Residual(is_complex, fading)
 
 
-def _of_parts(response: Response, records: Signals | StoredSignals | None) -> Noise:
+def _of_parts(response: Response, records: Signals | StoredSignals | None, whitening: Whitening | None) -> Noise:
     """Return D_k = (R_k - R) pairs_k / sum pairs sqrt(K / (K - 1)) over the lags of the correlation."""
     if records is None:
         why = "the errors of a correlation are themselves correlated, and its records are not there"
@@ -310,6 +313,7 @@ def _of_parts(response: Response, records: Signals | StoredSignals | None) -> No
     count = len(blocks.sums)
     weights = (blocks.pairs / blocks.pairs.sum(axis=0))[:, 1:, None, None]
     deviations = (blocks.values - blocks.mean)[:, 1:] * weights * np.sqrt(count / (count - 1))
+    deviations = deviations if whitening is None else whitening.of_values(deviations)
     duration = records.samples * records.runs / count / records.sampling_rate
     return Parts(np.asarray(deviations), float(duration))
 

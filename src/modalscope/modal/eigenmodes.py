@@ -106,8 +106,9 @@ def split_extraneous(modes: Eigenmodes, model: Triple) -> tuple[Array, Array]:
 def state_space(matrix: DataMatrix, model: Triple, modes: Eigenmodes) -> StateSpace:
     """Return the model as it was realized; from lines in real modal coordinates, which do not depend on the polynomials."""
     if model.B is not None:
-        C = matrix.of_all_outputs(model).C
-        return StateSpace(A=model.A, B=model.B, C=C, D=modes.direct, dt=matrix.dt)
+        whole = matrix.of_all_outputs(model)
+        assert whole.B is not None
+        return StateSpace(A=whole.A, B=whole.B, C=whole.C, D=modes.direct, dt=matrix.dt)
     z = modes.eigen.values
     # samples: Y(0) is the first sample there is
     participation = matrix.judged.of_inputs(modes.participation) * z[:, None] ** matrix.judged.steps_late

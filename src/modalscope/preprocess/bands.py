@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -13,6 +14,7 @@ from scipy import special
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.stored import Record
+from modalscope.data.whitening import Whitening, normed_covariance, whitening_matrix
 from modalscope.numerics.checks import BoolArray, IntArray, RealArray
 from modalscope.preprocess.conditioning import decimate, filter_band
 from modalscope.preprocess.harmonics import Spectrum
@@ -30,6 +32,8 @@ __all__ = [
     "own_bands",
     "rounded",
     "taken_down",
+    "uncorrelated",
+    "whitening_of",
 ]
 
 
@@ -57,12 +61,22 @@ _CORRELATED = 1.5
 class Levels:
     """Spectral levels of a record in b bins: centres (Hz), numbers of lines, and the medians of the periodogram over ln 2, (b, l).
 
-    The latter estimate the mean of random lines, in 1 / Hz, relative to one number for all outputs.
+    The latter estimate the mean of random lines, in 1 / Hz, relative to one number for all outputs. `combined` (b, c): the same of
+    combinations of the outputs, in which peaks are sought as well.
     """
 
     frequencies: RealArray
     widths: RealArray
     levels: RealArray
+    combined: RealArray | None = None
+
+    def with_channels(self, others: Sequence[Levels]) -> Levels:
+        """Return the levels with those of further channels in the same bins."""
+        return replace(self, levels=np.hstack([self.levels, *(other.levels for other in others)]))
+
+    def beside(self, *combined: Levels) -> Levels:
+        """Return the levels with those of combinations of channels in the same bins."""
+        return replace(self, combined=np.hstack([other.levels for other in combined]))
 
     @property
     def independent(self) -> RealArray:
@@ -71,8 +85,9 @@ class Levels:
 
     @cached_property
     def heights(self) -> RealArray:
-        """Level over the median of the neighbourhood, (b, l); 1 where there is no neighbourhood."""
-        logs = np.log(np.maximum(self.levels, np.finfo(float).tiny))
+        """Level over the median of the neighbourhood, (b, l + c); 1 where there is no neighbourhood."""
+        every = self.levels if self.combined is None else np.hstack([self.levels, self.combined])
+        logs = np.log(np.maximum(every, np.finfo(float).tiny))
         count, ln_f = len(logs), np.log(self.frequencies)
         below = np.arange(count) - np.searchsorted(ln_f, ln_f - _REACH)
         above = np.searchsorted(ln_f, ln_f + _REACH) - 1 - np.arange(count)
@@ -94,15 +109,22 @@ class Levels:
         return np.maximum(special.gammainccinv(n, _FALSE_ALARM / (len(n) * trials)) / n, _LEAST)
 
     @cached_property
+    def _wide(self) -> RealArray:
+        """Means of the heights of three bins, (b, l + c); of the first and the last 1."""
+        wide = np.ones(self.heights.shape)
+        if len(wide) >= _ADJACENT:
+            wide[1:-1] = np.lib.stride_tricks.sliding_window_view(self.heights, _ADJACENT, axis=0).mean(axis=2)
+        return wide
+
+    @cached_property
+    def single_peaks(self) -> BoolArray:
+        """Which bins belong to a peak of each output or combination, (b, l + c): the mean of three exceeds chance."""
+        return np.asarray(self._wide > self.limits(self._wide.shape[1])[:, None])
+
+    @cached_property
     def in_peak(self) -> BoolArray:
         """Which bins belong to a peak, (b,): the mean of three exceeds chance, in one output or in the mean of all."""
-        heights = self.heights
-        if len(heights) < _ADJACENT:
-            return np.zeros(len(heights), dtype=bool)
-        wide = np.lib.stride_tricks.sliding_window_view(heights, _ADJACENT, axis=0).mean(axis=2)
-        single, mean = self.limits(heights.shape[1])[1:-1], self.limits(1)[1:-1]
-        high = np.any(wide > single[:, None], axis=1) | (wide.mean(axis=1) > mean)
-        return np.asarray(np.r_[False, high, False])
+        return np.asarray(np.any(self.single_peaks, axis=1) | (self._wide.mean(axis=1) > self.limits(1)))
 
 
 def levels_of(signals: Signals) -> Levels:
@@ -118,6 +140,51 @@ def levels_in(spectrum: Spectrum) -> Levels:
     middles = (edges[:-1] + edges[1:] - 1) / 2 * spectrum.step
     values = np.array(medians).reshape(len(middles), power.shape[1]) / np.log(2)
     return Levels(middles, np.diff(edges).astype(float), values)
+
+
+#: Eigenvalues of the normed covariance that count, as a part of the largest: below are channels that depend on others.
+_DEPENDENT = 1e-10
+
+
+def uncorrelated(spectrum: Spectrum) -> Spectrum:
+    """Return the spectrum of the principal components of the outputs, each of size one: a weak mode has a peak in one of them.
+
+    With D the root mean squares of the channels and D^-1 S D^-1 = V E V', these are E^-1/2 V' D^-1 y.
+    """
+    C, size = normed_covariance(_covariance(spectrum))
+    values, vectors = np.linalg.eigh(C)
+    kept = values > _DEPENDENT * max(float(values[-1]), np.finfo(float).tiny)
+    return spectrum._replace(lines=spectrum.lines @ (vectors[:, kept] / np.sqrt(values[kept]) / size[:, None]))
+
+
+def _covariance(spectrum: Spectrum) -> RealArray:
+    lines = spectrum.lines.reshape(-1, spectrum.lines.shape[-1])
+    return np.asarray(lines.real.T @ lines.real + lines.imag.T @ lines.imag)
+
+
+def whitening_of(record: Signals, references: Sequence[int], band: Band | None) -> Whitening | None:
+    """Return what whitens the outputs of a record and those of them that are references; None of one output.
+
+    Principal components without a peak in the band (Hz) are noise, which is not brought to the size of modes: eigenvalues are held above
+    the least of a component with a peak.
+    """
+    if len(record.output_dofs) < 2:
+        return None
+    spectrum, chosen = Spectrum.of(record), list(references)
+    W = _whitening_matrix(spectrum, band)
+    whole = chosen == list(range(len(W)))
+    return Whitening(W, W if whole else _whitening_matrix(spectrum._replace(lines=spectrum.lines[..., chosen]), band))
+
+
+def _whitening_matrix(spectrum: Spectrum, band: Band | None) -> RealArray:
+    S = _covariance(spectrum)
+    values = np.linalg.eigvalsh(normed_covariance(S)[0])
+    levels = levels_in(uncorrelated(spectrum))
+    low, high = (0.0, np.inf) if band is None else band
+    inside = (levels.frequencies >= low) & (levels.frequencies <= high)
+    seen = np.any(levels.single_peaks & inside[:, None], axis=0)
+    least = values[-int(seen.size) :][seen].min() if seen.any() else values[-1]
+    return whitening_matrix(S, float(least / max(values[-1], np.finfo(float).tiny)))
 
 
 def bin_edges(first: int, end: int, least: int) -> IntArray:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import scipy
@@ -16,7 +18,7 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, RealArray, check_count, check_kind, check_positive
 from modalscope.numerics.errors import DataError, check_choice
 
-__all__ = ["decimate", "detrend", "differentiate", "filter_band", "integrate", "settling"]
+__all__ = ["decimate", "detrend", "differentiate", "filter_band", "integrate", "settling", "straightened"]
 
 
 # ------------------------------------------------------------------------------------------------------- filtered rows
@@ -126,6 +128,65 @@ def detrend(signals: Signals, *, kind: str = "linear") -> Signals:
     if kind == "constant":
         return _on_all(signals, lambda x: np.asarray(x - x.mean(axis=-2, keepdims=True)), "mean removed")
     return _on_all(signals, lambda x: np.asarray(scipy.signal.detrend(x, axis=-2)), "straight-line trend removed")
+
+
+#: A line of a stored record is fitted to so many stretches all along it, of which each has an equal part of an excerpt.
+_STRETCHES = 64
+
+
+def straightened(record: Any) -> Any:
+    """Return a record without inputs as what a line leaves of every channel and run; a stored one is straightened while it is read.
+
+    `record`: signals, or stored ones.
+    The line of a stored record is that of 64 stretches which are evenly spread, and of all samples where these are no more than an excerpt.
+    """
+    if isinstance(record, StoredSignals):
+        return _straightened_rows(record)
+    return replace(record, outputs=np.asarray(scipy.signal.detrend(record.outputs, axis=-2)))
+
+
+def _straightened_rows(record: StoredSignals) -> StoredSignals:
+    samples, count = record.samples, record.excerpt_samples
+    edges = np.linspace(0, samples, _STRETCHES + 1 if count < samples else 2).astype(int)
+    length = max(count // (len(edges) - 1), 2)
+    products, of_time = np.zeros((2, len(record.output_dofs))), np.zeros((2, 2))
+    for start, stop in pairwise(edges):
+        y = record.chunk(start, min(stop, start + length))
+        columns = np.stack([np.ones(len(y)), _times(start, start + len(y), samples)])
+        products += columns @ y
+        of_time += columns @ columns.T
+    constant, slope = np.linalg.lstsq(of_time, products, rcond=None)[0]
+    return replace(record, rows=StraightRows(record.rows, tuple(constant), tuple(slope)))
+
+
+def _times(start: int, stop: int, samples: int) -> RealArray:
+    """Return the times of samples from the middle of a record, in its length."""
+    return np.asarray((np.arange(start, stop) - (samples - 1) / 2) / samples)
+
+
+@dataclass(frozen=True)
+class StraightRows:
+    """Rows without a line a column: `constant` in the middle, `slope` over all of them."""
+
+    rows: Rows
+    constant: tuple[float, ...]
+    slope: tuple[float, ...]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Samples, and channels."""
+        return self.rows.shape
+
+    @property
+    def identity(self) -> str:
+        """Identity of the rows and of the line."""
+        return f"{self.rows.identity} without line {self.constant} {self.slope}"
+
+    def read(self, start: int, stop: int) -> Array:
+        """Return rows without the line."""
+        found = np.asarray(self.rows.read(start, stop), dtype=float)
+        times = _times(start, start + len(found), self.rows.shape[0])
+        return np.asarray(found - self.constant - times[:, None] * self.slope)
 
 
 def _filtered(signals: Record, sections: Array | None, factor: int, zero_phase: bool, note: str) -> Record:

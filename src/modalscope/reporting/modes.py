@@ -110,6 +110,7 @@ _WORDS = {
     "cmi": "cmi: consistent mode indicator, emac times mpc",
     "msv": "msv: modal singular value, share of the mode in the response (largest 1)",
     "mpd": "mpd: mean phase deviation of the shape in degrees (0 best)",
+    "peak": "peak: height of the record's spectral peak in the best combination of channels, over what noise reaches (above 1)",
 }
 
 

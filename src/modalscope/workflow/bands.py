@@ -32,6 +32,7 @@ from modalscope.modal.shapes import joint_residues
 from modalscope.numerics.checks import ComplexArray
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess.correlation import estimate_correlation
+from modalscope.workflow.line_shapes import with_line_shapes
 
 __all__ = ["Choose", "Look", "looked_at", "modes_chosen", "refined_where_it_helps", "setups_apart"]
 
@@ -234,7 +235,8 @@ def _kept(why: str) -> Note:
 def modes_chosen(data: Any, document: Analysis, looks: Sequence[Look], choose: Choose = select) -> ModalModel:
     """Return the modes of all identified bands, refined where that was asked and helps; `choose`: as in `looked_at`."""
     if not setups_of(data):
-        return _of_bands(document, looks, choose)
+        found = _of_bands(document, looks, choose)
+        return with_line_shapes(data, document.exclude, found, [look.diagram for look in looks])
     found = _of_setups(data, replace(document, refine=False), looks, choose)
     kept = data.select(exclude=document.exclude) if document.exclude else data
     return refine_setups(kept, found, apart=document.apart) if document.refine else found

@@ -1,0 +1,92 @@
+"""Channels whitened and back: residues, units and dependent channels."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import modalscope as ms
+from modalscope.data.whitening import Whitening, whitening_matrix
+
+
+def covariance(values: list[float], seed: int = 0) -> np.ndarray:
+    """A covariance whose normed form has these eigenvalues, up to a common factor: Hadamard vectors have equal squares."""
+    H = np.array([[1, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1], [1, -1, -1, 1]]) / 2
+    return np.asarray(H @ np.diag(values) @ H.T)
+
+
+def test_components_weaker_than_a_tenth_are_raised_to_it_and_stronger_ones_stay() -> None:
+    W = whitening_matrix(covariance([1.0, 0.11, 0.09, 1e-4]))
+    raised = np.linalg.eigvalsh(W @ covariance([1.0, 0.11, 0.09, 1e-4]) @ W.T)
+    size = raised[-1]
+    assert np.sort(raised / size) == pytest.approx([0.1, 0.1, 0.11, 1.0])
+
+
+def test_components_below_the_least_are_raised_as_much_as_it() -> None:
+    S = covariance([1.0, 0.5, 1e-2, 1e-6])
+    raised = np.linalg.eigvalsh(whitening_matrix(S, 1e-2) @ S @ whitening_matrix(S, 1e-2).T)
+    assert np.sort(raised / raised[-1]) == pytest.approx([1e-5, 0.1, 0.5, 1.0])
+
+
+def test_units_of_channels_do_not_matter() -> None:
+    S, units = covariance([1.0, 0.3, 0.01, 1e-3]), np.array([1.0, 1e3, 1e-3, 7.0])
+    assert whitening_matrix(S * np.outer(units, units)) * units == pytest.approx(whitening_matrix(S), rel=1e-6)
+
+
+def test_dependent_and_dead_channels_give_finite_numbers() -> None:
+    y = np.random.default_rng(0).standard_normal((500, 2)) @ np.array([[1.0, 0.0, 1.0, 0.0], [0.0, 1.0, 1.0, 0.0]])
+    W = whitening_matrix(y.T @ y)
+    assert np.all(np.isfinite(W))
+    assert np.linalg.cond(W) < 1e6
+
+
+def test_residues_are_the_same_on_the_way_back() -> None:
+    rng = np.random.default_rng(1)
+    W, V = rng.standard_normal((4, 4)), rng.standard_normal((2, 2))
+    whitening = Whitening(W, V)
+    shapes, participation = rng.standard_normal((4, 3)), rng.standard_normal((3, 2))
+    inside = whitening.of_shapes(shapes) @ whitening.of_participation(participation)
+    assert inside == pytest.approx(whitening.of_values(shapes @ participation))
+    assert whitening.values_back(inside) == pytest.approx(shapes @ participation)
+    assert whitening.outputs_back(whitening.of_shapes(shapes)) == pytest.approx(shapes)
+    assert whitening.references_back(whitening.of_participation(participation)) == pytest.approx(participation)
+
+
+@pytest.fixture(scope="module")
+def record() -> ms.Signals:
+    made = ms.systems.chain5().simulate(inputs="ambient", duration=300.0, sampling_rate=20.0, noise=0.05, seed=1)
+    # a sixth channel depends on two others exactly
+    y = np.column_stack([made.outputs, made.outputs[:, 0] - made.outputs[:, 1]])
+    return ms.Signals(outputs=y, sampling_rate=20.0)
+
+
+def test_shapes_responses_and_models_are_in_the_units_of_the_channels(record: ms.Signals) -> None:
+    units = 10.0 ** np.arange(-2, record.outputs.shape[1] - 2)
+    other = ms.Signals(outputs=record.outputs * units, sampling_rate=20.0)
+    one, two = (ms.identify(each, order=10) for each in (record, other))
+    assert two.modes.frequencies == pytest.approx(one.modes.frequencies, rel=1e-7)
+    assert np.diag(ms.indicators.mac(two.modes.shapes / units[:, None], one.modes.shapes)) == pytest.approx(1, abs=1e-6)
+    scale = np.outer(units, units)
+    assert two.response.values / scale == pytest.approx(
+        one.response.values, abs=1e-9 * np.abs(one.response.values).max()
+    )
+    rebuilt = one.rebuild().values
+    assert two.rebuild().values / scale == pytest.approx(rebuilt, abs=1e-5 * np.abs(rebuilt).max())
+    assert one.fit_error < 0.5
+
+
+def test_a_diagram_from_a_file_selects_the_same_modes(record: ms.Signals, tmp_path) -> None:
+    diagram = ms.stabilize(record)
+    assert diagram.whitening is not None
+    ms.write(tmp_path / "diagram.npz", diagram)
+    again = ms.read(tmp_path / "diagram.npz")
+    one, two = ms.select(diagram), ms.select(again)
+    assert np.array_equal(one.poles, two.poles)
+    assert np.array_equal(one.shapes, two.shapes)
+
+
+def test_settings_repeat_the_numbers_to_the_last_bit(record: ms.Signals) -> None:
+    one = ms.identify(record, order=10)
+    two = ms.identify(record, order=10, method=one.method, domain=one.domain, **one.settings)
+    assert np.array_equal(one.modes.poles, two.modes.poles)
+    assert np.array_equal(one.modes.shapes, two.modes.shapes)
