@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from modalscope import DataError, FrequencyResponse, identify
+from modalscope import DataError, FrequencyResponse, identify, refine
 from modalscope.blocks.factor import factorize
 from modalscope.blocks.lines import line_weights
 from modalscope.blocks.polynomials import evaluate, orthogonal_basis, plane_of, remainders
 from modalscope.blocks.shifted import model_transfer
 from modalscope.blocks.transfer import transfer
+from modalscope.data.poles import poles_from
 from tests.support import EPS, FIVE, add_noise, match_poles, random_system, relative
 
 #: Rounding of a few hundred additions and products.
@@ -238,3 +239,32 @@ def test_the_output_matrix_is_the_head_of_the_left_factor() -> None:
     assert matrix.products
     C = matrix.first_rows(factors.Q / np.sqrt(factors.d))
     np.testing.assert_allclose(matrix.first_of_states(factors), C, atol=1e-11 * np.abs(C).max())
+
+
+def test_a_pole_where_the_polynomials_overflow_has_no_shape_and_the_others_keep_theirs() -> None:
+    """120 states of data without noise: an eigenvalue lay a thousand bands off, where p_120 exceeds all numbers."""
+    matrix = transfer(lines_of("chain5", count=300), domain="s", block_rows=120)
+    poles = np.array([1j * 2.0, 1e4 + 1e4j])
+    with np.errstate(over="ignore", invalid="ignore"):
+        p = evaluate(matrix.recurrence, matrix.first_value, poles)[matrix.block_indices(matrix.block_rows)]
+    assert not np.isfinite(p[-1, 1])
+    shape = np.arange(1.0, 1.0 + matrix.outputs)
+    blocks = p[:, None, 0] * (shape / matrix.output_scale)[:, None].T
+    V = np.stack([blocks.reshape(-1), np.ones(blocks.size)], axis=1)
+    found = matrix.shapes(V, poles)
+    assert np.allclose(found[:, 0], shape, rtol=1e-9)
+    assert not np.any(found[:, 1])
+
+
+def test_states_of_data_without_noise_far_beyond_their_modes_are_refined_or_left_out() -> None:
+    rng = np.random.default_rng([1, 33, 29])
+    f, zeta = np.sort(10 * (1 + 10 * rng.uniform(size=60))), 0.01 * np.exp(0.5 * rng.standard_normal(60))
+    s = poles_from(f, zeta)
+    shapes = rng.standard_normal((2, 60)) + 1j * rng.standard_normal((2, 60))
+    x = 2j * np.pi * np.linspace(0.9 * f[0], 1.1 * f[-1], 300)[:, None, None]
+    R = shapes.T[:, :, None] * shapes.T[:, None, :]
+    values = sum(r / (x - p) + r.conj() / (x - p.conjugate()) for r, p in zip(R, s, strict=True))
+    response = FrequencyResponse(values=values, frequencies=x[:, 0, 0].imag / (2 * np.pi))
+    found = identify(response, order=120).modes
+    assert np.all(np.isfinite(found.shapes))
+    assert refine(response, found).converged is not None

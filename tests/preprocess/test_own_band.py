@@ -52,3 +52,8 @@ def test_noise_has_no_band() -> None:
     record = Signals(outputs=np.random.default_rng(0).standard_normal((5000, 2)), sampling_rate=100.0)
     assert own_bands(levels_of(record), 100.0).whole is None
     assert own_bands(levels_of(record), 100.0).parts == ()
+
+
+def test_a_record_of_a_few_samples_has_no_bands_and_no_error() -> None:
+    record = Signals(outputs=np.random.default_rng(0).standard_normal((6, 2)), sampling_rate=10.0)
+    assert own_bands(levels_of(record), record.sampling_rate).parts == ()

@@ -68,8 +68,9 @@ def compared(
         expected = first * evolution[chosen, np.arange(len(chosen))]
         product = at * expected.conj()
         agreed = agreement(product.real, product.imag, _squared(at), _squared(expected))
+        evolved = total * squares(evolution)
     mean = _share(np.sum(weight * agreed, axis=0), total)
-    return Compared(inner, identified, total * squares(evolution), mean)
+    return Compared(inner, identified, evolved, mean)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -341,14 +341,16 @@ class PolynomialRows(RowsOnLines):
     def shapes(self, V: Array, poles: Array) -> ComplexArray:
         """Return the shapes c of modes from their columns [c p_0; c p_1; ...] of the row factor, by least squares over all blocks.
 
-        The first block alone would do, but far from the axis the polynomials grow beyond 1e15, relative to which it is rounding.
+        The first block alone would do, but far from the axis the polynomials grow beyond 1e15, relative to which it is rounding. Where they
+        overflow c is zero: V has nothing of that size.
 
         `V` (l K, k): row factor times eigenvectors. `poles` (k,): in the plane of the polynomials.
         """
         blocks = np.asarray(V).reshape(-1, self.outputs, len(poles))
         p = evaluate(self.recurrence, self.first_value, poles)[self.block_indices(len(blocks))]
         size = np.max(np.abs(p), axis=0)
-        p = p / size
+        there = np.isfinite(size)
+        p, size = np.where(there, p, 1) / np.where(there, size, 1), np.where(there, size, np.inf)
         c = np.einsum("kn,kln->ln", p.conj(), blocks) / np.sum(np.abs(p) ** 2, axis=0) / size
         return np.asarray(self.output_scale[:, None] * c)
 

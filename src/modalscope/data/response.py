@@ -173,7 +173,13 @@ class ResponseFacts(Channels, Convertible):
         return self.outside_powers
 
     def further_powers(self, powers: tuple[int, ...]) -> tuple[int, ...] | None:
-        """Return the next larger set of powers that may be tried in a refinement; None where the form of the terms is known."""
+        """Return the next larger set of powers that may be tried in a refinement; None where the form of the terms is known.
+
+        Parameters
+        ----------
+        powers : tuple of int
+            Those that a refinement carries.
+        """
         return None
 
     @property

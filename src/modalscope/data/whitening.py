@@ -57,7 +57,7 @@ def whitening_matrix(covariance: Array, least: float = _SMALLEST) -> RealArray:
     return np.asarray((vectors / np.sqrt(held)) @ vectors.T / size)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, slots=True)
 class Whitening:
     """Channels x and references r of correlations, taken as W x and V r: R -> W R V', and what is found there, taken back.
 

@@ -16,7 +16,7 @@ from modalscope.judging.selection_problem import SelectionProblem
 from modalscope.judging.tracking import collinear
 from modalscope.likelihood.covariance import deviations_of_poles, pole_blocks
 from modalscope.likelihood.descent import Descent, descend, inverse, normal, residual
-from modalscope.likelihood.likelihood import Fitted, Point
+from modalscope.likelihood.likelihood import Fitted, Point, unit_vectors
 from modalscope.likelihood.matched import amplitudes, strongest_peaks
 from modalscope.likelihood.whitening import colour
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
@@ -76,17 +76,21 @@ class State(Optimum):
 
 
 def converged(selection: SelectionProblem, variance: float, poles: ComplexArray, sides: ComplexArray) -> State:
-    """Refine jointly, prune at the threshold, and repeat until nothing changes."""
+    """Refine jointly, drop poles that cannot be modes, prune at the threshold, and repeat until nothing changes."""
     while True:
         tolerance, most = (1e-5, 8) if selection.brief else (1e-7, 25)
         descent = _descended(selection, poles, sides, tolerance=tolerance, most=most)
         state = State(
             descent, variance if selection.coloured else min(variance, variance_of_fit(selection, descent)), selection
         )
-        kept = pruned(descent.fitted, selection.bar * state.variance / selection.gain_factors(state.poles))
-        if len(kept) == len(state.poles):
-            return state
-        poles, sides, variance = state.poles[kept], state.sides[kept], state.variance
+        fit = np.flatnonzero(selection.possible(state.poles))
+        poles, sides = state.poles[fit], state.sides[fit]
+        if len(fit) == len(state.poles):
+            kept = pruned(descent.fitted, selection.bar * state.variance / selection.gain_factors(poles))
+            if len(kept) == len(poles):
+                return state
+            poles, sides = poles[kept], sides[kept]
+        variance = state.variance
 
 
 def _descended(
@@ -98,9 +102,14 @@ def _descended(
     most: int,
     decisive: float | None = None,
 ) -> Descent:
-    """Refine poles jointly, those that cannot be modes dropped on the way."""
-    problem, stays = selection.problem, selection.possible
-    return descend(problem, poles, sides, tolerance=tolerance, most=most, decisive=decisive, stays=stays)
+    """Refine poles jointly; where white noise is in doubt, those that cannot be modes are dropped on the way.
+
+    Of white data a pole that leaves the band in one step comes back in another.
+    """
+    stays = selection.possible if selection.brief or selection.coloured else None
+    return descend(
+        selection.problem, poles, sides, tolerance=tolerance, most=most, decisive=decisive, stays=stays
+    )
 
 
 def variance_of_fit(selection: SelectionProblem, descent: Descent) -> float:
@@ -207,10 +216,10 @@ def select_jointly(
     `poles` (n,): rad/s, as they are in the data. `sides` (n, p): participation of the side that varies, divided as the data are.
     `doubted`: white noise is in doubt: return None when the residual does not become white, or much whiter round by round.
     """
-    size = np.maximum(np.linalg.norm(sides, axis=1, keepdims=True), 1e-300)
-    point = selection.problem.at(poles, sides / size, slopes=False)
+    sides = unit_vectors(sides)
+    point = selection.problem.at(poles, sides, slopes=False)
     kept = pruned(point.fitted(), selection.bar / 2 * selection.variance / selection.gain_factors(poles))
-    state = converged(selection, selection.variance, poles[kept], (sides / size)[kept])
+    state = converged(selection, selection.variance, poles[kept], sides[kept])
     if not selection.coloured:
         completed = _completed(state, _excess(state) if doubted else None)
         if completed is None:

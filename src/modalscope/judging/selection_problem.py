@@ -16,9 +16,6 @@ __all__ = ["SelectionProblem"]
 #: A pole farther outside the band (part of its edge) or more damped than this is no mode.
 _MAX_OUTSIDE, _MAX_DAMPING = 0.1, 0.9
 
-#: Among coloured errors poles of more damping fit the smooth part of the errors: from other starts they end at other optima.
-_MAX_DAMPING_COLOURED = 0.3
-
 #: Minimum half-power bandwidth among coloured errors, in lines: what is narrower fits a single line.
 _MIN_BANDWIDTH = 0.1
 
@@ -57,14 +54,16 @@ class SelectionProblem:
         return np.ones(len(poles))
 
     def possible(self, poles: ComplexArray) -> Array:
-        """Return which poles may be modes, (n,): near the band, not too damped; among coloured errors wider than a part of a line."""
+        """Return which poles may stand in a selection, (n,): near the band, not overdamped; in coloured errors wider than a part of a line.
+
+        Poles of much damping stay in coloured errors: they fit what is smooth there, and modes without them would not stand out.
+        """
         low, high = self.band
         f, zeta = frequencies_and_damping(poles)
-        near = (f > low * (1 - _MAX_OUTSIDE)) & (f < high * (1 + _MAX_OUTSIDE))
-        if not self.coloured:
-            return np.asarray(near & (zeta < _MAX_DAMPING))
-        wide = 2 * self.half_bandwidths_in_lines(poles) > _MIN_BANDWIDTH
-        return np.asarray(near & (zeta < _MAX_DAMPING_COLOURED) & wide)
+        possible = (f > low * (1 - _MAX_OUTSIDE)) & (f < high * (1 + _MAX_OUTSIDE)) & (zeta < _MAX_DAMPING)
+        if self.coloured:
+            possible &= 2 * self.half_bandwidths_in_lines(poles) > _MIN_BANDWIDTH
+        return np.asarray(possible)
 
     def half_bandwidths_in_lines(self, poles: ComplexArray) -> RealArray:
         """Return the half bandwidths of poles in lines, (n,)."""

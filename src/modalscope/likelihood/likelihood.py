@@ -23,7 +23,7 @@ from modalscope.likelihood.matched import Peak, strongest_peaks
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.orthonormal import scaled_span, spanning
 
-__all__ = ["Fitted", "Point", "Whitened", "across", "whitened"]
+__all__ = ["Fitted", "Point", "Whitened", "across", "unit_vectors", "whitened"]
 
 #: Singular values below this part of the largest are rounding: exactly repeated poles leave nothing of their own.
 _RANK = 1e-11
@@ -278,6 +278,13 @@ class Point:
         """Return poles and unit vectors after a step (n, p) in the unknowns of `directions`."""
         sides = self.sides + np.einsum("jia,ja->ji", across(self.sides), step[:, 1:])
         return self.poles + step[:, 0], sides / np.linalg.norm(sides, axis=1, keepdims=True)
+
+
+def unit_vectors(sides: ComplexArray) -> ComplexArray:
+    """Return vectors (n, p) at length one; the first unit vector for one that is zero, which has no direction."""
+    size = np.linalg.norm(sides, axis=1, keepdims=True)
+    first = np.eye(1, sides.shape[1], dtype=complex)
+    return np.asarray(np.where(size > 0, sides / np.where(size > 0, size, 1), first))
 
 
 def across(sides: ComplexArray) -> ComplexArray:

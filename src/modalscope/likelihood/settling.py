@@ -15,7 +15,7 @@ from modalscope.data.response import Response, output_scale
 from modalscope.data.window import fading, line_step, window_over_lines
 from modalscope.likelihood.descent import Descent, descend, residual, window_noise
 from modalscope.likelihood.driven import whitened_records
-from modalscope.likelihood.likelihood import Whitened, whitened
+from modalscope.likelihood.likelihood import Whitened, unit_vectors, whitened
 from modalscope.likelihood.whitening import (
     Colour,
     Levels,
@@ -263,8 +263,7 @@ def _round(task: Task, start: _Start, most: int, *, last: bool) -> _Start | Sett
     levels, poles = start.levels, start.poles
     problem = _divided(task.response, task, levels)
     _check_freedom(task, problem, len(poles))
-    sides = (start.shapes.T if problem.turned else start.participation) / problem.varying
-    sides = sides / np.maximum(np.linalg.norm(sides, axis=1, keepdims=True), 1e-300)
+    sides = unit_vectors((start.shapes.T if problem.turned else start.participation) / problem.varying)
     descent = descend(problem, poles, sides, most=most, progress=task.progress)
     point, fitted = descent.point, descent.fitted
     unknown = problem.terms.shape[1] + 2 * len(poles)

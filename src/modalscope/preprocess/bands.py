@@ -106,7 +106,7 @@ class Levels:
         The mean of k lines is a gamma variable of shape k over k.
         """
         n = _ADJACENT * self.independent
-        return np.maximum(special.gammainccinv(n, _FALSE_ALARM / (len(n) * trials)) / n, _LEAST)
+        return np.maximum(special.gammainccinv(n, _FALSE_ALARM / max(len(n) * trials, 1)) / n, _LEAST)
 
     @cached_property
     def _wide(self) -> RealArray:
