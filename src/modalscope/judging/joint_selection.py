@@ -107,9 +107,7 @@ def _descended(
     Of white data a pole that leaves the band in one step comes back in another.
     """
     stays = selection.possible if selection.brief or selection.coloured else None
-    return descend(
-        selection.problem, poles, sides, tolerance=tolerance, most=most, decisive=decisive, stays=stays
-    )
+    return descend(selection.problem, poles, sides, tolerance=tolerance, most=most, decisive=decisive, stays=stays)
 
 
 def variance_of_fit(selection: SelectionProblem, descent: Descent) -> float:
