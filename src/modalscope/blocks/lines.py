@@ -349,9 +349,10 @@ class PolynomialRows(RowsOnLines):
         blocks = np.asarray(V).reshape(-1, self.outputs, len(poles))
         p = evaluate(self.recurrence, self.first_value, poles)[self.block_indices(len(blocks))]
         size = np.max(np.abs(p), axis=0)
-        there = np.isfinite(size)
-        p, size = np.where(there, p, 1) / np.where(there, size, 1), np.where(there, size, np.inf)
-        c = np.einsum("kn,kln->ln", p.conj(), blocks) / np.sum(np.abs(p) ** 2, axis=0) / size
+        overflow = ~np.isfinite(size)
+        p[:, overflow], size[overflow] = 1, np.inf
+        unit = p / np.where(overflow, 1, size)
+        c = np.einsum("kn,kln->ln", unit.conj(), blocks) / np.sum(np.abs(unit) ** 2, axis=0) / size
         return np.asarray(self.output_scale[:, None] * c)
 
     def to_s(self, poles: Array) -> ComplexArray:
