@@ -8,7 +8,7 @@ import pytest
 
 from tests.support import DATA
 from tools.real_tests import JOBS
-from tools.results import REFERENCE, differences, lacks_data, written
+from tools.results import REFERENCE, SKIPPED, differences, lacks_data, result_of, written
 
 MODES = {
     "modes": {
@@ -116,3 +116,13 @@ def test_every_measured_set_is_among_the_real_tests():
     assert sets <= named
     reference = json.loads(REFERENCE.read_text("utf-8"))
     assert {name for name in JOBS if name.startswith("real: ")} <= set(reference)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in JOBS if name.startswith("real: ")])
+def test_lists_of_real_tests_are_those_that_stand(name):
+    """A commit that loses a mode of a real test fails here; `make results WRITE=1 WORD=real:` stores what is meant to change."""
+    found = result_of(name)[1]
+    if not lacks_data(found) and SKIPPED in found:
+        pytest.skip(found[SKIPPED])
+    assert not list(differences(json.loads(REFERENCE.read_text("utf-8"))[name], found))

@@ -24,7 +24,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-__all__ = ["TOLERANCES", "differences", "main", "written"]
+__all__ = ["TOLERANCES", "differences", "main", "result_of", "written"]
 
 ROOT = Path(__file__).resolve().parents[1]
 REFERENCE = ROOT / "tests" / "results" / "reference.json"
@@ -101,7 +101,7 @@ def written(value: Any, indent: str = "") -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
-def _run(name: str) -> tuple[str, Any, float]:
+def result_of(name: str) -> tuple[str, Any, float]:
     """Run one job in an empty folder, on one core; return its name, what it gave and the CPU seconds."""
     from tools.real_tests import JOBS, Missing  # needs the package, which says nothing of how results are compared
 
@@ -124,10 +124,10 @@ def _run(name: str) -> tuple[str, Any, float]:
 
 def _results(names: list[str], processes: int) -> Iterator[tuple[str, Any, float]]:
     if processes == 1:
-        yield from map(_run, names)
+        yield from map(result_of, names)
         return
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        yield from pool.map(_run, names)
+        yield from pool.map(result_of, names)
 
 
 def main(arguments: list[str] | None = None) -> int:
