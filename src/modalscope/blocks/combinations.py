@@ -15,9 +15,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.blocks.evolved import ModalSide
-from modalscope.blocks.influence import Influence
-from modalscope.blocks.matrix import DataMatrix, DerivedMatrix
+from modalscope.blocks.matrix import DataMatrix, OfCombinations
 from modalscope.blocks.triple import Eigen, Misfit, ModalFit, Triple
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
@@ -268,7 +266,7 @@ class _InMemory:
 
 
 @dataclass(frozen=True, eq=False)
-class CombinedOutputs(DerivedMatrix):
+class CombinedOutputs(OfCombinations):
     """A data matrix of combinations U'D^-1 H, whose models are taken back by D U: one product gives the shapes of all outputs.
 
     `response`: as it was measured. `inner`: of the combinations.
@@ -284,40 +282,17 @@ class CombinedOutputs(DerivedMatrix):
         return self.response.judging()
 
     @property
-    def fitted(self) -> DataMatrix:
-        """The matrix of the combinations."""
-        return self.inner
-
-    @property
-    def observable(self) -> DataMatrix:
-        """The matrix that is factored: that of the combinations."""
-        return self.inner.observable
-
-    @property
     def outputs(self) -> int:
         """Outputs of the response."""
         return len(self.few.U)
-
-    @property
-    def block_rows(self) -> int:
-        """Blocks in a column of H(0)."""
-        return self.inner.block_rows
 
     def describe(self) -> str:
         """Say what the matrix is, in words."""
         return f"{self.inner.describe()}; {self.few.words}"
 
-    def model(self, triple: Triple) -> Triple:
-        """Return the model of the combinations, in which all orders are judged."""
-        return self.inner.model(triple)
-
     def of_all_outputs(self, model: Triple) -> Triple:
         """Return the model of all outputs."""
         return replace(model, C=self.few.spread(model.C))
-
-    def as_measured(self, influence: Influence) -> Influence:
-        """Refuse: the gradient is known by the combinations alone."""
-        self._has_no("way back to single outputs")
 
     def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
         """Return the fit to the combinations, its shapes and terms spread over all outputs; what was discarded is left as well."""
@@ -337,14 +312,6 @@ class CombinedOutputs(DerivedMatrix):
     def _misfit(self) -> Misfit:
         response = self.few.response
         return Misfit(response, np.ones(response.values.shape[1]))
-
-    def row_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
-        """Return the rows of the combinations."""
-        return self.inner.row_side(model, eigen, fit.fitted or fit)
-
-    def column_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
-        """Return the columns, which all outputs share."""
-        return self.inner.column_side(model, eigen, fit.fitted or fit)
 
 
 # ------------------------------------------------------------------------------------------------- stored combinations

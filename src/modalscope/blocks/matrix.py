@@ -20,7 +20,7 @@ from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import Operator, real_times, times_real
 
-__all__ = ["DataMatrix", "DerivedMatrix", "LinePencil", "RowShift", "line_pencil"]
+__all__ = ["DataMatrix", "DerivedMatrix", "LinePencil", "OfCombinations", "RowShift", "line_pencil"]
 
 
 # --------------------------------------------------------------------------------------------------------------- shift
@@ -355,3 +355,38 @@ class DerivedMatrix(DataMatrix):
     def dt(self) -> float | None:
         """Sampling interval of the identified system; None when it is continuous."""
         return self.inner.dt
+
+
+class OfCombinations(DerivedMatrix):
+    """A data matrix of combinations of the channels, `inner`: it is factored and judged, and modes are fitted to it, then taken back."""
+
+    @property
+    def fitted(self) -> DataMatrix:
+        """The matrix of the combinations."""
+        return self.inner
+
+    @property
+    def observable(self) -> DataMatrix:
+        """The matrix that is factored: that of the combinations."""
+        return self.inner.observable
+
+    @property
+    def block_rows(self) -> int:
+        """Blocks in a column of H(0)."""
+        return self.inner.block_rows
+
+    def model(self, triple: Triple) -> Triple:
+        """Return the model of the combinations, in which all orders are judged."""
+        return self.inner.model(triple)
+
+    def as_measured(self, influence: Influence) -> Influence:
+        """Refuse: the gradient is known by the combinations alone."""
+        self._has_no("way back to single channels")
+
+    def row_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
+        """Return the rows of the combinations."""
+        return self.inner.row_side(model, eigen, fit.fitted or fit)
+
+    def column_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
+        """Return the columns of the combinations."""
+        return self.inner.column_side(model, eigen, fit.fitted or fit)
