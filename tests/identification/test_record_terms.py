@@ -86,16 +86,12 @@ def test_forces_that_are_not_held_between_samples_need_more_powers_and_held_ones
 
 def test_powers_are_few_beside_the_lines_and_no_more_than_twenty() -> None:
     response = record_spectra(as_records(record(0, 0.0, seconds=10.0)[0]), None)
-    tried, powers = [], response.refined_powers
-    while (more := response.further_powers(powers)) is not None:
-        tried.append(len(more))
-        powers = more
     # 499 lines, two inputs and the ends of one run: three terms a power, ten lines each
     assert (response.drives, response.count) == (3, 499)
-    assert tried == [9, 12, 15]
-    long = record_spectra(as_records(record(0, 0.0)[0]), None)
-    assert long.further_powers(tuple(range(18))) == tuple(range(21))
-    assert long.further_powers(tuple(range(21))) is None
+    assert response.max_powers == 16
+    assert record_spectra(as_records(record(0, 0.0)[0]), None).max_powers == 21
+    few = record_spectra(as_records(record(0, 0.0, seconds=2.0)[0]), None)
+    assert few.max_powers == len(few.refined_powers)
 
 
 @pytest.mark.parametrize(("share", "powers"), [(0.999, 9), (1.001, 6)])
@@ -107,15 +103,13 @@ def test_powers_are_added_where_they_explain_more_than_noise_may(
     ends = []
     for count in (6, 9):
         monkeypatch.setattr(RecordSpectra, "refined_powers", tuple(range(count)))
-        monkeypatch.setattr(RecordSpectra, "further_powers", lambda self, powers: None)
+        monkeypatch.setattr(RecordSpectra, "max_powers", count)
         ends.append(settled(signals, truth, most=0))
     unknowns = 2 * len(truth) * (len(truth.output_dofs) + len(truth.input_dofs) + 1)
     cost = [end.descent.cost for end in ends]
     lower = (cost[0] - cost[1]) / cost[1] * (ends[1].descent.point.problem.freedom - unknowns)
     monkeypatch.setattr(RecordSpectra, "refined_powers", tuple(range(6)))
-    monkeypatch.setattr(
-        RecordSpectra, "further_powers", lambda self, powers: tuple(range(9)) if len(powers) < 9 else None
-    )
+    monkeypatch.setattr(RecordSpectra, "max_powers", 9)
     monkeypatch.setattr("modalscope.likelihood.settling.chi_squared_bound", lambda *_: share * lower)
     assert len(settled(signals, truth, most=0).powers) == powers
 

@@ -278,9 +278,9 @@ def rebuilt_values(lines: RecordSpectra, model: StateSpace) -> ComplexArray:
 #: The degree below which damping is hardly known.
 _LEAST_DEGREE = 8
 
-#: Powers that are tried together, and how many are tried at most: with more, neither poles nor the coverage of intervals change (50 random
-#: structures under forces that are not held between samples, noise of 40 dB, white and AR(.95)).
-_FURTHER_POWERS, _MAX_POWERS = 3, 21
+#: Powers of the terms at most: with more, neither poles nor the coverage of intervals change (50 random structures under forces not
+#: held between samples, noise of 40 dB, white and AR(.95)).
+_MAX_POWERS = 21
 
 #: Lines of a run for each term of an input at least.
 _LINES_PER_TERM = 10
@@ -457,11 +457,10 @@ class RecordSpectra(NoResponse):
         """Powers 0 to 5: what the response has beside its modes where forces were not held between samples, and modes outside the band."""
         return (0, 1, 2, 3, 4, 5)
 
-    def further_powers(self, powers: tuple[int, ...]) -> tuple[int, ...] | None:
-        """Return three powers more: noise far below the response shows what fewer leave of forces that were not held."""
-        more = tuple(range(len(powers) + _FURTHER_POWERS))
-        possible = len(more) <= _MAX_POWERS and _LINES_PER_TERM * len(more) * self.drives <= self.count
-        return more if possible else None
+    @property
+    def max_powers(self) -> int:
+        """Twenty-one at most: noise far below the response shows what fewer leave of forces that were not held."""
+        return max(min(_MAX_POWERS, self.count // (_LINES_PER_TERM * self.drives)), len(self.refined_powers))
 
     def named_terms(self, terms: RealArray, powers: tuple[int, ...]) -> dict[str, RealArray | None]:
         """Return the direct term by name."""

@@ -169,18 +169,13 @@ class ResponseFacts(Channels, Convertible):
 
     @property
     def refined_powers(self) -> tuple[int, ...]:
-        """Powers that a refinement carries beside the modes; more where the residual needs them, see `further_powers`."""
+        """Powers that a refinement carries beside the modes, at first; see `max_powers`."""
         return self.outside_powers
 
-    def further_powers(self, powers: tuple[int, ...]) -> tuple[int, ...] | None:
-        """Return the next larger set of powers that may be tried in a refinement; None where the form of the terms is known.
-
-        Parameters
-        ----------
-        powers : tuple of int
-            Those that a refinement carries.
-        """
-        return None
+    @property
+    def max_powers(self) -> int:
+        """How many powers a refinement may carry where the residual needs them."""
+        return len(self.refined_powers)
 
     @property
     def separable(self) -> bool:

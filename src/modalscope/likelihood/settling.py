@@ -128,6 +128,10 @@ def _gains(columns: RealArray, data: RealArray, width: int) -> RealArray:
 _ROUNDS, _SETTLED = 30, 1e-7
 
 
+#: Powers that are added to the terms at a time.
+_FURTHER_POWERS = 3
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Task:
     """Data, and what is fixed while modes are refined.
@@ -244,7 +248,8 @@ def _needed_powers(task: Task, settled: Settled) -> tuple[int, ...]:
     """
     point, powers, cost = settled.descent.point, task.powers, settled.descent.cost
     terms, t = point.problem.terms.shape[1], -np.log(_FALSE)
-    while (more := task.response.further_powers(powers)) is not None:
+    while len(powers) + _FURTHER_POWERS <= task.response.max_powers:
+        more = tuple(range(len(powers) + _FURTHER_POWERS))
         problem = _divided(task.response, replace(task, powers=more), settled.levels)
         trial = problem.at(point.poles, point.sides, slopes=False)
         lower, unknowns = trial.cost(trial.fitted()), (problem.terms.shape[1] - terms) * task.channels[0]

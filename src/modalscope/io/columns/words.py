@@ -105,6 +105,10 @@ def kind_of_unit(unit: str) -> str:
     return _KIND.get(plain_unit(short_unit(unit)), "")
 
 
+#: Strokes of a unit at most: a ratio of ratios has three.
+_MAX_STROKES = 3
+
+
 @cache
 def short_unit(unit: str) -> str:
     """Return a unit that is written out, or in capitals, as it is written short; any other as it stands.
@@ -121,7 +125,7 @@ def short_unit(unit: str) -> str:
     ('N', 'lbf', 'lbf', 'm/s^2/N', 'm/s²')
     """
     plain = plain_unit(unit)
-    if plain in _KIND:
+    if plain in _KIND or unit.count("/") > _MAX_STROKES:
         return unit
     word = plain.lower().replace("-", "").replace("'", "")
     short = _WRITTEN_OUT.get(word) or _WRITTEN_OUT.get(word.removesuffix("s"))
